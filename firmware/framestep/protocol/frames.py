@@ -1,0 +1,458 @@
+"""Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer are made.
+
+A frame lies whole and in one piece in either buffer, so payload fields are read and written in place by their offset.
+A DWORD may be a number that does not fit a small integer (2^30 and more), which on the board would be an object on the
+heap: `count` and `i32` say so with a value of their own, and `word_to` and `word_from` move any DWORD between a payload
+and an element of an array('i') without making a number of it.
+"""
+
+from array import array
+
+from framestep.native import CPYTHON, const, micropython, ptr8, ptr32
+from framestep.protocol.checksum import check_bytes, fletcher16
+from framestep.protocol.messages import LARGEST_FRAME
+
+# What FrameReader.poll() found
+NOTHING = const(0)
+FRAME = const(1)
+DAMAGED = const(2)
+
+NOT_SMALL = const(-0x4000_0000)  # i32() of a value that is not within ±(2^30 - 1)
+
+# The reader's state words
+_NEXT = const(0)  # where the search goes on
+_FILL = const(1)  # end of the bytes held
+_SIZE = const(2)
+_HEAD = const(3)  # the frame found
+_TYPE = const(4)
+_LENGTH = const(5)
+
+# The writer's state words
+_TAKE = const(0)  # first byte not yet taken
+_END = const(1)  # end of the last finished frame
+_PUT = const(2)  # where the next byte goes
+_LIMIT = const(3)  # size of the buffer
+_FULL = const(4)  # 1 when a byte of this frame found no room
+
+_D = const(0x44)
+_F = const(0x46)
+_HEADER = const(10)
+_OVERHEAD = const(12)
+_LARGEST = const(1036)  # messages.LARGEST_PAYLOAD
+_ACK = const(0x8000)  # messages.MSG_FLAG_ACK
+
+if CPYTHON:
+
+    def _copy(to, to_at, source, at, count):
+        to[to_at : to_at + count] = source[at : at + count]
+
+else:
+
+    @micropython.viper
+    def _copy(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
+        # Upward, so that bytes may be moved to the front of their own buffer. The two registers that viper has for
+        # locals on ARM hold the two pointers: `to` is the one, `to_at` the other.
+        to = ptr8(int(to) + to_at)
+        to_at = int(source) + at
+        if (int(to) ^ to_at) & 3 == 0:
+            while count > 0 and to_at & 3:
+                to[0] = ptr8(to_at)[0]
+                to = ptr8(int(to) + 1)
+                to_at += 1
+                count -= 1
+            while count >= 16:
+                ptr32(to)[0] = ptr32(to_at)[0]
+                ptr32(to)[1] = ptr32(to_at)[1]
+                ptr32(to)[2] = ptr32(to_at)[2]
+                ptr32(to)[3] = ptr32(to_at)[3]
+                to = ptr8(int(to) + 16)
+                to_at += 16
+                count -= 16
+        while count >= 8:
+            to[0] = ptr8(to_at)[0]
+            to[1] = ptr8(to_at)[1]
+            to[2] = ptr8(to_at)[2]
+            to[3] = ptr8(to_at)[3]
+            to[4] = ptr8(to_at)[4]
+            to[5] = ptr8(to_at)[5]
+            to[6] = ptr8(to_at)[6]
+            to[7] = ptr8(to_at)[7]
+            to = ptr8(int(to) + 8)
+            to_at += 8
+            count -= 8
+        while count > 0:
+            to[0] = ptr8(to_at)[0]
+            to = ptr8(int(to) + 1)
+            to_at += 1
+            count -= 1
+
+
+@micropython.viper
+def _search(buffer: ptr8, state: ptr32) -> int:
+    """Find the next whole frame, good or not, from NEXT on: its bytes, or 0. NEXT goes past what can begin none."""
+    at = state[_NEXT]
+    fill = state[_FILL]
+    while at < fill:
+        if buffer[at] != _D:
+            at += 1
+            continue
+        if fill - at < 2:
+            break
+        if buffer[at + 1] != _F:
+            at += 1
+            continue
+        if fill - at < _HEADER:
+            break
+        length = buffer[at + 8] | buffer[at + 9] << 8
+        if length > _LARGEST:  # field note 1.6: skip the marker, no reply
+            at += 2
+            continue
+        if fill - at < length + _OVERHEAD:
+            break
+        state[_NEXT] = at
+        state[_HEAD] = at
+        state[_TYPE] = buffer[at + 6] | buffer[at + 7] << 8
+        state[_LENGTH] = length
+        return length + _OVERHEAD
+    state[_NEXT] = at
+    return 0
+
+
+class FrameReader:
+    """Finds frames in a stream of bytes, however it is cut up (field notes 1.6 to 1.8).
+
+    After `poll()` has given FRAME or DAMAGED these hold until the next `feed()` or `poll()`: `type`, `length` (of the
+    payload, bytes), `head` and `payload` (where frame and payload begin in `buffer`). Of a DAMAGED frame only type and
+    ID (`head`) are of use, for the answer ERR_CHECKSUM. The accessors take offsets within the payload and check
+    nothing: messages.payload_fits() has been asked before.
+
+    After NOTHING, `waiting` is the count of bytes held of a frame that has begun; its owner watches the clock and
+    calls `abandon()` when the rest does not come.
+    """
+
+    def __init__(self, size=2 * LARGEST_FRAME):
+        """`size` bytes of buffer; ValueError below the 1048 of field note 1.6."""
+        if size < LARGEST_FRAME:
+            raise ValueError("a FrameReader needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
+        self.buffer = bytearray(size)
+        self._state = array("i", (0, 0, size, 0, 0, 0))
+        self.type = 0
+        self.length = 0
+        self.head = 0
+        self.payload = _HEADER
+        self.waiting = 0
+
+    @micropython.viper
+    def feed(self, source, start: int, count: int) -> int:
+        """Take up to `count` bytes of `source` from `start` on; how many it took. Offer the rest after the next poll().
+
+        Once poll() has given NOTHING there is room for the rest of any frame.
+        """
+        state = ptr32(self._state)
+        buffer = self.buffer
+        at = state[_NEXT]
+        fill = state[_FILL]
+        if at == fill:
+            # Nothing held: begin where source and buffer have the same place in a word, which copies fastest.
+            fill = start & 3
+            state[_NEXT] = fill
+        elif at > 0 and state[_SIZE] - fill < count:
+            fill -= at
+            _copy(buffer, 0, buffer, at, fill)
+            state[_NEXT] = 0
+        room = state[_SIZE] - fill
+        if room < count:
+            count = room
+        _copy(buffer, fill, source, start, count)
+        state[_FILL] = fill + count
+        return count
+
+    @micropython.viper
+    def poll(self) -> int:
+        """FRAME, DAMAGED (wrong checksum) or NOTHING; call again until NOTHING."""
+        buffer = self.buffer
+        words = self._state
+        size = int(_search(buffer, words))
+        state = ptr32(words)
+        at = state[_NEXT]
+        if size == 0:
+            self.waiting = state[_FILL] - at
+            return NOTHING
+        self.waiting = 0
+        self.head = at
+        self.payload = at + _HEADER
+        self.type = state[_TYPE]
+        self.length = state[_LENGTH]
+        if int(fletcher16(buffer, at, size)):
+            state[_NEXT] = at + 2  # field note 1.6: a good frame inside a damaged one is found
+            return DAMAGED
+        state[_NEXT] = at + size
+        return FRAME
+
+    def abandon(self):
+        """Give up the frame that has begun: skip its marker. poll() then looks at the bytes behind it."""
+        state = self._state
+        skipped = state[_FILL] - state[_NEXT]
+        state[_NEXT] += 2 if skipped > 2 else skipped
+        self.waiting = 0
+
+    def clear(self):
+        """Forget every byte held, as when the port has been closed."""
+        self._state[_NEXT] = 0
+        self._state[_FILL] = 0
+        self.waiting = 0
+
+    @micropython.viper
+    def u8(self, i: int) -> int:
+        """The BYTE at payload offset `i`."""
+        return ptr8(self.buffer)[int(self.payload) + i]
+
+    @micropython.viper
+    def u16(self, i: int) -> int:
+        """The WORD at payload offset `i`, 0 to 65535."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        return buffer[i] | buffer[i + 1] << 8
+
+    @micropython.viper
+    def i16(self, i: int) -> int:
+        """The signed WORD at payload offset `i`."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        return ((buffer[i] | buffer[i + 1] << 8) ^ 0x8000) - 0x8000
+
+    @micropython.viper
+    def count(self, i: int) -> int:
+        """The unsigned DWORD at payload offset `i`, or -1 from 2^30 on."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        high = buffer[i + 3]
+        if high >= 0x40:
+            return -1
+        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+
+    @micropython.viper
+    def i32(self, i: int) -> int:
+        """The signed DWORD at payload offset `i`, or NOT_SMALL unless it is within ±(2^30 - 1)."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        high = (buffer[i + 3] ^ 0x80) - 0x80
+        if high < -0x40 or high >= 0x40:
+            return NOT_SMALL
+        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+
+    @micropython.viper
+    def word_to(self, i: int, words: object, index: int):
+        """Put the DWORD at payload offset `i` into `words[index]`, an array('i'); any value."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        to = ptr32(words)
+        to[index + 0] = buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | ((buffer[i + 3] ^ 0x80) - 0x80) << 24
+
+
+@micropython.viper
+def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
+    """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0 when `head` is -1.
+
+    What waits to be taken is moved to the front when the largest frame would not fit behind it.
+    """
+    at = state[_END]
+    taken = state[_TAKE]
+    if at == taken:
+        at = 0
+        state[_END] = 0
+        state[_TAKE] = 0
+    elif taken > 0 and state[_LIMIT] - at < _LARGEST + _OVERHEAD:
+        at -= taken
+        i = 0
+        while i < at:
+            buffer[i] = buffer[i + taken]
+            i += 1
+        state[_END] = at
+        state[_TAKE] = 0
+    state[_PUT] = at
+    if state[_LIMIT] - at < _HEADER:
+        state[_FULL] = 1
+        return
+    state[_FULL] = 0
+    state[_PUT] = at + _HEADER
+    buffer[at] = _D
+    buffer[at + 1] = _F
+    if head < 0:
+        buffer[at + 2] = 0
+        buffer[at + 3] = 0
+        buffer[at + 4] = 0
+        buffer[at + 5] = 0
+    else:
+        buffer[at + 2] = source[head + 2]
+        buffer[at + 3] = source[head + 3]
+        buffer[at + 4] = source[head + 4]
+        buffer[at + 5] = source[head + 5]
+    buffer[at + 6] = kind & 0xFF
+    buffer[at + 7] = kind >> 8 & 0xFF
+
+
+@micropython.viper
+def _put(buffer: ptr8, state: ptr32, value: int, width: int):
+    """Append the low `width` bytes of `value`."""
+    at = state[_PUT]
+    end = at + width
+    if end > state[_LIMIT]:
+        state[_FULL] = 1
+        return
+    state[_PUT] = end
+    while at < end:
+        buffer[at] = value & 0xFF
+        value >>= 8
+        at += 1
+
+
+@micropython.viper
+def _measure(buffer: ptr8, state: ptr32) -> int:
+    """Write the length of the frame begun; its bytes so far, or 0 when it does not fit."""
+    start = state[_END]
+    at = state[_PUT]
+    if state[_FULL] or state[_LIMIT] - at < 2:
+        return 0
+    size = at - start
+    buffer[start + 8] = size - _HEADER & 0xFF
+    buffer[start + 9] = size - _HEADER >> 8
+    return size
+
+
+@micropython.viper
+def _close(buffer: ptr8, state: ptr32, check: int):
+    """Append the check bytes; the frame is finished."""
+    at = state[_PUT]
+    buffer[at] = check & 0xFF
+    buffer[at + 1] = check >> 8
+    state[_PUT] = at + 2
+    state[_END] = at + 2
+
+
+@micropython.viper
+def _finish(buffer, words) -> bool:
+    size = int(_measure(buffer, words))
+    if size == 0:
+        return False
+    _close(buffer, words, check_bytes(fletcher16(buffer, ptr32(words)[_END], size)))
+    return True
+
+
+@micropython.viper
+def _text(buffer: ptr8, state: ptr32, text: ptr8, count: int, width: int):
+    at = state[_PUT]
+    if state[_LIMIT] - at < width:
+        state[_FULL] = 1
+        return
+    state[_PUT] = at + width
+    if count > width:
+        count = width
+    i = 0
+    while i < count:
+        buffer[at + i] = text[i + 0]
+        i += 1
+    while i < width:
+        buffer[at + i] = 0
+        i += 1
+
+
+class FrameWriter:
+    """Holds outgoing frames until the port takes their bytes.
+
+    A frame is begun, filled field by field and ended; only then is it seen by `take()`. A frame that finds no room
+    disappears as a whole: `end()` is False and nothing of it is sent. One frame is written at a time, of 1048 bytes at
+    most. `take()` and `clear()` may be called between any two steps of it, as from a scheduled callback.
+    """
+
+    def __init__(self, size=4096):
+        """`size` bytes of buffer; ValueError when the largest frame would not fit."""
+        if size < LARGEST_FRAME:
+            raise ValueError("a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
+        self._buffer = bytearray(size)
+        self._state = array("i", (0, 0, 0, size, 1))
+
+    @property
+    def pending(self):
+        """Bytes of finished frames that wait to be taken."""
+        return self._state[_END] - self._state[_TAKE]
+
+    def room(self):
+        """The largest payload that a frame begun now could have, bytes; below 0 when not even an empty one fits."""
+        state = self._state
+        room = state[_LIMIT] - state[_END] + state[_TAKE] - _OVERHEAD
+        return room if room < _LARGEST else _LARGEST
+
+    @micropython.viper
+    def begin(self, kind: int, reader):
+        """Begin a frame of type `kind` with the ID of the frame in `reader`, or ID 0 for None (field note 1.3)."""
+        buffer = self._buffer
+        if reader:
+            _open(buffer, self._state, reader.buffer, reader.head, kind)
+        else:
+            _open(buffer, self._state, buffer, -1, kind)
+
+    def u8(self, value):
+        """Append the low BYTE of `value`, a small integer as for the next two; negative ones as two's complement."""
+        _put(self._buffer, self._state, value, 1)
+
+    def u16(self, value):
+        """Append the low WORD of `value`."""
+        _put(self._buffer, self._state, value, 2)
+
+    def u32(self, value):
+        """Append `value` as a DWORD."""
+        _put(self._buffer, self._state, value, 4)
+
+    @micropython.viper
+    def word_from(self, words: object, index: int):
+        """Append `words[index]` of an array('i') as a DWORD; any value."""
+        state = ptr32(self._state)
+        at = state[_PUT]
+        if state[_LIMIT] - at < 4:
+            state[_FULL] = 1
+            return
+        value = ptr32(words)[index + 0]
+        buffer = ptr8(self._buffer)
+        buffer[at] = value & 0xFF
+        buffer[at + 1] = value >> 8 & 0xFF
+        buffer[at + 2] = value >> 16 & 0xFF
+        buffer[at + 3] = value >> 24 & 0xFF
+        state[_PUT] = at + 4
+
+    def text(self, text, width):
+        """Append bytes cut or filled with zeros to `width`."""
+        _text(self._buffer, self._state, text, len(text), width)
+
+    @micropython.viper
+    def end(self) -> bool:
+        """Finish the frame: True, or False when it did not fit and has been withdrawn."""
+        return bool(_finish(self._buffer, self._state))
+
+    @micropython.viper
+    def ack(self, reader, code: int, wide: int) -> bool:
+        """A whole acknowledgement of the frame in `reader`; `code` as a WORD, or a DWORD if `wide` (field note 1.4)."""
+        buffer = self._buffer
+        words = self._state
+        _open(buffer, words, reader.buffer, reader.head, int(reader.type) | _ACK)
+        _put(buffer, words, code, 4 if wide else 2)
+        return bool(_finish(buffer, words))
+
+    @micropython.viper
+    def take(self, to, limit: int) -> int:
+        """Move up to `limit` bytes of finished frames to the start of `to`; how many."""
+        state = ptr32(self._state)
+        at = state[_TAKE]
+        count = state[_END] - at
+        if count > limit:
+            count = limit
+        if count > 0:
+            _copy(to, 0, self._buffer, at, count)
+            state[_TAKE] = at + count
+        return count
+
+    def clear(self):
+        """Forget everything that has not been taken, and a frame that has been begun: its end() is False."""
+        state = self._state
+        state[_TAKE] = state[_END]
+        state[_FULL] = 1
