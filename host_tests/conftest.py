@@ -1,12 +1,15 @@
 """Fixtures for every layer. None of them skips a test: what is missing is built, or the test fails and says why."""
 
+import contextlib
 import os
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from framestep_tools import builds, files
+
+from framestep_tools import builds
+from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
 
 # Heap of the 32-bit runtime: about what MicroPython leaves free on an RP2040 (233 to 242 kB).
 _HEAP = "240k"
@@ -31,12 +34,12 @@ class Paths:
 
     @property
     def compiled(self) -> Path:
-        return files.compiled_tree("x86")
+        return compiled_tree("x86")
 
 
 @pytest.fixture(scope="session")
 def paths() -> Paths:
-    return Paths(root=files.ROOT, firmware=files.FIRMWARE, cache=files.CACHE, build=files.ROOT / "build")
+    return Paths(root=ROOT, firmware=FIRMWARE, cache=CACHE, build=ROOT / "build")
 
 
 class Runtime:
@@ -55,7 +58,7 @@ class Runtime:
             script_file = self._scratch / "script.py"
             script_file.write_text(script)
             script = script_file
-        search = [files.compiled_tree("x86"), *path, ".frozen"]
+        search = [compiled_tree("x86"), *path, ".frozen"]
         try:
             result = subprocess.run(
                 [self.executable, "-X", f"heapsize={heap}", script, *map(str, args)],
@@ -78,3 +81,22 @@ class Runtime:
 @pytest.fixture(scope="session")
 def unix32f(tmp_path_factory) -> Runtime:
     return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"))
+
+
+@pytest.fixture
+def emulator():
+    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when the test ends."""
+    from framestep_emulator import Emulator
+
+    with contextlib.ExitStack() as running:
+        yield lambda **options: running.enter_context(Emulator(**options))
+
+
+@pytest.fixture
+def board(emulator):
+    """board(files={...}, **options): the same with the project's files on it, those given besides or instead."""
+
+    def start(files=None, **options):
+        return emulator(files={**board_files("armv6m"), **(files or {})}, **options)
+
+    return start

@@ -1,0 +1,129 @@
+"""The board as a whole: boot, resets, file system, time."""
+
+import time
+
+import numpy as np
+import pytest
+
+from framestep_emulator import TraceFile, device_file, edge_times
+from framestep_emulator.image import collect, make_image, read_image
+
+
+def test_boots_to_repl(emulator):
+    emu = emulator()
+    emu.serial().read_until(b">>> ")
+    out = emu.repl().exec("import sys, machine; print(sys.implementation[1], sys.implementation[2], machine.freq())")
+    assert "1, 26, 1" in out and "RP2040" in out and "125000000" in out
+    usb = [e for e in emu.events() if e["type"] == "usb-configured"]
+    assert [e["ports"] for e in usb] == [1]
+
+
+def test_resets(emulator):
+    """machine.reset(), the watchdog, the bootloader, and what the board says about each."""
+    emu = emulator()
+
+    def reset_cause_after(code):
+        start = emu.ns
+        emu.repl().start(code)
+        emu.wait_event("reset", 1000)
+        emu.wait_usb(after=start)
+        return emu.repl().eval("__import__('machine').reset_cause()")
+
+    assert emu.repl().eval("__import__('machine').reset_cause()") == 1, "power-on"
+    assert reset_cause_after("import machine; machine.reset()") == 3
+    begun = emu.ns
+    assert reset_cause_after("import machine\nw = machine.WDT(timeout=200)\nw.feed()\nwhile True: pass") == 3
+    last = [e for e in emu.events() if e["type"] == "reset"][-1]
+    assert 200 < (last["t"] - begun) / 1e6 < 260, "the watchdog's time"
+    emu.repl().start("import machine; machine.bootloader()")
+    emu.advance(100)
+    assert "bootsel" in (emu.halted or "")
+    emu.reset()
+    assert emu.repl().eval("2 + 2") == 4, "after a power cycle"
+
+
+def test_files_from_directories(emulator, tmp_path):
+    (tmp_path / "lib" / "deep" / "__pycache__").mkdir(parents=True)
+    (tmp_path / "lib" / "deep" / "module.py").write_text("answer = 42\n")
+    (tmp_path / "lib" / "deep" / "__pycache__" / "module.pyc").write_text("")
+    (tmp_path / "one.txt").write_bytes(b"\x00one")
+    put = {tmp_path / "lib": "/lib", tmp_path / "one.txt": "/data/"}
+    assert set(collect(put)) == {"/lib/deep/module.py", "/data/one.txt"}
+    emu = emulator(files={"/main.py": "import deep.module\nprint('main', deep.module.answer)"}, put=put)
+    assert "main 42" in emu.repl().serial.read_until(b">>> ").decode()
+    repl = emu.repl()
+    assert repl.eval("open('/data/one.txt', 'rb').read()") == b"\x00one"
+    # what the board writes can be read back from its flash
+    repl.exec("with open('/data/two.bin', 'wb') as f: f.write(bytes(range(256)) * 40)")
+    emu.cmd("flash_dump", file=str(tmp_path / "flash"), fs=True)
+    assert read_image((tmp_path / "flash").read_bytes())["/data/two.bin"] == bytes(range(256)) * 40
+
+
+def test_image_too_big():
+    with pytest.raises(ValueError, match=r"/big \(2000000 bytes\) does not fit"):
+        make_image({"/big": bytes(2_000_000)})
+
+
+def test_lockstep_is_deterministic(emulator):
+    """Two runs with the same inputs give the same edges and bytes at the same nanosecond."""
+
+    def once():
+        emu = emulator()
+        repl = emu.repl()
+        repl.exec(device_file("pulses.py"))
+        emu.trace_start(range(16))
+        out = repl.exec(
+            "import os, random, time\n"
+            "for k in range(20):\n"
+            "    sms[k & 7].put(((10 + k) << 12) | (9 << 1) | (k & 1))\n"
+            "print(os.urandom(4), random.random(), time.ticks_us())\n"
+        )
+        emu.advance(7.3)
+        edges = emu.trace_stop()
+        assert len(edges) > 300
+        return out, edges.tobytes(), emu.ns
+
+    assert once() == once()
+
+
+TOGGLE = (
+    b"import machine\rled = machine.Pin(25, machine.Pin.OUT)\r"
+    b"t = machine.Timer(freq=%d, callback=lambda t: led.toggle())\r"
+)
+
+
+def test_free_running_keeps_pace(emulator):
+    emu = emulator(lockstep=False, speed=1)
+    time.sleep(0.3)
+    emu.serial().write(TOGGLE % 50)
+    time.sleep(0.2)
+    ns, real = emu.ns, time.monotonic()
+    emu.trace_start([25])
+    time.sleep(1.5)
+    edges = emu.trace_stop()
+    rate = (emu.ns - ns) / 1e9 / (time.monotonic() - real)
+    assert 0.9 < rate < 1.05
+    assert 60 < len(edges) < 80
+
+
+def test_trace_file_can_be_followed(emulator, tmp_path):
+    """What has happened is in the file within 50 ms of real time, and nothing is lost."""
+    emu = emulator(lockstep=False, speed=1)
+    time.sleep(0.3)
+    emu.trace_start([25], file=tmp_path / "trace")
+    emu.serial().write(TOGGLE % 200)
+    with TraceFile(tmp_path / "trace") as trace:
+        parts, late = [], []
+        while sum(map(len, parts)) < 100:
+            time.sleep(0.005)
+            part = trace.read()
+            if len(part):
+                late.append((emu.ns - part["t"][0]) / 1e6)
+                parts.append(part)
+        emu.trace_stop()
+        parts.append(trace.read())
+    edges = np.concatenate(parts)
+    assert (np.diff(edge_times(edges, 25)[2:]) < 10e6).all(), "an edge each 5 ms"
+    assert (np.diff(edges["level"][1:].astype(int)) != 0).all(), "levels alternate"
+    # the first part begins with the level from before; a busy computer may be late now and then
+    assert len(late) > 5 and np.median(late[1:]) < 50

@@ -1,0 +1,31 @@
+"""A hard machine.Timer at 1 kHz."""
+
+import numpy as np
+import pytest
+
+from framestep_emulator import edge_times
+
+SETUP = """
+import machine, micropython, time, gc
+pin = machine.Pin(2, machine.Pin.OUT)
+@micropython.viper
+def toggle(t):
+    ptr32(0xd000001c)[0] = 4
+def load(ms):
+    t = time.ticks_ms()
+    while time.ticks_diff(time.ticks_ms(), t) < ms:
+        x = [bytearray(20) for i in range(50)]
+"""
+
+
+@pytest.mark.parametrize("work, jitter_us", [("time.sleep_ms(300)", 1), ("load(300)", 10)])
+def test_hard_timer(emulator, work, jitter_us):
+    """An edge each millisecond, asleep and while allocating and collecting garbage."""
+    emu = emulator()
+    repl = emu.repl()
+    repl.exec(SETUP)
+    emu.trace_start([2])
+    repl.exec(f"t = machine.Timer(-1, freq=1000, callback=toggle, hard=True)\n{work}\nt.deinit()")
+    gaps = np.diff(edge_times(emu.trace_stop(), 2)[2:])  # the first one pays for a cold cache
+    assert len(gaps) > 290
+    assert abs(gaps - 1_000_000).max() < jitter_us * 1000

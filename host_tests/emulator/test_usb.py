@@ -1,0 +1,33 @@
+"""A second USB serial port, made with machine.USBDevice."""
+
+from framestep_emulator import device_file
+
+
+def test_second_usb_port(emulator):
+    """A CDC made with machine.USBDevice comes up next to the builtin one and goes with a soft reset."""
+    emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
+    repl = emu.repl()
+    repl.exec("import cdc2\nsizes = []\nport = cdc2.CDC2(lambda p, n: sizes.append((n, bytes(p.rx[:4]))))\n")
+    start = emu.ns
+    repl.serial.write(b"port.start()\x04")
+    emu.wait_usb(after=start, ports=2)
+    emu.advance(20)
+    repl = emu.repl()
+    second = emu.serial(1)
+    second.write(b"abcd" * 259)
+    second.write(b"xy")
+    emu.advance(20)
+    assert repl.eval("sizes") == [(1036, b"abcd"), (2, b"xycd")]
+    repl.exec("port.write(b'answer ' * 30)")
+    assert second.read(210) == b"answer " * 30, "device to host"
+    second.close()
+    with emu.free_running(), emu.tcp_serial(1, timeout=2) as tcp:
+        tcp.write(b"over TCP")
+        repl.exec("import time; time.sleep_ms(20); port.write(port.rx[:8])")
+        assert tcp.read(8) == b"over TCP", "the second port on TCP"
+    start = emu.ns
+    repl.leave()
+    repl.serial.write(b"\x04")
+    emu.wait_usb(after=start, ports=1)
+    emu.advance(50)
+    assert emu.repl().eval("1 + 1") == 2, "REPL after it"

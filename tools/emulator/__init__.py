@@ -1,0 +1,20 @@
+"""Real MicroPython firmware on an emulated RP2040, driven from Python. README.md is the manual."""
+
+from .emulator import Emulator, EmulatorError, device_file
+from .ports import PtyBridge, Serial
+from .repl import Repl, ReplError
+from .trace import TRACE_RECORD, TraceFile, edge_times, edges_from
+
+__all__ = [
+    "TRACE_RECORD",
+    "Emulator",
+    "EmulatorError",
+    "PtyBridge",
+    "Repl",
+    "ReplError",
+    "Serial",
+    "TraceFile",
+    "device_file",
+    "edge_times",
+    "edges_from",
+]
