@@ -6,7 +6,7 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/steps.sh"
 
-STUBS='micropython-rp2-stubs==1.26.0.post1'
+STUBS='micropython-rp2-stubs==1.27.0.post1' # those of 1.26 lack Timer(hard=)
 VENV=$CACHE/venv
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
