@@ -1,0 +1,324 @@
+"""Talk to a motion controller over the DMC v2 protocol.
+
+    with Client.open("/dev/ttyACM1") as client:
+        print(client.request(Hi()).name)
+        client.request(MotorMove(motor=1, position=5000))
+        client.wait_idle()
+
+One thread, no callbacks out of the blue: the port is read only while a method of the client waits. A port is
+anything with pyserial's `read`, `write`, `timeout` and `close`. All times are in seconds of the port's own
+clock: a port with a method `clock()` (an emulated board in lockstep) has its own, others the computer's.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from framestep.protocol import messages
+
+from .errors import ToolError
+from .payloads import (
+    LAST_SECTION,
+    REPORTS,
+    Ack,
+    MotorStatus,
+    Moving,
+    Payload,
+    Request,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveEnd,
+    type_name,
+)
+from .wire import Frame, FrameDecoder, encode
+
+DEFAULT_TIMEOUT_S = 2.0
+POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
+READ_SIZE = 4096
+_LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
+_MOTOR_AND_INDEX = 5
+
+Steps = Sequence[int] | np.ndarray
+
+R = TypeVar("R")
+P = TypeVar("P", bound=Payload)
+
+
+class ClientError(ToolError):
+    """The device and the client do not get along; the text says why."""
+
+
+class RequestRefused(ClientError):
+    """The device acknowledged a request with another code than OK."""
+
+    def __init__(self, request: Payload, code: Ack):
+        super().__init__(f"{type_name(request.TYPE)} was refused with {code.name} (0x{code:04X}): {request}")
+        self.request = request
+        self.code = code
+
+
+class NoAnswer(ClientError, TimeoutError):
+    """Nothing came within the time limit."""
+
+
+class Event(NamedTuple):
+    """A message that the device sent unasked: when it was read, and what it says (the bare Frame if unknown)."""
+
+    time_s: float
+    message: Payload | Frame
+
+
+class Client:
+    """A connection to one device.
+
+    `events` holds the unasked messages in the order of their arrival, the newest `EVENTS_KEPT`;
+    `on_event`, if set, is called with each of them as well. `stray` counts replies to nothing that was asked.
+    """
+
+    EVENTS_KEPT = 10_000
+
+    def __init__(self, port: Any, timeout_s: float = DEFAULT_TIMEOUT_S):
+        self.port = port
+        self.timeout_s = timeout_s
+        self.events: deque[Event] = deque(maxlen=self.EVENTS_KEPT)
+        self.on_event: Callable[[Event], None] | None = None
+        self.stray = 0
+        self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
+        self._decoder = FrameDecoder()
+        self._next_id = 1
+        self._waiting: dict[int, Payload] = {}  # message id -> the request that it was
+        self._answers: dict[int, Frame] = {}
+
+    @classmethod
+    def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Self:
+        """Open a device path, socket://host:port or another URL of pyserial; ClientError if there is none."""
+        import serial
+
+        try:
+            return cls(serial.serial_for_url(url, timeout=timeout_s), timeout_s)
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise ClientError(f"cannot open {url}: {error}; name a device path or socket://HOST:PORT") from error
+
+    def close(self) -> None:
+        """Close the port; the device takes that as its host having gone."""
+        self.port.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def skipped(self) -> int:
+        """Bytes received that belonged to no good frame: 0 on a sound line."""
+        return self._decoder.skipped
+
+    # ---- requests and answers
+
+    def request(self, request: Request[R], timeout_s: float | None = None) -> R:
+        """Send a request, return its reply; RequestRefused if the device does not take it, NoAnswer if it is silent."""
+        return self.answer_to(self.send(request), timeout_s)
+
+    def code(self, request: Payload, timeout_s: float | None = None) -> Ack:
+        """Send a request and return the response code: OK also for a reply with data. Raises no RequestRefused."""
+        return self._result(self.send(request), timeout_s)[1]
+
+    def send(self, request: Payload) -> int:
+        """Send a request without waiting; returns the ID that `answer_to` takes."""
+        id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1  # 0 belongs to unasked messages
+        self._waiting[id] = request
+        self.port.write(encode(request.TYPE, request.pack(), id))
+        return id
+
+    def answer_to(self, id: int, timeout_s: float | None = None) -> Any:
+        """Wait for the reply to a request sent with `send`."""
+        request = self._waiting[id]
+        reply, code = self._result(id, timeout_s)
+        if code != Ack.OK:
+            raise RequestRefused(request, code)
+        return reply
+
+    def stream(self, requests: Iterable[Payload], window: int = 1, timeout_s: float | None = None) -> int:
+        """Send requests with up to `window` of them unanswered; returns their number.
+
+        After a refusal nothing more is sent, the answers still to come are waited for, and RequestRefused is raised.
+        """
+        if window < 1:
+            raise ValueError(f"a window of at least 1 request is needed, not {window}")
+        count, unanswered, refused = 0, deque[int](), None
+        for request in requests:
+            unanswered.append(self.send(request))
+            count += 1
+            while len(unanswered) >= window and not refused:
+                refused = self._refusal(unanswered.popleft(), timeout_s)
+            if refused:
+                break
+        while unanswered:
+            refused = self._refusal(unanswered.popleft(), timeout_s) or refused
+        if refused:
+            raise refused
+        return count
+
+    def _refusal(self, id: int, timeout_s: float | None) -> RequestRefused | None:
+        try:
+            self.answer_to(id, timeout_s)
+        except RequestRefused as refused:
+            return refused
+        return None
+
+    def _result(self, id: int, timeout_s: float | None) -> tuple[Any, Ack]:
+        request = self._waiting[id]
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        try:
+            if not self._pump_until(lambda: id in self._answers, timeout_s):
+                raise NoAnswer(f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s: {request}")
+            frame = self._answers.pop(id)
+        finally:
+            del self._waiting[id]
+        expected: Any = getattr(request, "REPLY", Ack)
+        try:
+            if not frame.is_ack:
+                reply = REPORTS[frame.type].unpack(frame.payload)
+                if expected is not Ack and isinstance(reply, expected):
+                    return reply, Ack.OK
+                raise ValueError(f"found {reply}")
+            code = Ack.unpack(frame.payload)
+            if expected is Moving and code == Ack.OK:  # dmc-lite dialect: MOTOR_MOVE is acknowledged (field note 1.4)
+                return Moving(1), code
+            if expected is not Ack and code == Ack.OK:
+                raise ValueError("found a bare acknowledgement")
+            return code, code
+        except (KeyError, ValueError) as error:
+            raise ClientError(f"{type_name(request.TYPE)} expects {expected.__name__} in return: {error}") from None
+
+    # ---- events
+
+    def pump(self, seconds: float = 0.0) -> None:
+        """Let messages come in for that long; 0 takes what is there."""
+        self._pump_until(lambda: False, seconds)
+
+    def wait_event(self, kind: type[P], timeout_s: float | None = None, where: Callable[[P], bool] | None = None) -> P:
+        """The oldest event of a class (for which `where` holds), taken out of `events`; NoAnswer if none comes."""
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        found: list[P] = []
+
+        def look() -> bool:
+            message = self.take_event(kind, where)
+            if message is not None:
+                found.append(message)
+            return bool(found)
+
+        if not self._pump_until(look, timeout_s):
+            raise NoAnswer(f"no {kind.__name__} came within {timeout_s:g} s")
+        return found[0]
+
+    def take_event(self, kind: type[P], where: Callable[[P], bool] | None = None) -> P | None:
+        """The oldest event of a class that has arrived, taken out of `events`; None if there is none."""
+        for i, event in enumerate(self.events):
+            message = event.message
+            if isinstance(message, kind) and (where is None or where(message)):
+                del self.events[i]
+                return message
+        return None
+
+    # ---- whole tasks
+
+    def wait_idle(self, timeout_s: float = 60.0, poll_s: float = POLL_INTERVAL_S) -> None:
+        """Poll MOTOR_STATUS until nothing moves any more, as Dragonframe does (field note 4.7)."""
+        deadline = self.clock() + timeout_s
+        while not (status := self.request(MotorStatus())).idle:
+            if self.clock() >= deadline:
+                raise NoAnswer(f"still moving after {timeout_s:g} s: motors {status.moving}, DMX {status.dmx}")
+            self.pump(poll_s)
+
+    def upload_move(
+        self,
+        start_frame: int,
+        end_frame: int,
+        positions: Mapping[int, Steps],
+        window: int = 1,
+        section_bytes: int = messages.LARGEST_PAYLOAD,
+    ) -> None:
+        """Upload motors' positions in steps, one for each scene frame from the first to the last; {motor: positions}.
+
+        Fewer positions than frames: the device repeats the last one. A section's payload has at most `section_bytes`
+        bytes; `window` is how many sections may be on their way unanswered. RequestRefused at the first section that
+        the device does not take.
+        """
+        self.stream(upload_requests(start_frame, end_frame, positions, section_bytes), window)
+
+    # ---- the line
+
+    def _pump_until(self, done: Callable[[], bool], seconds: float) -> bool:
+        deadline = self.clock() + seconds
+        remaining = seconds
+        while True:
+            if done():
+                return True
+            self._take(self._read(min(max(0.0, remaining), _LONGEST_READ_S)))
+            if remaining <= 0:
+                return done()
+            remaining = deadline - self.clock()
+
+    def _read(self, seconds: float) -> bytes:
+        """What has arrived, waiting at most `seconds` for the first byte."""
+        data = b""
+        if seconds:
+            self._limit(seconds)
+            data = self.port.read(1)
+            if not data:
+                return data
+        self._limit(0)
+        return data + self.port.read(READ_SIZE)
+
+    def _limit(self, seconds: float) -> None:
+        if self.port.timeout != seconds:
+            self.port.timeout = seconds
+
+    def _take(self, data: bytes) -> None:
+        for frame in self._decoder.feed(data):
+            request = self._waiting.get(frame.id) if frame.id else None
+            if request is not None and frame.request_type == request.TYPE:
+                self._answers[frame.id] = frame
+            elif frame.id == 0 and not frame.is_ack:
+                event = Event(self.clock(), _report(frame))
+                self.events.append(event)
+                if self.on_event:
+                    self.on_event(event)
+            else:
+                self.stray += 1
+
+
+def _report(frame: Frame) -> Payload | Frame:
+    try:
+        return REPORTS[frame.type].unpack(frame.payload)
+    except (KeyError, ValueError):
+        return frame
+
+
+def upload_requests(
+    start_frame: int,
+    end_frame: int,
+    positions: Mapping[int, Steps],
+    section_bytes: int = messages.LARGEST_PAYLOAD,
+) -> Iterable[Request[Ack]]:
+    """The requests that upload a move; see Client.upload_move."""
+    per_section = (section_bytes - _MOTOR_AND_INDEX) // 4
+    if per_section < 1:
+        raise ValueError(
+            f"a section of {section_bytes} bytes holds no position, it needs at least {_MOTOR_AND_INDEX + 4}"
+        )
+    frames = end_frame - start_frame + 1
+    for motor, steps in positions.items():
+        if not 1 <= len(steps) <= frames:
+            raise ValueError(f"motor {motor}: 1 to {frames} positions are expected, one a frame, found {len(steps)}")
+    yield RtUploadMoveBegin(start_frame, end_frame)
+    for motor, steps in positions.items():
+        for index in range(0, len(steps), per_section):
+            last = LAST_SECTION if index + per_section >= len(steps) else 0
+            yield RtUploadMoveAxis(motor, index | last, steps[index : index + per_section])
+    yield RtUploadMoveEnd()
