@@ -32,7 +32,9 @@ class Command(typer.Typer):
             result = typer.main.get_command(self)(args=args, prog_name=self.program, standalone_mode=False)
             return result if isinstance(result, int) else 0
         except TyperException as error:
-            return self._say(error.format_message() or f"expected a command; {self.program} --help lists them", 2)
+            context = getattr(error, "ctx", None)
+            asked = context.command_path if context else self.program
+            return self._say(f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", 2)
         except self.expected as error:
             return self._say(str(error), 1)
         except (Abort, KeyboardInterrupt):

@@ -1,0 +1,195 @@
+"""The command line: wrong use is answered by one sentence, and traffic is read."""
+
+import os
+import threading
+import time
+
+import pytest
+
+from framestep_tools import cli, demo, emu, sim
+from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, read_move
+from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
+from framestep_tools.serve import PtyLink
+from framestep_tools.sniffer import capture_bytes, read_capture, relay
+from framestep_tools.wire import encode
+
+
+@pytest.mark.parametrize(
+    ("app", "args", "status", "text"),
+    [
+        (cli.app, [], 2, "framestep: Missing command; framestep --help"),
+        (cli.app, ["fly"], 2, "No such command 'fly'"),
+        (cli.app, ["status"], 2, "Missing argument 'DEVICE'"),
+        (cli.app, ["status", "/dev/not-there"], 1, "cannot open /dev/not-there"),
+        (cli.app, ["status", "socket://127.0.0.1:1"], 1, "cannot open socket://127.0.0.1:1"),
+        (cli.app, ["status", "serial://x"], 1, "cannot open serial://x"),
+        (cli.app, ["move", "/dev/x", "one", "5"], 2, "'motor': Input should be a valid integer"),
+        (cli.app, ["move", "/dev/x", "0", "5"], 2, "greater than or equal to 1; framestep move --help"),
+        (
+            cli.app,
+            ["move", "/dev/x", "1", str(2**31)],
+            2,
+            "'position': Input should be less than or equal to 2147483647",
+        ),
+        (cli.app, ["move", "/dev/x", "1", "5", "--velocity", "3"], 2, "--velocity and --acceleration go together"),
+        (
+            cli.app,
+            ["jog", "/dev/x", "1", "5", "--speed", "10001"],
+            2,
+            "'--speed': Input should be less than or equal to 10000",
+        ),
+        (cli.app, ["stop", "/dev/x", "1", "--hard"], 2, "--hard stops all motors"),
+        (cli.app, ["upload", "/dev/x", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
+        (cli.app, ["run", "/dev/x", "1", "240", "--fps", "0"], 2, "'--fps': Input should be greater than"),
+        (cli.app, ["sniff"], 2, "either a capture file or a --device"),
+        (cli.app, ["sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
+        (sim.app, ["--speed", "fast"], 1, "expected max or a positive number"),
+        (sim.app, ["--motors", "0"], 2, "'--motors': Input should be greater than or equal to 1"),
+        (sim.app, ["--rig", "/not/there.json"], 1, "cannot read the rig file /not/there.json"),
+        (emu.app, ["--single-port", "--repl"], 2, "with a single port"),
+        (emu.app, ["--nonsense"], 2, "No such option: --nonsense"),
+        (demo.app, ["--board", "toaster"], 2, "'toaster' is not one of"),
+        (demo.app, ["--board", "host", "--move", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
+    ],
+)
+def test_one_sentence_says_what_is_wrong(app, args, status, text, capsys):
+    assert app.status(args) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert text in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("app", [cli.app, sim.app, emu.app, demo.app])
+def test_help(app, capsys):
+    assert app.status(["--help"]) == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+# ---- sniffing
+
+TRAFFIC = (
+    encode(Hi.TYPE, b"", 1)
+    + b"noise"
+    + encode(MotorMove.TYPE, MotorMove(2, -500).pack(), 0x12345678)
+    + encode(0x8031, b"\x14\0", 0x12345678)
+    + encode(0x7777, bytes(3), 9)
+    + encode(RtUploadMoveAxis.TYPE, RtUploadMoveAxis(1, 0, range(100)).pack(), 10)
+)
+
+
+def test_a_capture_is_read(tmp_path, capsys):
+    binary, digits = tmp_path / "c.bin", tmp_path / "c.hex"
+    binary.write_bytes(TRAFFIC)
+    digits.write_text(TRAFFIC.hex(" ") + "\n")
+    printed = []
+    for path in (binary, digits):
+        assert cli.app.status(["sniff", str(path)]) == 0
+        printed.append(capsys.readouterr().out.splitlines())
+    assert printed[0] == printed[1]
+    lines = [" ".join(line.split()) for line in printed[0]]
+    assert lines == [
+        "1 HI",
+        "305419896 MOTOR_MOVE motor=2 position=-500",
+        "305419896 MOTOR_MOVE ACK ERR_RANGE (0x0014)",
+        "9 0x7777 3 bytes: 00 00 00",
+        "10 RT_UPLOAD_MOVE_AXIS motor=1 start_index=0 positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values]",
+        "5 frames; 5 bytes in no frame, 0 frames with a wrong checksum, 0 bytes of an unfinished frame at the end",
+    ]
+
+
+def test_an_empty_capture_says_so():
+    assert list(read_capture(b"")) == [
+        "0 frames; 0 bytes in no frame, 0 frames with a wrong checksum, 0 bytes of an unfinished frame at the end"
+    ]
+
+
+def test_hexadecimal_in_any_dress():
+    assert capture_bytes(b"44 46\n0x01,0x02 ab:CD") == b"DF\x01\x02\xab\xcd"
+    assert capture_bytes(b"DF\x01") == b"DF\x01"
+
+
+class LoopDevice:
+    """A device that reports positions whenever it has read something."""
+
+    timeout = None
+
+    def __init__(self):
+        self.got = b""
+        self._out = b""
+
+    def write(self, data):
+        self.got += data
+        self._out += encode(Positions.TYPE, Positions(1000, [5, -5]).pack(), 0)
+
+    def read(self, size):
+        data, self._out = self._out[:size], self._out[size:]
+        return data
+
+
+def test_traffic_between_a_terminal_and_a_device():
+    link, device, said, ends = PtyLink(), LoopDevice(), [], []
+    thread = threading.Thread(target=relay, args=(device, link, said.append, lambda: bool(ends)))
+    fd = os.open(link.path, os.O_RDWR | os.O_NOCTTY)
+    thread.start()
+    try:
+        os.write(fd, encode(Hi.TYPE, b"", 7))
+        answer = encode(Positions.TYPE, Positions(1000, [5, -5]).pack(), 0)
+        got = b""
+        while len(got) < len(answer):
+            got += os.read(fd, 100)
+        assert got == answer
+        assert device.got == encode(Hi.TYPE, b"", 7)
+        end = time.monotonic() + 2
+        while len(said) < 2 and time.monotonic() < end:
+            time.sleep(0.005)
+    finally:
+        ends.append(True)
+        thread.join(2)
+        os.close(fd)
+        link.close()
+    assert [line.split()[1:] for line in said] == [
+        [">", "7", "HI"],
+        ["<", "0", "MOTOR_GET_POSITION", "move_time=1000", "steps=[5,", "-5]"],
+    ]
+
+
+# ---- moves as files
+
+
+def test_the_camera_move():
+    move = read_move(CAMERA_MOVE)
+    assert (move.start_frame, move.end_frame, move.frames) == (1, 240, 240)
+    assert list(move.names.values()) == ["track", "boom", "swing", "pan"]
+    assert move.section(3, 1)[1].tolist() == move.positions[1][2::-1].tolist()
+
+
+def test_the_camera_move_is_what_its_generator_makes(tmp_path, monkeypatch):
+    import importlib.util
+
+    path = CAMERA_MOVE.with_name("generate.py")
+    spec = importlib.util.spec_from_file_location("generate", path)
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    monkeypatch.setattr(generate, "__file__", str(tmp_path / "generate.py"))
+    generate.main()
+    assert (tmp_path / "camera_move.csv").read_bytes() == CAMERA_MOVE.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "expected the header"),
+        ("time,a\n1,2\n", "expected the header"),
+        ("frame,a\n", "a line for each frame"),
+        ("frame,a\n1,2,3\n", "line 2: expected 2 whole numbers"),
+        ("frame,a\n1,2\n2,x\n", "line 3: expected 2 whole numbers"),
+        ("frame,a\n1,2\n3,2\n", "line 3: expected frame 2, found 3"),
+        ("frame,a\n1,2147483648\n", "line 2: positions have to fit 32 bits"),
+    ],
+)
+def test_files_that_are_no_move(tmp_path, text, complaint):
+    path = tmp_path / "move.csv"
+    path.write_text(text)
+    with pytest.raises(MoveFileError, match=complaint):
+        read_move(path)

@@ -1,0 +1,347 @@
+"""Serving a board: pseudo-terminal and TCP, one client at a time, pace, trace. The board here is a small fake."""
+
+import contextlib
+import os
+import socket
+import threading
+import time
+
+import pytest
+import serial
+
+from framestep_tools import serve
+from framestep_tools.boards import LockstepPort, RigFileError, read_rig
+from framestep_tools.client import Client, NoAnswer
+from framestep_tools.errors import ToolError
+from framestep_tools.payloads import DeviceInfo, Hi
+from framestep_tools.serve import Pace, PtyLink, Server, TcpLink, parse_address, parse_speed
+from framestep_tools.trace import Trace
+from framestep_tools.wire import FrameDecoder, encode
+
+INFO = DeviceInfo("fake", 1, 2, 3, 8, 0, 0, 0, 0, 0, 0, 2)
+MS = 1_000_000
+
+
+class FakeChannel:
+    """Answers HI two milliseconds after it came; says HI unasked when its port is opened; notes opening and closing."""
+
+    def __init__(self):
+        self.now = 0
+        self.log = []
+        self.hold = False
+        self._decoder = FrameDecoder()
+        self._in = bytearray()
+        self._out = []  # (time, bytes)
+
+    def receive(self, data):
+        self._in += data
+
+    def pass_time(self, now):
+        self.now = now
+        if self._in and not self.hold:
+            for frame in self._decoder.feed(bytes(self._in)):
+                self._out.append((now + 2 * MS, encode(INFO.TYPE, INFO.pack(), frame.id)))
+            self._in.clear()
+
+    def transmit(self):
+        ready = b"".join(data for due, data in self._out if due <= self.now)
+        self._out = [(due, data) for due, data in self._out if due > self.now]
+        return ready
+
+    def open_port(self, on):
+        self.log.append(on)
+        if on:
+            self._out.append((self.now, encode(INFO.TYPE, INFO.pack(), 0)))
+
+    @property
+    def pending(self):
+        return len(self._in)
+
+
+class FakeBoard:
+    slice_ns = MS
+
+    def __init__(self, repl=False):
+        self.protocol = FakeChannel()
+        self.repl = FakeChannel() if repl else None
+        self.now_ns = 0
+        self.step_every_ns = 0
+        self.closed = False
+        self._edges = []
+
+    def run_until(self, ns, until_output=False):
+        while self.now_ns < ns:
+            if self.step_every_ns and self.now_ns % self.step_every_ns == 0:
+                self._edges.append((self.now_ns + 3 * MS, "m1", 1))
+                self._edges.append((self.now_ns, "dir1", 1))
+            self.now_ns = min(ns, self.now_ns - self.now_ns % MS + MS)
+            for channel in (self.protocol, self.repl):
+                if channel:
+                    channel.pass_time(self.now_ns)
+            if until_output and any(due <= self.now_ns for due, _ in self.protocol._out):
+                return
+
+    def edges(self):
+        edges, self._edges = self._edges, []
+        return edges
+
+    def close(self):
+        self.closed = True
+
+
+@contextlib.contextmanager
+def serving(board, **options):
+    server = Server(board, **options)
+
+    def run():
+        while not server.stopping:
+            server.step()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+        thread.join(5)
+        server.close()
+
+
+def until(condition, seconds=3.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.002)
+
+
+def tcp_url(server, name="tcp"):
+    return "socket://" + next(line.split()[1] for line in server.announcements if line.startswith(name + " "))
+
+
+def test_client_over_the_pseudo_terminal():
+    board = FakeBoard()
+    with serving(board) as server:
+        path = server.announcements[0]
+        for _ in range(2):  # the second time as well
+            with Client.open(path) as client:
+                assert client.request(Hi()) == INFO
+                until(lambda: board.protocol.log[-1:] == [True])
+            until(lambda: board.protocol.log[-1:] == [False])
+            time.sleep(0.03)
+        assert board.protocol.log == [True, False, True, False]
+
+
+def test_the_terminal_is_raw_and_says_hi_when_opened():
+    board = FakeBoard()
+    with serving(board) as server:
+        fd = os.open(server.announcements[0], os.O_RDWR | os.O_NOCTTY)
+        try:
+            greeting = encode(INFO.TYPE, INFO.pack(), 0)
+            data = b""
+            while len(data) < len(greeting):
+                data += os.read(fd, 4096)
+            assert data == greeting
+            os.write(fd, b"\x03\x04\r\n\x11\x13")
+            until(lambda: board.protocol._decoder.pending or board.protocol._decoder.skipped)
+            assert board.protocol._decoder.skipped == 6  # all of it came, as it was
+        finally:
+            os.close(fd)
+
+
+def test_client_over_tcp_and_dtr():
+    board = FakeBoard()
+    with serving(board, tcp="127.0.0.1:0") as server:
+        with Client.open(tcp_url(server)) as client:
+            assert client.request(Hi()) == INFO
+            assert client.wait_event(DeviceInfo) == INFO  # the one it says unasked
+        until(lambda: board.protocol.log == [True, False])
+
+
+def test_a_quick_return_is_seen_as_closing_and_opening():
+    board = FakeBoard()
+    with serving(board, tcp="127.0.0.1:0") as server:
+        for _ in range(5):
+            with Client.open(tcp_url(server)) as client:
+                assert client.request(Hi()) == INFO
+        until(lambda: len(board.protocol.log) == 10)
+        assert board.protocol.log == [True, False] * 5
+
+
+def test_what_was_sent_before_leaving_arrives():
+    board = FakeBoard()
+    with serving(board, tcp="127.0.0.1:0") as server:
+        host, port = tcp_url(server).removeprefix("socket://").split(":")
+        with socket.create_connection((host, int(port))) as client:
+            client.sendall(b"x" * 100_000)
+        until(lambda: board.protocol._decoder.skipped == 100_000)
+
+
+def test_one_client_at_a_time():
+    board = FakeBoard()
+    with serving(board, tcp="127.0.0.1:0") as server, Client.open(tcp_url(server)) as first:
+        assert first.request(Hi()) == INFO
+        host, port = tcp_url(server).removeprefix("socket://").split(":")
+        with socket.create_connection((host, int(port))) as second:
+            second.settimeout(2)
+            assert second.recv(1) == b""  # closed at once
+        with Client.open(server.announcements[0], timeout_s=0.2) as third, pytest.raises(NoAnswer):
+            third.request(Hi())
+        assert first.request(Hi()) == INFO
+        assert board.protocol.log == [True]
+
+
+def test_a_client_that_sends_too_much_has_to_wait():
+    board = FakeBoard()
+    board.protocol.hold = True
+    with serving(board, tcp="127.0.0.1:0") as server:
+        host, port = tcp_url(server).removeprefix("socket://").split(":")
+        with socket.create_connection((host, int(port))) as client:
+            client.setblocking(False)
+            sent = 0
+            with contextlib.suppress(BlockingIOError):
+                for _ in range(1000):
+                    sent += client.send(bytes(100_000))
+                    time.sleep(0.001)
+            until(lambda: board.protocol.pending >= 65536)
+            time.sleep(0.05)
+            assert board.protocol.pending < 65536 + 4096
+            assert sent < 50_000_000
+            board.protocol.hold = False
+            until(lambda: board.protocol._decoder.skipped >= sent)
+
+
+def test_the_repl_has_ports_of_its_own():
+    board = FakeBoard(repl=True)
+    with serving(board, repl=True, repl_tcp="127.0.0.1:0") as server:
+        kinds = [line.split()[0] for line in server.announcements]
+        assert kinds[0].startswith("/dev/")
+        assert kinds[1:] == ["repl", "repl"]
+        with serial.Serial(server.announcements[1].split()[1]):
+            until(lambda: board.repl.log == [True])
+        assert board.protocol.log == []
+    with serving(FakeBoard(repl=True)) as server:
+        assert len(server.announcements) == 1
+
+
+def test_trace_is_written_while_it_happens(tmp_path):
+    board = FakeBoard()
+    board.step_every_ns = 10 * MS
+    path = tmp_path / "trace.csv"
+    with serving(board, trace=str(path)):
+        until(lambda: path.read_text().count("m1") > 5)
+    trace = Trace.read(path)
+    assert board.closed
+    assert set(trace.signals) == {"m1", "dir1"}
+    rows = [int(row.split(",")[0]) for row in path.read_text().splitlines()[1:]]
+    assert rows == sorted(rows)
+
+
+def test_real_time_is_kept():
+    board = FakeBoard()
+    with serving(board):
+        began, virtual = time.monotonic(), board.now_ns
+        time.sleep(0.5)
+        ratio = (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
+    assert ratio == pytest.approx(1.0, abs=0.2)
+
+
+def test_full_speed_only_while_there_is_something_to_do():
+    board = FakeBoard()
+    with serving(board, speed=None, tcp="127.0.0.1:0") as server:
+        time.sleep(0.2)
+        assert board.now_ns < 0.5e9  # nobody there: the wall clock's pace
+        with Client.open(tcp_url(server)) as client:
+            board.step_every_ns = 10 * MS
+            client.request(Hi())
+            began, virtual = time.monotonic(), board.now_ns
+            time.sleep(0.5)
+            fast = (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
+            assert fast > 3
+            board.step_every_ns = 0
+            time.sleep(0.2)
+            began, virtual = time.monotonic(), board.now_ns
+            time.sleep(0.4)
+            assert (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began) == pytest.approx(1, abs=0.3)
+
+
+def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(serve.time, "monotonic", lambda: now[0])
+    pace = Pace(2.0, 0)
+    now[0] += 0.001
+    assert pace.target(0, MS, False) == 2 * MS
+    now[0] += 5.0
+    first = pace.target(2 * MS, MS, False)
+    assert first == 3 * MS
+    assert pace.target(first, MS, False) == first  # and from there on anew
+
+
+@pytest.mark.parametrize("text", ["7000", "localhost", ":7000", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:70000"])
+def test_addresses_that_are_none(text):
+    with pytest.raises(ToolError, match="expected HOST:PORT"):
+        parse_address(text)
+
+
+def test_an_address_in_use_is_said():
+    taken = TcpLink("127.0.0.1:0")
+    try:
+        with pytest.raises(ToolError, match="cannot listen on"):
+            TcpLink(taken.address)
+    finally:
+        taken.close()
+
+
+@pytest.mark.parametrize("text", ["", "fast", "0", "-1", "inf", "nan"])
+def test_speeds_that_are_none(text):
+    with pytest.raises(ToolError, match="expected max or a positive number"):
+        parse_speed(text)
+
+
+def test_speeds():
+    assert parse_speed("max") is None
+    assert parse_speed("0.5") == 0.5
+
+
+def test_pseudo_terminal_knows_whether_it_is_open():
+    link = PtyLink()
+    try:
+        assert not link.is_open(False)
+        fd = os.open(link.path, os.O_RDWR | os.O_NOCTTY)
+        assert link.is_open(False)
+        os.write(fd, b"last words")
+        os.close(fd)
+        assert not link.is_open(False)
+        assert link.read() == b"last words"
+        assert link.read() == b""
+    finally:
+        link.close()
+
+
+# ---- the port in lockstep
+
+
+def test_time_passes_in_reads_only():
+    board = FakeBoard()
+    client = Client(LockstepPort(board))
+    assert board.now_ns == 0
+    assert client.request(Hi()) == INFO
+    assert 2 * MS <= board.now_ns <= 5 * MS
+    before = board.now_ns
+    with pytest.raises(NoAnswer):
+        board.protocol.hold = True
+        client.request(Hi(), timeout_s=0.25)
+    assert board.now_ns - before == 250 * MS
+    client.close()
+    assert board.protocol.log == [True, False]
+
+
+def test_rig_files(tmp_path):
+    good, bad, other = tmp_path / "good.json", tmp_path / "bad.json", tmp_path / "other.json"
+    good.write_text('{"ports": 1}')
+    bad.write_text("{")
+    other.write_text("[]")
+    assert read_rig(None) == {}
+    assert read_rig(good) == {"ports": 1}
+    for path, text in ((bad, "is no JSON"), (other, "expected an object"), (tmp_path / "none", "cannot read")):
+        with pytest.raises(RigFileError, match=text):
+            read_rig(path)

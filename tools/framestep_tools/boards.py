@@ -1,0 +1,276 @@
+"""A whole controller to talk to, simulated or emulated, behind one face: time, ports and edges.
+
+Time stands still except in `run_until`; so the same input gives the same run, and a server or a test decides how
+fast it goes. What `Board.edges` hands out is in no particular order but complete up to now.
+"""
+
+import base64
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol, Self
+
+from .errors import ToolError
+from .trace import Edge, PinDecoder, load_board
+
+_LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
+_BOOT_LIMIT_MS = 10_000
+
+
+class RigFileError(ToolError):
+    """A rig file that cannot be read; what its settings mean is checked by the controller."""
+
+
+def read_rig(path: str | Path | None) -> dict[str, Any]:
+    """The settings in a rig file, {} for none; RigFileError if it holds no JSON object."""
+    if path is None:
+        return {}
+    try:
+        rig = json.loads(Path(path).read_text())
+    except OSError as error:
+        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise RigFileError(f"{path} is no JSON: {error}") from None
+    if not isinstance(rig, dict):
+        raise RigFileError(f"{path}: expected an object of settings, found {type(rig).__name__}")
+    return rig
+
+
+class Channel(Protocol):
+    """One serial port of a board, seen from the host."""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes for the board; they wait until it takes them."""
+
+    def transmit(self) -> bytes:
+        """What the board has sent since the last call."""
+
+    def open_port(self, on: bool) -> None:
+        """Open or close the port (DTR)."""
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the board has not taken yet."""
+
+
+class Board(Protocol):
+    """A controller with its protocol port, perhaps a REPL, and pins."""
+
+    slice_ns: int  # how much time to let pass at once, so that a round trip costs little against it
+    protocol: Channel
+    repl: Channel | None
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time."""
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        """Let time pass; `until_output` stops as soon as the protocol port has sent something."""
+
+    def edges(self) -> list[Edge]:
+        """The edges since the last call; none before `now_ns` will follow."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+# ---- on the host ---------------------------------------------------------------------------------
+
+
+class SimulatedBoard:
+    """The controller on the host HAL."""
+
+    slice_ns = 1_000_000
+    protocol: Channel
+    repl: Channel | None = None
+
+    def __init__(self, rig: Mapping[str, Any] | None = None, motors: int = 8):
+        from framestep.hal.host import HostBoard
+
+        self._board = HostBoard(rig=dict(rig) if rig else None, motors=motors)
+        self._edges: list[Edge] = []
+        self._board.on_edge = lambda time_ns, signal, value: self._edges.append((time_ns, signal, value))
+        self._out = bytearray()
+        self.protocol = self
+
+    def receive(self, data: bytes) -> None:
+        self._board.receive(data)
+
+    def transmit(self) -> bytes:
+        self._out += self._board.transmit()
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    def open_port(self, on: bool) -> None:
+        self._board.open_port(on)
+
+    @property
+    def pending(self) -> int:
+        return getattr(self._board, "pending", 0)
+
+    @property
+    def now_ns(self) -> int:
+        return self._board.now_ns
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        board = self._board
+        if not until_output:
+            board.run_until(ns)
+            return
+        while board.now_ns < ns and not self._out:
+            board.run_until(min(ns, board.now_ns + _LOOK_NS))
+            self._out += board.transmit()
+
+    def edges(self) -> list[Edge]:
+        edges, self._edges = self._edges, []
+        return edges
+
+    def close(self) -> None:
+        self._board.on_edge = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+# ---- on the emulated chip ------------------------------------------------------------------------
+
+
+class _EmulatedPort:
+    def __init__(self, emulator, number: int):
+        self.emulator, self.number = emulator, number
+        self._queued = 0
+
+    def receive(self, data: bytes) -> None:
+        answer = self.emulator.cmd("write", port=self.number, data=base64.b64encode(data).decode())
+        self._queued = answer["queued"]
+
+    def transmit(self) -> bytes:
+        return base64.b64decode(self.emulator.cmd("read", port=self.number)["data"])
+
+    def open_port(self, on: bool) -> None:
+        self.emulator.cmd("open", port=self.number, on=on)
+
+    @property
+    def pending(self) -> int:
+        if self._queued:
+            self._queued = self.emulator.cmd("ports")["ports"][self.number]["queued"]
+        return self._queued
+
+
+class BoardHalted(ToolError):
+    """The emulated processor has stopped; the text says why."""
+
+
+class EmulatedBoard:
+    """The firmware as a board gets it, on an emulated one: nothing is patched.
+
+    `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port and there is no
+    REPL channel. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like.
+    """
+
+    slice_ns = 4_000_000
+
+    def __init__(self, rig: Mapping[str, Any] | None = None, trace: bool = True, flash: str | None = None, pins="pico"):
+        from framestep_emulator import Emulator
+
+        from .files import board_files
+
+        rig = dict(rig or {})
+        files = board_files()
+        if rig:
+            files["/rig.json"] = json.dumps(rig).encode()
+        single = rig.get("ports") == 1
+        self.emulator = Emulator(files=files, flash=flash).start()
+        try:
+            self._pins = load_board(pins)
+            inverted = [i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)]
+            self._decoder = PinDecoder(self._pins, inverted)
+            if trace:
+                self.emulator.trace_start(self._pins.pins)
+            self._tracing = trace
+            if not single:
+                self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
+            self._now = self.emulator.ns
+        except BaseException:
+            self.emulator.close()
+            raise
+        self.protocol: Channel = _EmulatedPort(self.emulator, 0 if single else 1)
+        self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
+
+    @property
+    def now_ns(self) -> int:
+        return self._now
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        until = {"until_rx": self.protocol.number} if until_output else {}  # type: ignore[attr-defined]
+        state = self.emulator.cmd("run_until_ns", ns=ns, **until)
+        self._now = state["ns"]
+        if state["halted"]:
+            raise BoardHalted(f"the emulated board has stopped at {self._now * 1e-9:.6f} s: {state['halted']}")
+
+    def edges(self) -> list[Edge]:
+        return self._decoder.feed(self.emulator.trace_read()) if self._tracing else []
+
+    def close(self) -> None:
+        self.emulator.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _is_inverted(motor: Any) -> bool:
+    return isinstance(motor, dict) and bool(motor.get("invert"))
+
+
+# ---- a port on it --------------------------------------------------------------------------------
+
+
+class LockstepPort:
+    """A board's port as Client takes it: reads that wait let the board's time pass, `timeout` is in its seconds."""
+
+    def __init__(self, board: Board, channel: Channel | None = None):
+        self.board = board
+        self.channel = channel or board.protocol
+        self.timeout: float | None = 1.0
+        self._arrived = bytearray()
+        self.is_open = True
+        self.channel.open_port(True)
+
+    def clock(self) -> float:
+        """The board's time in seconds."""
+        return self.board.now_ns * 1e-9
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        self._arrived += self.channel.transmit()
+        return len(self._arrived)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes, waiting as long as `timeout` says."""
+        board = self.board
+        deadline = None if self.timeout is None else board.now_ns + round(self.timeout * 1e9)
+        while self.in_waiting < size and (deadline is None or board.now_ns < deadline):
+            step = board.now_ns + 10**9
+            board.run_until(step if deadline is None else min(step, deadline), until_output=True)
+        data = bytes(self._arrived[:size])
+        del self._arrived[:size]
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the board; it takes them when time passes."""
+        self.channel.receive(bytes(data))
+        return len(data)
+
+    def close(self) -> None:
+        """Close the port as a host does."""
+        if self.is_open:
+            self.is_open = False
+            self.channel.open_port(False)
