@@ -1,6 +1,6 @@
 # framestep: `make help` lists the targets. Builds and caches live in .cache (FRAMESTEP_CACHE moves it), results in build/.
 SHELL := /bin/bash
-CACHE := $(or $(FRAMESTEP_CACHE),$(CURDIR)/.cache)
+CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
 PYTEST := $(PYTHON_VENV) -m pytest -q
 LAYERS := runtime board emulator
@@ -64,7 +64,7 @@ bench: setup node ## measure the firmware on the emulated board
 	@tools/micropython/build.sh rp2
 	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
 
-emulator-measure: setup node micropython ## measure the emulated board itself (two minutes)
+emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)
 
 clean: ## remove build/ and .cache, everything that can be made again

@@ -6,6 +6,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from framestep_tools import builds
@@ -13,6 +14,23 @@ from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_t
 
 # Heap of the 32-bit runtime: about what MicroPython leaves free on an RP2040 (233 to 242 kB).
 _HEAP = "240k"
+
+
+_IN_CI = bool(os.environ.get("CI"))
+
+# No time limit on a single example: the computer may be busy with other things. CI tries the same examples each time.
+hypothesis.settings.register_profile("framestep", deadline=None, derandomize=_IN_CI, print_blob=True)
+hypothesis.settings.load_profile("framestep")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """In CI nothing may be skipped, by whatever means."""
+    report = yield
+    if _IN_CI and report.skipped and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
+    return report
 
 
 @dataclass(frozen=True)

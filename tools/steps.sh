@@ -1,7 +1,7 @@
 # Sourced by setup.sh and micropython/build.sh: steps that show their progress, and host packages.
 
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-CACHE=${FRAMESTEP_CACHE:-$ROOT/.cache}
+CACHE=$(realpath -m "${FRAMESTEP_CACHE:-$ROOT/.cache}")
 LOG=$CACHE/log
 COUNTER=
 

@@ -94,22 +94,22 @@ TOGGLE = (
 
 def test_free_running_keeps_pace(emulator):
     emu = emulator(lockstep=False, speed=1)
-    time.sleep(0.3)
+    emu.wait_usb()
     emu.serial().write(TOGGLE % 50)
     time.sleep(0.2)
-    ns, real = emu.ns, time.monotonic()
     emu.trace_start([25])
+    ns, real = emu.ns, time.monotonic()
     time.sleep(1.5)
+    passed, real = emu.ns - ns, time.monotonic() - real
     edges = emu.trace_stop()
-    rate = (emu.ns - ns) / 1e9 / (time.monotonic() - real)
-    assert 0.9 < rate < 1.05
-    assert 60 < len(edges) < 80
+    assert 0.5 < passed / 1e9 / real < 1.05, "never faster; slower only where the computer is busy with other things"
+    assert abs(len(edges) - passed / 20e6) < 4, "an edge each 20 ms of virtual time"
 
 
 def test_trace_file_can_be_followed(emulator, tmp_path):
     """What has happened is in the file within 50 ms of real time, and nothing is lost."""
     emu = emulator(lockstep=False, speed=1)
-    time.sleep(0.3)
+    emu.wait_usb()
     emu.trace_start([25], file=tmp_path / "trace")
     emu.serial().write(TOGGLE % 200)
     with TraceFile(tmp_path / "trace") as trace:
@@ -123,6 +123,7 @@ def test_trace_file_can_be_followed(emulator, tmp_path):
         emu.trace_stop()
         parts.append(trace.read())
     edges = np.concatenate(parts)
+    assert len(edges) > 100
     assert (np.diff(edge_times(edges, 25)[2:]) < 10e6).all(), "an edge each 5 ms"
     assert (np.diff(edges["level"][1:].astype(int)) != 0).all(), "levels alternate"
     # the first part begins with the level from before; a busy computer may be late now and then

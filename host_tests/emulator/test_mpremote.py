@@ -19,13 +19,6 @@ def mpremote(path, *arguments, cwd=None, timeout=60):
     return result.stdout
 
 
-def wait_usb(emu, after=0):
-    deadline = time.monotonic() + LIMIT_S
-    while not any(e["type"] == "usb-configured" and e["t"] >= after for e in emu.events()):
-        assert time.monotonic() < deadline, f"no USB device within {LIMIT_S} s"
-        time.sleep(0.02)
-
-
 def test_files_and_resets(emulator, tmp_path):
     """ls, cp, run, soft-reset and reset; files survive resets."""
     emu = emulator(lockstep=False)
@@ -33,7 +26,7 @@ def test_files_and_resets(emulator, tmp_path):
     (tmp_path / "blob.bin").write_bytes(data)
     (tmp_path / "hello.py").write_text("print('hello from a file', 6 * 7)\n")
     with emu.pty() as path:
-        wait_usb(emu)
+        emu.wait_usb()
         out = mpremote(path, "fs", "cp", "blob.bin", "hello.py", ":", "+", "fs", "ls", cwd=tmp_path)
         assert "20000 blob.bin" in out
         assert "hello from a file 42" in mpremote(path, "run", "hello.py", cwd=tmp_path)
@@ -41,11 +34,11 @@ def test_files_and_resets(emulator, tmp_path):
         resets = emu.cmd("time")["resets"]
         now = emu.ns
         mpremote(path, "reset")
-        wait_usb(emu, now)
+        emu.wait_usb(after=now)
         assert emu.cmd("time")["resets"] == resets + 1
         now = emu.ns
         emu.reset()  # a power cycle
-        wait_usb(emu, now)
+        emu.wait_usb(after=now)
         mpremote(path, "fs", "cp", ":blob.bin", "back.bin", cwd=tmp_path)
     assert (tmp_path / "back.bin").read_bytes() == data
 
@@ -61,7 +54,7 @@ def test_terminal_opens_and_closes_the_port(emulator):
             time.sleep(0.01)
 
     with emu.pty() as path:
-        wait_usb(emu)
+        emu.wait_usb()
         for _ in range(3):
             wait_open(False)
             terminal = os.open(path, os.O_RDWR | os.O_NOCTTY)
@@ -86,7 +79,7 @@ def test_breaking_into_a_program(emulator, key, leave, works):
     """mpremote cannot break into a program that has switched Ctrl-C off, unless the program lets go."""
     emu = emulator(files={"/main.py": MAIN.format(key=key, leave=leave)}, lockstep=False)
     with emu.pty() as path:
-        wait_usb(emu)
+        emu.wait_usb()
         time.sleep(0.2)
         if works:
             assert "in" in mpremote(path, "exec", "print('in')")

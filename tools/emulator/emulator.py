@@ -21,6 +21,7 @@ import socket
 import subprocess
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 from framestep_tools import builds
@@ -33,6 +34,7 @@ from .trace import edges_from
 
 HERE = Path(__file__).resolve().parent
 BOOT_LIMIT_MS = 5000
+POLL_SECONDS = 0.005  # real time between looks at a board that runs freely
 
 
 def device_file(name):
@@ -184,23 +186,32 @@ class Emulator:
         return self.cmd("run_until_ns", ns=ns)
 
     def wait_event(self, kind, ms):
-        """Run until an event of this kind happens (reset, usb-configured, halt, ...)."""
+        """Run until an event of this kind happens (reset, usb-configured, halt, ...); for lockstep."""
         self.advance(ms, until_event=kind)
         if not any(event["type"] == kind for event in self.events()):
             raise EmulatorError(f"no {kind} within {ms} ms")
 
     def wait_usb(self, ms=BOOT_LIMIT_MS, after=0, ports=None):
-        """Run until the host has configured the board's USB device (at `after` ns or later, with so many ports)."""
+        """Wait until the host has configured the board's USB device (at `after` ns or later, with so many ports).
+
+        ms is a limit of virtual time in lockstep, of real time when running freely.
+        """
+
+        def now_ms():
+            return self.ns / 1e6 if self.lockstep else time.monotonic() * 1e3
 
         def configured():
-            return [e for e in self.events() if e["type"] == "usb-configured" and e["t"] >= after]
+            return [e["ports"] for e in self.events() if e["type"] == "usb-configured" and e["t"] >= after]
 
-        deadline = self.ns + int(ms * 1e6)
-        while not any(ports in (None, e["ports"]) for e in configured()):
-            if self.ns >= deadline:
-                seen = [e["ports"] for e in configured()]
+        deadline = now_ms() + ms
+        while not (seen := configured()) or ports not in (None, seen[-1]):
+            left = deadline - now_ms()
+            if left <= 0:
                 raise EmulatorError(f"no USB device with {ports or 'any'} serial ports within {ms} ms; seen: {seen}")
-            self.advance((deadline - self.ns) / 1e6, until_event="usb-configured")
+            if self.lockstep:
+                self.advance(left, until_event="usb-configured")
+            else:
+                time.sleep(POLL_SECONDS)
 
     def set_lockstep(self, on, speed=None):
         """Switch between lockstep and free running."""

