@@ -5,7 +5,7 @@ import fs from 'node:fs';
 
 export const RECORD = 10;
 const CHUNK = 65536 * RECORD;
-const FLUSH_MS = 20; // real time; the event loop comes round every 20 ms at the latest
+const FLUSH_MS = 10; // real time; the event loop itself comes round every 20 ms at the latest
 
 export class Trace {
   /** @param file where the records go; kept in memory and handed out by `take` when there is none */
