@@ -1,0 +1,58 @@
+from framestep.protocol import messages
+from framestep.protocol.messages import known, payload_fits
+
+# Field note 2, written down once more: the lengths up to 200 bytes that a request may have.
+LENGTHS = {
+    0x0001: {0},
+    0x0020: set(range(3, 200)),
+    0x0021: {4},
+    0x0022: {0},
+    0x0023: {4},
+    0x0030: {0},
+    0x0031: {5},
+    0x0032: {1},
+    0x0033: {0, 4},
+    0x0034: {0},
+    0x0035: {5},
+    0x0036: {7},
+    0x0037: {2},
+    0x0038: {9},
+    0x0039: {12},
+    0x0100: {8},
+    0x0101: set(range(5, 200, 4)),
+    0x0102: set(range(6, 200)),
+    0x0103: {0},
+    0x0104: set(range(4, 200, 8)),
+    0x0110: {4},
+    0x0111: {29, 31, 35},
+    0x0112: set(range(11, 200, 9)),
+    0x0113: {0},
+    0x0115: set(range(12, 200, 9)),
+    0x0116: {0},
+    0x0120: {8},
+    0x0200: set(range(1, 200)),
+    0x0201: {5},
+    0x0202: {1},
+    0x0203: {7},
+    0x0205: {0},
+    0x0206: {3},
+    0x0207: {13},
+}
+
+
+def test_payload_lengths_of_every_type():
+    for kind in [*range(0x0400), 0x8001, 0xFFFF]:
+        assert known(kind) == (kind in LENGTHS)
+        assert {n for n in range(200) if payload_fits(kind, n)} == LENGTHS.get(kind, set()), hex(kind)
+
+
+def test_every_request_type_has_a_name():
+    names = {value for name, value in vars(messages).items() if name.startswith("MSG_")}
+    sent_only = {messages.MSG_MOTOR_HARD_STOP, messages.MSG_RT_END, messages.MSG_FLAG_ACK}
+    assert names - sent_only == set(LENGTHS)
+
+
+def test_no_two_names_of_a_kind_share_a_number():
+    for prefix in "MSG_", "ERR_", "CAP_", "MOTOR_", "RUN_", "VIRT_MOTOR_", "HARD_STOP_", "LINE_":
+        values = [value for name, value in vars(messages).items() if name.startswith(prefix)]
+        assert len(values) == len(set(values)) > 1

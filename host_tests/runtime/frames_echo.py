@@ -1,0 +1,111 @@
+"""Runs on MicroPython and on CPython: answers every frame of a case, with the heap locked all the time.
+
+A case is a line on standard input, `stream in hex, steps`; a step above 0 feeds that many bytes, 0 polls until nothing
+is left and tells `waiting`, -1 gives up the frame that has begun. What the writer has taken in is printed in hex.
+"""
+
+import sys
+from array import array
+
+from framestep.protocol.frames import FRAME, NOTHING, FrameReader, FrameWriter
+from framestep.protocol.messages import ERR_CHECKSUM
+
+try:
+    from micropython import heap_lock, heap_unlock
+except ImportError:
+
+    def heap_lock():
+        pass
+
+    heap_unlock = heap_lock
+
+WAITING = 0x7777
+
+
+def answer(reader, writer, words):
+    """Echo the frame in the reader, field by field."""
+    writer.begin(reader.type, reader)
+    at = 0
+    left = reader.length
+    while left >= 4:
+        reader.word_to(at, words, 1)
+        writer.word_from(words, 1)
+        at += 4
+        left -= 4
+    if left >= 2:
+        writer.u16(reader.u16(at) if left & 1 else reader.i16(at))
+        at += 2
+        left -= 2
+    if left:
+        writer.u8(reader.u8(at))
+    return writer.end()
+
+
+def drain(reader, writer, words):
+    while True:
+        found = reader.poll()
+        if found == NOTHING:
+            return True
+        if found == FRAME:
+            if not answer(reader, writer, words):
+                return False
+        elif not writer.ack(reader, ERR_CHECKSUM, False):
+            return False
+
+
+def replay(stream, steps, reader, writer, words):
+    """Go through the steps; False when the reader takes no more bytes or the writer has no room."""
+    at = 0
+    end = 0
+    for step in steps:
+        if step > 0:
+            end += step
+            while at < end:
+                taken = reader.feed(stream, at, end - at)
+                if taken == 0:
+                    if not drain(reader, writer, words):
+                        return False
+                    taken = reader.feed(stream, at, end - at)
+                    if taken == 0:
+                        return False
+                at += taken
+            continue
+        if not drain(reader, writer, words):
+            return False
+        if step < 0:
+            reader.abandon()
+            if not drain(reader, writer, words):
+                return False
+        else:
+            writer.begin(WAITING, None)
+            writer.u16(reader.waiting)
+            writer.end()
+    return drain(reader, writer, words)
+
+
+def echo(stream, steps, reader, writer, out, words):
+    """The bytes of the answer, at the start of `out`; -1 when something went wrong."""
+    reader.clear()
+    writer.clear()
+    heap_lock()
+    good = replay(stream, steps, reader, writer, words)
+    count = writer.take(out, len(out)) if good else -1
+    heap_unlock()
+    return count
+
+
+def main():
+    reader = FrameReader()
+    writer = FrameWriter(40000)
+    out = bytearray(40000)
+    words = array("i", (0, 0, 0))
+    for line in sys.stdin:
+        stream, _, steps = line.rstrip("\n").partition(" ")
+        steps = [int(step) for step in steps.split()]
+        count = echo(bytes.fromhex(stream), steps, reader, writer, out, words)
+        # MicroPython's b"".hex() is not a string
+        print(bytes(memoryview(out)[:count]).hex() if count > 0 else "stuck" if count < 0 else "")
+
+
+if __name__ == "__main__":
+    main()
