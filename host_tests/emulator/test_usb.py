@@ -20,6 +20,12 @@ def test_second_usb_port(emulator):
     assert repl.eval("sizes") == [(1036, b"abcd"), (2, b"xycd")]
     repl.exec("port.write(b'answer ' * 30)")
     assert second.read(210) == b"answer " * 30, "device to host"
+    second.hold()
+    repl.exec("port.write(b'later')")
+    emu.advance(20)
+    assert second.in_waiting == 0, "a program that does not read"
+    second.hold(False)
+    assert second.read(5) == b"later"
     second.close()
     with emu.free_running(), emu.tcp_serial(1, timeout=2) as tcp:
         tcp.write(b"over TCP")
@@ -31,3 +37,23 @@ def test_second_usb_port(emulator):
     emu.wait_usb(after=start, ports=1)
     emu.advance(50)
     assert emu.repl().eval("1 + 1") == 2, "REPL after it"
+
+
+def test_what_a_host_sees_of_it(emulator):
+    """Names and serial number; a full packet is not handed on before a read is full or a packet is short."""
+    emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
+    repl = emu.repl()
+    event = next(e for e in emu.events() if e["type"] == "usb-configured")
+    assert event["names"] == ["Board CDC"] and event["product"] == "Board in FS mode"
+    assert event["serial"] == repl.eval("__import__('machine').unique_id().hex()")
+    repl.exec("import cdc2\nport = cdc2.CDC2(lambda p, n: None)")
+    start = emu.ns
+    repl.serial.write(b"port.start()\x04")
+    emu.wait_usb(after=start, ports=2)
+    emu.advance(20)
+    repl = emu.repl()
+    second = emu.serial(1)
+    for data, seen in ((bytes(64), 0), (b"", 64), (bytes(64), 0), (bytes(64), 128), (bytes(63), 63)):
+        repl.exec(f"port.write({data!r})")
+        emu.advance(5)
+        assert len(second.read_all()) == seen

@@ -118,6 +118,10 @@ class Serial:
             else:
                 time.sleep(self.POLL_SECONDS)
 
+    def hold(self, on=True):
+        """Stop taking what the board sends, as a program that has the port open and does not read; on=False goes on."""
+        self.emu.cmd("hold", port=self.port, on=on)
+
     def reset_input_buffer(self):
         self._fetch()
         self._buffer.clear()
