@@ -38,6 +38,7 @@ from .wire import Frame, FrameDecoder, encode
 DEFAULT_TIMEOUT_S = 2.0
 POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
 READ_SIZE = 4096
+_CLOCK_GRAIN_S = 1e-6  # less than that is left only by rounding, and a port may round it to nothing
 _LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
 _MOTOR_AND_INDEX = 5
 
@@ -260,7 +261,7 @@ class Client:
             if done():
                 return True
             self._take(self._read(min(max(0.0, remaining), _LONGEST_READ_S)))
-            if remaining <= 0:
+            if remaining < _CLOCK_GRAIN_S:
                 return done()
             remaining = deadline - self.clock()
 

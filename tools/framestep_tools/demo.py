@@ -105,7 +105,7 @@ class Display:
             return
         frame = report.move_time / 1000
         if self.live:
-            self.progress.update(self.task, completed=frame)
+            self.progress.update(self.task, completed=min(frame, self.move.end_frame))
             table = Table.grid(padding=(0, 2))
             table.add_row(self.progress)
             motors = Table(box=None)
