@@ -1,0 +1,341 @@
+"""Motors: their settings, and the way from a request or a played move to segments in the queue.
+
+An axis has a list of phases (ramps.py) and feeds them, as segments, to the tick kernel's queue
+some tenths of a second ahead. Everything that moves a motor goes through here.
+
+Positions are steps, int32, and never become Python numbers where they may be large: they are
+handed over as (array, index). Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.motion import ramps, reals, segments, stepper
+from framestep.native import const, micropython, ptr32
+
+TICKS_PER_SECOND = const(1000)
+SLOWEST = const(10)  # steps/s below which a set velocity is lifted (field note 4.1)
+FASTEST = const(500000)  # steps/s: what the kernel's numbers hold
+STEEPEST = const(4000000)  # steps/s²: the same; a higher setting is taken as this
+DEFAULT_VELOCITY = const(5000)  # field note 4.1
+DEFAULT_ACCELERATION = const(20000)
+INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
+
+AHEAD = const(6)  # segments to keep queued
+SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
+
+# Numbers of an axis, registers of `numbers`
+TOP = const(0)  # greatest velocity, steps per tick
+STEEP = const(2)  # greatest acceleration, steps per tick²
+JERK = const(4)  # greatest jerk, steps per tick³, 0 for none
+SHARE_TOP = const(6)  # the same for the motion under way (a jog has a share of them)
+SHARE_STEEP = const(8)
+_X = const(12)
+_Y = const(14)
+
+# Words of `limits`
+LOWER = const(0)
+UPPER = const(1)
+TARGET = const(2)
+
+_ALL_BITS = const(0x3FFFFFFF)
+
+
+@micropython.viper
+def _set_cubic(cubic: ptr32, state: ptr32):
+    """Start a cubic from the state that stepper.splice tells."""
+    cubic[0] = state[0]
+    cubic[1] = state[1] >> 6
+    cubic[2] = (state[1] & 63) << 24
+    # the kernel's velocity is the displacement of a tick: half the acceleration more
+    v = state[2] - (state[3] >> 6)
+    cubic[3] = v >> 6
+    cubic[4] = (v & 63) << 24
+    a = state[3]
+    cubic[5] = a >> 12
+    cubic[6] = (a & 0xFFF) << 18
+    cubic[7] = 0
+    cubic[8] = 0
+
+
+@micropython.viper
+def _side(a, i: int, b, j: int) -> int:
+    """The sign of a[i] - b[j]."""
+    x = ptr32(a)
+    y = ptr32(b)
+    if x[i + 0] > y[j + 0]:
+        return 1
+    if x[i + 0] < y[j + 0]:
+        return -1
+    return 0
+
+
+def kernel_rate(acceleration):
+    """steps/s² (up to STEEPEST) as the kernel's deceleration, Q22 steps per tick²; at least 1."""
+    rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
+    return rate if rate else 1
+
+
+class Axis:
+    """One motor."""
+
+    def __init__(self, kernel, motor):
+        self.block = kernel.blocks[motor]
+        self.state = array("i", [0] * 5)
+        self.cubic = array("i", [0] * segments.CUBIC_WORDS)
+        self.numbers = array("i", [0] * 16)
+        self.limits = array("i", [0] * 3)
+        self.phases = ramps.Phases()
+        self.whole = array("i", [0] * 2)
+        self.lower_enabled = False
+        self.upper_enabled = False
+        self.velocity = 0
+        self.acceleration = 0
+        self.left = 0  # ticks of the cubic's phase still to be queued
+        self.part = 0  # Q30 of a tick: what remains of the phase after them
+        self.active = False  # phases or their end remain to be queued
+        self.more = False  # further phases will be appended: do not come to rest
+        self.share = 0
+        self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
+
+    # ---------------------------------------------------------------- settings
+
+    def set_speed(self, velocity, acceleration):
+        """Greatest velocity (steps/s, 1 … FASTEST) and acceleration (steps/s²; 0: half the velocity)."""
+        if velocity < SLOWEST:
+            velocity = SLOWEST
+        if acceleration == 0:
+            acceleration = max(velocity // 2, 1)
+        if acceleration > STEEPEST:
+            acceleration = STEEPEST
+        self.velocity = velocity
+        self.acceleration = acceleration
+        r = self.numbers
+        reals.put(r, _Y, TICKS_PER_SECOND, 0)
+        reals.put(r, TOP, velocity, 0)
+        reals.divide(r, TOP, TOP, _Y)
+        reals.put(r, STEEP, acceleration, 0)
+        reals.divide(r, STEEP, STEEP, _Y)
+        reals.divide(r, STEEP, STEEP, _Y)
+        self.block[stepper.BRAKE] = kernel_rate(acceleration)
+
+    def set_jerk(self, jerk):
+        """Greatest jerk in 1000 steps/s³ (up to 2^30 - 1), 0 for plain trapezoids."""
+        r = self.numbers
+        reals.put(r, _Y, TICKS_PER_SECOND, 0)
+        reals.put(r, JERK, jerk, 0)
+        reals.divide(r, JERK, JERK, _Y)
+        reals.divide(r, JERK, JERK, _Y)
+
+    def outside(self, target, i):
+        """Where target[i] lies past an enabled soft limit: 1 above, -1 below, else 0.
+
+        A motor that is already past a limit may move toward the allowed range (field note 4.3).
+        """
+        if self.upper_enabled and _side(target, i, self.limits, UPPER) > 0:
+            if (
+                _side(self.block, stepper.POSITION, self.limits, UPPER) <= 0
+                or _side(target, i, self.block, stepper.POSITION) > 0
+            ):
+                return 1
+        if self.lower_enabled and _side(target, i, self.limits, LOWER) < 0:
+            if (
+                _side(self.block, stepper.POSITION, self.limits, LOWER) >= 0
+                or _side(target, i, self.block, stepper.POSITION) < 0
+            ):
+                return -1
+        return 0
+
+    # ---------------------------------------------------------------- state
+
+    @property
+    def moving(self):
+        """From the moment a motion is asked for until the last pulse is out."""
+        return self.active or self.block[stepper.MODE] != stepper.IDLE
+
+    @property
+    def stopping(self):
+        return self.block[stepper.MODE] == stepper.STOP
+
+    def position_to(self, target, i):
+        """target[i] = steps made."""
+        reals.copy_word(target, i, self.block, stepper.POSITION)
+
+    def set_position(self, source, i):
+        """Give the place where the motor stands another number. Only at rest."""
+        reals.copy_word(self.block, stepper.POSITION, source, i)
+
+    # ---------------------------------------------------------------- motion
+
+    def prepare(self, hal):
+        """Make the cubic the state that a new plan starts from, and drop what was planned."""
+        block = self.block
+        irq = hal.irq_off()
+        stepper.splice(block, SPLICE_TICKS, self.state)
+        hal.irq_on(irq)
+        _set_cubic(self.cubic, self.state)
+        self.phases.clear()
+        self.left = 0
+        self.part = 0
+        self.more = False
+        self.active = False
+
+    def travel(self, hal, target, i, share=10000):
+        """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
+
+        Under way it bends to the new target, stopping first where it must turn (field note 4.8).
+        Returns whether anything moves. The motion starts with the next tick.
+        """
+        r = self.numbers
+        if share != self.share:
+            self.share = share
+            reals.put(r, _X, max(share, INCHING), 0)
+            reals.put(r, _Y, 10000, 0)
+            reals.divide(r, _X, _X, _Y)
+            reals.multiply(r, SHARE_TOP, TOP, _X)
+            reals.multiply(r, SHARE_STEEP, STEEP, _X)
+        self.prepare(hal)
+        reals.copy_word(self.limits, TARGET, target, i)
+        if not ramps.plan(self.phases, self.cubic, self.limits, TARGET, r, SHARE_TOP, SHARE_STEEP, JERK):
+            return self.moving
+        self.active = True
+        self.feed(2)
+        self.start(hal)
+        return True
+
+    def start(self, hal):
+        """Let the kernel take the queue from the next tick on."""
+        irq = hal.irq_off()
+        self.release()
+        hal.irq_on(irq)
+
+    def release(self):
+        """As start(), with interrupts off already: for several motors in the same tick."""
+        block = self.block
+        mode = block[stepper.MODE]
+        if mode == stepper.IDLE:
+            block[stepper.MODE] = stepper.RUN | stepper.START
+        elif mode == stepper.DRAIN:
+            block[stepper.MODE] = stepper.RUN
+
+    def stop(self, hal, factor=1):
+        """Ramp down from the next tick on, `factor` times as steeply as the motor is set to."""
+        self.phases.clear()
+        self.left = 0
+        self.active = False
+        self.more = False
+        rate = kernel_rate(min(self.acceleration * factor, STEEPEST))
+        irq = hal.irq_off()
+        stepper.halt(self.block, rate)
+        hal.irq_on(irq)
+
+    # ---------------------------------------------------------------- feeding the queue
+
+    def feed(self, most=AHEAD):
+        """Cut phases into segments until `most` of them are queued."""
+        block = self.block
+        cubic = self.cubic
+        while self.active and (block[stepper.TAIL] - block[stepper.HEAD]) & _ALL_BITS < most:
+            ticks = self.left
+            if ticks:
+                if ticks > segments.LONGEST:
+                    ticks = segments.LONGEST
+                segments.cut(cubic, block, ticks)
+                segments.shift(cubic, ticks << 24, 6, 0)
+                self.left -= ticks
+            elif not self._next():
+                return
+
+    def _next(self):
+        """Go on to the next phase; False where there is none yet. At the end: come to rest.
+
+        A phase ends within a tick, as a rule. That tick is a segment of its own, from where the
+        old phase begins it to where the new one, or the one after that, ends it.
+        """
+        cubic = self.cubic
+        phases = self.phases
+        whole = self.whole
+        part = self.part
+        if self.more and phases.head == phases.tail:
+            return False
+        if part:
+            segments.mark(self.state, cubic)
+            segments.shift(cubic, part, 0, 0)
+        while True:
+            if phases.head == phases.tail:
+                segments.settle(cubic)
+                if part:
+                    segments.bridge(self.state, cubic, self.block)
+                segments.cut(cubic, self.block, 1)
+                self.part = 0
+                self.active = False
+                return True
+            ramps.load_phase(phases, cubic, whole)
+            if part == 0:
+                self.left = whole[0]
+                self.part = whole[1]
+                return True
+            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
+            if whole[0] or whole[1] >= rest:
+                segments.shift(cubic, rest, 0, 0)
+                segments.bridge(self.state, cubic, self.block)
+                self.left = whole[0]
+                self.part = whole[1] - rest
+                if self.part < 0:
+                    self.left -= 1
+                    self.part = self.part + _ALL_BITS + 1
+                return True
+            if self.more and phases.head == phases.tail:
+                # cannot be told apart from a phase that is still to come
+                phases.head = (phases.head - 1) % ramps.PHASES
+                segments.shift(cubic, part, 0, 1)
+                return False
+            segments.shift(cubic, whole[1], 0, 0)
+            part += whole[1]
+
+
+class Axes:
+    """All motors of the controller."""
+
+    def __init__(self, hal):
+        self.hal = hal
+        self.kernel = hal.kernel
+        self.count = hal.kernel.motors
+        self.axes = [Axis(hal.kernel, i) for i in range(self.count)]
+
+    def __getitem__(self, motor):
+        return self.axes[motor]
+
+    def feed(self):
+        """Keep the queues filled; once per pass of the main loop."""
+        for axis in self.axes:
+            if axis.active:
+                axis.feed()
+
+    def moving_bits(self):
+        """One bit per motor that moves."""
+        bits = 0
+        for i in range(self.count):
+            if self.axes[i].moving:
+                bits |= 1 << i
+        return bits
+
+    @property
+    def moving(self):
+        for axis in self.axes:
+            if axis.moving:
+                return True
+        return False
+
+    def start(self, bits):
+        """Start the motors of these bits in the same tick."""
+        irq = self.hal.irq_off()
+        for i in range(self.count):
+            if bits >> i & 1:
+                self.axes[i].release()
+        self.hal.irq_on(irq)
+
+    def stop(self, factor=1):
+        """Ramp all motors down."""
+        for axis in self.axes:
+            if axis.moving:
+                axis.stop(self.hal, factor)

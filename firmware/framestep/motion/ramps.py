@@ -1,0 +1,401 @@
+"""Ramps: from a position and a velocity to a target at rest, as a few phases of constant jerk.
+
+A phase is a stretch of a motor's motion with one cubic. Its duration is a real number of ticks and
+need not end on a tick. Kinds:
+
+    RAMP    G2 and G3 given (half the acceleration, a sixth of the jerk); ends where that leads
+    AIM     the cubic that reaches a given step at a given velocity when the phase ends
+
+A plan is at most: ramp to a stop (where the target lies behind), ramp to the cruising velocity,
+cruise, ramp down onto the target. The last one aims, so what rounding the other phases left is
+spread over it and the motor comes to rest on the step exactly. With a jerk limit each ramp is three
+phases; since a ramp is symmetric it covers the mean of its two velocities times its duration
+either way, which is all that the plan needs to know of it.
+
+Time in ticks of 1 ms, position in steps, along the direction of the motion. Nothing allocates.
+"""
+
+from array import array
+
+from framestep.motion import reals
+from framestep.motion.segments import G1, G2, G3, coefficient, distance, velocity
+from framestep.native import const
+
+# Words of a phase
+KIND = const(0)
+TARGET = const(1)  # AIM: the step
+DURATION = const(2)
+START = const(4)  # velocity at the start
+SECOND = const(6)  # RAMP: G2. AIM: velocity at the end
+THIRD = const(8)  # RAMP: G3
+PHASE_WORDS = const(10)
+PHASES = const(16)  # in the ring of a motor
+
+RAMP = const(0)
+AIM = const(1)
+
+# Registers of the planner
+_V = const(0)  # velocity at the start, along the way
+_TOP = const(2)  # greatest velocity
+_A = const(4)  # greatest acceleration
+_J = const(6)  # greatest jerk, 0 for none
+_S = const(8)  # way to go
+_C = const(10)  # cruising velocity
+_T = const(12)
+_X = const(14)
+_Y = const(16)
+_Z = const(18)
+_W = const(20)
+_LOW = const(22)
+_HIGH = const(24)
+_D = const(26)  # difference of velocity of a ramp
+_T1 = const(28)
+_T2 = const(30)
+_U = const(32)
+_ZERO = const(34)
+_LEAVE = const(36)
+_SIXTH = const(38)
+_THIRD = const(40)
+_SHORT = const(42)
+_SPARE = const(44)
+_FEW = const(46)
+
+_scratch = array("i", [0] * 48)
+reals.put(_scratch, _LEAVE, 1, -6)
+reals.put(_scratch, _SHORT, 1, -8)  # phases shorter than this many ticks are left out
+reals.put(_scratch, _FEW, 4, 0)  # ticks
+reals.put(_scratch, _X, 3, 0)
+reals.put(_scratch, _Y, 1, 0)
+reals.divide(_scratch, _THIRD, _Y, _X)
+reals.double(_scratch, _SIXTH, _THIRD, -1)
+
+
+def _number(words, to, register, turned):
+    if turned:
+        reals.negate(_scratch, _SPARE, register)
+        reals.fetch(words, to, _scratch, _SPARE)
+    else:
+        reals.fetch(words, to, _scratch, register)
+
+
+def _push(phases, kind, duration, start, second, third, turned):
+    """Append a phase made of scratch registers; velocities and accelerations change sign if turned."""
+    at = phases.tail * PHASE_WORDS
+    words = phases.words
+    words[at + KIND] = kind
+    reals.fetch(words, at + DURATION, _scratch, duration)
+    _number(words, at + START, start, turned)
+    _number(words, at + SECOND, second, turned)
+    _number(words, at + THIRD, third, turned)
+    phases.tail = (phases.tail + 1) % PHASES
+
+
+class Phases:
+    """The phases that lie ahead of one motor, a ring."""
+
+    def __init__(self):
+        self.words = array("i", [0] * (PHASES * PHASE_WORDS))
+        self.head = 0
+        self.tail = 0
+
+    def clear(self):
+        self.head = self.tail
+
+    @property
+    def room(self):
+        return PHASES - 1 - (self.tail - self.head) % PHASES
+
+    def aim(self, duration, start, end, numbers, targets, i):
+        """Append an AIM phase: registers of `numbers`, the step targets[i]."""
+        at = self.tail * PHASE_WORDS
+        words = self.words
+        words[at + KIND] = AIM
+        reals.fetch(words, at + DURATION, numbers, duration)
+        reals.fetch(words, at + START, numbers, start)
+        reals.fetch(words, at + SECOND, numbers, end)
+        reals.copy_word(words, at + TARGET, targets, i)
+        self.tail = (self.tail + 1) % PHASES
+
+
+def load_phase(phases, cubic, whole):
+    """Take the next phase: set the cubic, whose position stays, and split its duration into whole
+    ticks and a fraction in `whole`."""
+    r = _scratch
+    words = phases.words
+    at = phases.head * PHASE_WORDS
+    reals.split(words, at + DURATION, whole)
+    coefficient(cubic, G1, words, at + START)
+    if words[at + KIND] == RAMP:
+        coefficient(cubic, G2, words, at + SECOND)
+        coefficient(cubic, G3, words, at + THIRD)
+    else:
+        # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T²
+        reals.fetch(r, _T, words, at + DURATION)
+        reals.fetch(r, _V, words, at + START)
+        reals.fetch(r, _C, words, at + SECOND)
+        if whole[0] == 0:
+            # Within a tick there is nothing to bend; where it ends is up to what follows.
+            reals.subtract(r, _X, _C, _V)
+            reals.divide(r, _X, _X, _T)
+            reals.double(r, _X, _X, -1)
+            coefficient(cubic, G2, r, _X)
+            coefficient(cubic, G3, r, _ZERO)
+            phases.head = (phases.head + 1) % PHASES
+            return
+        distance(r, _S, words, at + TARGET, cubic)
+        reals.divide(r, _W, _S, _T)
+        reals.subtract(r, _X, _W, _V)  # mean - start
+        reals.subtract(r, _Y, _W, _C)  # mean - end
+        reals.add(r, _Z, _X, _Y)
+        reals.add(r, _X, _X, _Z)
+        reals.divide(r, _X, _X, _T)
+        coefficient(cubic, G2, r, _X)
+        reals.negate(r, _Z, _Z)
+        reals.divide(r, _Z, _Z, _T)
+        reals.divide(r, _Z, _Z, _T)
+        coefficient(cubic, G3, r, _Z)
+    phases.head = (phases.head + 1) % PHASES
+
+
+def _ramp_time(to, difference):
+    """How long the velocity takes to change by r[difference] >= 0 within acceleration and jerk."""
+    r = _scratch
+    if reals.sign(r, _J) > 0:
+        reals.divide(r, _X, _A, _J)  # time to full acceleration
+        reals.multiply(r, _Y, _X, _A)
+        if reals.compare(r, difference, _Y) < 0:
+            reals.divide(r, _X, difference, _J)
+            reals.root(r, to, _X, _SPARE)
+            reals.double(r, to, to, 1)
+            return
+        reals.divide(r, _Y, difference, _A)
+        reals.add(r, to, _X, _Y)
+        return
+    reals.divide(r, to, difference, _A)
+
+
+def _ramp_way(to, start, end):
+    """The way of a ramp between two velocities; leaves its duration in _U."""
+    r = _scratch
+    if reals.compare(r, start, end) < 0:
+        reals.subtract(r, _D, end, start)
+    else:
+        reals.subtract(r, _D, start, end)
+    _ramp_time(_U, _D)
+    reals.add(r, to, start, end)
+    reals.multiply(r, to, to, _U)
+    reals.double(r, to, to, -1)
+
+
+def _push_ramp(phases, start, end, last, turned, targets, i):
+    """Append a ramp from r[start] to r[end] >= 0. If `last` it ends on the step targets[i].
+
+    r[_U] is its duration when it is the last one, otherwise the shortest possible is taken.
+    """
+    r = _scratch
+    up = reals.compare(r, start, end) < 0
+    if up:
+        reals.subtract(r, _D, end, start)
+    else:
+        reals.subtract(r, _D, start, end)
+    if not last:
+        _ramp_time(_U, _D)
+    if reals.compare(r, _U, _SHORT) < 0:
+        return
+    # S-curve of duration U: jerk for T1, full acceleration for T2, jerk for T1. With the peak
+    # acceleration a = j·T1 and D = a·(T1 + T2) = j·T1·(U - T1): T1 = U/2 - sqrt(U²/4 - D/j),
+    # written so that nothing cancels. A jerk that is over within a few ticks is none.
+    if reals.sign(r, _J) > 0:
+        reals.double(r, _T1, _U, -1)
+        reals.multiply(r, _X, _T1, _T1)
+        reals.divide(r, _Z, _D, _J)
+        reals.subtract(r, _X, _X, _Z)
+        reals.root(r, _Y, _X, _SPARE)
+        reals.add(r, _T1, _T1, _Y)
+        reals.divide(r, _T1, _Z, _T1)
+    if reals.sign(r, _J) <= 0 or reals.compare(r, _T1, _FEW) < 0:
+        if last:
+            _push_aim(phases, _U, start, end, turned, targets, i)
+            return
+        reals.divide(r, _X, _D, _U)
+        reals.double(r, _X, _X, -1)
+        if not up:
+            reals.negate(r, _X, _X)
+        _push(phases, RAMP, _U, start, _X, _ZERO, turned)
+        return
+    reals.double(r, _T2, _Y, 1)
+    reals.multiply(r, _Z, _J, _SIXTH)
+    reals.multiply(r, _Y, _J, _T1)  # peak acceleration
+    reals.double(r, _Y, _Y, -1)
+    if not up:
+        reals.negate(r, _Z, _Z)
+        reals.negate(r, _Y, _Y)
+    _push(phases, RAMP, _T1, start, _ZERO, _Z, turned)
+    reals.multiply(r, _X, _Y, _T1)  # velocity gained: half the acceleration times the time
+    reals.add(r, _W, start, _X)
+    if reals.compare(r, _T2, _SHORT) > 0:
+        _push(phases, RAMP, _T2, _W, _Y, _ZERO, turned)
+        reals.multiply(r, _X, _Y, _T2)
+        reals.double(r, _X, _X, 1)
+        reals.add(r, _W, _W, _X)
+    if last:
+        _push_aim(phases, _T1, _W, end, turned, targets, i)
+    else:
+        reals.negate(r, _Z, _Z)
+        _push(phases, RAMP, _T1, _W, _Y, _Z, turned)
+
+
+def _push_aim(phases, duration, start, end, turned, targets, i):
+    at = phases.tail * PHASE_WORDS
+    _push(phases, AIM, duration, start, end, _ZERO, turned)
+    reals.copy_word(phases.words, at + TARGET, targets, i)
+
+
+def _level(phases, cubic):
+    """With a jerk limit, first let the acceleration G2 go; what follows begins without one."""
+    r = _scratch
+    if reals.sign(r, _J) <= 0:
+        return
+    velocity(r, _X, cubic, G2)
+    rising = reals.sign(r, _X)
+    if not rising:
+        return
+    reals.multiply(r, _Z, _J, _SIXTH)
+    if rising > 0:
+        reals.negate(r, _Z, _Z)
+    reals.divide(r, _T, _X, _Z)  # a = 2·G2, j = 6·G3: T = a/j = G2/(3·G3)
+    reals.multiply(r, _T, _T, _THIRD)
+    reals.negate(r, _T, _T)
+    if reals.compare(r, _T, _SHORT) < 0:
+        return
+    _push(phases, RAMP, _T, _V, _X, _Z, False)
+    # S less V·T + G2·T² + G3·T³, V more 2·G2·T + 3·G3·T² = G2·T
+    reals.multiply(r, _Y, _Z, _T)
+    reals.add(r, _Y, _Y, _X)
+    reals.multiply(r, _Y, _Y, _T)
+    reals.add(r, _Y, _Y, _V)
+    reals.multiply(r, _Y, _Y, _T)
+    reals.subtract(r, _S, _S, _Y)
+    reals.multiply(r, _Y, _X, _T)
+    reals.add(r, _V, _V, _Y)
+
+
+def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
+    """Plan from where the cubic is, at its velocity G1, to rest on the step targets[i].
+
+    limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
+    for none). Returns False where there is nothing to do.
+    """
+    r = _scratch
+    phases.clear()
+    reals.fetch(r, _TOP, limits, top)
+    reals.fetch(r, _A, limits, acceleration)
+    reals.fetch(r, _J, limits, jerk)
+    distance(r, _S, targets, i, cubic)
+    velocity(r, _V, cubic, G1)
+    _level(phases, cubic)
+    moving = reals.sign(r, _V)
+    way = reals.sign(r, _S)
+    if not moving and not way:
+        return False
+    turned = way < 0 if way else moving < 0
+    if turned:
+        reals.negate(r, _S, _S)
+        reals.negate(r, _V, _V)
+    if moving:
+        # Stop first where the target lies behind or nearer than the motor can stop; a 64th of
+        # a step of leave, so that a plan made again on the way down ends where the first one would.
+        _ramp_way(_X, _V, _ZERO)
+        reals.add(r, _Y, _S, _LEAVE)
+        if reals.sign(r, _V) < 0 or reals.compare(r, _X, _Y) > 0:
+            against = reals.sign(r, _V) < 0
+            if against:
+                reals.negate(r, _V, _V)
+            _ramp_way(_X, _V, _ZERO)
+            reals.copy(r, _LOW, _X)
+            _push_ramp(phases, _V, _ZERO, False, turned != against, targets, i)
+            if against:
+                reals.add(r, _S, _S, _LOW)
+            else:
+                reals.subtract(r, _S, _S, _LOW)
+                if reals.sign(r, _S) < 0:
+                    turned = not turned
+                    reals.negate(r, _S, _S)
+            reals.put(r, _V, 0, 0)
+            if reals.compare(r, _S, _SHORT) < 0:
+                return True
+    _cruise()
+    # The way that the two ramps leave is cruised; the last ramp takes what is then left.
+    _ramp_way(_X, _V, _C)
+    reals.subtract(r, _S, _S, _X)
+    _push_ramp(phases, _V, _C, False, turned, targets, i)
+    _ramp_way(_X, _C, _ZERO)
+    reals.subtract(r, _Y, _S, _X)
+    if reals.sign(r, _Y) > 0:
+        reals.divide(r, _T, _Y, _C)
+        if reals.compare(r, _T, _SHORT) > 0:
+            _push(phases, RAMP, _T, _C, _ZERO, _ZERO, turned)
+            reals.subtract(r, _S, _S, _Y)
+    reals.divide(r, _U, _S, _C)
+    reals.double(r, _U, _U, 1)
+    _push_ramp(phases, _C, _ZERO, True, turned, targets, i)
+    return True
+
+
+def _cruise():
+    """The velocity _C to cruise at: as high as the way _S allows, from _V."""
+    r = _scratch
+    if reals.compare(r, _V, _TOP) >= 0:
+        reals.copy(r, _C, _TOP)
+        _ramp_way(_X, _V, _C)
+        reals.copy(r, _W, _X)
+        _ramp_way(_X, _C, _ZERO)
+        reals.add(r, _X, _X, _W)
+        if reals.compare(r, _X, _S) > 0:
+            reals.copy(r, _C, _V)  # nearer than the way down to the new top: stop straight away
+        return
+    if reals.sign(r, _J) > 0:
+        # No closed form with both limits: bisection, 24 binary digits of the velocity
+        reals.copy(r, _LOW, _V)
+        reals.copy(r, _HIGH, _TOP)
+        reals.copy(r, _C, _TOP)
+        for _ in range(24):
+            _ramp_way(_X, _V, _C)
+            reals.copy(r, _W, _X)
+            _ramp_way(_X, _C, _ZERO)
+            reals.add(r, _X, _X, _W)
+            if reals.compare(r, _X, _S) > 0:
+                reals.copy(r, _HIGH, _C)
+            elif reals.compare(r, _C, _TOP) >= 0:
+                return
+            else:
+                reals.copy(r, _LOW, _C)
+            reals.add(r, _C, _LOW, _HIGH)
+            reals.double(r, _C, _C, -1)
+        if reals.sign(r, _LOW) > 0:
+            reals.copy(r, _C, _LOW)
+        return
+    # Triangle: A·S = C² - V²/2
+    reals.multiply(r, _X, _A, _S)
+    reals.multiply(r, _Y, _V, _V)
+    reals.double(r, _Y, _Y, -1)
+    reals.add(r, _X, _X, _Y)
+    reals.root(r, _C, _X, _SPARE)
+    if reals.compare(r, _C, _TOP) > 0:
+        reals.copy(r, _C, _TOP)
+    elif reals.compare(r, _C, _V) < 0:
+        reals.copy(r, _C, _V)
+
+
+def plan_stop(phases, cubic, limits, acceleration, jerk):
+    """Plan a ramp to rest, wherever that is."""
+    r = _scratch
+    phases.clear()
+    reals.fetch(r, _A, limits, acceleration)
+    reals.fetch(r, _J, limits, jerk)
+    velocity(r, _V, cubic, G1)
+    _level(phases, cubic)
+    down = reals.sign(r, _V) < 0
+    if down:
+        reals.negate(r, _V, _V)
+    _push_ramp(phases, _V, _ZERO, False, down, None, 0)

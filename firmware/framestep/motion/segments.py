@@ -1,0 +1,211 @@
+"""Exact motion of one motor as a cubic in time, cut into segments for the tick kernel.
+
+    position(x) = P + G1·x + G2·x² + G3·x³        x in ticks
+
+Each coefficient is a fixed-point number of 46 fraction bits in two words, `high` (Q16, signed)
+and `low` (the 30 bits below), G3 one of 58 bits; the position has a word of whole steps in front.
+So a cubic can be moved along for minutes, a few ticks at a time, and be off by less than a
+hundredth of a step.
+
+The kernel adds up displacements, so a segment gets the differences of the cubic at its start:
+first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
+"""
+
+from framestep.motion.stepper import POSITION, QUEUE, SEGMENTS, TAIL
+from framestep.native import const, micropython, ptr32
+
+# Words of a cubic
+WHOLE = const(0)  # whole steps
+P = const(1)  # the fraction of a step, 0 <= P < 1
+G1 = const(3)
+G2 = const(5)
+G3 = const(7)
+CUBIC_WORDS = const(9)
+
+LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the time to a new plan
+
+_TAIL = const(18)  # stepper.TAIL and the like, as constants for the kernels below
+_QUEUE = const(16)
+_POSITION = const(7)
+_SLOTS = const(15)
+_MASK = const(0x3FFFFFFF)
+
+if (TAIL, QUEUE, POSITION, SEGMENTS) != (_TAIL, _QUEUE, _POSITION, _SLOTS + 1):
+    raise ValueError("segments.py and stepper.py disagree about the block")
+
+
+@micropython.viper
+def shift(cubic: ptr32, fraction: int, powers: int, back: int):
+    """Move the origin of a cubic by x = fraction·2^(powers-30) ticks, to the past if back is 1.
+
+    fraction: 0 <= fraction < 2^30; powers: 0 to 6. The shifted values must stay below 2^14 (steps).
+    """
+    m1 = fraction >> 15
+    m0 = fraction & 0x7FFF
+    turn = 0
+    while turn < 6:
+        # coefficient k takes x times coefficient k + 1: 2, 1, 0, then 2, 1, then 2 (Horner)
+        k = 2 - turn
+        if turn > 2:
+            k = 5 - turn
+        if turn == 5:
+            k = 2
+        turn += 1
+        k = k + k + 1
+        high = cubic[k + 2]
+        low = cubic[k + 3]
+        h1 = high >> 15
+        h0 = high & 0x7FFF
+        l1 = low >> 15
+        l0 = low & 0x7FFF
+        middle = h1 * m0 + h0 * m1
+        high = h1 * m1 + (middle >> 15)
+        low = ((middle & 0x7FFF) << 15) + h0 * m0
+        high = high + (low >> 30 & 1)
+        low = (low & _MASK) + l1 * m1 + ((l1 * m0 + l0 * m1) >> 15)
+        high = high + (low >> 30 & 1)
+        low = low & _MASK
+        if powers:
+            high = (high << powers) + (low >> (30 - powers))
+            low = (low << powers) & _MASK
+        if k == G2:
+            low = ((high & 0xFFF) << 18) + (low >> 12)
+            high = high >> 12
+        if back:
+            low = cubic[k + 1] - low
+            high = cubic[k + 0] - high + (low >> 31)
+        else:
+            low = cubic[k + 1] + low
+            high = cubic[k + 0] + high + (low >> 30 & 1)
+        cubic[k + 1] = low & _MASK
+        cubic[k] = high
+    cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 16)
+    cubic[P] = cubic[P] & 0xFFFF
+
+
+@micropython.viper
+def cut(cubic: ptr32, block: ptr32, ticks: int):
+    """Queue the next `ticks` (1 to 32) of a cubic as a segment. There must be room for it."""
+    q = ptr32(block[_QUEUE])
+    k = (block[_TAIL] & _SLOTS) << 3
+    # G1 + G2 + G3 in Q22: their high words to Q22, and what their low words carry
+    low = (cubic[G1 + 1] >> 3) + (cubic[G2 + 1] >> 3) + (cubic[G3] << 15 & 0x7FFFFFF)
+    high = cubic[G1] + cubic[G2] + (cubic[G3] >> 12)
+    q[k + 0] = ticks
+    q[k + 1] = cubic[WHOLE]
+    q[k + 2] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
+    q[k + 3] = (high << 6) + (low >> 21)
+    jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
+    # the kernel rounds the acceleration down from Q27 to Q22: half a unit makes up for it
+    q[k + 4] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
+    q[k + 5] = jerk
+    q[k + 6] = 0
+    block[_TAIL] = (block[_TAIL] + 1) & _MASK
+
+
+@micropython.viper
+def mark(state: ptr32, cubic: ptr32):
+    """Remember where a cubic stands, for bridge()."""
+    state[0] = cubic[WHOLE]
+    state[1] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
+    state[2] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+
+
+@micropython.viper
+def bridge(state: ptr32, cubic: ptr32, block: ptr32):
+    """Queue one tick from the place of mark() to where the cubic is now."""
+    q = ptr32(block[_QUEUE])
+    k = (block[_TAIL] & _SLOTS) << 3
+    q[k + 0] = 1
+    q[k + 1] = state[0]
+    q[k + 2] = state[1]
+    q[k + 3] = ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
+    # the mean of the accelerations before and after
+    q[k + 4] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    q[k + 5] = 0
+    q[k + 6] = 1
+    block[_TAIL] = (block[_TAIL] + 1) & _MASK
+
+
+@micropython.viper
+def settle(cubic: ptr32):
+    """Bring a cubic to rest on the nearest whole step."""
+    cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 15)
+    i = 1
+    while i < CUBIC_WORDS:
+        cubic[i + 0] = 0
+        i += 1
+
+
+@micropython.viper
+def coefficient(cubic: ptr32, k: int, r: ptr32, a: int):
+    """Set coefficient k (G1, G2 or G3) to the real number r[a]: below 2^14, for G3 below 2^2."""
+    m = r[a + 0]
+    e = r[a + 1] + 46
+    if k == G3:
+        e += 12
+    if e >= 30:
+        high = m << (e - 30)
+        low = 0
+    elif e > 0:
+        high = m >> (30 - e)
+        low = (m << e) & _MASK
+    else:
+        if e < -31:
+            e = -31
+        m = m >> (0 - e)
+        high = m >> 30
+        low = m & _MASK
+    cubic[k] = high
+    cubic[k + 1] = low
+
+
+@micropython.viper
+def velocity(r: ptr32, to: int, cubic: ptr32, k: int):
+    """r[to] = coefficient k of a cubic, as a real number."""
+    m = cubic[k + 0]
+    low = cubic[k + 1]
+    e = -16
+    if m == 0 or m == -1:
+        m = (m << 30) + low
+        e = -46
+        low = 0
+    if m:
+        while m > 0x3FFFFFFF or m < -0x3FFFFFFF:
+            m = m >> 1
+            e += 1
+        while m < 0x20000000 and m > -0x20000000:
+            m = m + m + (low >> 29)
+            low = (low << 1) & _MASK
+            e -= 1
+    else:
+        e = 0
+    r[to] = m
+    r[to + 1] = e
+
+
+@micropython.viper
+def distance(r: ptr32, to: int, target, i: int, cubic: ptr32):
+    """r[to] = target[i] - position of the cubic, in steps, right to 2^-9 of a step or 2^-29."""
+    t = ptr32(target)
+    # Whole steps fit a word wherever a motor can go in one move; the fraction takes what is left.
+    m = t[i + 0] - cubic[WHOLE]
+    e = 0
+    low = cubic[P] << 13  # Q29
+    if m < 0x200000 and m > -0x200000:
+        m = (m << 9) - (low >> 20)
+        e = -9
+        if m < 0x100000 and m > -0x100000:
+            m = (m << 10) - ((low >> 10) & 0x3FF)
+            e = -19
+    if m:
+        while m > 0x3FFFFFFF or m < -0x3FFFFFFF:
+            m = m >> 1
+            e += 1
+        while m < 0x20000000 and m > -0x20000000:
+            m = m + m
+            e -= 1
+    else:
+        e = 0
+    r[to] = m
+    r[to + 1] = e

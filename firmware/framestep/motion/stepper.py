@@ -1,0 +1,514 @@
+"""The tick kernel: segments in, pulse commands out, once per millisecond for all motors.
+
+One viper function over one state block (the header) that leads to a block per motor. It is the
+whole interrupt handler on the board, and plain Python on CPython; it allocates nothing.
+
+Numbers. A tick is 1 ms. Velocity is the displacement of one tick in steps, Q9.22; its change from
+tick to tick ("acceleration") and the change of that ("jerk") are Q4.27. A segment is
+`(ticks, pin, velocity, acceleration, jerk)`; `pin` is the exact position at its start, whole steps
+and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the profile
+crosses each whole step: step k is made when the position *reaches* k, going up or down, so a motor
+at rest on k has made exactly k steps and a position that trembles between two steps makes none.
+
+Pulses. The engine (a PIO state machine, see hal/rp2.py, or its model in hal/host.py) takes 32-bit
+commands from a FIFO and executes them one after another on its own clock of `CYCLES` per tick:
+
+    direction:1 | pulses:9 | gap:18 | width:4      (bit 0 first)
+
+With H = 4 + 32·(width + 1) cycles from a rising edge to the end of its pulse, a command of n
+pulses puts its last rising edge 4 + n·(gap + 4 + H) cycles after the previous one; a command of 0
+pulses waits gap + 9 cycles. Commands are queued `LEAD` ticks ahead, so that an interrupt that
+comes late by up to that much moves no edge.
+"""
+
+from array import array
+
+from framestep.native import addressof, as_word, const, micropython, ptr32
+
+TICK_US = const(1000)
+ONE = const(0x400000)  # one step in Q22
+MAX_VELOCITY = const(500)  # steps per tick that the number format holds with room for a carry
+
+# Header words
+CLOCK = const(0)  # address of a free running microsecond counter
+DUE = const(1)  # when the next tick is due, microseconds modulo 2^30
+TICKS = const(2)  # ticks done, modulo 2^30
+CYCLES = const(3)  # engine cycles per tick
+CYCLES_PER_US = const(4)
+LEAD = const(5)  # ticks of commands ahead of the pulses
+FIRST = const(6)  # address of the first motor's block
+WORST_LATE = const(7)  # greatest lateness seen, microseconds
+FAULTS = const(8)  # FAULT_ bits of all motors together
+SQUARE = const(9)  # 2^25 / CYCLES, to divide a square of cycles by CYCLES
+RUNNING = const(10)  # 0 until the first tick has set DUE
+HEADER_WORDS = const(12)
+
+# Words of a motor's block
+NEXT = const(0)  # address of the next motor's block, 0 after the last
+MODE = const(1)
+LEFT = const(2)  # ticks left in this segment
+VELOCITY = const(3)  # Q22 steps in the next tick
+ACCEL = const(4)  # Q27 steps per tick per tick
+JERK = const(5)  # Q27
+FRACTION = const(6)  # Q22: profile position minus steps made, within one step
+POSITION = const(7)  # steps made (commanded to the engine)
+CARRY = const(8)  # cycles from the last rising edge to the start of this tick
+WORD = const(9)  # width and direction fields of a command, in place
+DOWN = const(10)  # -1 when the last pulses went down, 0 up
+FIFO = const(11)  # address the commands are written to
+RESERVE = const(12)  # cycles that a waiting engine leaves for the next pulse
+FIXED = const(13)  # 4 + H: cycles of a pulse period beyond its gap
+SHORTEST = const(14)  # least cycles from a rising edge to the next
+SETUP = const(15)  # least cycles from a change of direction to the rising edge
+QUEUE = const(16)  # address of the segment ring
+HEAD = const(17)  # segments taken, modulo 2^30
+TAIL = const(18)  # segments put, modulo 2^30
+DECEL = const(19)  # Q22 steps per tick per tick: how a stop slows down
+BRAKE = const(20)  # Q22: the same for a queue that ran dry in motion
+WAIT = const(21)  # ticks until the last pulse is out
+IDLE_AT = const(22)  # tick in which the last command was queued
+FAULT = const(23)  # FAULT_ bits of this motor
+INVERT = const(24)  # 1 swaps the level of the direction pin
+BLOCK_WORDS = const(25)
+
+# Modes
+IDLE = const(0)  # at rest; the segment queue may be filled
+RUN = const(1)  # takes segments from the queue
+STOP = const(2)  # slows down by DECEL, segments are dropped
+DRAIN = const(4)  # at rest, the last pulses are still on their way out
+START = const(8)  # with RUN: the engine may stand still and must be brought into step first
+
+# Faults
+FAULT_DRY = const(1)  # the segment queue ran dry in motion
+FAULT_LATE = const(2)  # the interrupt came so late that the engine ran dry
+FAULT_PIN = const(4)  # a segment did not begin where the motor was
+
+# Segment ring
+SEGMENTS = const(16)
+SEGMENT_WORDS = const(8)  # ticks, pin, pin fraction, velocity, acceleration, jerk, bridge, spare
+# A bridge is one tick with a change of phase in it: the displacement is exact, the rest a mean.
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x1FFFFFFF)
+
+
+class Header(array):
+    """The header words, with the tick function as a method: the timer's callback gets the words
+    as its first argument, and no attribute need be looked up in the interrupt."""
+
+    # What the compiler makes of this: the first two variables live in registers, the others on
+    # the stack; a comparison costs about 12 cycles where a test for zero costs 5. Hence the shape.
+    @micropython.viper
+    def tick(m: ptr32, _timer):
+        h = m
+        clock = ptr32(m[CLOCK])
+        now = clock[0]
+        if m[RUNNING]:
+            pass
+        else:
+            m[RUNNING] = 1
+            m[DUE] = now & _WRAP
+        # After a hole in time the timer replays what it missed; only the clock tells what is due.
+        late = (now - m[DUE]) & _WRAP
+        if late > m[WORST_LATE]:
+            if late > _HALF:
+                if (late + TICK_US // 2) & _WRAP > _HALF:
+                    return
+                late = 0  # the first call came late: this is the grid that the timer keeps
+                m[DUE] = now & _WRAP
+            else:
+                m[WORST_LATE] = late
+        if late >= m[LEAD] * TICK_US:
+            # The engine has run dry and stands. A stop with BRAKE began where the pulses ended;
+            # what of it fell into the hole is over. The time lost is not made up for.
+            missed = (late - m[LEAD] * TICK_US) // TICK_US + 1
+            m[FAULTS] = m[FAULTS] | FAULT_LATE
+            m[DUE] = now & _WRAP
+            a = m[FIRST]
+            while a:
+                m = ptr32(a)
+                a = m[NEXT]
+                if m[MODE]:
+                    if m[VELOCITY]:
+                        m[FAULT] = m[FAULT] | FAULT_LATE
+                    m[DECEL] = m[BRAKE]
+                    d = m[VELOCITY]
+                    s = d >> 31
+                    d = (d ^ s) - s
+                    # by quotients, since BRAKE * missed may not fit 32 bits
+                    if d // m[BRAKE] < missed:
+                        d = 0
+                    else:
+                        d = d - m[BRAKE] * missed
+                    m[VELOCITY] = (d ^ s) - s
+                    m[MODE] = STOP
+                    m[IDLE_AT] = (h[TICKS] - 1000) & _WRAP
+                    m[WAIT] = 0
+            m = h
+        m[DUE] = (m[DUE] + TICK_US) & _WRAP
+        m[TICKS] = (m[TICKS] + 1) & _WRAP
+        cycles = m[CYCLES]
+        a = m[FIRST]
+        while a:
+            m = ptr32(a)
+            a = m[NEXT]
+            if m[MODE]:
+                if m[MODE] & RUN:
+                    left = m[LEFT]
+                    if left:
+                        pass
+                    else:
+                        if m[MODE] & START:
+                            m[MODE] = RUN
+                            idle = (h[TICKS] - 1 - m[IDLE_AT]) & _WRAP
+                            if idle < h[LEAD]:
+                                m[CARRY] = m[CARRY] + idle * cycles  # the engine has not run dry since
+                            else:
+                                # Make the engine wait so that this tick's output begins LEAD ticks
+                                # after the tick's own time, however late within it this line is reached.
+                                fifo = ptr32(m[FIFO])
+                                word = m[WORD]
+                                clock = ptr32(h[CLOCK])
+                                passed = (clock[0] - h[DUE] + TICK_US) & _WRAP
+                                wait = h[LEAD] * cycles - passed * h[CYCLES_PER_US] - m[RESERVE]
+                                while wait > 200000:
+                                    fifo[0] = word + (199991 << 10)
+                                    wait = wait - 200000
+                                if wait > 9:
+                                    fifo[0] = word + ((wait - 9) << 10)
+                                m[CARRY] = m[RESERVE]
+                        head = m[HEAD]
+                        if head - m[TAIL]:
+                            q = ptr32(m[QUEUE])
+                            k = (head & (SEGMENTS - 1)) << 3
+                            m[HEAD] = (head + 1) & _WRAP
+                            gap = q[k + 1] - m[POSITION]
+                            if gap > 2 or gap < -2:
+                                m[FAULT] = m[FAULT] | FAULT_PIN
+                                h[FAULTS] = h[FAULTS] | FAULT_PIN
+                                m[ACCEL] = 0
+                                m[JERK] = 0
+                                m[DECEL] = m[BRAKE]
+                                m[MODE] = STOP
+                                left = 1
+                            else:
+                                m[FRACTION] = (gap << 22) + q[k + 2]
+                                left = q[k]
+                                m[VELOCITY] = q[k + 3]
+                                m[ACCEL] = q[k + 4]
+                                m[JERK] = q[k + 5]
+                        else:
+                            # The end, or with a velocity left a queue that was not filled in time
+                            if m[VELOCITY]:
+                                m[FAULT] = m[FAULT] | FAULT_DRY
+                                h[FAULTS] = h[FAULTS] | FAULT_DRY
+                                m[DECEL] = m[BRAKE]
+                            m[ACCEL] = 0
+                            m[JERK] = 0
+                            m[MODE] = STOP
+                            left = 1
+                    m[LEFT] = left - 1
+                    d = m[VELOCITY]
+                    acc = m[ACCEL]
+                    m[ACCEL] = acc + m[JERK]
+                    acc = acc >> 5
+                    m[VELOCITY] = d + acc
+                else:
+                    # A stop needs no target: the steps made so far are where the motor stands.
+                    d = m[VELOCITY]
+                    acc = m[DECEL]
+                    if d > acc:
+                        acc = 0 - acc
+                    elif d + acc >= 0:
+                        acc = 0 - d
+                    d = d + acc
+                    m[VELOCITY] = d
+                    if d:
+                        pass
+                    elif m[MODE] & STOP:
+                        m[FRACTION] = 0
+                        m[HEAD] = m[TAIL]
+                        m[LEFT] = 0
+                        m[WAIT] = h[LEAD]
+                        m[MODE] = DRAIN
+                    else:
+                        m[WAIT] = m[WAIT] - 1
+                        if m[WAIT] == 0:
+                            m[MODE] = IDLE
+                            m[IDLE_AT] = h[TICKS]
+                # Steps that fall into this tick. All that follows looks along the motion: s is -1
+                # where that is down, and x ^ s - s turns a number's sign.
+                rem = m[FRACTION] + d
+                s = rem >> 31
+                rem = (rem ^ s) - s
+                n = rem >> 22
+                if n:
+                    rem = rem - (n << 22)
+                    m[FRACTION] = (rem ^ s) - s
+                    m[POSITION] = m[POSITION] + (n ^ s) - s
+                    least = m[SHORTEST]
+                    if s - m[DOWN]:
+                        m[DOWN] = s
+                        m[WORD] = (m[WORD] & -2) + (s + 1 ^ m[INVERT])
+                        least = m[SETUP]
+                    fifo = ptr32(m[FIFO])
+                    d = (d ^ s) - s
+                    if d < 64:
+                        d = 64  # a step owed from before, at rest or turning round
+                    back = 0  # whole steps from the pulse looked at to the last one of the tick
+                    extra = 0
+                    bent = 0
+                    if acc:
+                        acc = (acc ^ s) - s
+                        s = acc >> 31
+                        if (acc ^ s) > d >> 7:
+                            bent = (acc << 5) // (d >> 5)  # acceleration over velocity, Q10
+                            if bent > 4096:
+                                bent = 4096
+                            elif bent < -4096:
+                                bent = -4096
+                            if (n - 2) >> 3:
+                                pass
+                            else:
+                                back = n - (n >> 1)  # more commands follow the curve more closely
+                            if n - 3:
+                                pass
+                            elif m[CARRY] > 0:
+                                extra = 1
+                    while True:
+                        # Cycles from the crossing to the end of the tick, were the velocity constant
+                        if back:
+                            e = ((rem + (back << 22)) >> 11) * cycles // ((d + 1024) >> 11)
+                        elif d >> 20:
+                            e = (rem >> 8) * cycles // ((d + 128) >> 8)
+                        elif rem >= d:
+                            e = cycles
+                        elif d >> 18:
+                            e = (rem >> 6) * cycles // ((d + 32) >> 6)
+                        elif d >> 16:
+                            e = (rem >> 4) * cycles // ((d + 8) >> 4)
+                        elif d >> 14:
+                            e = (rem >> 2) * cycles // ((d + 2) >> 2)
+                        else:
+                            e = rem * cycles // d
+                        e = cycles - e
+                        if bent:
+                            # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d later
+                            x = (((cycles - e) >> 3) * (e >> 3)) >> 13
+                            e = e + ((bent * (x * h[SQUARE] >> 6)) >> 11)
+                        pulses = n - back
+                        e = m[CARRY] + e - 4
+                        period = e
+                        rest = 0
+                        if pulses - 1:
+                            period = e // pulses
+                            rest = e - period * pulses
+                        if period < least:
+                            period = least
+                        elif pulses >> 6:
+                            # One command would drift by up to half a cycle a pulse. Two make a bow
+                            # instead; of its height about half is taken off.
+                            if pulses >> 7:
+                                if rest + rest > pulses:
+                                    rest = rest + ((pulses - rest) >> 2)
+                                    if rest >= pulses:
+                                        rest = rest - pulses
+                                        period += 1
+                                else:
+                                    rest = rest + (rest >> 2)
+                            pulses = pulses - rest
+                            fifo[0] = m[WORD] + (pulses << 1) + ((period - m[FIXED]) << 10)
+                            m[CARRY] = m[CARRY] - 4 - period * pulses
+                            pulses = rest
+                            period += 1
+                        elif rest + rest > pulses:
+                            period += 1
+                        if pulses:
+                            fifo[0] = m[WORD] + (pulses << 1) + ((period - m[FIXED]) << 10)
+                            m[CARRY] = m[CARRY] - 4 - period * pulses
+                        if back:
+                            n = back
+                            back = extra
+                            extra = 0
+                            least = m[SHORTEST]
+                        else:
+                            break
+                    m[CARRY] = m[CARRY] + cycles
+                else:
+                    m[FRACTION] = (rem ^ s) - s
+                    m[CARRY] = m[CARRY] + cycles
+                    d = m[CARRY] - m[RESERVE]
+                    if d > 9:
+                        fifo = ptr32(m[FIFO])
+                        fifo[0] = m[WORD] + ((d - 9) << 10)
+                        m[CARRY] = m[RESERVE]
+
+
+class StepKernel:
+    """State blocks for `motors` motors and the tick function over them.
+
+    cycles: engine cycles per tick, a multiple of 1000, at most 131000.
+    clock: address of a microsecond counter (on CPython: of anything that can be indexed with 0).
+    lead: ticks of commands queued ahead. A tick takes up to three commands, one of which the engine
+    has already fetched when the next tick is due, so two ticks ahead fill an eight-word FIFO.
+    """
+
+    def __init__(self, motors, cycles, clock, lead=2):
+        self.motors = motors
+        self.state = Header("i", [0] * HEADER_WORDS)
+        self.tick = self.state.tick
+        self.blocks = [array("i", [0] * BLOCK_WORDS) for _ in range(motors)]
+        self.queues = [array("i", [0] * (SEGMENTS * SEGMENT_WORDS)) for _ in range(motors)]
+        state = self.state
+        state[CLOCK] = as_word(clock)
+        state[CYCLES] = cycles
+        state[CYCLES_PER_US] = cycles // TICK_US
+        state[LEAD] = lead
+        state[SQUARE] = (1 << 25) // cycles
+        following = 0
+        for i in range(motors - 1, -1, -1):
+            block = self.blocks[i]
+            block[NEXT] = following
+            following = as_word(addressof(block))
+            block[QUEUE] = as_word(addressof(self.queues[i]))
+            block[BRAKE] = block[DECEL] = ONE // 50
+            block[IDLE_AT] = -1000
+        state[FIRST] = following
+
+    def configure(self, motor, fifo, width, setup, invert):
+        """Set a motor's pulse shape.
+
+        fifo: address for its commands. width: 0 to 15, the pulse is 32·width + 34 cycles high.
+        setup: cycles from a change of direction to the next rising edge. invert: swap direction.
+        """
+        block = self.blocks[motor]
+        period = 4 + 4 + 32 * (width + 1)
+        block[FIFO] = as_word(fifo)
+        block[WORD] = ((width - 16 if width > 7 else width) << 28) + (0 if invert else 1)
+        block[DOWN] = 0
+        block[FIXED] = period
+        block[SHORTEST] = 2 * (32 * width + 34)
+        block[SETUP] = max(setup, block[SHORTEST])
+        block[RESERVE] = block[SETUP] + 16
+        block[INVERT] = 1 if invert else 0
+
+
+@micropython.viper
+def splice(m: ptr32, ticks: int, out: ptr32) -> int:
+    """End a motor's queue about `ticks` from now and tell the state there, to plan on from it.
+
+    out: whole steps, fraction (Q22), velocity (Q22), acceleration (Q27) at that moment. Returns the
+    ticks until then; 0 where the motor is at rest. To be called with interrupts off; what is
+    planned must be queued within that time.
+    """
+    whole = m[POSITION]
+    rem = m[FRACTION]
+    v = m[VELOCITY]
+    a = m[ACCEL]
+    j = m[JERK]
+    left = m[LEFT]
+    n = ticks
+    if m[MODE] & STOP:
+        # Carry on with the same deceleration as a segment
+        a = m[DECEL]
+        n = v // a
+        if v < 0:
+            n = (0 - v) // a
+        else:
+            a = 0 - a
+        if n > ticks:
+            n = ticks
+        m[HEAD] = m[TAIL]
+        m[LEFT] = n
+        left = n
+        v = v + a
+        a = a << 5
+        j = 0
+        m[JERK] = 0
+        if n:
+            m[VELOCITY] = v
+            m[ACCEL] = a
+            m[MODE] = RUN
+        else:
+            v = 0
+            a = 0
+            rem = 0
+            m[VELOCITY] = 0
+            m[FRACTION] = 0
+            m[WAIT] = 3
+            m[MODE] = DRAIN
+    elif m[MODE] & RUN:
+        if left > n:
+            left = n
+            m[LEFT] = n
+    else:
+        n = 0
+        rem = 0
+        v = 0
+        a = 0
+    head = m[HEAD]
+    done = 0
+    bridge = 0
+    while n:
+        if left == 0:
+            if head == m[TAIL]:
+                break
+            q = ptr32(m[QUEUE])
+            k = (head & (SEGMENTS - 1)) << 3
+            head = (head + 1) & _WRAP
+            if q[k] > n:
+                q[k] = n
+            left = q[k]
+            whole = q[k + 1]
+            rem = q[k + 2]
+            v = q[k + 3]
+            a = q[k + 4]
+            j = q[k + 5]
+            bridge = q[k + 6]
+        left -= 1
+        n -= 1
+        done += 1
+        rem = rem + v
+        v = v + (a >> 5)
+        a = a + j
+        whole = whole + (rem >> 22)
+        rem = rem - ((rem >> 22) << 22)
+    if bridge:
+        if head == m[TAIL]:
+            pass
+        else:
+            # the velocity at the end of a bridge is that at the start of what follows it
+            q = ptr32(m[QUEUE])
+            k = (head & (SEGMENTS - 1)) << 3
+            whole = q[k + 1]
+            rem = q[k + 2]
+            v = q[k + 3]
+            a = q[k + 4]
+    m[TAIL] = head
+    whole = whole + (rem >> 22)
+    rem = rem - ((rem >> 22) << 22)
+    out[0] = whole
+    out[1] = rem
+    out[2] = v
+    out[3] = a
+    return done
+
+
+@micropython.viper
+def halt(m: ptr32, rate: int):
+    """Make a motor slow down by `rate` (Q22 steps per tick²) from the next tick on.
+
+    To be called with interrupts off. A motor that is slowing down already does it no slower.
+    """
+    if m[MODE] & START:
+        m[MODE] = IDLE
+        m[HEAD] = m[TAIL]
+    elif m[MODE] & RUN:
+        # the last displacement, not the next one: the stop takes its first share from that
+        m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
+        m[DECEL] = rate
+        m[MODE] = STOP
+    elif m[MODE] & STOP:
+        if rate > m[DECEL]:
+            m[DECEL] = rate
+    else:
+        m[HEAD] = m[TAIL]

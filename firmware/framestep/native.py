@@ -1,0 +1,67 @@
+"""One source for the kernels on every runtime.
+
+On MicroPython `@micropython.viper` compiles a function to machine code and `ptr8/16/32` are casts
+that the compiler knows. On CPython the same source runs as plain Python: the decorators hand the
+function back, and a pointer is the array itself or, for an address, the array registered under it.
+
+Rules for a kernel, so that the runtimes agree number by number:
+
+* every value fits 32 bits signed; a product that does not is split by the caller;
+* memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one;
+* a pointer to a part of an array is made with `addressof(array)` kept in a state word.
+"""
+
+try:
+    import micropython
+    from micropython import const
+    from uctypes import addressof
+
+    CPYTHON = False
+    # Names the viper compiler replaces; bound here so that the import below works everywhere.
+    ptr8 = ptr16 = ptr32 = None
+
+    def as_word(address):
+        """An address as the signed 32-bit number that fits a state word."""
+        return address - 0x1_0000_0000 if address & 0x8000_0000 else address
+
+    def map_device(device):
+        raise NotImplementedError("devices have addresses of their own here")
+
+except ImportError:
+    CPYTHON = True
+
+    class micropython:
+        """Stands for MicroPython's module: its decorators change nothing here."""
+
+        @staticmethod
+        def viper(function):
+            return function
+
+        @staticmethod
+        def native(function):
+            return function
+
+    def const(value):
+        return value
+
+    _memory = {}  # address -> what lies there
+    _addresses = {}  # id of an array -> its address; arrays stay alive in _memory
+
+    def addressof(memory):
+        """Give an array an address that a pointer cast finds it under; the same each time."""
+        address = _addresses.get(id(memory))
+        if address is None:
+            address = 0x1000_0000 + 0x1_0000 * len(_memory)
+            _addresses[id(memory)] = address
+            _memory[address] = memory
+        return address
+
+    map_device = addressof  # anything with __getitem__ and __setitem__ may lie at an address
+
+    def as_word(address):
+        return address
+
+    def _pointer(memory):
+        return _memory[memory] if memory.__class__ is int else memory
+
+    ptr8 = ptr16 = ptr32 = _pointer
