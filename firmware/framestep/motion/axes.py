@@ -86,6 +86,8 @@ class Axis:
         self.limits = array("i", [0] * 3)
         self.phases = ramps.Phases()
         self.whole = array("i", [0] * 2)
+        self.knot = array("i", [0])  # the step that the phase under way ends on
+        self.aimed = False
         self.lower_enabled = False
         self.upper_enabled = False
         self.velocity = 0
@@ -126,6 +128,33 @@ class Axis:
         reals.divide(r, JERK, JERK, _Y)
         reals.divide(r, JERK, JERK, _Y)
 
+    def set_limits(self, lower_enabled, upper_enabled, source, i):
+        """Soft limits source[i] and source[i + 1], in steps. False where they cross: nothing is set."""
+        if lower_enabled and upper_enabled and _side(source, i, source, i + 1) > 0:
+            return False
+        reals.copy_word(self.limits, LOWER, source, i)
+        reals.copy_word(self.limits, UPPER, source, i + 1)
+        self.lower_enabled = lower_enabled
+        self.upper_enabled = upper_enabled
+        return True
+
+    def clamp(self, target, i):
+        """Hold target[i] within the enabled soft limits; a motor past one stays where it is at most."""
+        side = self.outside(target, i)
+        if side:
+            limit = UPPER if side > 0 else LOWER
+            reals.copy_word(target, i, self.limits, limit)
+            if self.outside(target, i) or _side(self.block, stepper.POSITION, self.limits, limit) == side:
+                reals.copy_word(target, i, self.block, stepper.POSITION)
+
+    def heads_for(self, target, i, share):
+        """Whether the motion under way is the one that travel() would plan."""
+        return (
+            self.share == share
+            and (self.active or self.block[stepper.MODE] == stepper.RUN)
+            and _side(target, i, self.limits, TARGET) == 0
+        )
+
     def outside(self, target, i):
         """Where target[i] lies past an enabled soft limit: 1 above, -1 below, else 0.
 
@@ -143,6 +172,14 @@ class Axis:
                 or _side(target, i, self.block, stepper.POSITION) < 0
             ):
                 return -1
+        return 0
+
+    def beyond(self, target, i):
+        """Where target[i] lies past an enabled soft limit, wherever the motor is: 1, -1 or 0."""
+        if self.upper_enabled and _side(target, i, self.limits, UPPER) > 0:
+            return 1
+        if self.lower_enabled and _side(target, i, self.limits, LOWER) < 0:
+            return -1
         return 0
 
     # ---------------------------------------------------------------- state
@@ -178,6 +215,7 @@ class Axis:
         self.part = 0
         self.more = False
         self.active = False
+        self.aimed = False
 
     def travel(self, hal, target, i, share=10000):
         """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
@@ -261,15 +299,18 @@ class Axis:
             segments.mark(self.state, cubic)
             segments.shift(cubic, part, 0, 0)
         while True:
+            if self.aimed:
+                segments.snap(cubic, self.knot)
             if phases.head == phases.tail:
                 segments.settle(cubic)
                 if part:
-                    segments.bridge(self.state, cubic, self.block)
+                    segments.bridge(self.state, cubic, self.block, part)
                 segments.cut(cubic, self.block, 1)
                 self.part = 0
                 self.active = False
+                self.aimed = False
                 return True
-            ramps.load_phase(phases, cubic, whole)
+            self.aimed = ramps.load_phase(phases, cubic, whole, self.knot)
             if part == 0:
                 self.left = whole[0]
                 self.part = whole[1]
@@ -277,20 +318,20 @@ class Axis:
             rest = _ALL_BITS - part + 1  # of the tick, below 2^30
             if whole[0] or whole[1] >= rest:
                 segments.shift(cubic, rest, 0, 0)
-                segments.bridge(self.state, cubic, self.block)
+                segments.bridge(self.state, cubic, self.block, part)
                 self.left = whole[0]
                 self.part = whole[1] - rest
                 if self.part < 0:
                     self.left -= 1
                     self.part = self.part + _ALL_BITS + 1
                 return True
-            if self.more and phases.head == phases.tail:
-                # cannot be told apart from a phase that is still to come
-                phases.head = (phases.head - 1) % ramps.PHASES
-                segments.shift(cubic, part, 0, 1)
-                return False
             segments.shift(cubic, whole[1], 0, 0)
             part += whole[1]
+            if self.more and phases.head == phases.tail:
+                # What follows is still to come: keep the tick open
+                segments.shift(cubic, part, 0, 1)
+                self.part = part
+                return False
 
 
 class Axes:
@@ -326,13 +367,11 @@ class Axes:
                 return True
         return False
 
-    def start(self, bits):
-        """Start the motors of these bits in the same tick."""
-        irq = self.hal.irq_off()
+    def release(self, bits):
+        """Start the motors of these bits in the next tick, all in the same. Interrupts are off."""
         for i in range(self.count):
             if bits >> i & 1:
                 self.axes[i].release()
-        self.hal.irq_on(irq)
 
     def stop(self, factor=1):
         """Ramp all motors down."""

@@ -101,9 +101,9 @@ class Phases:
     def clear(self):
         self.head = self.tail
 
-    @property
-    def room(self):
-        return PHASES - 1 - (self.tail - self.head) % PHASES
+    def count(self):
+        """Phases ahead."""
+        return (self.tail - self.head) % PHASES
 
     def aim(self, duration, start, end, numbers, targets, i):
         """Append an AIM phase: registers of `numbers`, the step targets[i]."""
@@ -117,18 +117,21 @@ class Phases:
         self.tail = (self.tail + 1) % PHASES
 
 
-def load_phase(phases, cubic, whole):
+def load_phase(phases, cubic, whole, knot):
     """Take the next phase: set the cubic, whose position stays, and split its duration into whole
-    ticks and a fraction in `whole`."""
+    ticks and a fraction in `whole`. Whether it aims, and if so the step in knot[0]."""
     r = _scratch
     words = phases.words
     at = phases.head * PHASE_WORDS
     reals.split(words, at + DURATION, whole)
     coefficient(cubic, G1, words, at + START)
-    if words[at + KIND] == RAMP:
+    phases.head = (phases.head + 1) % PHASES
+    aims = words[at + KIND] == AIM
+    if not aims:
         coefficient(cubic, G2, words, at + SECOND)
         coefficient(cubic, G3, words, at + THIRD)
     else:
+        reals.copy_word(knot, 0, words, at + TARGET)
         # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T²
         reals.fetch(r, _T, words, at + DURATION)
         reals.fetch(r, _V, words, at + START)
@@ -140,8 +143,7 @@ def load_phase(phases, cubic, whole):
             reals.double(r, _X, _X, -1)
             coefficient(cubic, G2, r, _X)
             coefficient(cubic, G3, r, _ZERO)
-            phases.head = (phases.head + 1) % PHASES
-            return
+            return True
         distance(r, _S, words, at + TARGET, cubic)
         reals.divide(r, _W, _S, _T)
         reals.subtract(r, _X, _W, _V)  # mean - start
@@ -154,7 +156,7 @@ def load_phase(phases, cubic, whole):
         reals.divide(r, _Z, _Z, _T)
         reals.divide(r, _Z, _Z, _T)
         coefficient(cubic, G3, r, _Z)
-    phases.head = (phases.head + 1) % PHASES
+    return aims
 
 
 def _ramp_time(to, difference):

@@ -313,3 +313,21 @@ def copy_word(to, i: int, source, j: int):
     t = ptr32(to)
     s = ptr32(source)
     t[i] = s[j + 0]
+
+
+@micropython.viper
+def add_word(to, i: int, source, j: int, small: int):
+    """to[i] = source[j] + small, of array('i') elements of any size."""
+    t = ptr32(to)
+    s = ptr32(source)
+    t[i] = s[j + 0] + small
+
+
+@micropython.viper
+def equal_words(a, i: int, b, j: int) -> int:
+    """Whether a[i] == b[j], of array('i') elements of any size."""
+    x = ptr32(a)
+    y = ptr32(b)
+    if x[i + 0] == y[j + 0]:
+        return 1
+    return 0

@@ -11,7 +11,7 @@ The kernel adds up displacements, so a segment gets the differences of the cubic
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
-from framestep.motion.stepper import POSITION, QUEUE, SEGMENTS, TAIL
+from framestep.motion.stepper import POSITION, QUEUE, SEGMENTS, TAIL, WHOLE_SPAN
 from framestep.native import const, micropython, ptr32
 
 # Words of a cubic
@@ -27,10 +27,11 @@ LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the
 _TAIL = const(18)  # stepper.TAIL and the like, as constants for the kernels below
 _QUEUE = const(16)
 _POSITION = const(7)
+_WHOLE_SPAN = const(26)
 _SLOTS = const(15)
 _MASK = const(0x3FFFFFFF)
 
-if (TAIL, QUEUE, POSITION, SEGMENTS) != (_TAIL, _QUEUE, _POSITION, _SLOTS + 1):
+if (TAIL, QUEUE, POSITION, WHOLE_SPAN, SEGMENTS) != (_TAIL, _QUEUE, _POSITION, _WHOLE_SPAN, _SLOTS + 1):
     raise ValueError("segments.py and stepper.py disagree about the block")
 
 
@@ -100,6 +101,7 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     q[k + 4] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
     q[k + 5] = jerk
     q[k + 6] = 0
+    q[k + 7] = block[_WHOLE_SPAN]
     block[_TAIL] = (block[_TAIL] + 1) & _MASK
 
 
@@ -112,8 +114,11 @@ def mark(state: ptr32, cubic: ptr32):
 
 
 @micropython.viper
-def bridge(state: ptr32, cubic: ptr32, block: ptr32):
-    """Queue one tick from the place of mark() to where the cubic is now."""
+def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
+    """Queue one tick from the place of mark() to where the cubic is now.
+
+    part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes to.
+    """
     q = ptr32(block[_QUEUE])
     k = (block[_TAIL] & _SLOTS) << 3
     q[k + 0] = 1
@@ -124,7 +129,18 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32):
     q[k + 4] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
     q[k + 5] = 0
     q[k + 6] = 1
+    q[k + 7] = block[_WHOLE_SPAN]
+    if cubic[G1] == 0 and cubic[G1 + 1] == 0:
+        q[k + 7] = (part >> 15) * block[_WHOLE_SPAN] >> 15
     block[_TAIL] = (block[_TAIL] + 1) & _MASK
+
+
+@micropython.viper
+def snap(cubic: ptr32, at: ptr32):
+    """Put a cubic on the step at[0] exactly; it has come there but for rounding."""
+    cubic[WHOLE] = at[0]
+    cubic[P] = 0
+    cubic[P + 1] = 0
 
 
 @micropython.viper

@@ -69,7 +69,9 @@ WAIT = const(21)  # ticks until the last pulse is out
 IDLE_AT = const(22)  # tick in which the last command was queued
 FAULT = const(23)  # FAULT_ bits of this motor
 INVERT = const(24)  # 1 swaps the level of the direction pin
-BLOCK_WORDS = const(25)
+SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
+WHOLE_SPAN = const(26)  # cycles per tick
+BLOCK_WORDS = const(27)
 
 # Modes
 IDLE = const(0)  # at rest; the segment queue may be filled
@@ -85,7 +87,7 @@ FAULT_PIN = const(4)  # a segment did not begin where the motor was
 
 # Segment ring
 SEGMENTS = const(16)
-SEGMENT_WORDS = const(8)  # ticks, pin, pin fraction, velocity, acceleration, jerk, bridge, spare
+SEGMENT_WORDS = const(8)  # ticks, pin, pin fraction, velocity, acceleration, jerk, bridge, span
 # A bridge is one tick with a change of phase in it: the displacement is exact, the rest a mean.
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x1FFFFFFF)
@@ -196,6 +198,7 @@ class Header(array):
                                 m[VELOCITY] = q[k + 3]
                                 m[ACCEL] = q[k + 4]
                                 m[JERK] = q[k + 5]
+                                m[SPAN] = q[k + 7]
                         else:
                             # The end, or with a velocity left a queue that was not filled in time
                             if m[VELOCITY]:
@@ -277,23 +280,23 @@ class Header(array):
                     while True:
                         # Cycles from the crossing to the end of the tick, were the velocity constant
                         if back:
-                            e = ((rem + (back << 22)) >> 11) * cycles // ((d + 1024) >> 11)
+                            e = ((rem + (back << 22)) >> 11) * m[SPAN] // ((d + 1024) >> 11)
                         elif d >> 20:
-                            e = (rem >> 8) * cycles // ((d + 128) >> 8)
+                            e = (rem >> 8) * m[SPAN] // ((d + 128) >> 8)
                         elif rem >= d:
-                            e = cycles
+                            e = m[SPAN]
                         elif d >> 18:
-                            e = (rem >> 6) * cycles // ((d + 32) >> 6)
+                            e = (rem >> 6) * m[SPAN] // ((d + 32) >> 6)
                         elif d >> 16:
-                            e = (rem >> 4) * cycles // ((d + 8) >> 4)
+                            e = (rem >> 4) * m[SPAN] // ((d + 8) >> 4)
                         elif d >> 14:
-                            e = (rem >> 2) * cycles // ((d + 2) >> 2)
+                            e = (rem >> 2) * m[SPAN] // ((d + 2) >> 2)
                         else:
-                            e = rem * cycles // d
-                        e = cycles - e
+                            e = rem * m[SPAN] // d
+                        e = m[SPAN] - e
                         if bent:
                             # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d later
-                            x = (((cycles - e) >> 3) * (e >> 3)) >> 13
+                            x = (((m[SPAN] - e) >> 3) * (e >> 3)) >> 13
                             e = e + ((bent * (x * h[SQUARE] >> 6)) >> 11)
                         pulses = n - back
                         e = m[CARRY] + e - 4
@@ -372,6 +375,7 @@ class StepKernel:
             block[QUEUE] = as_word(addressof(self.queues[i]))
             block[BRAKE] = block[DECEL] = ONE // 50
             block[IDLE_AT] = -1000
+            block[SPAN] = block[WHOLE_SPAN] = cycles
         state[FIRST] = following
 
     def configure(self, motor, fifo, width, setup, invert):

@@ -1,0 +1,449 @@
+"""The controller: dispatches each message to the subsystem it is for, and reports.
+
+One pass of the main loop is poll(). Nothing in it allocates.
+"""
+
+from array import array
+
+from framestep.hal import TROUBLE_LOST_COMMAND
+from framestep.motion import axes as motion
+from framestep.motion import reals, stepper
+from framestep.motion.axes import Axes
+from framestep.moves import playback
+from framestep.moves.playback import Playback
+from framestep.moves.store import UploadStore
+from framestep.native import const
+from framestep.protocol import messages as m
+from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
+
+VERSION = (0, 1, 0)
+
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x20000000)
+_REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
+STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
+SECOND_STOP_MS = const(1000)  # field note 4.4
+
+
+def elapsed(now, then):
+    """Milliseconds between two readings of a counter modulo 2^30."""
+    return (now - then) & _WRAP
+
+
+class Controller:
+    """Answers the host and keeps everything moving. hal: see framestep.hal; rig: framestep.rig.Rig."""
+
+    def __init__(self, hal, rig, broken=False):
+        """broken: the rig file has a mistake; the board answers, but nothing moves."""
+        self.hal = hal
+        self.rig = rig
+        self.broken = broken
+        self.port = hal.port
+        self.reader = FrameReader()
+        self.writer = FrameWriter()
+        self.axes = Axes(hal)
+        self.count = hal.motors
+        for i in range(self.count):
+            self.axes[i].set_jerk(rig.motor(i)["jerk"])
+        self.store = UploadStore(self.count, hal.upload_bytes)
+        self.upload_frames = self.store.capacity_frames(self.count)
+        self.playback = Playback(self.axes, self.store)
+        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
+        self.hw_sets = array("i", [0] * self.count)
+        self.jogging = 0  # bits of motors that jog
+        self.jog_at = array("i", [0] * self.count)
+        self.words = array("i", [0] * 2)
+        self.now = 0
+        self.was_open = False
+        self.was_moving = False
+        self.report_at = 0
+        self.heard_at = 0
+        self.stop_at = -1
+        # what is to be sent unasked, kept until there is room
+        self.say_hi = False
+        self.say_position = False
+        self.say_end = False
+        self.say_hard_stop = -1
+        self.handlers = {
+            m.MSG_HI: self._hi,
+            m.MSG_MOTOR_STATUS: self._status,
+            m.MSG_MOTOR_MOVE: self._move,
+            m.MSG_MOTOR_STOP: self._stop,
+            m.MSG_MOTOR_STOP_ALL: self._stop_all,
+            m.MSG_MOTOR_GET_POSITION: self._get_position,
+            m.MSG_MOTOR_RESET_POSITION: self._reset_position,
+            m.MSG_MOTOR_JOG: self._jog,
+            m.MSG_MOTOR_CONFIGURE: self._configure,
+            m.MSG_MOTOR_SET_SPEED: self._set_speed,
+            m.MSG_MOTOR_SET_LIMITS: self._set_limits,
+            m.MSG_RT_UPLOAD_MOVE_BEGIN: self._upload_begin,
+            m.MSG_RT_UPLOAD_MOVE_AXIS: self._upload_axis,
+            m.MSG_RT_UPLOAD_MOVE_END: self._upload_end,
+            m.MSG_RT_POSITION_FRAME: self._position_frame,
+            m.MSG_RT_RUN_MOVE: self._run_move,
+            m.MSG_RT_GO: self._go,
+        }
+
+    # ---------------------------------------------------------------- the main loop
+
+    def poll(self, now):
+        """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
+        self.now = now
+        busy = self._listen()
+        if self.jogging:
+            self._jogs()
+        self.axes.feed()
+        if self.playback.poll():
+            self.say_position = True
+        self._watch()
+        self._report()
+        self.port.send(self.writer)
+        return busy
+
+    def _listen(self):
+        """Take in what has come and answer it."""
+        port = self.port
+        reader = self.reader
+        is_open = port.open
+        if is_open != self.was_open:
+            self.was_open = is_open
+            if is_open:
+                self.say_hi = True  # field note 1.5
+            else:
+                reader.clear()
+                self.writer.clear()
+                self._host_lost()
+        if port.poll(reader):
+            self.heard_at = self.now
+        busy = False
+        while self.writer.room() >= _REPLY_ROOM:
+            found = reader.poll()
+            if found == NOTHING:
+                if reader.waiting and elapsed(self.now, self.heard_at) > STALL_MS:
+                    reader.abandon()
+                    continue
+                break
+            busy = True
+            if found == DAMAGED:
+                self._answer(m.ERR_CHECKSUM)
+            else:
+                self._handle()
+        return busy
+
+    def _handle(self):
+        reader = self.reader
+        kind = reader.type
+        handler = self.handlers.get(kind)
+        if handler is None:
+            self._answer(m.ERR_UNSUPPORTED)
+        elif not m.payload_fits(kind, reader.length):
+            self._answer(m.ERR_RANGE)
+        else:
+            code = handler()
+            if code:
+                self._answer(code)
+
+    def _answer(self, code):
+        self.writer.ack(self.reader, code, self.rig.wide)
+
+    def _host_lost(self):
+        """The host has closed the port: everything comes to rest (field note 1.11)."""
+        self.playback.stop()
+        self.playback.drop()
+        self.axes.stop()
+        self.jogging = 0
+        self.say_hi = self.say_position = self.say_end = False
+
+    def _watch(self):
+        """Faults of the tick kernel and of the engine: everything stops, the host is told."""
+        kernel = self.axes.kernel.state
+        trouble = self.hal.trouble()
+        if kernel[stepper.FAULTS] or trouble & TROUBLE_LOST_COMMAND:
+            kernel[stepper.FAULTS] = 0
+            self.playback.stop(self.rig.hard_stop_factor)
+            self.axes.stop()
+            self.jogging = 0
+            self.say_hard_stop = m.HARD_STOP_FAULT
+
+    # ---------------------------------------------------------------- reports
+
+    def _report(self):
+        """Send what is due, as far as there is room (field notes 1.3 and 4.6)."""
+        moving = self.axes.moving
+        if moving:
+            if elapsed(self.now, self.report_at) >= self.rig.report_ms:
+                self.say_position = True
+        elif self.was_moving:
+            self.say_position = True
+        self.was_moving = moving
+        if self.playback.ended:
+            self.playback.ended = False
+            self.say_position = True
+            self.say_end = True
+        if not self.was_open:
+            self.say_position = self.say_end = False
+            return
+        if self.say_hi and self._send_hi(None):
+            self.say_hi = False
+        if self.say_hard_stop >= 0:
+            self.writer.begin(m.MSG_MOTOR_HARD_STOP, None)
+            self.writer.u8(self.say_hard_stop)
+            if self.writer.end():
+                self.say_hard_stop = -1
+        if self.say_position and self._send_positions(None):
+            self.say_position = False
+            self.report_at = self.now
+        if self.say_end and not self.say_position:
+            self.writer.begin(m.MSG_RT_END, None)
+            if self.writer.end():
+                self.say_end = False
+
+    def _send_hi(self, reader):
+        writer = self.writer
+        writer.begin(m.MSG_HI, reader)
+        writer.text(self.rig.name, m.HI_NAME_BYTES)
+        writer.u8(VERSION[0])
+        writer.u8(VERSION[1])
+        writer.u8(VERSION[2])
+        writer.u8(self.count)
+        writer.u16(0)  # DMX channels
+        writer.u8(0)  # outputs
+        writer.u8(0)  # inputs
+        writer.u8(0)  # limit sets
+        writer.u32(self.upload_frames)
+        writer.u32(m.CAP_REALTIME)
+        writer.u16(m.PROTOCOL_VERSION)
+        return writer.end()
+
+    def _send_positions(self, reader):
+        writer = self.writer
+        writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
+        writer.u32(self.playback.move_time)
+        axes = self.axes
+        for i in range(self.count):
+            writer.word_from(axes[i].block, stepper.POSITION)
+        return writer.end()
+
+    # ---------------------------------------------------------------- requests: device
+    #
+    # A handler returns the code to acknowledge with, or 0 where it has answered itself.
+
+    def _hi(self):
+        self._send_hi(self.reader)
+        self.say_hi = False
+        return 0
+
+    def _status(self):
+        writer = self.writer
+        writer.begin(m.MSG_MOTOR_STATUS, self.reader)
+        writer.u32(self.axes.moving_bits())
+        writer.u8(0)
+        writer.end()
+        return 0
+
+    def _get_position(self):
+        self._send_positions(self.reader)
+        return 0
+
+    # ---------------------------------------------------------------- requests: motors
+
+    def _motor(self):
+        """The motor of this request, from 0; -1 where there is no such motor."""
+        number = self.reader.u8(0)
+        return number - 1 if 0 < number <= self.count else -1
+
+    def _may_move(self, motor):
+        """OK, or why the motor may not be moved on its own now."""
+        if self.broken:
+            return m.ERR_GENERAL
+        if self.playback.running and self.playback.takes(motor):
+            return m.ERR_MOVING
+        if not self.flags[motor] & m.MOTOR_ENABLED:
+            return m.ERR_GENERAL
+        return m.OK
+
+    def _move(self):
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        code = self._may_move(motor)
+        if code != m.OK:
+            return code
+        self.reader.word_to(1, self.words, 0)
+        axis = self.axes[motor]
+        side = axis.outside(self.words, 0)
+        if side:
+            return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
+        self.jogging &= ~(1 << motor)
+        moving = axis.travel(self.hal, self.words, 0)
+        if self.rig.wide:
+            return m.OK
+        writer = self.writer
+        writer.begin(m.MSG_MOTOR_MOVE, self.reader)
+        writer.u8(1 if moving else 0)
+        writer.end()
+        return 0
+
+    def _stop(self):
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        self.jogging &= ~(1 << motor)
+        if self.playback.busy and self.playback.takes(motor):
+            self.playback.stop()
+        else:
+            self.axes[motor].stop(self.hal)
+        return m.OK
+
+    def _stop_all(self):
+        factor = 1
+        if self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS:
+            factor = self.rig.hard_stop_factor
+        self.stop_at = self.now
+        self.jogging = 0
+        self.playback.stop(factor)
+        self.axes.stop(factor)
+        return m.OK
+
+    def _reset_position(self):
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        axis = self.axes[motor]
+        if axis.moving or self.playback.running:
+            return m.ERR_MOVING
+        self.reader.word_to(1, self.words, 0)
+        axis.set_position(self.words, 0)
+        self.say_position = True
+        return m.OK
+
+    def _jog(self):
+        motor = self._motor()
+        speed = self.reader.u16(1)
+        if motor < 0 or speed < 1 or speed > 10000:
+            return m.ERR_RANGE
+        code = self._may_move(motor)
+        if code != m.OK:
+            return code
+        axis = self.axes[motor]
+        self.reader.word_to(3, self.words, 0)
+        axis.clamp(self.words, 0)
+        bit = 1 << motor
+        self.jog_at[motor] = self.now
+        if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
+            self.jogging |= bit
+            axis.travel(self.hal, self.words, 0, speed)
+        return m.OK
+
+    def _jogs(self):
+        """Let go of motors whose jog has not been asked for again (field note 4.2)."""
+        limit = self.rig.jog_timeout_ms
+        for motor in range(self.count):
+            bit = 1 << motor
+            if self.jogging & bit:
+                axis = self.axes[motor]
+                if not axis.moving:
+                    self.jogging &= ~bit
+                elif limit and elapsed(self.now, self.jog_at[motor]) >= limit:
+                    axis.stop(self.hal)
+                    self.jogging &= ~bit
+
+    def _configure(self):
+        motor = self._motor()
+        flags = self.reader.u8(1)
+        if motor < 0:
+            return m.ERR_RANGE
+        axis = self.axes[motor]
+        enabled = flags & m.MOTOR_ENABLED
+        if not enabled and axis.moving:
+            return m.ERR_MOVING
+        if self.playback.running:
+            return m.ERR_MOVING
+        self.flags[motor] = flags
+        self.hal.enable(motor, bool(enabled))
+        bit = 1 << motor
+        if not enabled or flags & m.MOTOR_LIVE:
+            self.playback.excluded |= bit
+        else:
+            self.playback.excluded &= ~bit
+        return m.OK
+
+    def _set_speed(self):
+        motor = self._motor()
+        velocity = self.reader.count(1)
+        acceleration = self.reader.count(5)
+        if motor < 0 or velocity < 1 or velocity > motion.FASTEST:
+            return m.ERR_RANGE
+        if acceleration < 0:
+            acceleration = motion.STEEPEST
+        self.axes[motor].set_speed(velocity, acceleration)
+        return m.OK
+
+    def _set_limits(self):
+        reader = self.reader
+        motor = self._motor()
+        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or reader.u8(11) & m.HW_SET_MASK:
+            return m.ERR_RANGE
+        reader.word_to(2, self.words, 0)
+        reader.word_to(7, self.words, 1)
+        if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
+            return m.ERR_RANGE
+        self.hw_sets[motor] = reader.u8(11)
+        return m.OK
+
+    # ---------------------------------------------------------------- requests: real-time moves
+
+    def _upload_begin(self):
+        if self.playback.running:
+            return m.ERR_MOVING
+        code = self.store.begin(self.reader.i32(0), self.reader.i32(4))
+        if code == m.OK:
+            self.playback.drop()
+        return code
+
+    def _upload_axis(self):
+        reader = self.reader
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        if self.playback.running:
+            return m.ERR_MOVING
+        last = reader.u8(4) & 0x80
+        return self.store.section(motor, reader.start_index(1), last, reader, 5, (reader.length - 5) >> 2)
+
+    def _upload_end(self):
+        if self.playback.running:
+            return m.ERR_MOVING
+        return self.store.finish()
+
+    def _position_frame(self):
+        if self.broken:
+            return m.ERR_GENERAL
+        if self.playback.running:
+            return m.ERR_MOVING
+        code = self.playback.position_frame(self.reader.i32(0))
+        if code == m.OK:
+            self.jogging = 0
+        return code
+
+    def _run_move(self):
+        """spec: MSG_RT_RUN_MOVE. fps 0, start 4, end 8, pre-roll 12, post-roll 16, DMX 20, bloop
+        outputs 21, channel 25, time 27, flags 29, open and close angle 31 and 33."""
+        reader = self.reader
+        if self.broken:
+            return m.ERR_GENERAL
+        if self.playback.running or self.axes.moving:
+            return m.ERR_MOVING
+        return self.playback.prepare(reader.count(0), reader.i32(4), reader.i32(8), reader.count(12), reader.count(16))
+
+    def _go(self):
+        if self.broken:
+            return m.ERR_GENERAL
+        code = self.playback.may_go()
+        if code == m.OK:
+            # field note 6.3: acknowledged first, then motion starts
+            self._answer(m.OK)
+            self.port.send(self.writer)
+            self.playback.go()
+            return 0
+        return code

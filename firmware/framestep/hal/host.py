@@ -1,0 +1,235 @@
+"""A board that exists only in memory, on virtual time: for the simulator and for tests.
+
+The pulse engine executes the very commands that a PIO state machine gets (hal/rp2_pulses.py) and
+tells each edge. The main loop passes once a tick, and once for each time bytes arrive.
+"""
+
+from array import array
+
+from framestep.controller import Controller
+from framestep.motion import stepper
+from framestep.motion.stepper import StepKernel
+from framestep.native import addressof, map_device
+from framestep.rig import Rig
+
+CLOCK_HZ = 125_000_000
+CYCLES = CLOCK_HZ // 1000
+NS_PER_CYCLE = 8
+TICK_NS = 1_000_000
+TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interrupt handler
+FIFO_WORDS = 8
+UPLOAD_BYTES = 176 * 1024
+_WRAP = 0x3FFFFFFF
+
+
+class PulseModel:
+    """The pulse engine of one motor: commands in, edges out, times in cycles.
+
+    Written to like a FIFO register (`model[0] = command`). A command that finds the FIFO full is
+    lost, as on the chip, and counted in `lost`.
+    """
+
+    def __init__(self, clock, width, on_step, on_direction):
+        self.clock = clock  # returns the present cycle
+        self.on_step = on_step  # f(cycle, direction level) at each rising edge
+        self.on_direction = on_direction  # f(cycle, level) at each change
+        self.high = 4 + 32 * (width + 1)
+        self.free_at = 0  # when the last command is done
+        self.waiting = []  # when each command in the FIFO will be fetched
+        self.level = 0
+        self.lost = 0
+
+    def __setitem__(self, index, command):
+        command &= 0xFFFFFFFF
+        now = self.clock()
+        while self.waiting and self.waiting[0] <= now:
+            self.waiting.pop(0)
+        if len(self.waiting) >= FIFO_WORDS:
+            self.lost += 1
+            return
+        start = max(now, self.free_at)
+        self.waiting.append(start)
+        level = command & 1
+        pulses = command >> 1 & 0x1FF
+        gap = command >> 10 & 0x3FFFF
+        if level != self.level:
+            self.level = level
+            self.on_direction(start + 2, level)
+        if pulses == 0:
+            self.free_at = start + gap + 9
+            return
+        period = gap + 4 + self.high
+        first = start + gap + 8
+        for i in range(pulses):
+            self.on_step(first + i * period, level)
+        self.free_at = start + 4 + pulses * period
+
+
+class HostPort:
+    """The protocol port, its far end held by whoever drives the board."""
+
+    def __init__(self):
+        self.open = False
+        self.incoming = bytearray()
+        self.outgoing = bytearray()
+        self._buffer = bytearray(512)
+
+    def start(self):
+        pass
+
+    def poll(self, reader):
+        moved = 0
+        while self.incoming:
+            taken = reader.feed(self.incoming, 0, len(self.incoming))
+            if not taken:
+                break
+            del self.incoming[:taken]
+            moved += taken
+        return moved
+
+    def send(self, writer):
+        while True:
+            count = writer.take(self._buffer, len(self._buffer))
+            if not count:
+                return
+            if self.open:
+                self.outgoing += self._buffer[:count]
+
+
+class HostHal:
+    """See framestep.hal. Time stands still until HostBoard moves it."""
+
+    def __init__(self, motors, rig):
+        self.motors = motors
+        self.now_ns = 0
+        self.upload_bytes = UPLOAD_BYTES
+        self.port = HostPort()
+        self.on_edge = None
+        self._clock = array("i", [0])
+        self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
+        self.engines = []
+        for i in range(motors):
+            settings = rig.motor(i)
+            width = max(0, min(15, round(settings["pulse_us"] * CLOCK_HZ / 1e6 / 32 - 34 / 32)))
+            up = 0 if settings["invert"] else 1
+            engine = PulseModel(self.cycle, width, self._step(i, up), self._direction(i))
+            setup = int(settings["setup_us"] * CLOCK_HZ / 1e6)
+            self.kernel.configure(i, map_device(engine), width, setup, settings["invert"])
+            self.engines.append(engine)
+
+    def _step(self, motor, up):
+        signal = "m%d" % (motor + 1)
+
+        def step(cycle, level):
+            if self.on_edge:
+                self.on_edge(cycle * NS_PER_CYCLE, signal, 1 if level == up else -1)
+
+        return step
+
+    def _direction(self, motor):
+        signal = "dir%d" % (motor + 1)
+
+        def direction(cycle, level):
+            if self.on_edge:
+                self.on_edge(cycle * NS_PER_CYCLE, signal, level)
+
+        return direction
+
+    def cycle(self):
+        return self.now_ns // NS_PER_CYCLE
+
+    def start(self):
+        pass
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
+
+    def ticks_ms(self):
+        return self.now_ns // 1_000_000 & _WRAP
+
+    def enable(self, motor, on):
+        if self.on_edge:
+            self.on_edge(self.now_ns, "enable%d" % (motor + 1), int(on))
+
+    def trouble(self):
+        return 1 if any(engine.lost for engine in self.engines) else 0
+
+    def idle(self):
+        pass
+
+    def tick(self):
+        """One timer interrupt at the present moment."""
+        self._clock[0] = self.now_ns // 1000 & _WRAP
+        self.kernel.tick(None)
+
+
+class HostBoard:
+    """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
+
+    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it.
+    """
+
+    def __init__(self, rig=None, motors=8):
+        self.rig = Rig(rig)
+        self.hal = HostHal(motors, self.rig)
+        self.controller = Controller(self.hal, self.rig)
+        self.next_tick = TICK_DELAY_NS
+
+    @property
+    def now_ns(self):
+        return self.hal.now_ns
+
+    @property
+    def on_edge(self):
+        return self.hal.on_edge
+
+    @on_edge.setter
+    def on_edge(self, function):
+        self.hal.on_edge = function
+
+    @property
+    def pending(self):
+        """Bytes received but not yet taken in by the controller."""
+        return len(self.hal.port.incoming)
+
+    def receive(self, data):
+        """Bytes from the host; they are looked at when time moves on."""
+        self.hal.port.incoming += data
+
+    def transmit(self):
+        """What the controller has sent since the last call."""
+        data = bytes(self.hal.port.outgoing)
+        self.hal.port.outgoing.clear()
+        return data
+
+    def open_port(self, is_open):
+        """The host opens or closes the port (DTR)."""
+        port = self.hal.port
+        port.open = is_open
+        if not is_open:
+            port.incoming.clear()
+            port.outgoing.clear()
+
+    def run_until(self, ns):
+        """Let virtual time pass: a tick and a pass of the main loop each millisecond."""
+        hal = self.hal
+        self.controller.poll(hal.ticks_ms())
+        while self.next_tick <= ns:
+            hal.now_ns = self.next_tick
+            hal.tick()
+            self.controller.poll(hal.ticks_ms())
+            self.next_tick += TICK_NS
+        if ns > hal.now_ns:
+            hal.now_ns = ns
+            self.controller.poll(hal.ticks_ms())
+
+    def moving(self):
+        """Whether a motor moves or is about to."""
+        return self.controller.axes.moving
+
+    def steps(self, motor):
+        """Steps made by a motor, counted from 0."""
+        return self.hal.kernel.blocks[motor][stepper.POSITION]

@@ -1,0 +1,147 @@
+"""The smooth path through uploaded frames: the velocity at each frame.
+
+Between two frames a motor follows the cubic that has the frames' positions and these velocities at
+its ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocity never jumps.
+Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12,
+which follows sampled motion more closely than a parabola, held within the range that keeps the
+cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope).
+Where a motor holds still on either side the velocity is 0, so it never leaves a hold
+(field note 5.6).
+"""
+
+from framestep.native import const, micropython, ptr32
+
+# Words that slope() reads: five positions, frame -2 to frame 2, and what it may not pass
+FRAMES = const(0)
+LOWER = const(5)
+UPPER = const(6)
+WINDOW_WORDS = const(7)
+
+TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
+
+
+@micropython.viper
+def slope(window: ptr32, before: int, after: int) -> int:
+    """Velocity at the middle frame of the window, in 1/12 step per frame.
+
+    before, after: how many frames of the move there are on either side, 0 to 2. Neighbours may
+    differ by 2^20 steps at most. LOWER and UPPER of the window are the soft limits; a turning
+    point so close to one that the curve would pass it gets the velocity 0.
+    """
+    here = window[2]
+    back = here - window[1]
+    ahead = window[3] - here
+    if before == 0:
+        if after == 0:
+            return 0
+        # The parabola through the first three frames
+        s = 12 * ahead
+        if after > 1:
+            s = 18 * ahead - 6 * (window[4] - window[3])
+        back = ahead
+    elif after == 0:
+        s = 12 * back
+        if before > 1:
+            s = 18 * back - 6 * (window[1] - window[0])
+        ahead = back
+    elif before > 1 and after > 1:
+        s = 7 * (back + ahead) - (window[1] - window[0]) - (window[4] - window[3])
+    else:
+        s = 6 * (back + ahead)
+    if back == 0 or ahead == 0:
+        return 0
+    if back > 0 and ahead > 0:
+        if ahead < back:
+            back = ahead
+        if s < 0:
+            return 0
+        if s > 36 * back:
+            return 36 * back
+        return s
+    if back < 0 and ahead < 0:
+        if ahead > back:
+            back = ahead
+        if s > 0:
+            return 0
+        if s < 36 * back:
+            return 36 * back
+        return s
+    # A turning point: the curve passes it by at most 4/27 of the slope.
+    s = 6 * (back + ahead)
+    past = s
+    if past < 0:
+        past = 0 - past
+    past = (past * 4 + 323) // 324
+    if back > 0:
+        if window[UPPER] - here < past:
+            return 0
+    elif here - window[LOWER] < past:
+        return 0
+    return s
+
+
+# Words of a check: the two frames before, how many of them there are, and what the motor allows
+BEFORE = const(0)
+SEEN = const(2)
+FASTEST = const(3)  # steps from frame to frame
+STEEPEST = const(4)  # change of that
+LOWEST = const(5)  # soft limits, and whether they are set
+HIGHEST = const(6)
+LOW_SET = const(7)
+HIGH_SET = const(8)
+CHECK_WORDS = const(9)
+
+FITS = const(0)
+TOO_FAST = const(1)
+TOO_HIGH = const(2)
+TOO_LOW = const(3)
+
+
+@micropython.viper
+def check(words: ptr32, values: ptr32, count: int) -> int:
+    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH or TOO_LOW."""
+    a = words[BEFORE]
+    b = words[BEFORE + 1]
+    seen = words[SEEN]
+    fastest = words[FASTEST]
+    steepest = words[STEEPEST]
+    i = 0
+    while i < count:
+        p = values[i + 0]
+        i += 1
+        if words[HIGH_SET]:
+            if p > words[HIGHEST]:
+                return TOO_HIGH
+        if words[LOW_SET]:
+            if p < words[LOWEST]:
+                return TOO_LOW
+        if seen:
+            # halves first, since the difference of two words may need 33 bits
+            step = (p >> 1) - (b >> 1)
+            if step > fastest or step < 0 - fastest:
+                return TOO_FAST
+            step = p - b
+            if step > fastest or step < 0 - fastest:
+                return TOO_FAST
+            if seen > 1:
+                step = step - (b - a)
+                if step > steepest or step < 0 - steepest:
+                    return TOO_FAST
+        a = b
+        b = p
+        seen += 1
+    words[BEFORE] = a
+    words[BEFORE + 1] = b
+    words[SEEN] = seen
+    return FITS
+
+
+@micropython.viper
+def turn(window: ptr32):
+    """Look at the five frames of a window from the other side, for playing backward."""
+    t = window[0]
+    window[0] = window[4]
+    window[4] = t
+    t = window[1]
+    window[1] = window[3]
+    window[3] = t
