@@ -7,9 +7,8 @@ from array import array
 
 from framestep.hal import TROUBLE_LOST_COMMAND
 from framestep.motion import axes as motion
-from framestep.motion import reals, stepper
+from framestep.motion import stepper
 from framestep.motion.axes import Axes
-from framestep.moves import playback
 from framestep.moves.playback import Playback
 from framestep.moves.store import UploadStore
 from framestep.native import const
@@ -19,7 +18,6 @@ from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 VERSION = (0, 1, 0)
 
 _WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
 STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
 SECOND_STOP_MS = const(1000)  # field note 4.4
@@ -50,11 +48,13 @@ class Controller:
         self.playback = Playback(self.axes, self.store)
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
         self.hw_sets = array("i", [0] * self.count)
+        self.powered = 0  # bits of motors whose driver is on
         self.jogging = 0  # bits of motors that jog
         self.jog_at = array("i", [0] * self.count)
         self.words = array("i", [0] * 2)
         self.now = 0
         self.was_open = False
+        self.openings = 0
         self.was_moving = False
         self.report_at = 0
         self.heard_at = 0
@@ -105,14 +105,15 @@ class Controller:
         port = self.port
         reader = self.reader
         is_open = port.open
-        if is_open != self.was_open:
-            self.was_open = is_open
-            if is_open:
-                self.say_hi = True  # field note 1.5
-            else:
+        if is_open != self.was_open or port.openings != self.openings:
+            self.openings = port.openings
+            if self.was_open:
                 reader.clear()
                 self.writer.clear()
                 self._host_lost()
+            self.was_open = is_open
+            if is_open:
+                self.say_hi = True  # field note 1.5
         if port.poll(reader):
             self.heard_at = self.now
         busy = False
@@ -154,16 +155,23 @@ class Controller:
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
 
+    def abandon(self):
+        """The firmware stops looking after the motors: they ramp down."""
+        self.playback.stop()
+        self.axes.stop()
+
+    def fail(self):
+        """An internal fault: everything comes to rest, the host is told (field note 8.4)."""
+        self.abandon()
+        self.jogging = 0
+        self.say_hard_stop = m.HARD_STOP_FAULT
+
     def _watch(self):
-        """Faults of the tick kernel and of the engine: everything stops, the host is told."""
+        """Faults of the tick kernel and of the engine."""
         kernel = self.axes.kernel.state
-        trouble = self.hal.trouble()
-        if kernel[stepper.FAULTS] or trouble & TROUBLE_LOST_COMMAND:
+        if kernel[stepper.FAULTS] or self.hal.trouble() & TROUBLE_LOST_COMMAND:
             kernel[stepper.FAULTS] = 0
-            self.playback.stop(self.rig.hard_stop_factor)
-            self.axes.stop()
-            self.jogging = 0
-            self.say_hard_stop = m.HARD_STOP_FAULT
+            self.fail()
 
     # ---------------------------------------------------------------- reports
 
@@ -262,6 +270,15 @@ class Controller:
             return m.ERR_GENERAL
         return m.OK
 
+    def _power(self, bits):
+        """Switch the drivers on of motors that are to move."""
+        bits &= ~self.powered
+        if bits:
+            self.powered |= bits
+            for motor in range(self.count):
+                if bits >> motor & 1:
+                    self.hal.enable(motor, True)
+
     def _move(self):
         motor = self._motor()
         if motor < 0:
@@ -275,6 +292,7 @@ class Controller:
         if side:
             return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
         self.jogging &= ~(1 << motor)
+        self._power(1 << motor)
         moving = axis.travel(self.hal, self.words, 0)
         if self.rig.wide:
             return m.OK
@@ -332,6 +350,7 @@ class Controller:
         self.jog_at[motor] = self.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit
+            self._power(bit)
             axis.travel(self.hal, self.words, 0, speed)
         return m.OK
 
@@ -360,8 +379,12 @@ class Controller:
         if self.playback.running:
             return m.ERR_MOVING
         self.flags[motor] = flags
-        self.hal.enable(motor, bool(enabled))
         bit = 1 << motor
+        if enabled:
+            self._power(bit)
+        else:
+            self.powered &= ~bit
+            self.hal.enable(motor, False)
         if not enabled or flags & m.MOTOR_LIVE:
             self.playback.excluded |= bit
         else:
@@ -424,6 +447,7 @@ class Controller:
         code = self.playback.position_frame(self.reader.i32(0))
         if code == m.OK:
             self.jogging = 0
+            self._power(self.playback.draft.bits)
         return code
 
     def _run_move(self):

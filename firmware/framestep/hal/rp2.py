@@ -1,0 +1,149 @@
+"""RP2040 and RP2350: PIO pulses, a hard 1 kHz timer, the protocol on a USB port of its own.
+
+With two ports the controller runs in the background, called by a timer from MicroPython's scheduler,
+and the REPL stays what it is. With one port it runs in the foreground, as the port is the REPL's.
+"""
+
+import gc
+import sys
+import time
+
+import machine
+from machine import Pin, Timer
+
+from framestep.hal import TROUBLE_LOST_COMMAND
+from framestep.hal.rp2_pulses import PulseEngine, lost_commands
+from framestep.motion.stepper import StepKernel
+from framestep.native import const
+
+_TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
+_TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
+_FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
+_HEAP_LEFT = const(32 * 1024)  # for the REPL and for what a user's own code needs
+_STEP = const(2048)
+_WRAP = const(0x3FFFFFFF)
+_PASS_MS = const(1)
+
+
+class Rp2Hal:
+    """See framestep.hal. board: the data of boards/<board>/board.json; rig: framestep.rig.Rig."""
+
+    def __init__(self, board, rig):
+        self.motors = len(board["step"])
+        hz = machine.freq()
+        while hz > _FASTEST_ENGINE:
+            hz //= 2
+        cycles_per_us = hz // 1000000
+        self.engine = PulseEngine(board["step"], board["dir"], hz)
+        timer = _TIMER_RP2350 if "RP2350" in sys.implementation._machine else _TIMER_RP2040
+        self.kernel = StepKernel(self.motors, cycles_per_us * 1000, timer)
+        for i in range(self.motors):
+            settings = rig.motor(i)
+            width = (int(settings["pulse_us"] * cycles_per_us) - 34 + 16) // 32
+            setup = int(settings["setup_us"] * cycles_per_us)
+            width = 0 if width < 0 else 15 if width > 15 else width
+            self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
+        # Drivers stay off until a motor is to move.
+        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
+        self._enabled = 0
+        enable = board["enable"]
+        self._shared = not isinstance(enable, list)
+        pins = [enable] if self._shared else enable
+        self._enable_pins = [Pin(pin, Pin.OUT, value=1 - self._on_level[i]) for i, pin in enumerate(pins)]
+        self.port = self._make_port(rig.ports)
+        self.background = rig.ports == 2
+        self._ticker = None
+        self._passes = None
+        self._pass_callback = self._pass
+        self._controller = None
+        self.failure = None  # the exception that ended the passes
+
+    def _make_port(self, ports):
+        if ports == 2:
+            from framestep.hal.usb_port import UsbPort
+
+            return UsbPort()
+        from framestep.hal.stdin_port import StdinPort
+
+        return StdinPort()
+
+    @property
+    def upload_bytes(self):
+        """The largest block of memory that leaves the heap enough. Allocates, for a moment."""
+        gc.collect()
+        size = gc.mem_free() - _HEAP_LEFT
+        while size > _STEP:
+            try:
+                bytearray(size)
+            except MemoryError:
+                size -= _STEP
+                continue
+            gc.collect()
+            return size
+        return _STEP
+
+    def start(self):
+        self._ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        self.port.start()
+
+    irq_off = staticmethod(machine.disable_irq)
+    irq_on = staticmethod(machine.enable_irq)
+    idle = staticmethod(machine.idle)
+
+    def ticks_ms(self):
+        return time.ticks_ms() & _WRAP
+
+    def enable(self, motor, on):
+        """Switch a driver on or off; drivers that share a pin are on while one of them is."""
+        bit = 1 << motor
+        if on:
+            self._enabled |= bit
+        else:
+            self._enabled &= ~bit
+        pin = 0 if self._shared else motor
+        lit = self._enabled if self._shared else self._enabled & bit
+        level = self._on_level[pin]
+        self._enable_pins[pin].value(level if lit else 1 - level)
+
+    def trouble(self):
+        return TROUBLE_LOST_COMMAND if lost_commands(self.motors) else 0
+
+    # ---------------------------------------------------------------- running a controller
+
+    def run(self, controller):
+        """Run it: in the background, and return at once, or until a Ctrl-C on its own port."""
+        self._controller = controller
+        if self.background:
+            self._passes = Timer(-1, period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
+            return
+        poll = controller.poll
+        ticks_ms = self.ticks_ms
+        idle = machine.idle
+        try:
+            while True:
+                if not poll(ticks_ms()):
+                    idle()
+        finally:
+            self.stop()
+
+    def _pass(self, _timer):
+        try:
+            self._controller.poll(time.ticks_ms() & _WRAP)
+        except KeyboardInterrupt:
+            # Meant for a program that runs on the REPL, but it struck here; what was being done
+            # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
+            self._controller.fail()
+            print("framestep: Ctrl-C came in the middle of the controller's work; motors stop")
+        except Exception as error:
+            self.stop()
+            self.failure = error
+            print("framestep: stopped by a fault in the firmware; a reset starts it again")
+            sys.print_exception(error)
+
+    def stop(self):
+        """End the passes; the motors ramp down. The REPL is left as it was."""
+        if self._passes:
+            self._passes.deinit()
+            self._passes = None
+        if self._controller:
+            self._controller.abandon()

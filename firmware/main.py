@@ -1,0 +1,5 @@
+"""Boot: board, HAL, controller, run. Settings are in rig.json; `import framestep` is the rest."""
+
+import framestep.boot
+
+framestep.boot.start()
