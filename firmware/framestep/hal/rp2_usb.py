@@ -1,0 +1,68 @@
+"""What the USB controller of the RP2040 and RP2350 knows and MicroPython does not tell.
+
+Addresses: RP2040 datasheet 4.1.2.5 (buffer control: a word for IN and one for OUT of each endpoint) and 4.1.3.
+Nothing here allocates.
+"""
+
+import time
+
+from framestep.native import const, micropython, ptr32
+
+_BUFFER_CONTROL = const(0x50100080)
+_AVAILABLE = const(0x400)  # the controller has the packet, the host has not yet collected it
+_LENGTH = const(0x3FF)
+_SOF_RD = const(0x50110048)
+
+_LOOK_MS = const(10)
+_STILL = const(10)  # looks at the same frame number: the bus is dead
+
+
+@micropython.viper
+def packet_waits(endpoint: int) -> bool:
+    """Whether a packet waits at IN endpoint number `endpoint` for the host to collect it."""
+    return ptr32(_BUFFER_CONTROL)[2 * endpoint] & _AVAILABLE != 0
+
+
+@micropython.viper
+def empty_packet(endpoint: int):
+    """Make the packet that waits at an IN endpoint an empty one. It keeps its place in the order of packets (toggle).
+
+    For a time when the host collects nothing. In two steps, 12 cycles apart (RP2040 datasheet 4.1.2.5.1).
+    """
+    control = ptr32(_BUFFER_CONTROL)
+    word = control[2 * endpoint]
+    if word & _AVAILABLE:
+        word &= -1 - _LENGTH
+        control[2 * endpoint] = word & (-1 - _AVAILABLE)
+        wait = 4
+        while wait > 0:
+            wait -= 1
+        control[2 * endpoint] = word
+
+
+@micropython.viper
+def frame_number() -> int:
+    """Number of the last frame that the host began, 0 to 2047, one a millisecond; it stands still on a dead bus."""
+    return ptr32(_SOF_RD)[0] & 0x7FF
+
+
+class BusWatch:
+    """Tells a dead bus (the cable is out, or the host asleep), of which the USB driver tells nothing."""
+
+    def __init__(self):
+        self._looked_at = time.ticks_ms()
+        self._frame = -1
+        self._still = 0
+
+    def dead(self):
+        """True when the host has not begun a frame for 0.1 s. To be called all the time; it looks every 10 ms."""
+        now = time.ticks_ms()
+        if time.ticks_diff(now, self._looked_at) >= _LOOK_MS:
+            self._looked_at = now
+            frame = frame_number()
+            if frame != self._frame:
+                self._frame = frame
+                self._still = 0
+            elif self._still < _STILL:
+                self._still += 1
+        return self._still == _STILL

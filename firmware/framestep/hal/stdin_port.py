@@ -1,0 +1,327 @@
+"""The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1` in rig.json.
+
+The built-in port only has a blocking read, and tells whether a byte waits but not how many. So a frame is read as it
+announces itself: the first byte, the rest of the header, the payload in blocks, each in one call. A host that stops
+half-way would hold the main loop up; after 10 ms bytes of filling end the read (a stream on os.dupterm gives them),
+are taken out again, and the rest of that frame is read byte by byte, waiting for none. Where MicroPython does not ask
+that stream while it reads (all but rp2) every frame is read like that.
+
+A Ctrl-C that arrives between frames gives the REPL back, as mpremote and Thonny send it: `poll()` raises
+KeyboardInterrupt. Within a frame it is data. Between frames but after other bytes that are not a frame's it is noise,
+until the line has been quiet for 50 ms.
+
+There is no DTR to be seen here. On rp2 `open` tells whether the host collects what is sent: it turns False when a
+packet has waited for half a second, and True when it has gone. So a lost host shows only while something is sent, as
+position reports are while motors move. Elsewhere `open` is always True, and a lost host must be told by its silence.
+"""
+
+import io
+import os
+import select
+import sys
+import time
+from array import array
+
+import micropython
+from machine import Timer
+
+from framestep.native import const, ptr8, ptr32
+
+if sys.platform == "rp2":
+    from framestep.hal import rp2_usb as chip
+else:
+    chip = None
+
+_D = const(0x44)
+_F = const(0x46)
+_CTRL_C = const(3)
+_CR = const(13)
+_LF = const(10)
+_HEADER = const(10)
+_OVERHEAD = const(12)  # header and check bytes
+_LARGEST = const(1048)
+
+_BLOCK = const(64)  # bytes of a frame read in one call: as many calls for filling at worst
+_AT = const(2)  # where in the buffer, so that all of a frame comes with the same place in a word as its header
+_PATIENCE_MS = const(10)  # for a block, before the filling begins
+_WAKE_MS = const(5)  # interrupts that wake the processor while it waits in a read
+_CALM_MS = const(50)  # quiet after noise before Ctrl-C counts again
+_COLLECT_MS = const(500)  # within this a host that listens collects a packet
+
+_BUILTIN_IN = const(2)  # IN endpoint of the built-in port: USBD_CDC_EP_IN, MicroPython's shared/tinyusb/tusb_config.h
+_FREE = const(192)  # bytes that the built-in port takes at once when nothing waits; it holds 256
+
+# State words
+_HAVE = const(0)  # bytes read of the frame that has begun
+_NEED = const(1)  # its size, once the header is there
+_LOW = const(2)  # the low byte of its length
+_NOISE = const(3)  # 1 after bytes that are no frame's
+_NOISE_AT = const(4)  # the last of them, ticks_ms
+_HELD = const(5)  # bytes in the buffer that the reader did not take
+_HELD_AT = const(6)
+_WORDS = const(7)
+
+
+@micropython.viper
+def _nothing(_timer):
+    pass
+
+
+class _Filling(io.IOBase):
+    """Gives a read that has waited until `deadline` (ticks_ms) as many bytes as it still wants, `given` so far."""
+
+    def __init__(self):
+        self.deadline = 0
+        self.given = 0
+
+    def readinto(self, buffer):
+        if time.ticks_diff(time.ticks_ms(), self.deadline) < 0:
+            return None
+        buffer[0] = (self.given ^ 0xA5) & 0xFF
+        self.given += 1
+        return 1
+
+    def write(self, data):
+        return len(data)
+
+    def ioctl(self, request, argument):
+        return 0
+
+
+class StdinPort:
+    """The protocol port in single-port mode. Nothing allocates after `start()`.
+
+    `open` and `openings` are those of UsbPort, as far as they can be told here (see the head of this file). The reader
+    needs the attribute `waiting` of protocol.frames.FrameReader: bytes held of a frame that has begun.
+    """
+
+    def __init__(self):
+        self._filling = _Filling()
+        self._buffer = bytearray(_AT + _BLOCK)
+        view = memoryview(self._buffer)
+        self._first = view[:1]
+        self._header = view[1:_HEADER]  # without its first byte
+        self._blocks = [view[_AT : _AT + n] for n in range(_BLOCK + 1)]
+        self._out = bytearray(_BLOCK)
+        view = memoryview(self._out)
+        self._packets = [view[:n] for n in range(_BLOCK + 1)]
+        self._state = array("i", [0] * _WORDS)
+        self._readinto = sys.stdin.buffer.readinto
+        self._write = sys.stdout.buffer.write
+        self._ticks = time.ticks_ms
+        self._later = time.ticks_add
+        self._dupterm = os.dupterm
+        self._input = select.poll()
+        self._output = select.poll()
+        self._timer = None
+        self._bus = chip.BusWatch() if chip else None
+        self._sent_at = 0
+        self.open = True
+        self.openings = 1
+
+    def start(self):
+        """Take the port over: Ctrl-C does not interrupt any more, it is read."""
+        self._input.register(sys.stdin, select.POLLIN)
+        self._output.register(sys.stdout, select.POLLOUT)
+        self._input.ipoll(0)  # makes what ipoll() gives back, once
+        self._output.ipoll(0)
+        micropython.kbd_intr(-1)
+        if chip:
+            self._timer = Timer(period=_WAKE_MS, mode=Timer.PERIODIC, callback=_nothing, hard=True)
+
+    def stop(self):
+        """Give the port back to the REPL."""
+        if self._timer:
+            self._timer.deinit()
+            self._timer = None
+        micropython.kbd_intr(_CTRL_C)
+
+    # ------------------------------------------------------------ in
+
+    @micropython.viper
+    def poll(self, reader) -> int:
+        """Offer what has arrived, a frame at most, to `reader.feed(buffer, start, count) -> taken`; the bytes taken.
+
+        A frame that has begun to come is read to its end, which takes as long as the host needs for it, or 10 to 20 ms
+        if the host stops half-way. Raises KeyboardInterrupt when the REPL is asked for. The reader must have found all
+        frames in what it has taken (FrameReader.poll() to NOTHING) before the next call.
+        """
+        s = ptr32(self._state)
+        moved = 0
+        if s[_HELD]:
+            moved = int(self._give(reader, s[_HELD_AT], s[_HELD]))
+            if s[_HELD]:
+                return moved
+        if not next(self._input.ipoll(0), None):
+            if s[_NOISE]:
+                self._calm()
+            return moved
+        if s[_HAVE] and not reader.waiting:  # the reader's owner has given the frame up
+            s[_HAVE] = 0
+        if s[_HAVE] == 0:
+            self._readinto(self._first)
+            if chip and ptr8(self._buffer)[0] == _D:
+                terminal = self._dupterm(self._filling)
+                try:
+                    moved += int(self._read_frame(reader))
+                finally:
+                    self._dupterm(terminal)
+                return moved
+        return moved + int(self._read_bytes(reader))
+
+    @micropython.viper
+    def _give(self, reader, at: int, count: int) -> int:
+        s = ptr32(self._state)
+        taken = int(reader.feed(self._buffer, at, count))
+        s[_HELD_AT] = at + taken
+        s[_HELD] = count - taken
+        return taken
+
+    @micropython.viper
+    def _read_frame(self, reader) -> int:
+        """The first byte is in the buffer: read the rest of the header, then of the frame, in blocks."""
+        s = ptr32(self._state)
+        buffer = self._buffer
+        have = 1 + int(self._fill(self._header, 1, _HEADER - 1))
+        moved = int(self._give(reader, 0, have))
+        s[_HAVE] = have
+        s[_LOW] = ptr8(buffer)[_HEADER - 2]
+        need = _OVERHEAD + s[_LOW] + (ptr8(buffer)[_HEADER - 1] << 8)
+        if have > 1 and ptr8(buffer)[1] != _F or have == _HEADER and need > _LARGEST:
+            self._lost()
+        elif have == _HEADER:
+            s[_NEED] = need
+            blocks = self._blocks
+            while have < need and not s[_HELD]:
+                wanted = need - have
+                if wanted > _BLOCK:
+                    wanted = _BLOCK
+                count = int(self._fill(blocks[wanted], _AT, wanted))
+                moved += int(self._give(reader, _AT, count))
+                have += count
+                if count < wanted:
+                    break
+            s[_HAVE] = have
+            if have == need:
+                s[_HAVE] = 0
+                s[_NOISE] = 0
+        return moved
+
+    @micropython.viper
+    def _fill(self, view, at: int, wanted: int) -> int:
+        """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host stops half-way."""
+        filling = self._filling
+        filling.given = 0
+        filling.deadline = self._later(self._ticks(), _PATIENCE_MS)
+        self._readinto(view)
+        given = int(filling.given)
+        if given == 0:
+            return wanted
+        # Take the filling out, from the end, where it is unless the host has gone on meanwhile.
+        buffer = ptr8(self._buffer)
+        to = at + wanted
+        take = to
+        while take > at:
+            take -= 1
+            if given and buffer[take] == ((given - 1) ^ 0xA5) & 0xFF:
+                given -= 1
+            else:
+                to -= 1
+                buffer[to] = buffer[take]
+        count = at + wanted - to
+        take = 0
+        while take < count:
+            buffer[at + take] = buffer[to + take]
+            take += 1
+        return count
+
+    @micropython.viper
+    def _read_bytes(self, reader) -> int:
+        """Read what waits byte by byte, to the end of a frame. Outside a frame the first byte is in the buffer."""
+        s = ptr32(self._state)
+        buffer = ptr8(self._buffer)
+        count = 0
+        fetch = s[_HAVE] > 0
+        while count < _BLOCK:
+            if fetch:
+                if not next(self._input.ipoll(0), None):
+                    break
+                self._readinto(self._first)
+            fetch = True
+            byte = buffer[0]
+            buffer[_AT + count] = byte
+            count += 1
+            have = s[_HAVE] + 1
+            s[_HAVE] = have
+            if have == 1:
+                if byte != _D:
+                    s[_HAVE] = 0
+                    if byte == _CTRL_C and s[_NOISE] == 0 and not reader.waiting:
+                        self.stop()
+                        raise KeyboardInterrupt
+                    if byte != _CR and byte != _LF:  # mpremote sends a CR before its Ctrl-C
+                        self._lost()
+            elif have == 2:
+                if byte != _F:
+                    self._lost()
+            elif have == _HEADER - 1:
+                s[_LOW] = byte
+            elif have == _HEADER:
+                s[_NEED] = _OVERHEAD + s[_LOW] + (byte << 8)
+                if s[_NEED] > _LARGEST:
+                    self._lost()
+            elif have > _HEADER and have == s[_NEED]:
+                s[_HAVE] = 0
+                s[_NOISE] = 0
+                break
+        return int(self._give(reader, _AT, count))
+
+    def _lost(self):
+        """Where the next frame begins is not known."""
+        state = self._state
+        state[_HAVE] = 0
+        state[_NOISE] = 1
+        state[_NOISE_AT] = time.ticks_ms()
+
+    def _calm(self):
+        if time.ticks_diff(time.ticks_ms(), self._state[_NOISE_AT]) > _CALM_MS:
+            self._state[_NOISE] = 0
+
+    # ------------------------------------------------------------ out
+
+    def send(self, writer):
+        """Send what `writer.take(buffer, limit) -> count` gives, as far as there is room for it. Never waits.
+
+        What is given to a closed port goes nowhere.
+        """
+        room = _BLOCK
+        if not chip:
+            if not next(self._output.ipoll(0), None):
+                return
+        elif self._collected():
+            room = _FREE
+        else:
+            if not self.open:
+                while writer.take(self._out, _BLOCK):
+                    pass
+            return
+        while room:
+            count = writer.take(self._out, _BLOCK)
+            if not count:
+                return
+            self._write(self._packets[count])
+            self._sent_at = time.ticks_ms()
+            room -= _BLOCK
+
+    def _collected(self):
+        """Whether the host has collected what was sent to it; keeps `open`."""
+        if self._bus.dead():
+            self.open = False
+        elif not chip.packet_waits(_BUILTIN_IN):
+            if not self.open:
+                self.open = True
+                self.openings += 1
+            return True
+        elif self.open and time.ticks_diff(time.ticks_ms(), self._sent_at) > _COLLECT_MS:
+            self.open = False
+        return False

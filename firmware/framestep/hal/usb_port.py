@@ -1,0 +1,391 @@
+"""The protocol on a USB serial port of its own, beside the built-in one that keeps the REPL (machine.USBDevice).
+
+What comes in. A transfer from the host is 17 packets of 64 bytes long, so that the largest frame costs one callback
+and not seventeen. It ends early with a packet that is not full; a frame of a multiple of 64 bytes has none, and would
+wait in an unfinished transfer for whatever comes next. So each packet's place holds a mark while the transfer runs:
+the USB driver copies a packet to its place in its interrupt, whole, and what is no longer the mark has arrived. The
+main loop takes packets from an unfinished transfer like that, and what is sent is never held up. Two transfers' places
+take turns: the next one is begun by the callback that ends the last, as soon as the main loop has emptied its place.
+
+What goes out goes a packet at a time, from one callback to the next, and always ends with a packet that is not full (an
+empty one if need be): hosts wait for that before they hand on what they have got.
+
+Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C lands in them)
+and allocate nothing. They own what the driver does, `poll()` and `send()` own what the main loop has taken and given.
+"""
+
+import struct
+import sys
+import time
+from array import array
+
+from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
+
+try:
+    from machine import USBDevice
+except ImportError:
+    raise ImportError(
+        "a serial port of its own for the protocol needs machine.USBDevice, which this board's MicroPython does not "
+        'have; set "ports": 1 in rig.json, or use MicroPython 1.23 or newer on an RP2040, RP2350 or ESP32-S3'
+    )
+
+if sys.platform == "rp2":
+    from framestep.hal import rp2_usb as chip
+else:
+    chip = None  # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the last
+
+_NAME = "framestep DMC"  # 20 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
+
+_PACKET = const(64)  # full-speed bulk endpoint
+_PACKETS = const(17)  # of the largest frame, 1048 bytes
+_PLACE = const(1088)  # 17 packets
+_OUTGOING = const(512)  # bytes taken from the writer at a time
+
+# The mark: words 0, 1, 2 and 15 of a packet's place. Only a full packet reaches its last byte.
+_MARK_0 = const(0x1B7E35C9)
+_MARK_1 = const(0x2C49D716)
+_MARK_2 = const(0x35A2684F)
+_MARK_15 = const(0x2B951CE7)
+_MARK_LAST = const(0x2B)
+
+# CDC requests (USB CDC PSTN 1.2, table 13)
+_SET_LINE_CODING = const(0x20)
+_GET_LINE_CODING = const(0x21)
+_SET_CONTROL_LINE_STATE = const(0x22)
+_SEND_BREAK = const(0x23)
+_STAGE_SETUP = const(1)
+
+# As objects, which a viper function cannot make of its own True and False
+_YES = True
+_NO = False
+
+# State words
+_EP_OUT = const(0)
+_EP_IN = const(1)
+_LIVE = const(2)  # configured by a host
+_ARMED = const(3)  # a transfer from the host is under way
+_FILL = const(4)  # transfers ended, modulo 4; the next or running one has the place FILL & 1
+_TAKE = const(5)  # transfers emptied, modulo 4
+_END = const(6)  # of each place: bytes in it, once its transfer has ended
+_USED = const(8)  # of each place: bytes from its start that may not hold the mark
+_SEEN = const(10)  # bytes of the running transfer known to have arrived, whole packets
+_AT = const(11)  # bytes taken from the place that is being emptied
+_DOUBT = const(12)  # look at which the packet at SEEN seemed to be a short one
+_LOOK = const(13)  # number of this look, 1 ...
+_RX = const(14)  # address of the two places
+_SENDING = const(15)
+_LEFT = const(16)  # bytes in the outgoing buffer that are still to be sent
+_NEXT = const(17)  # address of the next of them
+_PACKET_AT = const(18)  # address of the packet's buffer
+_LAST = const(19)  # length of the packet under way
+_TX = const(20)  # address of the outgoing buffer
+_DTR = const(21)
+_WORDS = const(22)
+
+_CLOSING_MS = const(50)  # within this a closing host may still collect what is under way
+_QUIET_MS = const(100)  # bytes that come this long after a close are from a host that does not use DTR
+
+
+@micropython.viper
+def _arm(port):
+    """Let the host send into the next place. Its marks are put back where packets have been."""
+    s = ptr32(port._state)
+    place = s[_FILL] & 1
+    at = s[_RX] + place * _PLACE
+    end = at + s[_USED + place]
+    while at < end:
+        mark = ptr32(at)
+        mark[0] = _MARK_0
+        mark[1] = _MARK_1
+        mark[2] = _MARK_2
+        mark[15] = _MARK_15
+        at += _PACKET
+    s[_END + place] = 0
+    s[_SEEN] = 0
+    s[_DOUBT] = 0
+    if port._submit(s[_EP_OUT], port._places[place]):
+        s[_ARMED] = 1
+
+
+@micropython.viper
+def _send_packet(port):
+    """Send the next 64 bytes, or the rest, or nothing: an empty packet."""
+    s = ptr32(port._state)
+    if not s[_LIVE]:
+        s[_SENDING] = 0
+        return
+    count = s[_LEFT]
+    if count > _PACKET:
+        count = _PACKET
+    to = ptr32(s[_PACKET_AT])
+    source = ptr32(s[_NEXT])
+    i = 0
+    while i << 2 < count:
+        to[i + 0] = source[i + 0]
+        i += 1
+    s[_NEXT] += count
+    s[_LEFT] -= count
+    s[_LAST] = count
+    s[_SENDING] = 1
+    port._submit(s[_EP_IN], port._packets[count])
+
+
+def _descriptor(builtin):
+    """The built-in configuration with a second CDC function behind it (USB CDC 1.2, 5.2; USB 2.0 ECN "IAD")."""
+    control = builtin.itf_max
+    notify = 0x80 | builtin.ep_max
+    out = builtin.ep_max + 1
+    name = builtin.str_max
+    function = (
+        struct.pack("<8B", 8, 11, control, 2, 2, 2, 0, name)  # the two interfaces belong together
+        + struct.pack("<9B", 9, 4, control, 0, 1, 2, 2, 0, name)
+        + struct.pack("<5B", 5, 0x24, 0, 0x20, 0x01)  # header, CDC 1.20
+        + struct.pack("<5B", 5, 0x24, 1, 0, control + 1)  # call management
+        + struct.pack("<4B", 4, 0x24, 2, 6)  # abstract control: line coding and state, break
+        + struct.pack("<5B", 5, 0x24, 6, control, control + 1)  # union
+        + struct.pack("<BBBBHB", 7, 5, notify, 3, 8, 16)
+        + struct.pack("<9B", 9, 4, control + 1, 0, 2, 10, 0, 0, name)
+        + struct.pack("<BBBBHB", 7, 5, out, 2, _PACKET, 0)
+        + struct.pack("<BBBBHB", 7, 5, 0x80 | out, 2, _PACKET, 0)
+    )
+    whole = bytearray(builtin.desc_cfg) + function
+    struct.pack_into("<H", whole, 2, len(whole))
+    whole[4] = control + 2  # interfaces
+    return whole
+
+
+class _Strings:
+    """String descriptors: the port's name, and None for those that MicroPython has itself. Raises for no index."""
+
+    def __init__(self, index):
+        self.index = index
+
+    def __getitem__(self, index):
+        return _NAME if index == self.index else None
+
+
+class UsbPort:
+    """The protocol port. `open`: a host has it open (DTR; or, with a host that leaves DTR alone, it has sent bytes).
+
+    `openings` counts the times it was opened: a change means a new client, even where `open` is True before and after.
+    Nothing allocates after `start()`. `poll()` and `send()` are for one main loop, which may itself be a scheduled
+    function; of those only one `poll()` a call, since callbacks must come between two.
+    """
+
+    def __init__(self):
+        usb = self._usb = USBDevice()
+        builtin = self._builtin = usb.BUILTIN_DEFAULT
+        self._submit = usb.submit_xfer
+        self._ticks = time.ticks_ms
+        self._rx = bytearray(2 * _PLACE)
+        view = memoryview(self._rx)
+        self._places = (view[:_PLACE], view[_PLACE:])
+        self._tx = bytearray(_OUTGOING)
+        packet = memoryview(bytearray(_PACKET))
+        self._packets = [packet[:n] for n in range(_PACKET + 1)]
+        self._coding = bytearray(struct.pack("<IBBB", 115200, 0, 0, 8))  # kept for the host, without meaning here
+        s = self._state = array("i", [0] * _WORDS)
+        s[_EP_OUT] = builtin.ep_max + 1
+        s[_EP_IN] = 0x80 | s[_EP_OUT]
+        s[_RX] = as_word(addressof(self._rx))
+        s[_TX] = as_word(addressof(self._tx))
+        s[_PACKET_AT] = as_word(addressof(packet))
+        s[_USED] = s[_USED + 1] = _PLACE
+        self._closed_at = time.ticks_ms()
+        self._bus = chip.BusWatch() if chip else None
+        self.open = False
+        self.openings = 0
+
+    def start(self):
+        """Put the port beside the built-in one; returns at once. A soft reset takes it away again.
+
+        The host sees the board go, and come back with two ports.
+        """
+        usb = self._usb
+        usb.active(False)
+        usb.builtin_driver = self._builtin
+        usb.config(
+            self._builtin.desc_dev,
+            _descriptor(self._builtin),
+            _Strings(self._builtin.str_max),
+            self._configured,
+            self._reset,
+            self._control,
+            self._transferred,
+        )
+        usb.active(True)
+
+    # ------------------------------------------------------------ called by the USB driver
+
+    @micropython.viper
+    def _configured(self, descriptor):
+        s = ptr32(self._state)
+        s[_LIVE] = 1
+        s[_ARMED] = 0
+        s[_SENDING] = 0
+        if (s[_FILL] - s[_TAKE]) & 3 < 2:
+            _arm(self)
+
+    @micropython.viper
+    def _reset(self):
+        # Bus reset or another configuration: transfers are gone. What has been seen of the running one stays.
+        s = ptr32(self._state)
+        if s[_ARMED]:
+            place = s[_FILL] & 1
+            s[_END + place] = s[_SEEN]
+            s[_USED + place] = _PLACE
+            s[_FILL] = (s[_FILL] + 1) & 3
+            s[_ARMED] = 0
+        s[_LIVE] = 0
+        s[_SENDING] = 0
+        s[_LEFT] = 0
+        s[_DTR] = 0
+        self.open = False
+        self._closed_at = self._ticks()
+
+    @micropython.viper
+    def _control(self, stage: int, request):
+        if stage != _STAGE_SETUP:
+            return _YES
+        setup = ptr8(request)
+        what = setup[1]
+        if setup[0] & 0x60 != 0x20:  # class requests only
+            return _NO
+        if what == _SET_LINE_CODING or what == _GET_LINE_CODING:
+            return self._coding
+        if what == _SET_CONTROL_LINE_STATE:
+            s = ptr32(self._state)
+            dtr = setup[2] & 1
+            if dtr > s[_DTR]:
+                self.open = True
+                self.openings = int(self.openings) + 1
+            elif dtr < s[_DTR]:
+                self.open = False
+                self._closed_at = self._ticks()
+            s[_DTR] = dtr
+            return _YES
+        if what == _SEND_BREAK:
+            return _YES
+        return _NO
+
+    @micropython.viper
+    def _transferred(self, endpoint: int, result: int, count: int) -> bool:
+        s = ptr32(self._state)
+        if endpoint == s[_EP_OUT]:
+            place = s[_FILL] & 1
+            s[_END + place] = count
+            s[_USED + place] = count
+            s[_FILL] = (s[_FILL] + 1) & 3
+            s[_ARMED] = 0
+            if (s[_FILL] - s[_TAKE]) & 3 < 2:
+                _arm(self)
+        elif endpoint == s[_EP_IN]:
+            if s[_LEFT] or s[_LAST] == _PACKET:
+                _send_packet(self)
+            else:
+                s[_SENDING] = 0
+        return True
+
+    # ------------------------------------------------------------ called by the main loop
+
+    @micropython.viper
+    def poll(self, reader) -> int:
+        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`; the bytes taken, 0 if none.
+
+        Bytes that are not taken are offered again the next time, and hold the host up once both places are full.
+        """
+        s = ptr32(self._state)
+        look = (s[_LOOK] + 1) & 0xFFFFFFF
+        s[_LOOK] = look
+        moved = 0
+        while True:
+            place = (s[_TAKE] & 1) * _PLACE
+            at = s[_AT]
+            if s[_TAKE] != s[_FILL]:  # its transfer has ended
+                end = s[_END + (s[_TAKE] & 1)]
+                if at == end:
+                    s[_AT] = 0
+                    s[_TAKE] = (s[_TAKE] + 1) & 3
+                    if not s[_ARMED] and s[_LIVE]:
+                        _arm(self)
+                    continue
+            else:
+                end = s[_SEEN]
+                while s[_ARMED] and end < _PLACE:
+                    packet = ptr32(s[_RX] + place + end)
+                    if packet[15] >> 24 == _MARK_LAST:
+                        if packet[15] == _MARK_15 and packet[0] == _MARK_0 and packet[1] == _MARK_1:
+                            if packet[2] == _MARK_2:
+                                break
+                        # A short packet, and the callback that tells its length is due; or a full one whose last byte
+                        # is the mark's. With no callback by the next look it was full.
+                        if s[_DOUBT] == 0 or s[_DOUBT] == look:
+                            s[_DOUBT] = look
+                            break
+                    s[_DOUBT] = 0
+                    end += _PACKET
+                    s[_SEEN] = end
+                if at == end:
+                    break
+            taken = int(reader.feed(self._rx, place + at, end - at))
+            s[_AT] = at + taken
+            moved += taken
+            if taken < end - at:
+                break
+        if moved:
+            if not self.open:
+                self._heard()
+        elif look & 15 == 0:
+            if s[_LIVE] and not s[_ARMED] and s[_TAKE] == s[_FILL]:  # an exception ended the callback that should
+                _arm(self)
+            self._watch()
+        return moved
+
+    @micropython.viper
+    def send(self, writer):
+        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives. Never waits.
+
+        What is given to a closed port goes nowhere, as on any serial port.
+        """
+        s = ptr32(self._state)
+        if self.open:
+            if not s[_SENDING]:
+                count = int(writer.take(self._tx, _OUTGOING))
+                if count:
+                    s[_LEFT] = count
+                    s[_NEXT] = s[_TX]
+                    _send_packet(self)
+        elif self._drop():
+            while int(writer.take(self._tx, _OUTGOING)):
+                pass
+
+    # ------------------------------------------------------------ openings and closings
+
+    def _heard(self):
+        """Bytes came in through a closed port. Unless they were sent before it closed, its host does not use DTR."""
+        if time.ticks_diff(time.ticks_ms(), self._closed_at) > _QUIET_MS:
+            self.open = True
+            self.openings += 1
+
+    def _drop(self):
+        """Drop what was under way when the port closed; False while the host may still be collecting it."""
+        state = self._state
+        if state[_SENDING] and (state[_LEFT] or state[_LAST]):
+            if time.ticks_diff(time.ticks_ms(), self._closed_at) < _CLOSING_MS:
+                return False
+            state[_LEFT] = 0
+            state[_LAST] = 0
+            if chip:
+                chip.empty_packet(state[_EP_OUT])
+        return True
+
+    def _watch(self):
+        """Close the port when the bus has died, open it again when the host wakes up and still has it open."""
+        if chip:
+            if self._bus.dead():
+                if self.open:
+                    self.open = False
+                    self._closed_at = time.ticks_ms()
+            elif not self.open and self._state[_DTR]:
+                self.open = True
+                self.openings += 1

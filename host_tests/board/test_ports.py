@@ -1,0 +1,594 @@
+"""The protocol ports (hal/usb_port.py, hal/stdin_port.py) on the emulated board, against a host that may misbehave."""
+
+import itertools
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+from framestep.protocol.checksum import check_bytes, fletcher16
+from framestep_emulator import ReplError
+from framestep_tools.files import FIRMWARE, compiled
+
+MODULES = ("native", "hal/__init__", "hal/rp2_usb", "hal/usb_port", "hal/stdin_port")
+MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames", "__init__")
+SETUP = """
+import gc, time, micropython
+from framestep.hal.usb_port import UsbPort
+from ports_echo import Count, Echo, loop
+port = UsbPort()
+echo = Echo()
+count = Count()
+"""
+
+
+def port_files():
+    """What the ports need of the core, and the main loop that answers each frame with itself."""
+    files = {"/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes()}
+    for module in MODULES:
+        name = f"framestep/{module}.py"
+        files[f"/lib/{name[:-3]}.mpy"] = compiled(name, (FIRMWARE / name).read_bytes(), "armv6m")
+    return files
+
+
+def frame(size, number, last=None):
+    """A good frame of `size` bytes in all, its payload random; with `last`, one that ends with this byte."""
+    for seed in itertools.count(number):
+        data = bytearray(
+            struct.pack("<2sIHH", b"DF", number, 0x0123, size - 12) + random.Random(seed).randbytes(size - 12)
+        )
+        data += struct.pack("<H", check_bytes(fletcher16(data, 0, len(data))))
+        if last in (None, data[-1]):
+            return bytes(data)
+
+
+@pytest.fixture
+def usb(emulator):
+    """(emulator, REPL, the protocol port, open): the board with its two ports up."""
+    emu = emulator(files=port_files())
+    repl = emu.repl()
+    repl.exec(SETUP)
+    return emu, start_port(emu, repl), emu.serial(1)
+
+
+def start_port(emu, repl):
+    begun = emu.ns
+    repl.serial.write(b"port.start()\x04")
+    emu.wait_usb(after=begun, ports=2)
+    emu.advance(20)
+    return emu.repl()
+
+
+def run(repl, code="loop(port, echo)"):
+    repl.start(f"echo.longest_us = 0\nprint('go')\n{code}", until="go")
+
+
+def stop(repl):
+    """Ctrl-C into what runs."""
+    repl.serial.write(b"\x03")
+    with pytest.raises(ReplError, match="KeyboardInterrupt"):
+        repl.finish(2)
+
+
+def answered(port, data, ms=20):
+    port.timeout = ms / 1000
+    port.write(data)
+    return port.read(len(data)) == data
+
+
+def test_second_port_and_its_name(usb):
+    """The host sees the REPL's port and one with a name, and the board's serial number; one port after a soft reset."""
+    emu, repl, port = usb
+    event = [e for e in emu.events() if e["type"] == "usb-configured"][-1]
+    assert event["names"] == ["Board CDC", "framestep DMC"]
+    assert event["serial"] == repl.eval("__import__('machine').unique_id().hex()")
+    port.close()
+    for _ in range(2):
+        begun = emu.ns
+        repl.leave()
+        repl.serial.write(b"\x04")
+        emu.wait_usb(after=begun, ports=1)
+        emu.advance(50)
+        repl = emu.repl()
+        repl.exec(SETUP)
+        repl = start_port(emu, repl)
+        with emu.serial(1) as port:
+            run(repl)
+            assert answered(port, frame(64, 1)) and answered(port, frame(40, 2))
+            stop(repl)
+
+
+def test_every_length(usb):
+    """Each frame is answered at once, whatever its length: multiples of a packet as well, and those like the mark."""
+    _emu, repl, port = usb
+    run(repl)
+    late = [size for size in range(12, 1049) if not answered(port, frame(size, size), ms=25)]
+    assert late == []
+    for size in range(64, 1049, 64):  # the last byte is that of the mark of a place not yet filled
+        for number in range(3):
+            assert answered(port, frame(size, number, last=0x2B), ms=25), size
+    for size in range(62, 67):
+        port.write(b"".join(frame(size, n) for n in range(20)))
+        assert port.read(20 * size) == b"".join(frame(size, n) for n in range(20))
+    stop(repl)
+    assert repl.eval("echo.damaged") == 0
+
+
+def test_packet_like_the_mark(usb):
+    """A packet that is byte for byte what an empty place holds is noticed with the next one; nothing is lost."""
+    emu, repl, port = usb
+    mark = bytearray(64)
+    struct.pack_into("<3I", mark, 0, 0x1B7E35C9, 0x2C49D716, 0x35A2684F)
+    struct.pack_into("<I", mark, 60, 0x2B951CE7)
+    repl.start("print('go')\nwhile count.total < 129: port.poll(count)\nprint(count.total)", until="go")
+    port.write(bytes(mark))
+    port.write(bytes(mark))
+    emu.advance(20)
+    port.write(b"x")
+    assert repl.finish() == "129\n"
+
+
+def test_throughput(usb, capsys):
+    """Blocks of the size that uploads have, with a handler that does nothing and with one that takes 1 ms; and out."""
+    emu, repl, port = usb
+    figures = {}
+    for size in (1036, 1024):
+        total = 150 * size
+        repl.start(f"count.total = 0\nprint('go')\nwhile count.total < {total}: port.poll(count)", until="go")
+        for _ in range(150):
+            port.write(bytes(size))
+        begun = emu.ns
+        port.flush()
+        figures[f"in, {size}"] = total / (emu.ns - begun) * 1e6
+        repl.finish()
+    repl.start(
+        "count.total = 0\nprint('go')\nwhile count.total < 103600:\n    if port.poll(count): time.sleep_us(1000)",
+        until="go",
+    )
+    for _ in range(100):
+        port.write(bytes(1036))
+    begun = emu.ns
+    port.flush()
+    figures["in, 1036, handler 1 ms"] = 103600 / (emu.ns - begun) * 1e6
+    repl.finish()
+    repl.start("count.left = 100000\nprint('go')\nwhile count.left: port.send(count)", until="go")
+    begun = emu.ns
+    port.timeout = 5
+    assert len(port.read(100000)) == 100000
+    figures["out"] = 100000 / (emu.ns - begun) * 1e6
+    repl.finish()
+    with capsys.disabled():
+        print("\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items()))
+    assert min(rate for name, rate in figures.items() if name.startswith("in")) > 400
+    assert figures["out"] > 300
+
+
+def test_latency_and_cost(usb, capsys):
+    """From the last byte written to the first byte of the answer; what a turn costs in which nothing happens."""
+    emu, repl, port = usb
+    idle = repl.eval(
+        "[(t := time.ticks_us()), [port.poll(count) for _ in range(500)], time.ticks_diff(time.ticks_us(), t)][2] / 500"
+    )
+    run(
+        repl,
+        "while True:\n    port.poll(echo.reader)\n    if echo.reader.poll(): count.left = 12\n    port.send(count)",
+    )
+    times = []
+    for n in range(40):
+        emu.advance(1 + n * 0.037)
+        begun = emu.ns
+        port.write(frame(12, n))
+        emu.advance(20, until_rx=1)
+        times.append((emu.ns - begun) / 1000)
+        assert len(port.read(12)) == 12
+    stop(repl)
+    times.sort()
+    with capsys.disabled():
+        print(f"\nUSB port, µs: idle poll {idle:.0f}, 12-byte frame to answer {times[0]:.0f} to {times[-1]:.0f}")
+    assert times[len(times) // 2] < 600 and times[-1] < 1000
+
+
+def test_nothing_allocates(usb):
+    """1000 frames in and out with the heap locked, a close and an opening among them."""
+    emu, repl, port = usb
+    repl.start(
+        "def work(frames):\n"
+        "    reader = echo.reader\n"
+        "    while frames:\n"
+        "        port.poll(reader)\n"
+        "        if reader.poll() == 1:\n"
+        "            frames -= 1\n"
+        "            count.left += 70\n"
+        "        port.send(count)\n"
+        "    while count.left: port.send(count)\n"
+        "print('go')\n"
+        "micropython.heap_lock()\n"
+        "try: work(1000)\n"
+        "finally: micropython.heap_unlock()\n"
+        "print(port.openings)",
+        until="go",
+    )
+    port.timeout = 1
+    for n in range(1000):
+        if n == 500:
+            port.close()
+            emu.advance(100)
+            port.open()
+        port.write(frame(12 + n % 200, n))
+        assert len(port.read(70)) == 70
+    assert repl.finish() == "2\n"
+
+
+def test_reader_that_takes_nothing(usb):
+    """What is not taken stays, the host is held up, and nothing is lost."""
+    emu, repl, port = usb
+    data = b"".join(frame(200, n) for n in range(60))
+    run(repl, "echo.feed = lambda buffer, start, count: 0\nloop(port, echo)")
+    for at in range(0, len(data), 200):
+        port.write(data[at : at + 200])
+    emu.advance(100)
+    assert port.out_waiting > 0 and port.in_waiting == 0
+    stop(repl)
+    run(
+        repl,
+        "echo.feed = lambda buffer, start, count: echo.reader.feed(buffer, start, min(count, 7))\nloop(port, echo)",
+    )
+    port.timeout = 3
+    assert port.read(len(data)) == data
+    stop(repl)
+
+
+def test_host_that_does_not_read(usb):
+    """The main loop goes on at its pace, and what was under way comes out whole and in order afterwards."""
+    emu, repl, port = usb
+    run(repl)
+    port.hold()
+    frames = [frame(120, n) for n in range(25)]
+    for data in frames:
+        port.write(data)
+        emu.advance(4)
+    assert port.in_waiting == 0
+    port.hold(False)
+    assert port.read(3000) == b"".join(frames)
+    stop(repl)
+    longest = repl.eval("echo.longest_us")
+    assert longest < 12_000, longest  # of a loop that is all bytecode and collects garbage
+
+
+def test_closing_with_bytes_under_way(usb):
+    """What was to go to a client that has left does not reach the next one."""
+    emu, repl, port = usb
+    run(repl)
+    for number, wait_ms in ((1, 100), (2, 100), (3, 60), (4, 500)):
+        port.hold()
+        for _ in range(number):
+            port.write(frame(200, number))
+            emu.advance(5)
+        port.close()
+        emu.advance(wait_ms)
+        port.hold(False)
+        port.open()
+        assert answered(port, frame(64 * number, 9)), "the first answer to the new client"
+        assert answered(port, frame(40, 10))
+    stop(repl)
+    assert repl.eval("port.openings") == 5
+
+
+def test_closing_within_a_frame(usb):
+    """Half a frame of a client that has left does not hold up a frame of the next one, even one of whole packets."""
+    emu, repl, port = usb
+    run(
+        repl,
+        "seen = 0\nwhile True:\n    if seen != port.openings:\n        seen = port.openings\n"
+        "        echo.reader.clear()\n    echo.turn(port)",
+    )
+    for part in (1, 63, 64, 65, 128, 640, 1047):
+        port.write(frame(1048, part)[:part])
+        emu.advance(5)
+        port.close()
+        emu.advance(30)
+        port.open()
+        emu.advance(5)
+        assert answered(port, frame(64, part)), part
+    stop(repl)
+
+
+def test_dtr(usb):
+    """`open` follows DTR at once; a host that leaves DTR alone has the port open once it has sent something."""
+    emu, repl, port = usb
+    assert repl.eval("(port.open, port.openings)") == (True, 1)
+    port.close()
+    emu.advance(5)
+    assert repl.eval("(port.open, port.openings)") == (False, 1)
+    repl.exec("count.left = 1000\nport.send(count)")
+    assert repl.eval("count.left") == 0, "bytes for a closed port go nowhere"
+    emu.advance(200)
+    port.write(b"hello")
+    emu.advance(5)
+    assert repl.eval("(port.poll(count), port.open, port.openings)") == (5, True, 2)
+
+
+def test_cable_pulled_out(usb):
+    """The port is closed within 0.2 s, and serves as before when the cable is back."""
+    emu, repl, port = usb
+    for _ in range(2):
+        run(repl)
+        port.write(frame(1048, 1)[:700])
+        emu.advance(5)
+        emu.cmd("usb", plugged=False)
+        emu.advance(200)
+        repl.serial.close()
+        port.close()
+        begun = emu.ns
+        emu.cmd("usb", plugged=True)
+        emu.wait_usb(after=begun, ports=2)
+        emu.advance(20)
+        repl.serial.open()
+        stop(repl)
+        assert repl.eval("port.open") is False
+        repl.exec("echo.reader.clear()")
+        run(repl)
+        port.open()
+        emu.advance(5)
+        for size in (64, 12, 1048):
+            assert answered(port, frame(size, size))
+        stop(repl)
+
+
+def test_cable_pulled_out_is_noticed(usb):
+    emu, repl, _port = usb
+    repl.start(
+        "t = time.ticks_ms()\nprint('go')\nwhile port.open: port.poll(count)\nt = time.ticks_diff(time.ticks_ms(), t)",
+        until="go",
+    )
+    begun = emu.ns
+    emu.advance(20)
+    emu.cmd("usb", plugged=False)
+    emu.advance(300)
+    emu.cmd("usb", plugged=True)
+    emu.wait_usb(after=begun, ports=2)
+    emu.advance(20)
+    repl = emu.repl()
+    assert 100 < repl.eval("t") < 200
+
+
+def test_repl_while_bytes_flow(usb):
+    """The raw REPL works beside a main loop in the background and a flooded port; Ctrl-C gets into one in front."""
+    emu, repl, port = usb
+    repl.exec("import machine\ntimer = machine.Timer(period=1, callback=lambda _: echo.turn(port))")
+    sent = b"".join(frame(300, n) for n in range(80))
+    for at in range(0, len(sent), 300):
+        port.write(sent[at : at + 300])
+    for n in range(5):
+        assert repl.eval(f"sum(range({n} * 100))") == sum(range(n * 100))
+    assert 0 < port.in_waiting < len(sent), "no traffic during the work on the REPL"
+    port.timeout = 5
+    assert port.read(len(sent)) == sent
+    repl.exec("timer.deinit()")
+    run(repl)
+    for n in range(100):
+        port.write(frame(1048, n))
+    emu.advance(20)
+    stop(repl)
+    assert repl.eval("6 * 7") == 42
+
+
+# ---------------------------------------------------------------- single-port mode
+
+STDIN_SETUP = """
+import gc, time, micropython
+from framestep.hal.stdin_port import StdinPort
+from ports_echo import Count, Echo, loop
+port = StdinPort()
+echo = Echo()
+count = Count()
+def run(turn):
+    port.start()
+    print('go')
+    try:
+        while True: turn(port)
+    finally:
+        port.stop()
+"""
+
+
+@pytest.fixture
+def stdin(emulator):
+    """(emulator, REPL, its port): the board with a StdinPort made, not started."""
+    emu = emulator(files=port_files())
+    repl = emu.repl()
+    repl.exec(STDIN_SETUP)
+    return emu, repl, repl.serial
+
+
+def enter_single_port(repl, turn="echo.turn"):
+    repl.start(f"echo.longest_us = 0\nrun({turn})", until="go")
+
+
+def leave_single_port(repl):
+    """As mpremote does it."""
+    repl.serial.write(b"\r\x03")
+    with pytest.raises(ReplError, match="KeyboardInterrupt"):
+        repl.finish(2)
+
+
+def test_single_port_every_length(stdin):
+    """Each frame is answered, Ctrl-C among its bytes; a Ctrl-C between frames gives the REPL back, in working order."""
+    _emu, repl, port = stdin
+    enter_single_port(repl)
+    late = [
+        size
+        for size in (*range(12, 1049, 7), *range(60, 70), *range(1042, 1049))
+        if not answered(port, frame(size, size), ms=60)
+    ]
+    assert late == []
+    ctrl_c = struct.pack("<2sIHH", b"DF", 0x03030303, 0x0303, 0x0303) + b"\x03" * 0x0303
+    ctrl_c += struct.pack("<H", check_bytes(fletcher16(ctrl_c, 0, len(ctrl_c))))
+    assert answered(port, ctrl_c, ms=60)
+    leave_single_port(repl)
+    assert repl.eval("echo.damaged") == 0
+    repl.start("print('on')\nwhile True: pass", until="on")
+    stop(repl)
+
+
+def test_single_port_throughput(stdin, capsys):
+    emu, repl, port = stdin
+    enter_single_port(repl, "lambda port: (port.poll(echo.reader), echo.reader.poll())")
+    for n in range(40):
+        port.write(frame(1036, n))
+    begun = emu.ns
+    port.flush()
+    rate_in = 40 * 1036 / (emu.ns - begun) * 1e6
+    leave_single_port(repl)
+    enter_single_port(repl, "port.send(count) if count.left else port.poll(count)".join(("lambda port: ", "")))
+    leave_single_port(repl)
+    repl.start("count.left = 50000\nprint('go')\nwhile count.left: port.send(count)\nprint('end')", until="go")
+    begun = emu.ns
+    port.timeout = 5
+    assert len(port.read(50000)) == 50000
+    rate_out = 50000 / (emu.ns - begun) * 1e6
+    repl.finish()
+    enter_single_port(repl)
+    times = []
+    for n in range(20):
+        emu.advance(2 + n * 0.037)
+        begun = emu.ns
+        port.write(frame(12, n))
+        emu.advance(20, until_rx=0)
+        times.append((emu.ns - begun) / 1000)
+        assert len(port.read(12)) == 12
+    leave_single_port(repl)
+    idle = repl.eval(
+        "[(t := time.ticks_us()), [port.poll(count) for _ in range(200)], time.ticks_diff(time.ticks_us(), t)][2] / 200"
+    )
+    with capsys.disabled():
+        print(
+            f"\nsingle-port mode: in {rate_in:.0f} kB/s, out {rate_out:.0f} kB/s, idle poll {idle:.0f} µs, "
+            f"12-byte frame to answer {min(times):.0f} to {max(times):.0f} µs"
+        )
+    assert rate_in > 80 and rate_out > 80
+    assert max(times) < 5000
+
+
+def test_single_port_nothing_allocates(stdin):
+    emu, repl, port = stdin
+    repl.start(
+        "def work(frames):\n"
+        "    reader = echo.reader\n"
+        "    while frames:\n"
+        "        port.poll(reader)\n"
+        "        if reader.poll() == 1:\n"
+        "            frames -= 1\n"
+        "            count.left += 70\n"
+        "        port.send(count)\n"
+        "    while count.left: port.send(count)\n"
+        "port.start()\n"
+        "print('go')\n"
+        "micropython.heap_lock()\n"
+        "try: work(1000)\n"
+        "finally: micropython.heap_unlock(); port.stop()\n",
+        until="go",
+    )
+    port.timeout = 1
+    for n in range(1000):
+        data = frame(12 + n % 200, n)
+        if n % 50 == 49:  # stops half-way
+            port.write(data[: len(data) // 2])
+            emu.advance(30)
+            data = data[len(data) // 2 :]
+        port.write(data)
+        assert len(port.read(70)) == 70
+    repl.finish()
+
+
+def test_single_port_frame_that_stops(stdin):
+    """A host that stops within a frame holds the main loop up once, for 20 ms at most; the rest may come any time."""
+    emu, repl, port = stdin
+    data = frame(300, 1)
+    for part in (1, 2, 5, 9, 10, 11, 73, 74, 75, 200, 299):
+        enter_single_port(repl)
+        port.write(data[:part])
+        emu.advance(100)
+        port.write(data[part : part + 1])
+        emu.advance(40)
+        port.write(data[part + 1 :])
+        port.timeout = 0.06
+        assert port.read(300) == data, part
+        leave_single_port(repl)
+        assert repl.eval("echo.longest_us") < 22_000
+        assert repl.eval("echo.turns") > 100
+        repl.exec("echo.turns = 0")
+    for gap_us in range(9500, 18000, 450):  # the host goes on while the read is being ended
+        enter_single_port(repl)
+        port.write(data[:20])
+        emu.advance(gap_us / 1000)
+        port.write(data[20:])
+        assert port.read(300) == data, gap_us
+        leave_single_port(repl)
+    assert repl.eval("echo.damaged") == 0
+
+
+def test_single_port_frame_given_up(stdin):
+    """Once the reader has given a frame up, the next one is served and Ctrl-C counts again."""
+    emu, repl, port = stdin
+    enter_single_port(repl)
+    port.write(frame(300, 1)[:100])
+    emu.advance(50)
+    port.write(b"\x03")
+    emu.advance(50)
+    assert port.in_waiting == 0, "Ctrl-C within a frame is data"
+    port.write(frame(300, 1)[101:])
+    emu.advance(50)
+    assert port.in_waiting == 0, "it was not the byte that belonged there"
+    assert answered(port, frame(200, 2), ms=60)
+    leave_single_port(repl)
+    repl.exec(
+        "def turn(port):\n    echo.turn(port)\n    if time.ticks_diff(time.ticks_ms(), late) > 200: echo.reader.clear()"
+    )
+    repl.exec("late = time.ticks_ms()")
+    enter_single_port(repl, "turn")
+    port.write(frame(300, 1)[:100])
+    emu.advance(300)
+    assert answered(port, frame(12, 2), ms=60)
+    leave_single_port(repl)
+
+
+def test_single_port_ctrl_c_in_noise(stdin):
+    """Among bytes that are no frames Ctrl-C is noise, until the line has been quiet."""
+    emu, repl, port = stdin
+    enter_single_port(repl)
+    port.write(bytes(range(256)))
+    emu.advance(30)
+    port.write(b"x\x03")
+    assert answered(port, frame(100, 1), ms=60)
+    port.write(b"\x44\x03 D\x03 DF\x03")
+    emu.advance(100)
+    port.write(bytes(1048))
+    emu.advance(200)
+    leave_single_port(repl)
+    assert repl.eval("6 * 7") == 42
+
+
+def test_single_port_host_that_does_not_read(stdin):
+    """Writing never holds the main loop up; `open` tells that nobody collects, and what comes meanwhile is dropped."""
+    emu, repl, port = stdin
+    repl.exec(
+        "seen = []\n"
+        "def turn(port):\n"
+        "    echo.turn(port)\n"
+        "    if not seen or seen[-1] != (port.open, port.openings): seen.append((port.open, port.openings))\n"
+    )
+    enter_single_port(repl, "turn")
+    port.hold()
+    for n in range(60):
+        port.write(frame(150, n))
+        emu.advance(20)
+    port.hold(False)
+    emu.advance(30)
+    old = port.read_all()
+    assert old and old == b"".join(frame(150, n) for n in range(60))[: len(old)]
+    assert answered(port, frame(100, 7), ms=60)
+    leave_single_port(repl)
+    assert repl.eval("seen") == [(True, 1), (False, 1), (True, 2)]
+    assert repl.eval("echo.longest_us") < 20_000
