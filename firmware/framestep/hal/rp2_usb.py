@@ -1,6 +1,6 @@
 """What the USB controller of the RP2040 and RP2350 knows and MicroPython does not tell.
 
-Addresses: RP2040 datasheet 4.1.2.5 (buffer control: a word for IN and one for OUT of each endpoint) and 4.1.3.
+Addresses: RP2040 datasheet 4.1.2.5.4 (buffer control: a word for IN and one for OUT of each endpoint) and 4.1.4.
 Nothing here allocates.
 """
 
@@ -51,11 +51,11 @@ class BusWatch:
 
     def __init__(self):
         self._looked_at = time.ticks_ms()
-        self._frame = -1
-        self._still = 0
+        self._frame = frame_number()
+        self._still = -1  # until frames have been seen to come
 
     def dead(self):
-        """True when the host has not begun a frame for 0.1 s. To be called all the time; it looks every 10 ms."""
+        """True when frames have come, and none for 0.1 s. To be called all the time; it looks every 10 ms."""
         now = time.ticks_ms()
         if time.ticks_diff(now, self._looked_at) >= _LOOK_MS:
             self._looked_at = now
@@ -63,6 +63,6 @@ class BusWatch:
             if frame != self._frame:
                 self._frame = frame
                 self._still = 0
-            elif self._still < _STILL:
+            elif 0 <= self._still < _STILL:
                 self._still += 1
         return self._still == _STILL

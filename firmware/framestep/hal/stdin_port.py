@@ -23,11 +23,12 @@ import time
 from array import array
 
 import micropython
-from machine import Timer
 
 from framestep.native import const, ptr8, ptr32
 
 if sys.platform == "rp2":
+    from machine import Timer
+
     from framestep.hal import rp2_usb as chip
 else:
     chip = None

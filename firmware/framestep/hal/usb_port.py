@@ -34,11 +34,10 @@ if sys.platform == "rp2":
 else:
     chip = None  # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the last
 
-_NAME = "framestep DMC"  # 20 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
+_NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
 _PACKET = const(64)  # full-speed bulk endpoint
-_PACKETS = const(17)  # of the largest frame, 1048 bytes
-_PLACE = const(1088)  # 17 packets
+_PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
 _OUTGOING = const(512)  # bytes taken from the writer at a time
 
 # The mark: words 0, 1, 2 and 15 of a packet's place. Only a full packet reaches its last byte.
