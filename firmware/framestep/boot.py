@@ -12,7 +12,7 @@ controller = None
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller
-    settings, mistake = rig.load()
+    settings, mistake = rig.load(board=BOARD)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")

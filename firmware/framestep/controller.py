@@ -6,6 +6,7 @@ One pass of the main loop is poll(). Nothing in it allocates.
 from array import array
 
 from framestep.hal import TROUBLE_LOST_COMMAND
+from framestep.io.requests import Io
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
@@ -39,6 +40,7 @@ class Controller:
         self.port = hal.port
         self.reader = FrameReader()
         self.writer = FrameWriter()
+        self.io = Io(hal, rig, self.reader, self.writer)
         self.axes = Axes(hal)
         self.count = hal.motors
         for i in range(self.count):
@@ -83,6 +85,7 @@ class Controller:
             m.MSG_RT_RUN_MOVE: self._run_move,
             m.MSG_RT_GO: self._go,
         }
+        self.handlers.update(self.io.handlers)
 
     # ---------------------------------------------------------------- the main loop
 
@@ -90,6 +93,7 @@ class Controller:
         """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
         self.now = now
         busy = self._listen()
+        self.io.poll(now, self.hal.levels())
         if self.jogging:
             self._jogs()
         self.axes.feed()
@@ -152,13 +156,15 @@ class Controller:
         self.playback.stop()
         self.playback.drop()
         self.axes.stop()
+        self.io.safe()
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
 
     def abandon(self):
-        """The firmware stops looking after the motors: they ramp down."""
+        """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
         self.playback.stop()
         self.axes.stop()
+        self.io.safe()
 
     def fail(self):
         """An internal fault: everything comes to rest, the host is told (field note 8.4)."""
@@ -188,6 +194,7 @@ class Controller:
             self.playback.ended = False
             self.say_position = True
             self.say_end = True
+        self.io.report(self.was_open)
         if not self.was_open:
             self.say_position = self.say_end = False
             return
@@ -214,10 +221,10 @@ class Controller:
         writer.u8(VERSION[1])
         writer.u8(VERSION[2])
         writer.u8(self.count)
-        writer.u16(0)  # DMX channels
-        writer.u8(0)  # outputs
-        writer.u8(0)  # inputs
-        writer.u8(0)  # limit sets
+        writer.u16(self.io.lights.count)
+        writer.u8(self.io.gio.outputs.count)
+        writer.u8(self.io.gio.inputs.count)
+        writer.u8(len(self.rig.limits))
         writer.u32(self.upload_frames)
         writer.u32(m.CAP_REALTIME)
         writer.u16(m.PROTOCOL_VERSION)
@@ -245,7 +252,7 @@ class Controller:
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
         writer.u32(self.axes.moving_bits())
-        writer.u8(0)
+        writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0
 

@@ -13,6 +13,20 @@ SETTINGS = {
     "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
+    "outputs": (list, 0, 16, None, "", "general outputs 1, 2, …; without it the first half of the board's GIO pins"),
+    "inputs": (list, 0, 16, None, "", "general inputs 1, 2, …; without it the second half of the board's GIO pins"),
+    "limits": (list, 0, 12, [], "", "limit switch sets 1, 2, … that SET_LIMITS assigns to motors"),
+    "estop": (
+        str,
+        ("none", "nc", "no"),
+        None,
+        "none",
+        "",
+        "stop button between its pin and ground: normally closed, open",
+    ),
+    "shutter_on": (str, ("high", "low"), None, "high", "", "level of the shutter output while it is on"),
+    "meter_on": (str, ("high", "low"), None, "high", "", "level of the meter output while it is on"),
+    "dmx_ramp_ms": (int, 0, 60000, 500, "ms", "how long lights take to a level that is to be ramped to"),
 }
 
 MOTOR_SETTINGS = {
@@ -22,6 +36,37 @@ MOTOR_SETTINGS = {
     "enable_high": (bool, None, None, False, "", "the driver is on while its enable pin is high, not low"),
     "jerk": (int, 0, 1000000, 0, "1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
 }
+
+_NO_PIN = -1
+
+OUTPUT_SETTINGS = {
+    "pin": (int, 0, 47, None, "", "number of the pin"),
+    "on": (str, ("high", "low"), None, "high", "", "level of the pin while the output is on"),
+    "safe": (
+        str,
+        ("off", "on", "hold"),
+        None,
+        "off",
+        "",
+        "at a fault, an E-stop or a lost host; at boot hold means off",
+    ),
+}
+
+INPUT_SETTINGS = {
+    "pin": (int, 0, 47, None, "", "number of the pin"),
+    "on": (str, ("high", "low"), None, "low", "", "level of the pin while the input is on"),
+    "pull": (str, ("up", "down", "none"), None, "up", "", "the resistor in the chip"),
+}
+
+LIMIT_SETTINGS = {
+    "high": (int, _NO_PIN, 47, _NO_PIN, "", "pin of the switch at the upper end, against ground; -1: none"),
+    "low": (int, _NO_PIN, 47, _NO_PIN, "", "pin of the switch at the lower end, against ground; -1: none"),
+    "contact": (str, ("nc", "no"), None, "nc", "", "the switches are closed (nc) or open (no) away from the end"),
+}
+
+# keys of a board's data whose pins are taken whatever the rig file says
+_BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter")
+_HIGHEST_PIN = {"rp2040": 29}
 
 
 class RigError(ValueError):
@@ -65,21 +110,41 @@ def _read(settings, found, where):
     for key in settings:
         kind, low, high, default, unit, _ = settings[key]
         value = found.get(key, default)
-        if not _fits(value, kind, low, high):
+        if value is None and key not in found:
+            if kind is not list:
+                raise RigError("%s%s: is missing, expected is %s" % (where, key, _allowed(kind, low, high, unit)))
+        elif not _fits(value, kind, low, high):
             raise RigError("%s%s: found %r, allowed is %s" % (where, key, value, _allowed(kind, low, high, unit)))
         result[key] = value
     return result
 
 
-class Rig:
-    """The settings in force. `motor(i)` gives those of motor i (from 0) as a dictionary."""
+def _read_list(settings, found, where):
+    return [_read(settings, item, "%s[%d]." % (where, i + 1)) for i, item in enumerate(found)]
 
-    def __init__(self, found=None):
-        """From what the file holds (parsed JSON); RigError for a mistake."""
+
+def _board_pins(board):
+    """{pin: what the board has it for}."""
+    taken = {}
+    for key in _BOARD_PINS:
+        pins = board.get(key, [])
+        for i, pin in enumerate(pins if isinstance(pins, list) else [pins]):
+            taken[pin] = "the board's %s" % key + (" %d" % (i + 1) if isinstance(pins, list) else "")
+    for key, pin in board.get("dmx", {}).items():
+        if key != "uart":
+            taken[pin] = "the board's DMX " + key
+    return taken
+
+
+class Rig:
+    """The settings in force. `motor(i)` gives those of motor i (from 0) as a dictionary; `outputs`, `inputs` and
+    `limits` are lists of such, with the pins of `board` where the file does not say which."""
+
+    def __init__(self, found=None, board=None):
+        """From what the file holds (parsed JSON) for the board with this data; RigError for a mistake."""
         settings = _read(SETTINGS, {} if found is None else found, "")
-        self.motors = [
-            _read(MOTOR_SETTINGS, motor, "motors[%d]." % (i + 1)) for i, motor in enumerate(settings["motors"])
-        ]
+        self.motors = _read_list(MOTOR_SETTINGS, settings["motors"], "motors")
+        self._assign_pins(settings, {} if board is None else board)
         self.settings = settings
         self.name = settings["name"].encode()
         self.wide = 1 if settings["dialect"] == "dmc-lite" else 0
@@ -87,12 +152,48 @@ class Rig:
         self.jog_timeout_ms = settings["jog_timeout_ms"]
         self.hard_stop_factor = settings["hard_stop_factor"]
         self.report_ms = settings["report_ms"]
+        self.estop = settings["estop"]
+        self.shutter_on = settings["shutter_on"]
+        self.meter_on = settings["meter_on"]
+        self.dmx_ramp_ms = settings["dmx_ramp_ms"]
+
+    def _assign_pins(self, settings, board):
+        """Which pin is for what; each for one thing only."""
+        taken = _board_pins(board)
+
+        highest = _HIGHEST_PIN.get(board.get("chip"), 47)
+        if settings["estop"] != "none" and board and "estop" not in board:
+            raise RigError('estop: found "%s", but this board has no E-stop pin; allowed is "none"' % settings["estop"])
+
+        def claim(pin, what):
+            if pin > highest:
+                raise RigError("%s: found %d, allowed is a pin from 0 to %d" % (what, pin, highest))
+            if pin in taken:
+                raise RigError("%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin]))
+            taken[pin] = what
+
+        self.limits = _read_list(LIMIT_SETTINGS, settings["limits"], "limits")
+        for i, limit in enumerate(self.limits):
+            for key in ("high", "low"):
+                if limit[key] != _NO_PIN:
+                    claim(limit[key], "limits[%d].%s" % (i + 1, key))
+        lists = []
+        for key, table in (("outputs", OUTPUT_SETTINGS), ("inputs", INPUT_SETTINGS)):
+            lists.append(None if settings[key] is None else _read_list(table, settings[key], key))
+            for i, item in enumerate(lists[-1] or []):
+                claim(item["pin"], "%s[%d].pin" % (key, i + 1))
+        pins = board.get("gio", [])
+        half = len(pins) // 2
+        for k, (table, mine) in enumerate(((OUTPUT_SETTINGS, pins[:half]), (INPUT_SETTINGS, pins[half:]))):
+            if lists[k] is None:
+                lists[k] = [_read(table, {"pin": pin}, "") for pin in mine if pin not in taken]
+        self.outputs, self.inputs = lists
 
     def motor(self, i):
         return self.motors[i] if i < len(self.motors) else _read(MOTOR_SETTINGS, {}, "")
 
 
-def load(path="/rig.json"):
+def load(path="/rig.json", board=None):
     """The rig of a file and the mistake in it, or None: (Rig, None) or (Rig with defaults, text)."""
     import json
 
@@ -100,10 +201,10 @@ def load(path="/rig.json"):
         with open(path) as file:
             found = json.load(file)
     except OSError:
-        return Rig(), None
+        return Rig(None, board), None
     except ValueError as error:
-        return Rig(), "%s: not valid JSON (%s)" % (path, error)
+        return Rig(None, board), "%s: not valid JSON (%s)" % (path, error)
     try:
-        return Rig(found), None
+        return Rig(found, board), None
     except RigError as error:
-        return Rig(), "%s: %s" % (path, error)
+        return Rig(None, board), "%s: %s" % (path, error)

@@ -11,6 +11,13 @@
     trouble() -> int  TROUBLE_ bits since the last call: what the engine has to say
     idle()            nothing to do: wait for the next interrupt
 
+    board             the board's data: boards/<board>/board.json as a dictionary
+    output(pin, level) -> bit   make a pin an output; the bit stands for it in drive(). At boot only
+    input(pin, pull) -> bit     make a pin an input, pull "up", "down" or "none"; its bit in levels(). At boot only
+    drive(high, low)  drive the pins of these bits high and low, all at once; from interrupt handlers too
+    levels() -> bits  of the pins that are high, others than inputs as well
+    dmx               what puts light levels on a wire (below)
+
 and a port is one with
 
     start()           claim the port
@@ -19,9 +26,23 @@ and a port is one with
     poll(reader)      move received bytes into reader.feed(buffer, start, count); returns how many
     send(writer)      begin to send what writer.take(buffer, limit) hands out; never waits
 
+and dmx is one with
+
+    channels          how many, 512, or 0 where there is no DMX
+    show(lights)      once a pass: send the levels of an io.lights.Lights on if any has changed
+
 Nothing here allocates after start().
 """
 
 from framestep.native import const
 
 TROUBLE_LOST_COMMAND = const(1)  # a pulse command found its FIFO full: steps are lost
+
+
+class NoDmx:
+    """For boards without DMX."""
+
+    channels = 0
+
+    def show(self, lights):
+        pass

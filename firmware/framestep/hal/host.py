@@ -7,6 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
+from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel
 from framestep.native import addressof, map_device
@@ -20,6 +21,18 @@ TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interru
 FIFO_WORDS = 8
 UPLOAD_BYTES = 176 * 1024
 _WRAP = 0x3FFFFFFF
+# as boards/pico/board.json, but for what concerns the motors
+BOARD = {
+    "chip": "rp2040",
+    "step": [2, 4, 6, 8, 10, 12, 14, 16],
+    "dir": [3, 5, 7, 9, 11, 13, 15, 17],
+    "enable": 18,
+    "estop": 19,
+    "shutter": 20,
+    "meter": 21,
+    "dmx": {"uart": 0, "tx": 0, "rx": 1},
+    "gio": [22, 26, 27, 28],
+}
 
 
 class PulseModel:
@@ -97,6 +110,26 @@ class HostPort:
                 self.outgoing += self._buffer[:count]
 
 
+class HostDmx:
+    """Tells each level that changes as an edge of `dmx1` … `dmx512`."""
+
+    channels = 512
+
+    def __init__(self, hal):
+        self.hal = hal
+        self.shown = bytearray(self.channels + 1)
+
+    def show(self, lights):
+        if not lights.words[CHANGED]:
+            return
+        lights.words[CHANGED] = 0
+        for channel in range(1, self.channels + 1):
+            level = lights.levels[channel]
+            if level != self.shown[channel]:
+                self.shown[channel] = level
+                self.hal.tell("dmx%d" % channel, level)
+
+
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
@@ -106,6 +139,12 @@ class HostHal:
         self.upload_bytes = UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
+        self.board = BOARD
+        self.names = {BOARD[key]: key for key in ("estop", "shutter", "meter")}
+        self.names.update({pin: "gio%d" % i for i, pin in enumerate(BOARD["gio"], 1)})
+        self._outputs = 0  # pins that are driven
+        self._levels = 0  # of all pins
+        self.dmx = HostDmx(self)
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
         self.engines = []
@@ -155,6 +194,37 @@ class HostHal:
         if self.on_edge:
             self.on_edge(self.now_ns, "enable%d" % (motor + 1), int(on))
 
+    def tell(self, signal, level):
+        if self.on_edge:
+            self.on_edge(self.now_ns, signal, level)
+
+    def output(self, pin, level):
+        bit = 1 << pin
+        self._outputs |= bit
+        self.drive(bit * level, bit * (1 - level))
+        return bit
+
+    def input(self, pin, pull):
+        self.set_level(pin, 1 if pull == "up" else 0)
+        return 1 << pin
+
+    def drive(self, high, low):
+        levels = (self._levels | high) & ~low
+        changed = (levels ^ self._levels) & self._outputs
+        self._levels ^= changed
+        for pin, name in self.names.items():
+            if changed >> pin & 1:
+                self.tell(name, levels >> pin & 1)
+
+    def levels(self):
+        return self._levels
+
+    def set_level(self, pin, level):
+        """The world outside puts a pin to a level."""
+        if (self._levels >> pin & 1) != level:
+            self._levels ^= 1 << pin
+            self.tell(self.names.get(pin, "pin%d" % pin), level)
+
     def trouble(self):
         return 1 if any(engine.lost for engine in self.engines) else 0
 
@@ -174,7 +244,7 @@ class HostBoard:
     """
 
     def __init__(self, rig=None, motors=8):
-        self.rig = Rig(rig)
+        self.rig = Rig(rig, BOARD)
         self.hal = HostHal(motors, self.rig)
         self.controller = Controller(self.hal, self.rig)
         self.next_tick = TICK_DELAY_NS
@@ -215,6 +285,14 @@ class HostBoard:
         if not is_open:
             port.incoming.clear()
             port.outgoing.clear()
+
+    def set_input(self, name, level):
+        """Put an input pin to a level, by its name (gio3, estop) or its number."""
+        hal = self.hal
+        pin = name if isinstance(name, int) else next((p for p, n in hal.names.items() if n == name), None)
+        if pin is None:
+            raise ValueError("no pin %r; there are %s and numbers" % (name, ", ".join(hal.names.values())))
+        hal.set_level(pin, level)
 
     def run_until(self, ns):
         """Let virtual time pass: a tick and a pass of the main loop each millisecond."""

@@ -11,7 +11,8 @@ import time
 import machine
 from machine import Pin, Timer
 
-from framestep.hal import TROUBLE_LOST_COMMAND
+from framestep.hal import TROUBLE_LOST_COMMAND, NoDmx
+from framestep.hal.rp2_pins import drive, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
 from framestep.native import const
@@ -50,6 +51,8 @@ class Rp2Hal:
         self._shared = not isinstance(enable, list)
         pins = [enable] if self._shared else enable
         self._enable_pins = [Pin(pin, Pin.OUT, value=1 - self._on_level[i]) for i, pin in enumerate(pins)]
+        self.board = board
+        self.dmx = NoDmx()
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
         self._ticker = None
@@ -104,6 +107,17 @@ class Rp2Hal:
         lit = self._enabled if self._shared else self._enabled & bit
         level = self._on_level[pin]
         self._enable_pins[pin].value(level if lit else 1 - level)
+
+    drive = staticmethod(drive)
+    levels = staticmethod(levels)
+
+    def output(self, pin, level):
+        Pin(pin, Pin.OUT, value=level)
+        return 1 << pin
+
+    def input(self, pin, pull):
+        Pin(pin, Pin.IN, pull={"up": Pin.PULL_UP, "down": Pin.PULL_DOWN, "none": None}[pull])
+        return 1 << pin
 
     def trouble(self):
         return TROUBLE_LOST_COMMAND if lost_commands(self.motors) else 0

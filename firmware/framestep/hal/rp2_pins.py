@@ -1,0 +1,38 @@
+"""Pins of the RP2040 and RP2350 through the single-cycle IO block (RP2040 datasheet 2.3.1.7, RP2350 3.1.11).
+
+Only pins 0 to 29, which fit a small integer.
+"""
+
+import sys
+
+from framestep.native import const, micropython, ptr32
+
+_GPIO_IN = const(1)  # words from the start of SIO
+
+if "RP2350" in sys.implementation._machine:
+
+    @micropython.viper
+    def drive(high: int, low: int):
+        """Drive the pins of these bits high and low."""
+        sio = 0xD00
+        sio <<= 20  # 0xD0000000, which as a constant would be an object
+        ptr32(sio)[6] = high  # GPIO_OUT_SET
+        ptr32(sio)[8] = low  # GPIO_OUT_CLR
+
+else:
+
+    @micropython.viper
+    def drive(high: int, low: int):
+        """Drive the pins of these bits high and low."""
+        sio = 0xD00
+        sio <<= 20
+        ptr32(sio)[5] = high  # GPIO_OUT_SET
+        ptr32(sio)[6] = low  # GPIO_OUT_CLR
+
+
+@micropython.viper
+def levels() -> int:
+    """The levels of pins 0 to 29, one bit each."""
+    sio = 0xD00
+    sio <<= 20
+    return ptr32(sio)[_GPIO_IN] & 0x3FFFFFFF

@@ -1,0 +1,63 @@
+"""Outputs to the camera: shutter, and meter as the half-pressed release (spec: MSG_GIO_CAM).
+
+Nothing allocates after construction.
+"""
+
+_WRAP = 0x3FFFFFFF
+_HALF = 0x20000000
+
+
+class Camera:
+    """The shutter and meter outputs; a board without their pins takes the calls and does nothing."""
+
+    def __init__(self, hal, rig):
+        self.hal = hal
+        self.down = 0
+        self._shutter_high = rig.shutter_on == "high"
+        self._meter_high = rig.meter_on == "high"
+        self._shutter_pin = self._pin("shutter", self._shutter_high)
+        self._meter_pin = self._pin("meter", self._meter_high)
+        self._pulsing = False
+        self._end = 0  # of the pulse, ms
+
+    def _pin(self, key, high):
+        pin = self.hal.board.get(key)
+        return 0 if pin is None else self.hal.output(pin, 0 if high else 1)
+
+    def pins(self, shutter_mask, meter_mask, shutter, meter):
+        """The pins to drive high to switch those outputs whose mask is not 0; `down`: those to drive low."""
+        high = 0
+        low = 0
+        if shutter_mask:
+            if (shutter != 0) == self._shutter_high:
+                high = self._shutter_pin
+            else:
+                low = self._shutter_pin
+        if meter_mask:
+            if (meter != 0) == self._meter_high:
+                high |= self._meter_pin
+            else:
+                low |= self._meter_pin
+        self.down = low
+        return high
+
+    def set(self, shutter, meter):
+        """Switch both outputs in the same instant; ends a pulse."""
+        self._pulsing = False
+        high = self.pins(1, 1, shutter, meter)
+        self.hal.drive(high, self.down)
+
+    def pulse(self, now, ms):
+        """Both outputs on for `ms` milliseconds from `now` (modulo 2^30), then off; poll() ends it."""
+        self.set(True, True)
+        self._end = (now + ms) & _WRAP
+        self._pulsing = True
+
+    def poll(self, now):
+        """End a pulse whose time is over; now: milliseconds modulo 2^30."""
+        if self._pulsing and (now - self._end) & _WRAP < _HALF:
+            self.set(False, False)
+
+    def safe(self):
+        """Off."""
+        self.set(False, False)

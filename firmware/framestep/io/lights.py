@@ -1,0 +1,142 @@
+"""DMX light levels: set at once, or ramped in a straight line (field note 8.1). The HAL puts them on the wire.
+
+A channel ramps while its level and its target differ. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
+
+CHANNELS = const(512)
+_SHARE = const(64)  # channels that a pass looks at: one frame on the wire is longer than a round of passes
+_WRAP = const(0x3FFFFFFF)
+
+# Words of Lights.words
+CHANGED = const(0)  # a level has changed; whoever has sent the levels on sets it to 0
+RAMPING = const(1)  # channels that ramp
+_LENGTH = const(2)  # of a ramp, ms
+_CURSOR = const(3)  # last channel looked at
+
+
+@micropython.viper
+def _put(levels: ptr8, targets: ptr8, words: ptr32, first: int, source: ptr8, at: int, count: int):
+    last = first + count
+    c = first
+    while c < last:
+        level = source[at]
+        old = levels[c + 0]
+        if old ^ targets[c + 0]:
+            words[RAMPING] = words[RAMPING] - 1
+        targets[c + 0] = level
+        if old ^ level:
+            levels[c + 0] = level
+            words[CHANGED] = 1
+        at += 1
+        c += 1
+
+
+@micropython.viper
+def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: int):
+    """ramp: addresses of levels, targets, origins and beginnings, and the time, in this order."""
+    levels = ptr8(ramp[0])
+    targets = ptr8(ramp[1])
+    origins = ptr8(ramp[2])
+    begins = ptr32(ramp[3])
+    last = first + count
+    c = first
+    while c < last:
+        level = source[at]
+        old = levels[c + 0]
+        if old ^ targets[c + 0]:
+            words[RAMPING] = words[RAMPING] - 1
+        targets[c + 0] = level
+        if old ^ level:
+            words[RAMPING] = words[RAMPING] + 1
+            origins[c + 0] = old
+            begins[c + 0] = ramp[4]
+        at += 1
+        c += 1
+
+
+@micropython.viper
+def _advance(ramp: ptr32, words: ptr32, now: int):
+    levels = ptr8(ramp[0])
+    targets = ptr8(ramp[1])
+    length = words[_LENGTH]
+    c = words[_CURSOR]
+    n = _SHARE
+    while n:
+        n -= 1
+        c += 1
+        if c > CHANNELS:
+            c = 1
+        target = targets[c + 0]
+        if levels[c + 0] ^ target:
+            begins = ptr32(ramp[3])
+            passed = (now - begins[c + 0]) & _WRAP
+            level = target
+            if passed < length:
+                origins = ptr8(ramp[2])
+                level = origins[c + 0]
+                if target > level:
+                    level += (target - level) * passed // length
+                else:
+                    level -= (level - target) * passed // length
+            if level ^ levels[c + 0]:
+                levels[c + 0] = level
+                words[CHANGED] = 1
+                if level == target:
+                    words[RAMPING] = words[RAMPING] - 1
+    words[_CURSOR] = c
+
+
+class Lights:
+    """Channels 1 … count; `levels[channel]` is what a channel shows now (levels[0] is the start code, 0)."""
+
+    def __init__(self, count, ramp_ms):
+        """count: 0 (no DMX here) or 512; ramp_ms: how long a ramp takes, 0 to 60000."""
+        self.count = count
+        self.levels = bytearray(CHANNELS + 1)
+        self.words = array("i", (0, 0, ramp_ms, 0))
+        self._targets = bytearray(CHANNELS + 1)
+        self._origins = bytearray(CHANNELS + 1)
+        self._begins = array("i", [0] * (CHANNELS + 1))
+        self._ramp = array("i", [0] * 5)
+        for i, memory in enumerate((self.levels, self._targets, self._origins, self._begins)):
+            self._ramp[i] = as_word(addressof(memory))
+        self._one = bytearray(1)
+
+    def level(self, channel):
+        """What a channel (1 … 512) shows now, 0 … 255."""
+        return self.levels[channel]
+
+    def set(self, channel, level):
+        """One channel (1 … count) at once to 0 … 255; ends its ramp."""
+        self._one[0] = level
+        _put(self.levels, self._targets, self.words, channel, self._one, 0, 1)
+
+    def put(self, channel, source, at, count):
+        """`count` channels from `channel` on to the bytes from source[at] on, at once."""
+        _put(self.levels, self._targets, self.words, channel, source, at, count)
+
+    def ramp(self, now, channel, source, at, count):
+        """The same by a ramp that begins at `now` (milliseconds modulo 2^30) from what each channel shows."""
+        if self.words[_LENGTH] == 0:
+            _put(self.levels, self._targets, self.words, channel, source, at, count)
+            return
+        self._ramp[4] = now
+        _ramp(self._ramp, self.words, channel, source, at, count)
+
+    def fits(self, channel, count):
+        """Whether there are these channels."""
+        return 1 <= channel and channel + count - 1 <= self.count
+
+    @property
+    def adjusting(self):
+        """Whether a channel ramps."""
+        return self.words[RAMPING] != 0
+
+    def poll(self, now):
+        """Move the ramps on: an eighth of the channels in each pass of the main loop."""
+        if self.words[RAMPING]:
+            _advance(self._ramp, self.words, now)
