@@ -151,6 +151,8 @@ def test_fields(dword, at):
     assert reader.u16(at) == unsigned & 0xFFFF
     assert reader.i16(at + 2) == signed >> 16
     assert reader.count(at) == (unsigned if unsigned < 2**30 else -1)
+    index = unsigned & 0x7FFF_FFFF
+    assert reader.start_index(at) == (index if index < 2**30 else -1)
     assert reader.i32(at) == (signed if abs(signed) < 2**30 else NOT_SMALL)
     reader.word_to(at, words, 1)
     assert list(words) == [11, signed, 33]

@@ -2,8 +2,8 @@
 
 A frame lies whole and in one piece in either buffer, so payload fields are read and written in place by their offset.
 A DWORD may be a number that does not fit a small integer (2^30 and more), which on the board would be an object on the
-heap: `count` and `i32` say so with a value of their own, and `word_to` and `word_from` move any DWORD between a payload
-and an element of an array('i') without making a number of it.
+heap: `count`, `start_index` and `i32` say so with a value of their own, and `word_to` and `word_from` move any DWORD
+between a payload and an element of an array('i') without making a number of it.
 """
 
 from array import array
@@ -43,15 +43,15 @@ _ACK = const(0x8000)  # messages.MSG_FLAG_ACK
 
 if CPYTHON:
 
-    def _copy(to, to_at, source, at, count):
+    def copy_bytes(to, to_at, source, at, count):
+        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its front."""
         to[to_at : to_at + count] = source[at : at + count]
 
 else:
 
     @micropython.viper
-    def _copy(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
-        # Upward, so that bytes may be moved to the front of their own buffer. The two registers that viper has for
-        # locals on ARM hold the two pointers: `to` is the one, `to_at` the other.
+    def copy_bytes(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
+        # The two registers that viper has for locals on ARM hold the two places: `to` is the one, `to_at` the other.
         to = ptr8(int(to) + to_at)
         to_at = int(source) + at
         if (int(to) ^ to_at) & 3 == 0:
@@ -158,12 +158,12 @@ class FrameReader:
             state[_NEXT] = fill
         elif at > 0 and state[_SIZE] - fill < count:
             fill -= at
-            _copy(buffer, 0, buffer, at, fill)
+            copy_bytes(buffer, 0, buffer, at, fill)
             state[_NEXT] = 0
         room = state[_SIZE] - fill
         if room < count:
             count = room
-        _copy(buffer, fill, source, start, count)
+        copy_bytes(buffer, fill, source, start, count)
         state[_FILL] = fill + count
         return count
 
@@ -227,6 +227,16 @@ class FrameReader:
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         high = buffer[i + 3]
+        if high >= 0x40:
+            return -1
+        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+
+    @micropython.viper
+    def start_index(self, i: int) -> int:
+        """The DWORD at payload offset `i` without its high bit, or -1 from 2^30 on (spec: MSG_RT_UPLOAD_MOVE_AXIS)."""
+        buffer = ptr8(self.buffer)
+        i += int(self.payload)
+        high = buffer[i + 3] & 0x7F
         if high >= 0x40:
             return -1
         return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
@@ -447,7 +457,7 @@ class FrameWriter:
         if count > limit:
             count = limit
         if count > 0:
-            _copy(to, 0, self._buffer, at, count)
+            copy_bytes(to, 0, self._buffer, at, count)
             state[_TAKE] = at + count
         return count
 
