@@ -10,13 +10,13 @@ from framestep.io.requests import Io
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
-from framestep.moves.playback import Playback
-from framestep.moves.store import UploadStore
+from framestep.moves.requests import Moves
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 
 VERSION = (0, 1, 0)
+CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA
 
 _WRAP = const(0x3FFFFFFF)
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
@@ -45,9 +45,8 @@ class Controller:
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
-        self.store = UploadStore(self.count, hal.upload_bytes)
-        self.upload_frames = self.store.capacity_frames(self.count)
-        self.playback = Playback(self.axes, self.store)
+        self.moves = Moves(self)
+        self.stage = self.moves.stage
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
         self.hw_sets = array("i", [0] * self.count)
         self.powered = 0  # bits of motors whose driver is on
@@ -78,13 +77,8 @@ class Controller:
             m.MSG_MOTOR_CONFIGURE: self._configure,
             m.MSG_MOTOR_SET_SPEED: self._set_speed,
             m.MSG_MOTOR_SET_LIMITS: self._set_limits,
-            m.MSG_RT_UPLOAD_MOVE_BEGIN: self._upload_begin,
-            m.MSG_RT_UPLOAD_MOVE_AXIS: self._upload_axis,
-            m.MSG_RT_UPLOAD_MOVE_END: self._upload_end,
-            m.MSG_RT_POSITION_FRAME: self._position_frame,
-            m.MSG_RT_RUN_MOVE: self._run_move,
-            m.MSG_RT_GO: self._go,
         }
+        self.handlers.update(self.moves.handlers)
         self.handlers.update(self.io.handlers)
 
     # ---------------------------------------------------------------- the main loop
@@ -97,7 +91,7 @@ class Controller:
         if self.jogging:
             self._jogs()
         self.axes.feed()
-        if self.playback.poll():
+        if self.moves.poll(now):
             self.say_position = True
         self._watch()
         self._report()
@@ -153,8 +147,8 @@ class Controller:
 
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
-        self.playback.stop()
-        self.playback.drop()
+        self.stage.stop()
+        self.stage.drop()
         self.axes.stop()
         self.io.safe()
         self.jogging = 0
@@ -162,7 +156,7 @@ class Controller:
 
     def abandon(self):
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
-        self.playback.stop()
+        self.stage.stop()
         self.axes.stop()
         self.io.safe()
 
@@ -190,8 +184,8 @@ class Controller:
         elif self.was_moving:
             self.say_position = True
         self.was_moving = moving
-        if self.playback.ended:
-            self.playback.ended = False
+        if self.stage.ended:
+            self.stage.ended = False
             self.say_position = True
             self.say_end = True
         self.io.report(self.was_open)
@@ -225,15 +219,15 @@ class Controller:
         writer.u8(self.io.gio.outputs.count)
         writer.u8(self.io.gio.inputs.count)
         writer.u8(len(self.rig.limits))
-        writer.u32(self.upload_frames)
-        writer.u32(m.CAP_REALTIME)
+        writer.u32(self.moves.upload_frames)
+        writer.u32(CAPABILITIES)
         writer.u16(m.PROTOCOL_VERSION)
         return writer.end()
 
     def _send_positions(self, reader):
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(self.playback.move_time)
+        writer.u32(self.stage.move_time)
         axes = self.axes
         for i in range(self.count):
             writer.word_from(axes[i].block, stepper.POSITION)
@@ -271,11 +265,25 @@ class Controller:
         """OK, or why the motor may not be moved on its own now."""
         if self.broken:
             return m.ERR_GENERAL
-        if self.playback.running and self.playback.takes(motor):
+        if self.stage.running and self.stage.takes(motor):
             return m.ERR_MOVING
         if not self.flags[motor] & m.MOTOR_ENABLED:
             return m.ERR_GENERAL
         return m.OK
+
+    def may_move_all(self):
+        """OK, or why no motor may be moved now."""
+        return m.ERR_GENERAL if self.broken else m.OK
+
+    def moving_all(self, bits):
+        """Motors of these bits have been sent somewhere together."""
+        self.jogging = 0
+        self._power(bits)
+
+    def acknowledge(self, code):
+        """Answer the request at once, before it is carried out."""
+        self._answer(code)
+        self.port.send(self.writer)
 
     def _power(self, bits):
         """Switch the drivers on of motors that are to move."""
@@ -314,8 +322,8 @@ class Controller:
         if motor < 0:
             return m.ERR_RANGE
         self.jogging &= ~(1 << motor)
-        if self.playback.busy and self.playback.takes(motor):
-            self.playback.stop()
+        if self.stage.busy and self.stage.takes(motor):
+            self.stage.stop(land=True)
         else:
             self.axes[motor].stop(self.hal)
         return m.OK
@@ -326,8 +334,8 @@ class Controller:
             factor = self.rig.hard_stop_factor
         self.stop_at = self.now
         self.jogging = 0
-        self.playback.stop(factor)
-        self.axes.stop(factor)
+        landing = self.stage.stop(factor, factor == 1)
+        self.axes.stop(factor, landing)
         return m.OK
 
     def _reset_position(self):
@@ -335,7 +343,7 @@ class Controller:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or self.playback.running:
+        if axis.moving or self.stage.running:
             return m.ERR_MOVING
         self.reader.word_to(1, self.words, 0)
         axis.set_position(self.words, 0)
@@ -383,9 +391,10 @@ class Controller:
         enabled = flags & m.MOTOR_ENABLED
         if not enabled and axis.moving:
             return m.ERR_MOVING
-        if self.playback.running:
+        if self.stage.running:
             return m.ERR_MOVING
         self.flags[motor] = flags
+        self.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
         bit = 1 << motor
         if enabled:
             self._power(bit)
@@ -393,10 +402,18 @@ class Controller:
             self.powered &= ~bit
             self.hal.enable(motor, False)
         if not enabled or flags & m.MOTOR_LIVE:
-            self.playback.excluded |= bit
+            self.stage.follower.excluded |= bit
         else:
-            self.playback.excluded &= ~bit
+            self.stage.follower.excluded &= ~bit
         return m.OK
+
+    def _bits(self, flag):
+        """Motors configured with a flag, one bit each."""
+        bits = 0
+        for motor in range(self.count):
+            if self.flags[motor] & flag:
+                bits |= 1 << motor
+        return bits
 
     def _set_speed(self):
         motor = self._motor()
@@ -420,61 +437,3 @@ class Controller:
             return m.ERR_RANGE
         self.hw_sets[motor] = reader.u8(11)
         return m.OK
-
-    # ---------------------------------------------------------------- requests: real-time moves
-
-    def _upload_begin(self):
-        if self.playback.running:
-            return m.ERR_MOVING
-        code = self.store.begin(self.reader.i32(0), self.reader.i32(4))
-        if code == m.OK:
-            self.playback.drop()
-        return code
-
-    def _upload_axis(self):
-        reader = self.reader
-        motor = self._motor()
-        if motor < 0:
-            return m.ERR_RANGE
-        if self.playback.running:
-            return m.ERR_MOVING
-        last = reader.u8(4) & 0x80
-        return self.store.section(motor, reader.start_index(1), last, reader, 5, (reader.length - 5) >> 2)
-
-    def _upload_end(self):
-        if self.playback.running:
-            return m.ERR_MOVING
-        return self.store.finish()
-
-    def _position_frame(self):
-        if self.broken:
-            return m.ERR_GENERAL
-        if self.playback.running:
-            return m.ERR_MOVING
-        code = self.playback.position_frame(self.reader.i32(0))
-        if code == m.OK:
-            self.jogging = 0
-            self._power(self.playback.draft.bits)
-        return code
-
-    def _run_move(self):
-        """spec: MSG_RT_RUN_MOVE. fps 0, start 4, end 8, pre-roll 12, post-roll 16, DMX 20, bloop
-        outputs 21, channel 25, time 27, flags 29, open and close angle 31 and 33."""
-        reader = self.reader
-        if self.broken:
-            return m.ERR_GENERAL
-        if self.playback.running or self.axes.moving:
-            return m.ERR_MOVING
-        return self.playback.prepare(reader.count(0), reader.i32(4), reader.i32(8), reader.count(12), reader.count(16))
-
-    def _go(self):
-        if self.broken:
-            return m.ERR_GENERAL
-        code = self.playback.may_go()
-        if code == m.OK:
-            # field note 6.3: acknowledged first, then motion starts
-            self._answer(m.OK)
-            self.port.send(self.writer)
-            self.playback.go()
-            return 0
-        return code

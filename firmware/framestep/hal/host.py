@@ -7,6 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
+from framestep.hal import NoDmx
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel
@@ -130,6 +131,16 @@ class HostDmx:
                 self.hal.tell("dmx%d" % channel, level)
 
 
+class _Register:
+    """A register that raises or lowers the pins of a mask, for the tick's cues."""
+
+    def __init__(self, write):
+        self.write = write
+
+    def __setitem__(self, index, mask):
+        self.write(mask)
+
+
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
@@ -144,9 +155,13 @@ class HostHal:
         self.names.update({pin: "gio%d" % i for i, pin in enumerate(BOARD["gio"], 1)})
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
-        self.dmx = HostDmx(self)
+        self.dmx = HostDmx(self) if rig.dmx else NoDmx()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
+        self.kernel.outputs(
+            map_device(_Register(lambda mask: self.drive(mask, 0))),
+            map_device(_Register(lambda mask: self.drive(0, mask))),
+        )
         self.engines = []
         for i in range(motors):
             settings = rig.motor(i)

@@ -12,7 +12,7 @@ import machine
 from machine import Pin, Timer
 
 from framestep.hal import TROUBLE_LOST_COMMAND, NoDmx
-from framestep.hal.rp2_pins import drive, levels
+from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
 from framestep.native import const
@@ -38,6 +38,7 @@ class Rp2Hal:
         self.engine = PulseEngine(board["step"], board["dir"], hz)
         timer = _TIMER_RP2350 if "RP2350" in sys.implementation._machine else _TIMER_RP2040
         self.kernel = StepKernel(self.motors, cycles_per_us * 1000, timer)
+        self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
         for i in range(self.motors):
             settings = rig.motor(i)
             width = (int(settings["pulse_us"] * cycles_per_us) - 34 + 16) // 32
@@ -52,7 +53,7 @@ class Rp2Hal:
         pins = [enable] if self._shared else enable
         self._enable_pins = [Pin(pin, Pin.OUT, value=1 - self._on_level[i]) for i, pin in enumerate(pins)]
         self.board = board
-        self.dmx = NoDmx()
+        self.dmx = self._make_dmx(board.get("dmx"), rig)
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
         self._ticker = None
@@ -60,6 +61,15 @@ class Rp2Hal:
         self._pass_callback = self._pass
         self._controller = None
         self.failure = None  # the exception that ended the passes
+
+    def _make_dmx(self, wiring, rig):
+        if wiring is None or not rig.dmx:
+            return NoDmx()
+        from framestep.hal.rp2_dmx import Dmx
+
+        dmx = Dmx(wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us, "RP2350" in sys.implementation._machine)
+        dmx.start()
+        return dmx
 
     def _make_port(self, ports):
         if ports == 2:

@@ -9,6 +9,10 @@ from framestep.native import const, micropython, ptr32
 
 _GPIO_IN = const(1)  # words from the start of SIO
 
+# Registers that raise and lower the output pins of a mask (RP2040 datasheet 2.3.1.7, RP2350 3.1.11)
+SET_REGISTER = 0xD0000018 if "RP2350" in sys.implementation._machine else 0xD0000014
+CLEAR_REGISTER = 0xD0000020 if "RP2350" in sys.implementation._machine else 0xD0000018
+
 if "RP2350" in sys.implementation._machine:
 
     @micropython.viper

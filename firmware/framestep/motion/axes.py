@@ -250,10 +250,8 @@ class Axis:
         """As start(), with interrupts off already: for several motors in the same tick."""
         block = self.block
         mode = block[stepper.MODE]
-        if mode == stepper.IDLE:
-            block[stepper.MODE] = stepper.RUN | stepper.START
-        elif mode == stepper.DRAIN:
-            block[stepper.MODE] = stepper.RUN
+        if mode == stepper.IDLE or mode == stepper.DRAIN:
+            block[stepper.MODE] = mode | stepper.RUN | stepper.START
 
     def stop(self, hal, factor=1):
         """Ramp down from the next tick on, `factor` times as steeply as the motor is set to."""
@@ -373,8 +371,8 @@ class Axes:
             if bits >> i & 1:
                 self.axes[i].release()
 
-    def stop(self, factor=1):
-        """Ramp all motors down."""
-        for axis in self.axes:
-            if axis.moving:
-                axis.stop(self.hal, factor)
+    def stop(self, factor=1, spared=0):
+        """Ramp all motors down but those of the bits `spared`."""
+        for i in range(self.count):
+            if self.axes[i].moving and not spared >> i & 1:
+                self.axes[i].stop(self.hal, factor)

@@ -17,8 +17,12 @@ commands from a FIFO and executes them one after another on its own clock of `CY
 
 With H = 4 + 32·(width + 1) cycles from a rising edge to the end of its pulse, a command of n
 pulses puts its last rising edge 4 + n·(gap + 4 + H) cycles after the previous one; a command of 0
-pulses waits gap + 9 cycles. Commands are queued `LEAD` ticks ahead, so that an interrupt that
-comes late by up to that much moves no edge.
+pulses waits gap + 9 cycles.
+
+Time. A tick's pulses come `AHEAD` cycles after the tick was due: almost `LEAD` ticks, so that an
+interrupt that comes late by up to `LATEST` moves no edge. A tick takes up to three commands, and
+those of three ticks fit the eight words of a FIFO when the engine has fetched one of them; what
+AHEAD is short of LEAD ticks is the time by which it is sure to have done so.
 """
 
 from array import array
@@ -37,11 +41,25 @@ CYCLES = const(3)  # engine cycles per tick
 CYCLES_PER_US = const(4)
 LEAD = const(5)  # ticks of commands ahead of the pulses
 FIRST = const(6)  # address of the first motor's block
-WORST_LATE = const(7)  # greatest lateness seen, microseconds
+WORST_LATE = const(7)  # greatest lateness seen while something moved, microseconds
 FAULTS = const(8)  # FAULT_ bits of all motors together
 SQUARE = const(9)  # 2^25 / CYCLES, to divide a square of cycles by CYCLES
-RUNNING = const(10)  # 0 until the first tick has set DUE
-HEADER_WORDS = const(12)
+RUNNING = const(10)  # 0 where nothing has moved for some ticks
+AHEAD = const(11)  # cycles from when a tick is due to its first pulse
+LATEST = const(12)  # microseconds of lateness that an engine survives
+CUES = const(13)  # address of the ring of cues
+CUE_TAKEN = const(14)  # cues given, modulo 2^30
+CUE_PUT = const(15)  # cues put, modulo 2^30
+OUT_SET = const(16)  # address that raises the output pins of a mask
+OUT_CLEAR = const(17)  # address that lowers them
+HEADER_WORDS = const(18)
+
+# A cue is a change of output pins at a tick: tick, pins to raise, pins to lower, spare
+CUE_SLOTS = const(32)
+
+_SHORT_US = const(100)  # what AHEAD is short of LEAD ticks
+_TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
+_EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
 
 # Words of a motor's block
 NEXT = const(0)  # address of the next motor's block, 0 after the last
@@ -66,7 +84,7 @@ TAIL = const(18)  # segments put, modulo 2^30
 DECEL = const(19)  # Q22 steps per tick per tick: how a stop slows down
 BRAKE = const(20)  # Q22: the same for a queue that ran dry in motion
 WAIT = const(21)  # ticks until the last pulse is out
-IDLE_AT = const(22)  # tick in which the last command was queued
+IDLE_AT = const(22)  # tick in which the last command of a motor not in RUN was queued
 FAULT = const(23)  # FAULT_ bits of this motor
 INVERT = const(24)  # 1 swaps the level of the direction pin
 SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
@@ -78,7 +96,8 @@ IDLE = const(0)  # at rest; the segment queue may be filled
 RUN = const(1)  # takes segments from the queue
 STOP = const(2)  # slows down by DECEL, segments are dropped
 DRAIN = const(4)  # at rest, the last pulses are still on their way out
-START = const(8)  # with RUN: the engine may stand still and must be brought into step first
+START = const(8)  # with RUN: the engine may stand still and must be brought into step first; with
+# RUN and DRAIN: the last pulses of the motion before are still on their way
 
 # Faults
 FAULT_DRY = const(1)  # the segment queue ran dry in motion
@@ -104,74 +123,95 @@ class Header(array):
         h = m
         clock = ptr32(m[CLOCK])
         now = clock[0]
-        if m[RUNNING]:
-            pass
-        else:
-            m[RUNNING] = 1
-            m[DUE] = now & _WRAP
         # After a hole in time the timer replays what it missed; only the clock tells what is due.
         late = (now - m[DUE]) & _WRAP
         if late > m[WORST_LATE]:
             if late > _HALF:
-                if (late + TICK_US // 2) & _WRAP > _HALF:
-                    return
-                late = 0  # the first call came late: this is the grid that the timer keeps
+                if (late + _EARLY_US) & _WRAP > _HALF:
+                    if m[RUNNING]:
+                        return
+                    if (late + 2 * TICK_US) & _WRAP < _HALF:
+                        return
+                late = 0  # a call before came late: this is the grid that the timer keeps
                 m[DUE] = now & _WRAP
-            else:
+            elif m[RUNNING]:
                 m[WORST_LATE] = late
-        if late >= m[LEAD] * TICK_US:
-            # The engine has run dry and stands. A stop with BRAKE began where the pulses ended;
+        if late >= m[LATEST]:
+            # The engines have run dry and stand. A stop with BRAKE began where the pulses ended;
             # what of it fell into the hole is over. The time lost is not made up for.
-            missed = (late - m[LEAD] * TICK_US) // TICK_US + 1
-            m[FAULTS] = m[FAULTS] | FAULT_LATE
-            m[DUE] = now & _WRAP
+            missed = (late - m[LATEST]) // TICK_US + 1 + m[LEAD]
+            late = late % TICK_US  # the ticks missed are left out, the grid stays
+            m[DUE] = (now - late) & _WRAP
             a = m[FIRST]
             while a:
                 m = ptr32(a)
                 a = m[NEXT]
-                if m[MODE]:
-                    if m[VELOCITY]:
-                        m[FAULT] = m[FAULT] | FAULT_LATE
-                    m[DECEL] = m[BRAKE]
+                m[IDLE_AT] = (h[TICKS] - 1000) & _WRAP
+                if m[MODE] & START:
+                    m[MODE] = RUN | START  # has yet to begin
+                elif m[MODE] & (RUN | STOP):
+                    m[FAULT] = m[FAULT] | FAULT_LATE
+                    h[FAULTS] = h[FAULTS] | FAULT_LATE
+                    if m[DECEL] < m[BRAKE] or m[MODE] & RUN:
+                        m[DECEL] = m[BRAKE]
                     d = m[VELOCITY]
                     s = d >> 31
                     d = (d ^ s) - s
-                    # by quotients, since BRAKE * missed may not fit 32 bits
-                    if d // m[BRAKE] < missed:
+                    # by quotients, since DECEL * missed may not fit 32 bits
+                    if d // m[DECEL] < missed:
                         d = 0
                     else:
-                        d = d - m[BRAKE] * missed
+                        d = d - m[DECEL] * missed
                     m[VELOCITY] = (d ^ s) - s
-                    m[MODE] = STOP
-                    m[IDLE_AT] = (h[TICKS] - 1000) & _WRAP
-                    m[WAIT] = 0
+                    m[HEAD] = m[TAIL]
+                    m[LEFT] = 0
+                    m[MODE] = RUN | STOP | START  # the engine first, then a stop
+                else:
+                    m[MODE] = IDLE
             m = h
+        if m[RUNNING]:
+            m[RUNNING] = m[RUNNING] - 1
+        else:
+            m[DUE] = m[DUE] + (late >> 4)  # back to the timer's grid, if a hole has moved it
         m[DUE] = (m[DUE] + TICK_US) & _WRAP
         m[TICKS] = (m[TICKS] + 1) & _WRAP
+        a = m[CUE_PUT] - m[CUE_TAKEN]
+        while a:
+            q = ptr32(m[CUES])
+            k = (m[CUE_TAKEN] & (CUE_SLOTS - 1)) << 2
+            if (m[TICKS] - q[k + 0]) & _WRAP > _HALF:
+                break
+            fifo = ptr32(m[OUT_SET])
+            fifo[0] = q[k + 1]
+            fifo = ptr32(m[OUT_CLEAR])
+            fifo[0] = q[k + 2]
+            m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & _WRAP
+            a = m[CUE_PUT] - m[CUE_TAKEN]
         cycles = m[CYCLES]
         a = m[FIRST]
         while a:
             m = ptr32(a)
             a = m[NEXT]
             if m[MODE]:
+                h[RUNNING] = 4
                 if m[MODE] & RUN:
                     left = m[LEFT]
                     if left:
                         pass
                     else:
                         if m[MODE] & START:
-                            m[MODE] = RUN
+                            m[MODE] = m[MODE] & (RUN | STOP)
                             idle = (h[TICKS] - 1 - m[IDLE_AT]) & _WRAP
-                            if idle < h[LEAD]:
+                            if idle < h[LEAD] and idle * TICK_US + late < h[LATEST]:
                                 m[CARRY] = m[CARRY] + idle * cycles  # the engine has not run dry since
                             else:
-                                # Make the engine wait so that this tick's output begins LEAD ticks
-                                # after the tick's own time, however late within it this line is reached.
+                                # Make the engine wait so that this tick's output begins AHEAD of the
+                                # tick's own time, however late within it this line is reached.
                                 fifo = ptr32(m[FIFO])
                                 word = m[WORD]
                                 clock = ptr32(h[CLOCK])
                                 passed = (clock[0] - h[DUE] + TICK_US) & _WRAP
-                                wait = h[LEAD] * cycles - passed * h[CYCLES_PER_US] - m[RESERVE]
+                                wait = h[AHEAD] - passed * h[CYCLES_PER_US] - m[RESERVE] + m[FIXED] - 4
                                 while wait > 200000:
                                     fifo[0] = word + (199991 << 10)
                                     wait = wait - 200000
@@ -184,16 +224,19 @@ class Header(array):
                             k = (head & (SEGMENTS - 1)) << 3
                             m[HEAD] = (head + 1) & _WRAP
                             gap = q[k + 1] - m[POSITION]
-                            if gap > 2 or gap < -2:
+                            d = (gap << 22) + q[k + 2]
+                            # within a few steps, so that the second line cannot overflow, and by an eighth
+                            if (gap + 2) >> 2 or (d - m[FRACTION] + ONE // 8) >> 20:
                                 m[FAULT] = m[FAULT] | FAULT_PIN
                                 h[FAULTS] = h[FAULTS] | FAULT_PIN
                                 m[ACCEL] = 0
                                 m[JERK] = 0
                                 m[DECEL] = m[BRAKE]
+                                m[SPAN] = cycles
                                 m[MODE] = STOP
                                 left = 1
                             else:
-                                m[FRACTION] = (gap << 22) + q[k + 2]
+                                m[FRACTION] = d
                                 left = q[k]
                                 m[VELOCITY] = q[k + 3]
                                 m[ACCEL] = q[k + 4]
@@ -201,12 +244,15 @@ class Header(array):
                                 m[SPAN] = q[k + 7]
                         else:
                             # The end, or with a velocity left a queue that was not filled in time
-                            if m[VELOCITY]:
+                            if m[MODE] & STOP:
+                                pass
+                            elif m[VELOCITY]:
                                 m[FAULT] = m[FAULT] | FAULT_DRY
                                 h[FAULTS] = h[FAULTS] | FAULT_DRY
                                 m[DECEL] = m[BRAKE]
                             m[ACCEL] = 0
                             m[JERK] = 0
+                            m[SPAN] = cycles
                             m[MODE] = STOP
                             left = 1
                     m[LEFT] = left - 1
@@ -217,6 +263,7 @@ class Header(array):
                     m[VELOCITY] = d + acc
                 else:
                     # A stop needs no target: the steps made so far are where the motor stands.
+                    m[IDLE_AT] = h[TICKS]
                     d = m[VELOCITY]
                     acc = m[DECEL]
                     if d > acc:
@@ -229,6 +276,8 @@ class Header(array):
                         pass
                     elif m[MODE] & STOP:
                         m[FRACTION] = 0
+                        m[ACCEL] = 0
+                        m[JERK] = 0
                         m[HEAD] = m[TAIL]
                         m[LEFT] = 0
                         m[WAIT] = h[LEAD]
@@ -237,7 +286,6 @@ class Header(array):
                         m[WAIT] = m[WAIT] - 1
                         if m[WAIT] == 0:
                             m[MODE] = IDLE
-                            m[IDLE_AT] = h[TICKS]
                 # Steps that fall into this tick. All that follows looks along the motion: s is -1
                 # where that is down, and x ^ s - s turns a number's sign.
                 rem = m[FRACTION] + d
@@ -256,7 +304,10 @@ class Header(array):
                     fifo = ptr32(m[FIFO])
                     d = (d ^ s) - s
                     if d < 64:
-                        d = 64  # a step owed from before, at rest or turning round
+                        # a step owed from before, at rest or turning round
+                        if rem >= d:
+                            rem = 64
+                        d = 64
                     back = 0  # whole steps from the pulse looked at to the last one of the tick
                     extra = 0
                     bent = 0
@@ -351,8 +402,7 @@ class StepKernel:
 
     cycles: engine cycles per tick, a multiple of 1000, at most 131000.
     clock: address of a microsecond counter (on CPython: of anything that can be indexed with 0).
-    lead: ticks of commands queued ahead. A tick takes up to three commands, one of which the engine
-    has already fetched when the next tick is due, so two ticks ahead fill an eight-word FIFO.
+    lead: ticks of commands queued ahead: two fill an eight-word FIFO.
     """
 
     def __init__(self, motors, cycles, clock, lead=2):
@@ -366,6 +416,7 @@ class StepKernel:
         state[CYCLES] = cycles
         state[CYCLES_PER_US] = cycles // TICK_US
         state[LEAD] = lead
+        state[AHEAD] = lead * cycles - _SHORT_US * state[CYCLES_PER_US]
         state[SQUARE] = (1 << 25) // cycles
         following = 0
         for i in range(motors - 1, -1, -1):
@@ -377,13 +428,45 @@ class StepKernel:
             block[IDLE_AT] = -1000
             block[SPAN] = block[WHOLE_SPAN] = cycles
         state[FIRST] = following
+        self.cues = array("i", [0] * (4 * CUE_SLOTS))
+        self._nowhere = array("i", [0])
+        state[CUES] = as_word(addressof(self.cues))
+        state[OUT_SET] = state[OUT_CLEAR] = as_word(addressof(self._nowhere))
+
+    def outputs(self, set_address, clear_address):
+        """Where cues go: registers that raise and lower the output pins of a mask."""
+        self.state[OUT_SET] = as_word(set_address)
+        self.state[OUT_CLEAR] = as_word(clear_address)
+
+    def cue(self, tick, raised, lowered):
+        """Change output pins in a tick (modulo 2^30), not before the cues put until now.
+
+        raised, lowered: masks of pins, below 2^30. The pins change some microseconds after the
+        tick is due. False where there is no room.
+        """
+        state = self.state
+        if (state[CUE_PUT] - state[CUE_TAKEN]) & _WRAP >= CUE_SLOTS:
+            return False
+        k = (state[CUE_PUT] & (CUE_SLOTS - 1)) << 2
+        cues = self.cues
+        cues[k] = tick & _WRAP
+        cues[k + 1] = raised
+        cues[k + 2] = lowered
+        state[CUE_PUT] = (state[CUE_PUT] + 1) & _WRAP
+        return True
+
+    def drop_cues(self):
+        """Forget the cues that have not been given. Interrupts are off."""
+        self.state[CUE_PUT] = self.state[CUE_TAKEN]
 
     def configure(self, motor, fifo, width, setup, invert):
         """Set a motor's pulse shape.
 
         fifo: address for its commands. width: 0 to 15, the pulse is 32·width + 34 cycles high.
-        setup: cycles from a change of direction to the next rising edge. invert: swap direction.
+        setup: cycles from a change of direction to the next rising edge, up to a quarter of a tick.
+        invert: swap direction.
         """
+        state = self.state
         block = self.blocks[motor]
         period = 4 + 4 + 32 * (width + 1)
         block[FIFO] = as_word(fifo)
@@ -391,9 +474,12 @@ class StepKernel:
         block[DOWN] = 0
         block[FIXED] = period
         block[SHORTEST] = 2 * (32 * width + 34)
-        block[SETUP] = max(setup, block[SHORTEST])
+        # the direction changes 7 cycles into the gap of the first pulse, when the last one has ended
+        block[SETUP] = max(setup + period - 7, block[SHORTEST])
         block[RESERVE] = block[SETUP] + 16
         block[INVERT] = 1 if invert else 0
+        reserve = max(b[RESERVE] for b in self.blocks)
+        state[LATEST] = (state[AHEAD] - reserve) // state[CYCLES_PER_US] - _TICK_COST_US
 
 
 @micropython.viper
@@ -504,11 +590,12 @@ def halt(m: ptr32, rate: int):
     To be called with interrupts off. A motor that is slowing down already does it no slower.
     """
     if m[MODE] & START:
-        m[MODE] = IDLE
+        m[MODE] = m[MODE] & DRAIN
         m[HEAD] = m[TAIL]
     elif m[MODE] & RUN:
         # the last displacement, not the next one: the stop takes its first share from that
         m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
+        m[SPAN] = m[WHOLE_SPAN]
         m[DECEL] = rate
         m[MODE] = STOP
     elif m[MODE] & STOP:

@@ -145,3 +145,17 @@ def turn(window: ptr32):
     t = window[1]
     window[1] = window[3]
     window[3] = t
+
+
+@micropython.viper
+def midway(window: ptr32, there: int, slope_there: int, slope_here: int) -> int:
+    """Where the path is half-way between the middle frame and a neighbour: steps from the former.
+
+    there: 1 for the frame before, 3 for the one after; slopes in twelfths. A cubic with slopes a and
+    b at its ends passes (a - b)/8 beside the middle of its chord.
+    """
+    chord = window[there + 0] - window[2]
+    bow = slope_there - slope_here
+    if there == 3:
+        bow = 0 - bow
+    return (48 * chord + bow + 48) // 96

@@ -1,0 +1,188 @@
+"""What all plays of an uploaded move share: which motors, whether they can, how fast at each frame.
+
+Registers of real numbers live in `numbers`; the first ones belong to this class, an operation keeps
+its own from OWN on. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.motion import axes as motion
+from framestep.motion import reals
+from framestep.moves import path
+from framestep.native import const
+from framestep.protocol.messages import ERR_RANGE, ERR_SOFT_LOW, ERR_SOFT_UP, OK
+
+# Registers
+THOUSAND = const(0)
+ZERO = const(2)
+X = const(4)
+Y = const(6)
+T = const(8)
+SCALE = const(10)  # twelfths of a step per frame to steps per tick
+_SPEEDS = const(12)  # per motor: velocity at the last frame queued
+OWN = const(12 + 24)  # twelve motors
+REGISTERS = const(64)
+
+FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
+HALF = const(0x20000000)
+_FAR = const(0x3FFFFFFF)  # stands for no soft limit
+_BATCH = const(32)  # frames checked at a time
+
+
+def speed(motor):
+    """The register of a motor's velocity at the last frame queued, steps per tick."""
+    return _SPEEDS + 2 * motor
+
+
+class Follower:
+    """The path through the frames of the store, for the axes."""
+
+    def __init__(self, axes, store):
+        self.axes = axes
+        self.store = store
+        self.count = axes.count
+        self.excluded = 0  # bits of motors that take no part (disabled, under live control)
+        self.numbers = array("i", [0] * REGISTERS)
+        self.window = array("i", [0] * path.WINDOW_WORDS)
+        self.words = array("i", [0] * path.CHECK_WORDS)
+        self.values = array("i", [0] * _BATCH)
+        self.place = array("i", [0])
+        reals.put(self.numbers, THOUSAND, 1000, 0)
+        reals.put(self.numbers, ZERO, 0, 0)
+
+    def motors(self):
+        """Bits of the motors that have a part in this upload (field notes 3.1 and 5.4)."""
+        bits = 0
+        for motor in range(self.count):
+            if self.store.has(motor) and not self.excluded >> motor & 1:
+                bits |= 1 << motor
+        return bits
+
+    def frame_rate(self, fps_milli):
+        """Set SCALE for fps_milli frames in 1000 s: 1 / (12 · ticks of a frame)."""
+        r = self.numbers
+        reals.put(r, X, fps_milli, 0)
+        reals.put(r, Y, path.TWELFTHS * 1000, 0)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, SCALE, X, THOUSAND)
+
+    def slope(self, motor, index, step):
+        """The slope at a frame, in twelfths of a step per frame of travel in direction `step`.
+
+        index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
+        """
+        store = self.store
+        last = store.end - store.start
+        window = self.window
+        store.positions(motor, index - 2, 5, window, path.FRAMES)
+        before = index
+        after = last - index
+        if step < 0:
+            path.turn(window)
+            before = after
+            after = index
+        axis = self.axes[motor]
+        if axis.lower_enabled:
+            reals.copy_word(window, path.LOWER, axis.limits, motion.LOWER)
+        else:
+            window[path.LOWER] = -_FAR
+        if axis.upper_enabled:
+            reals.copy_word(window, path.UPPER, axis.limits, motion.UPPER)
+        else:
+            window[path.UPPER] = _FAR
+        return path.slope(window, 2 if before > 2 else before, 2 if after > 2 else after)
+
+    def velocity(self, to, motor, index, step):
+        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick."""
+        r = self.numbers
+        reals.put(r, to, self.slope(motor, index, step), 0)
+        reals.multiply(r, to, to, SCALE)
+
+    def check(self, bits, begin, count, fps_milli):
+        """Whether the motors can follow `count` frames from `begin` at that rate (field note 5.5).
+
+        OK, ERR_RANGE where one is asked for more than its velocity or acceleration, or the code
+        of a soft limit.
+        """
+        r = self.numbers
+        words = self.words
+        values = self.values
+        for motor in range(self.count):
+            if not bits >> motor & 1:
+                continue
+            axis = self.axes[motor]
+            # What the limits allow from frame to frame, in steps. Positions are rounded to steps
+            # before they come here, which alone makes differences of ±1 and changes of ±2.
+            reals.put(r, Y, fps_milli, 0)
+            reals.divide(r, Y, Y, THOUSAND)  # frames per second
+            reals.put(r, X, axis.velocity, 0)
+            reals.divide(r, X, X, Y)
+            words[path.FASTEST] = reals.floor(r, X, HALF) + 1
+            reals.put(r, X, axis.acceleration, 0)
+            reals.divide(r, X, X, Y)
+            reals.divide(r, X, X, Y)
+            words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
+            words[path.SEEN] = 0
+            words[path.LOW_SET] = 1 if axis.lower_enabled else 0
+            words[path.HIGH_SET] = 1 if axis.upper_enabled else 0
+            reals.copy_word(words, path.LOWEST, axis.limits, motion.LOWER)
+            reals.copy_word(words, path.HIGHEST, axis.limits, motion.UPPER)
+            done = 0
+            while done < count:
+                batch = min(count - done, _BATCH)
+                self.store.positions(motor, begin + done, batch, values, 0)
+                found = path.check(words, values, batch)
+                if found != path.FITS:
+                    if found == path.TOO_FAST:
+                        return ERR_RANGE
+                    return ERR_SOFT_UP if found == path.TOO_HIGH else ERR_SOFT_LOW
+                done += batch
+        return OK
+
+    def roll(self, motor, velocity, ticks, backward, places):
+        """Move places[motor] by the way of a ramp between rest and a velocity (field note 6.2).
+
+        velocity, ticks: registers; half of their product, taken off if `backward`. False where that
+        is past a soft limit or asks for more than the motor's acceleration.
+        """
+        r = self.numbers
+        axis = self.axes[motor]
+        if not reals.sign(r, velocity):
+            return axis.beyond(places, motor) == 0
+        reals.divide(r, Y, velocity, ticks)
+        if reals.sign(r, Y) < 0:
+            reals.negate(r, Y, Y)
+        reals.fetch(r, X, axis.numbers, motion.STEEP)
+        if reals.compare(r, Y, X) > 0:
+            return False
+        reals.multiply(r, X, velocity, ticks)
+        if backward:
+            reals.negate(r, X, X)
+        reals.put(r, Y, 1, 0)
+        reals.add(r, X, X, Y)  # rounded: floor((v·T + 1) / 2)
+        reals.double(r, X, X, -1)
+        reals.add_word(places, motor, places, motor, reals.floor(r, X, HALF))
+        return axis.beyond(places, motor) == 0
+
+    def begin(self, bits):
+        """Make the motors ready for phases."""
+        for motor in range(self.count):
+            if bits >> motor & 1:
+                axis = self.axes[motor]
+                axis.prepare(self.axes.hal)
+                axis.active = True
+                axis.more = True
+
+    def close(self, bits):
+        """No further phases come: the motors rest where the last one ends."""
+        for motor in range(self.count):
+            if bits >> motor & 1:
+                self.axes[motor].more = False
+
+    def ahead(self, bits):
+        """The greatest number of phases that wait before a motor."""
+        most = 0
+        for motor in range(self.count):
+            if bits >> motor & 1:
+                most = max(most, self.axes[motor].phases.count())
+        return most

@@ -1,0 +1,246 @@
+"""MSG_RT_JOG_ALL: all motors along the uploaded path, as one axis whose unit is the frame.
+
+Its velocity is at most FPS, its acceleration 4 frames/s² (field note 6.10), and it comes to rest on whole
+frames only. From one frame to the next its acceleration is constant, and the motors follow the
+cubics through the frames' positions with the path's slope times the axis' velocity at either end.
+"""
+
+from array import array
+
+from framestep.motion import reals, stepper
+from framestep.moves.follow import FASTEST_FPS, HALF, OWN, THOUSAND, T, X, Y, speed
+from framestep.moves.stage import Operation
+from framestep.moves.store import READY as UPLOADED
+from framestep.native import const
+from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
+
+_AHEAD = const(1)
+_BATCH = const(32)
+
+# Registers: frames and ticks
+_TOP = const(OWN)
+_TWICE = const(OWN + 2)  # twice the acceleration, 8·10^-6 frames per tick²
+_RATE = const(OWN + 4)  # velocity at the last frame queued
+_NEXT = const(OWN + 6)
+_SLOWEST = const(OWN + 8)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
+_SPARE = const(OWN + 10)
+_SCALE = const(OWN + 12)
+
+
+class JogAll(Operation):
+    """The operation; see stage.Operation."""
+
+    tells_end = False
+
+    def __init__(self, stage):
+        Operation.__init__(self, stage)
+        self.follower = stage.follower
+        self.store = stage.store
+        self.values = array("i", [0] * _BATCH)
+        self.at = 0  # index of the last frame queued
+        self.to = 0
+        self.step = 1
+        self.closed = True
+        self.later = -1  # a destination for after the turn
+        self.places = array("i", [0] * stage.axes.count)
+
+    # ---------------------------------------------------------------- the request
+
+    def request(self, fps_milli, frame):
+        """Jog to a scene frame. A code; nothing has changed unless it is OK."""
+        store = self.store
+        stage = self.stage
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if fps_milli < 1 or fps_milli > FASTEST_FPS or frame < store.start or frame > store.end:
+            return ERR_RANGE
+        under_way = stage.running
+        if under_way and stage.operation is not self:
+            return ERR_MOVING
+        to = frame - store.start
+        bits = self.bits if under_way else self.follower.motors()
+        if not under_way:
+            if stage.axes.moving:
+                return ERR_MOVING
+            at = self._standing(bits)
+            if at < 0:
+                return ERR_NOT_IN_POSITION
+        else:
+            at = self.at
+        low = min(at, to)
+        code = self.follower.check(bits, low, max(at, to) - low + 1, fps_milli)
+        if code != OK:
+            return code
+        self._top(fps_milli)
+        if under_way:
+            self._retarget(to)
+            return OK
+        self.at = at
+        self.bits = bits
+        stage.drop()
+        if to == at:
+            return OK
+        self._aim(to)
+        stage.perform(self)
+        return OK
+
+    def _aim(self, to):
+        self.to = to
+        self.step = 1 if to > self.at else -1
+        self.later = -1
+        self.closed = False
+        reals.put(self.follower.numbers, _RATE, 0, 0)
+
+    def _top(self, fps_milli):
+        r = self.follower.numbers
+        reals.put(r, _TOP, fps_milli, 0)
+        reals.divide(r, _TOP, _TOP, THOUSAND)
+        reals.divide(r, _TOP, _TOP, THOUSAND)
+        reals.put(r, _TWICE, 8, 0)
+        reals.divide(r, _TWICE, _TWICE, THOUSAND)
+        reals.divide(r, _TWICE, _TWICE, THOUSAND)
+        reals.put(r, _SLOWEST, 1000, 0)
+
+    def _retarget(self, to):
+        """Under way: bend to the new destination; where it lies behind, land first and turn."""
+        if self.closed:
+            self.later = to
+            return
+        landing = self._landing()
+        if (to - landing) * self.step >= 0:
+            self.to = to
+            self.later = -1
+        else:
+            self.to = landing
+            self.later = to
+
+    def _landing(self):
+        """The first whole frame on which the motion can end."""
+        r = self.follower.numbers
+        reals.multiply(r, X, _RATE, _RATE)
+        reals.divide(r, X, X, _TWICE)
+        frames = reals.floor(r, X, HALF)
+        # up to a hundredth of a frame more than fits is rounding
+        reals.put(r, Y, frames, 0)
+        reals.subtract(r, X, X, Y)
+        reals.put(r, Y, 100, 0)
+        reals.multiply(r, X, X, Y)
+        if reals.floor(r, X, HALF) >= 1:
+            frames += 1
+        return self.at + self.step * frames
+
+    def _standing(self, bits):
+        """The index of the frame on which all motors stand; -1 if there is none."""
+        store = self.store
+        if not bits:
+            return -1
+        near = self.stage.move_time // 1000 - store.start
+        last = store.end - store.start
+        if 0 <= near <= last and self._stand_on(bits, near):
+            return near
+        motor = 0
+        while not bits >> motor & 1:
+            motor += 1
+        block = self.follower.axes[motor].block
+        index = 0
+        while index <= last:
+            count = min(last + 1 - index, _BATCH)
+            store.positions(motor, index, count, self.values, 0)
+            for i in range(count):
+                if reals.equal_words(block, stepper.POSITION, self.values, i) and self._stand_on(bits, index + i):
+                    return index + i
+            index += count
+        return -1
+
+    def _stand_on(self, bits, index):
+        place = self.follower.place
+        for motor in range(self.follower.count):
+            if bits >> motor & 1:
+                self.store.position(motor, index, place, 0)
+                if not reals.equal_words(self.follower.axes[motor].block, stepper.POSITION, place, 0):
+                    return False
+        return True
+
+    # ---------------------------------------------------------------- the motion
+
+    def start(self):
+        r = self.follower.numbers
+        for motor in range(self.follower.count):
+            if self.bits >> motor & 1:
+                reals.put(r, speed(motor), 0, 0)
+        self.feed()
+
+    def feed(self):
+        while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
+            self._queue()
+
+    def _queue(self):
+        """Append the way to the next frame to each motor."""
+        follower = self.follower
+        r = follower.numbers
+        left = (self.to - self.at) * self.step
+        # The velocity at the next frame: as fast as the one before, the top and the way that is
+        # then left allow.
+        reals.multiply(r, X, _RATE, _RATE)
+        reals.add(r, X, X, _TWICE)
+        reals.put(r, Y, left - 1, 0)
+        reals.multiply(r, Y, Y, _TWICE)
+        if reals.compare(r, X, Y) > 0:
+            reals.copy(r, X, Y)
+        reals.root(r, _NEXT, X, _SPARE)
+        if reals.compare(r, _NEXT, _TOP) > 0:
+            reals.copy(r, _NEXT, _TOP)
+        # one frame at the mean of the two velocities
+        reals.add(r, X, _RATE, _NEXT)
+        if reals.sign(r, X):
+            reals.put(r, Y, 2, 0)
+            reals.divide(r, T, Y, X)
+        else:
+            reals.copy(r, T, _SLOWEST)
+            reals.put(r, Y, 1, 0)
+            reals.divide(r, Y, Y, _TOP)
+            if reals.compare(r, Y, T) > 0:
+                reals.copy(r, T, Y)
+        self.at += self.step
+        reals.put(r, Y, 12, 0)
+        reals.divide(r, _SCALE, _NEXT, Y)
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                own = speed(motor)
+                reals.put(r, X, follower.slope(motor, self.at, self.step), 0)
+                reals.multiply(r, X, X, _SCALE)
+                reals.copy_word(follower.place, 0, follower.window, 2)
+                follower.axes[motor].phases.aim(T, own, X, r, follower.place, 0)
+                reals.copy(r, own, X)
+        reals.copy(r, _RATE, _NEXT)
+        if self.at == self.to:
+            follower.close(self.bits)
+            self.closed = True
+
+    def reached(self, ticks):
+        # Between frames the time of the move is that of the last frame queued, at rest it is exact.
+        if self.closed and not self.stage.moving():
+            self.stage.move_time = (self.store.start + self.at) * 1000
+        return False
+
+    def finished(self):
+        return self.closed
+
+    def again(self):
+        """After a landing on the way back."""
+        if self.later < 0 or self.later == self.at:
+            return False
+        self._aim(self.later)
+        for motor in range(self.follower.count):
+            self.follower.axes[motor].position_to(self.places, motor)
+        self.stage.begins = self.places
+        return True
+
+    def land(self):
+        if not self.closed:
+            self.to = self._landing()
+            if self.to == self.at:
+                self.follower.close(self.bits)
+                self.closed = True
+        self.later = -1
+        return True

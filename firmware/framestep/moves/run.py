@@ -1,0 +1,293 @@
+"""MSG_RT_RUN_MOVE: a section of the move, live, with pre-roll and post-roll, once or in a loop.
+
+A pass is one list of phases per motor: pre-roll, one cubic per frame, post-roll. All motors have the
+same phases in time, so they need no further synchronization than to start in the same tick.
+
+Time. Frame N of a pass begins round(N · 10^9 / fps_milli) microseconds after its first
+(design rule; N counts from 0 at the first frame played); durations are differences of such times,
+so nothing adds up.
+
+Ping-pong (0x01): the next pass runs the other way. The ramp that ends a pass and the one that
+begins the next have the same duration, so the motors turn where they are. Loop (0x02): they go back
+to where the pass began, by ramps of their own, and run again.
+"""
+
+from array import array
+
+from framestep.motion import axes as motion
+from framestep.motion import reals
+from framestep.moves.follow import FASTEST_FPS, OWN, THOUSAND, ZERO, X, Y, speed
+from framestep.moves.stage import Operation
+from framestep.moves.store import READY as UPLOADED
+from framestep.native import const
+from framestep.protocol.messages import (
+    ERR_GENERAL,
+    ERR_POSTROLL,
+    ERR_PREROLL,
+    ERR_RANGE,
+    OK,
+    RUN_LOOP,
+    RUN_PING_PONG,
+)
+
+LONGEST_ROLL = const(600000)  # ms
+VIDEO_PULSE_MS = const(100)  # field note 6.9
+_MICROSECONDS = const(1000000000)  # in 1000 seconds
+_AHEAD = const(3)  # frames of phases to keep ahead
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x20000000)
+
+# Registers
+_DURATION = const(OWN)  # of a frame in ticks, the shorter and the longer one
+_DURATION_PLUS = const(OWN + 2)
+_ROLL = const(OWN + 4)
+
+
+class Plan:
+    """What a request has settled; a second one is kept, so that a refused request changes nothing."""
+
+    def __init__(self, motors):
+        self.bits = 0
+        self.first = 0  # index of the first frame played
+        self.step = 1  # 1 forward, -1 backward
+        self.frames = 0  # frames after the first
+        self.fps_milli = 0
+        self.quotient = 0  # of a frame's microseconds
+        self.remainder = 0
+        self.pre_ms = 0
+        self.post_ms = 0
+        self.flags = 0
+        self.open_angle = 0
+        self.close_angle = 0
+        self.sync = False
+        self.bloop_bits = 0
+        self.bloop_channel = 0
+        self.bloop_ms = 0
+        self.begins = array("i", [0] * motors)  # where each motor waits
+        self.ends = array("i", [0] * motors)  # where it comes to rest
+
+
+class RunMove(Operation):
+    """The operation; see stage.Operation."""
+
+    def __init__(self, stage, show):
+        Operation.__init__(self, stage)
+        self.follower = stage.follower
+        self.store = stage.store
+        self.show = show  # lights, triggers and camera: moves/show.py
+        self.plan = Plan(stage.axes.count)
+        self.draft = Plan(stage.axes.count)
+        self.looping = False
+        self.first = 0  # of this pass: ping-pong turns
+        self.step = 1
+        self.begin_ms = 0
+        self.end_ms = 0
+        self.queued = 0
+        self.closed = False
+        self.told = 0
+        self.queue_error = 0  # of the rational frame time, for the frame to be queued
+        self.tell_error = 0  # the same for the frame to be told
+        self.tell_tick = 0
+        self.tell_us = 0
+
+    # ---------------------------------------------------------------- the request
+
+    def prepare(self, fps_milli, start, end, pre_ms, post_ms, flags, open_angle, close_angle):
+        """Check a run of scene frames start … end and send the motors to where it begins.
+
+        pre_ms, post_ms: 0 for the shortest that the motors can. A code; nothing has changed unless it is OK.
+        The draft's bloop and sync fields have been filled in.
+        """
+        store = self.store
+        follower = self.follower
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if fps_milli < 1 or fps_milli > FASTEST_FPS or pre_ms < 0 or post_ms < 0:
+            return ERR_RANGE
+        if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:
+            return ERR_RANGE
+        if start < store.start or start > store.end or end < store.start or end > store.end:
+            return ERR_RANGE
+        plan = self.draft
+        plan.bits = follower.motors()
+        plan.first = start - store.start
+        plan.step = -1 if end < start else 1
+        plan.frames = (end - start) * plan.step
+        plan.fps_milli = fps_milli
+        plan.quotient = _MICROSECONDS // fps_milli
+        plan.remainder = _MICROSECONDS % fps_milli
+        plan.flags = flags
+        plan.open_angle = open_angle
+        plan.close_angle = close_angle
+        follower.frame_rate(fps_milli)
+        begin = plan.first if plan.step > 0 else plan.first - plan.frames
+        code = follower.check(plan.bits, begin, plan.frames + 1, fps_milli)
+        if code == OK:
+            code = self._rolls(plan, pre_ms, post_ms)
+        if code != OK:
+            if self.plan.fps_milli:
+                follower.frame_rate(self.plan.fps_milli)
+            return code
+        self.draft = self.plan
+        self.plan = plan
+        self.bits = plan.bits
+        self.first = plan.first
+        self.step = plan.step
+        self.begin_ms = plan.pre_ms
+        self.end_ms = plan.post_ms
+        self.looping = flags & (RUN_LOOP | RUN_PING_PONG) != 0
+        self.stage.take(self, plan.begins, start)
+        return OK
+
+    def _rolls(self, plan, pre_ms, post_ms):
+        """Find where the motors wait and where they come to rest (field note 6.2)."""
+        follower = self.follower
+        r = follower.numbers
+        last = plan.first + plan.step * plan.frames
+        # With a roll of no time, all motors take as long as the slowest to gather speed needs.
+        plan.pre_ms = pre_ms if pre_ms else self._shortest(plan, plan.first)
+        plan.post_ms = post_ms if post_ms else self._shortest(plan, last)
+        for motor in range(follower.count):
+            if plan.bits >> motor & 1:
+                self.store.position(motor, plan.first, plan.begins, motor)
+                self.store.position(motor, last, plan.ends, motor)
+                if not plan.frames:
+                    continue
+                own = speed(motor)
+                if plan.pre_ms:
+                    follower.velocity(own, motor, plan.first, plan.step)
+                    reals.put(r, _ROLL, plan.pre_ms, 0)
+                    if not follower.roll(motor, own, _ROLL, True, plan.begins):
+                        return ERR_PREROLL
+                if plan.post_ms:
+                    follower.velocity(own, motor, last, plan.step)
+                    reals.put(r, _ROLL, plan.post_ms, 0)
+                    if not follower.roll(motor, own, _ROLL, False, plan.ends):
+                        return ERR_POSTROLL
+        return OK
+
+    def _shortest(self, plan, index):
+        """The milliseconds in which every motor can reach its velocity at that frame."""
+        follower = self.follower
+        r = follower.numbers
+        longest = 0
+        if not plan.frames:
+            return 0
+        for motor in range(follower.count):
+            if plan.bits >> motor & 1:
+                follower.velocity(X, motor, index, plan.step)
+                if reals.sign(r, X) < 0:
+                    reals.negate(r, X, X)
+                if reals.sign(r, X):
+                    reals.fetch(r, Y, follower.axes[motor].numbers, motion.STEEP)
+                    reals.divide(r, X, X, Y)
+                    longest = max(longest, reals.floor(r, X, LONGEST_ROLL) + 1)
+        return longest
+
+    def stop_loop(self):
+        """Let the pass under way be the last (spec: MSG_RT_STOP_LOOP)."""
+        self.looping = False
+
+    # ---------------------------------------------------------------- the pass
+
+    def start(self):
+        follower = self.follower
+        plan = self.plan
+        r = follower.numbers
+        follower.frame_rate(plan.fps_milli)
+        reals.put(r, _DURATION, plan.quotient, 0)
+        reals.put(r, _DURATION_PLUS, plan.quotient + 1, 0)
+        reals.divide(r, _DURATION, _DURATION, THOUSAND)
+        reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
+        reals.put(r, _ROLL, self.begin_ms, 0)
+        for motor in range(follower.count):
+            if plan.bits >> motor & 1:
+                own = speed(motor)
+                if plan.frames:
+                    follower.velocity(own, motor, self.first, self.step)
+                else:
+                    reals.put(r, own, 0, 0)
+                if self.begin_ms:
+                    self.store.position(motor, self.first, follower.place, 0)
+                    follower.axes[motor].phases.aim(_ROLL, ZERO, own, r, follower.place, 0)
+        self.queue_error = plan.fps_milli // 2
+        self.tell_error = plan.fps_milli // 2
+        self.queued = 0
+        self.closed = False
+        self.told = 0
+        self.feed()
+
+    def started(self, tick):
+        self.tell_tick = (tick + self.begin_ms) & _WRAP
+        self.tell_us = 0
+        self.show.begin(self.plan, self.first, self.step, self.tell_tick)
+
+    def feed(self):
+        while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
+            self._queue()
+        self.show.feed()
+
+    def _queue(self):
+        """Append the cubic to the next frame to each motor, after the last one the post-roll."""
+        follower = self.follower
+        r = follower.numbers
+        plan = self.plan
+        k = self.queued + 1
+        if k > plan.frames:
+            reals.put(r, _ROLL, self.end_ms, 0)
+            places = plan.ends if self.step == plan.step else plan.begins
+            if self.end_ms:
+                for motor in range(follower.count):
+                    if plan.bits >> motor & 1:
+                        follower.axes[motor].phases.aim(_ROLL, speed(motor), ZERO, r, places, motor)
+            follower.close(plan.bits)
+            self.closed = True
+            return
+        self.queued = k
+        self.queue_error += plan.remainder
+        duration = _DURATION
+        if self.queue_error >= plan.fps_milli:
+            self.queue_error -= plan.fps_milli
+            duration = _DURATION_PLUS
+        index = self.first + self.step * k
+        for motor in range(follower.count):
+            if plan.bits >> motor & 1:
+                own = speed(motor)
+                follower.velocity(X, motor, index, self.step)
+                reals.copy_word(follower.place, 0, follower.window, 2)
+                follower.axes[motor].phases.aim(duration, own, X, r, follower.place, 0)
+                reals.copy(r, own, X)
+
+    def reached(self, ticks):
+        plan = self.plan
+        if self.told > plan.frames or (ticks - self.tell_tick - 1) & _WRAP >= _HALF:
+            return False
+        self.stage.move_time = (self.store.start + self.first + self.step * self.told) * 1000
+        self.show.frame(self.first + self.step * self.told, self.told == 0)
+        self.told += 1
+        self.tell_error += plan.remainder
+        us = self.tell_us + plan.quotient
+        if self.tell_error >= plan.fps_milli:
+            self.tell_error -= plan.fps_milli
+            us += 1
+        self.tell_tick = (self.tell_tick + us // 1000) & _WRAP
+        self.tell_us = us % 1000
+        return True
+
+    def finished(self):
+        return self.closed and self.told > self.plan.frames
+
+    def again(self):
+        if not self.looping:
+            return False
+        plan = self.plan
+        if plan.flags & RUN_PING_PONG:
+            self.first += self.step * plan.frames
+            self.step = -self.step
+            self.begin_ms, self.end_ms = self.end_ms, self.begin_ms
+            self.stage.begins = plan.ends if self.step != plan.step else plan.begins
+        return True
+
+    def over(self):
+        self.looping = False
+        self.show.end()

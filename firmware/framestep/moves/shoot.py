@@ -1,0 +1,249 @@
+"""MSG_RT_SHOOT_FRAME and MSG_RT_SHOOT_FRAME2: go-motion, one frame exposed while the motors move.
+
+The motors wait a run-up before the window, pass it at constant speed while the shutter is open, and
+come to rest a run-out behind it. Times of one exposure, from GO:
+
+    run-up (1 s or more)            window                        run-out (1 s)
+    rest ........ accelerating A ================= B decelerating ........ rest
+                                 ^ shutter opens    ^ closes
+
+SHOOT_FRAME: the window is the middle BLUR of the way from POS A to POS B, the shutter is open all through
+it. SHOOT_FRAME2: the window is the whole way, 360 degrees; the shutter opens and closes at two angles, that
+may lie outside.
+"""
+
+from array import array
+
+from framestep.motion import axes as motion
+from framestep.motion import reals, stepper
+from framestep.moves import path
+from framestep.moves.follow import HALF, OWN, ZERO, T, X, Y, speed
+from framestep.moves.show import METER, SHUTTER
+from framestep.moves.stage import Operation
+from framestep.moves.store import READY as UPLOADED
+from framestep.native import const
+from framestep.protocol.messages import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
+
+RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
+LONGEST_MS = const(3600000)
+_WRAP = const(0x3FFFFFFF)
+CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
+
+# Registers
+_WINDOW = const(OWN)  # ticks from A to B
+_ROLL = const(OWN + 2)
+_WAIT = const(OWN + 4)  # ticks from GO to the run-up
+
+
+class Shot:
+    """What a request has settled; a second one is kept, so that a refused request changes nothing."""
+
+    def __init__(self, motors):
+        self.bits = 0
+        self.exposure_ms = 0
+        self.begin_ms = 0  # from GO to the shutter's opening
+        self.window = array("i", [0] * 2)  # real: ticks from A to B
+        self.wait = array("i", [0] * 2)  # real: ticks from GO to the run-up
+        self.starts = array("i", [0] * motors)  # where the motors wait
+        self.a = array("i", [0] * motors)
+        self.b = array("i", [0] * motors)
+        self.ends = array("i", [0] * motors)  # where they come to rest
+
+
+class ShootFrame(Operation):
+    """The operation; see stage.Operation."""
+
+    def __init__(self, stage, show):
+        Operation.__init__(self, stage)
+        self.follower = stage.follower
+        self.store = stage.store
+        self.show = show
+        self.shot = Shot(stage.axes.count)
+        self.draft = Shot(stage.axes.count)
+        self.blurred = 0  # bits of motors with the blur flag
+        self.done_tick = 0
+        self.done = True
+
+    # ---------------------------------------------------------------- the request
+
+    def blur(self, frame, backward, exposure_ms, permille, reader):
+        """SHOOT_FRAME. permille: BLUR, 1 … 1000. A code; nothing has changed unless it is OK."""
+        if permille < 1 or permille > 1000:
+            return ERR_RANGE
+        return self._settle(frame, backward, exposure_ms, permille, 0, 360, reader, 11, self.blurred, 0)
+
+    def angles(self, frame, exposure_ms, opened, closed, reader):
+        """SHOOT_FRAME2. opened, closed: degrees, signed. A code, as above."""
+        if closed <= opened:
+            return ERR_RANGE
+        return self._settle(frame, False, exposure_ms, 1000, opened, closed, reader, 12, 0x3FFFFFFF, self.blurred)
+
+    def _settle(self, frame, backward, exposure_ms, permille, opened, closed, reader, offset, may, always):
+        """Take in a request. may: motors that move if they are listed from `offset` on, always: that move
+        anyhow, as the path has them."""
+        store = self.store
+        follower = self.follower
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if frame < store.start or frame > store.end or exposure_ms < 1 or exposure_ms > LONGEST_MS:
+            return ERR_RANGE
+        shot = self.draft
+        shot.exposure_ms = exposure_ms
+        enabled = ~follower.excluded
+        listed = 0
+        at = offset
+        while at < reader.length:
+            number = reader.u8(at)
+            if number < 1 or number > follower.count:
+                return ERR_RANGE
+            motor = number - 1
+            listed |= 1 << motor
+            reader.word_to(at + 1, shot.b if backward else shot.a, motor)
+            reader.word_to(at + 5, shot.a if backward else shot.b, motor)
+            at += 9
+        shot.bits = listed & may & enabled
+        # With no list at all, SHOOT_FRAME as well takes the motors that blur from the path.
+        from_path = (always if listed else self.blurred) & ~listed & follower.motors()
+        for motor in range(follower.count):
+            if from_path >> motor & 1:
+                self._from_path(motor, frame - store.start, backward, shot)
+        shot.bits |= from_path
+        code = self._times(shot, opened, closed)
+        if code == OK:
+            code = self._places(shot, permille)
+        if code != OK:
+            return code
+        self.draft = self.shot
+        self.shot = shot
+        self.bits = shot.bits
+        self.done = True
+        self.stage.take(self, shot.starts, frame)
+        return OK
+
+    def _from_path(self, motor, index, backward, shot):
+        """A and B: the path half a frame before and after (field note 7.2)."""
+        store = self.store
+        follower = self.follower
+        last = store.end - store.start
+        before = follower.slope(motor, max(index - 1, 0), 1)
+        after = follower.slope(motor, min(index + 1, last), 1)
+        here = follower.slope(motor, index, 1)
+        window = follower.window
+        # beyond the ends of the upload the path goes on straight
+        early = path.midway(window, 1, before, here) if index > 0 else -here // 24
+        late = path.midway(window, 3, after, here) if index < last else here // 24
+        reals.add_word(shot.b if backward else shot.a, motor, window, 2, early)
+        reals.add_word(shot.a if backward else shot.b, motor, window, 2, late)
+
+    def _times(self, shot, opened, closed):
+        """The window's duration, and how long before it GO is.
+
+        The shutter opens in a whole tick. The window lies where it has to for that, and a little
+        later than the ticks have it, as much as cues come later than pulses.
+        """
+        r = self.follower.numbers
+        reals.put(r, X, shot.exposure_ms, 0)
+        reals.put(r, Y, closed - opened, 0)
+        reals.divide(r, X, X, Y)  # ticks of a degree
+        reals.put(r, Y, 360, 0)
+        reals.multiply(r, _WINDOW, X, Y)
+        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS:
+            return ERR_RANGE
+        reals.put(r, Y, opened, 0)
+        reals.multiply(r, X, X, Y)  # from A to the opening
+        reals.put(r, Y, RUN_UP_MS, 0)
+        reals.add(r, T, X, Y)
+        shot.begin_ms = max(1, reals.floor(r, T, HALF) + 1)
+        reals.put(r, Y, shot.begin_ms, 0)
+        reals.subtract(r, T, Y, X)  # from GO to A
+        reals.put(r, Y, RUN_UP_MS, 0)
+        reals.subtract(r, T, T, Y)
+        kernel = self.follower.axes.kernel.state
+        late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
+        reals.put(r, X, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
+        reals.put(r, Y, 1000, 0)
+        reals.divide(r, X, X, Y)
+        reals.add(r, T, T, X)
+        reals.fetch(shot.wait, 0, r, T)
+        reals.fetch(shot.window, 0, r, _WINDOW)
+        return OK
+
+    def _places(self, shot, permille):
+        """The ends of the window, and where the motors wait and come to rest."""
+        follower = self.follower
+        r = follower.numbers
+        for motor in range(follower.count):
+            if not shot.bits >> motor & 1:
+                continue
+            if permille < 1000:
+                reals.put_difference(r, X, shot.b, motor, shot.a, motor)
+                reals.put(r, Y, 1000 - permille, 0)
+                reals.multiply(r, X, X, Y)
+                reals.put(r, Y, 2000, 0)
+                reals.divide(r, X, X, Y)
+                cut = reals.floor(r, X, HALF)
+                reals.add_word(shot.a, motor, shot.a, motor, cut)
+                reals.add_word(shot.b, motor, shot.b, motor, -cut)
+            own = speed(motor)
+            reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+            reals.divide(r, own, own, _WINDOW)
+            reals.copy(r, X, own)
+            if reals.sign(r, X) < 0:
+                reals.negate(r, X, X)
+            reals.fetch(r, Y, follower.axes[motor].numbers, motion.TOP)
+            if reals.compare(r, X, Y) > 0:
+                return ERR_RANGE
+            reals.put(r, _ROLL, RUN_UP_MS, 0)
+            reals.copy_word(shot.starts, motor, shot.a, motor)
+            reals.copy_word(shot.ends, motor, shot.b, motor)
+            if not follower.roll(motor, own, _ROLL, True, shot.starts):
+                return ERR_PREROLL
+            if not follower.roll(motor, own, _ROLL, False, shot.ends):
+                return ERR_POSTROLL
+        return OK
+
+    # ---------------------------------------------------------------- the exposure
+
+    def start(self):
+        follower = self.follower
+        r = follower.numbers
+        shot = self.shot
+        reals.fetch(r, _WINDOW, shot.window, 0)
+        reals.fetch(r, _WAIT, shot.wait, 0)
+        reals.put(r, _ROLL, RUN_UP_MS, 0)
+        for motor in range(follower.count):
+            if shot.bits >> motor & 1:
+                own = speed(motor)
+                reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+                reals.divide(r, own, own, _WINDOW)
+                phases = follower.axes[motor].phases
+                phases.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
+                phases.aim(_ROLL, ZERO, own, r, shot.a, motor)
+                phases.aim(_WINDOW, own, own, r, shot.b, motor)
+                phases.aim(_ROLL, own, ZERO, r, shot.ends, motor)
+        follower.close(shot.bits)
+        self.done = False
+
+    def started(self, tick):
+        shot = self.shot
+        show = self.show
+        opens = tick + shot.begin_ms
+        closes = opens + shot.exposure_ms
+        show.signal(tick, METER, METER)
+        show.signal(opens, SHUTTER, SHUTTER)
+        show.signal(closes, SHUTTER | METER, 0)
+        self.done_tick = (closes + RUN_UP_MS) & _WRAP
+
+    def reached(self, ticks):
+        if not self.done and (ticks - self.done_tick) & _WRAP < HALF:
+            self.done = True
+        return False
+
+    def finished(self):
+        return self.done
+
+    def over(self):
+        if not self.done:
+            self.done = True
+            now = self.follower.axes.kernel.state[stepper.TICKS] + 1
+            self.show.signal(now, SHUTTER | METER, 0)

@@ -1,0 +1,265 @@
+"""The state machine that every real-time operation goes through, whatever it plays.
+
+                 take()                 all there               go()
+    IDLE --------------------> POSITIONING -------> READY -------------> RUNNING
+     ^                              ^   |             |                   |   |
+     |                              |   | stop()      | stop()     stop() |   | its end
+     |                              |   v             v                   |   v
+     |       RT_END, all at rest    |  ENDING <---------------------------+  done?
+     +------------------------------+---^                                     |
+                                    +-------- another pass (a loop) ----------+
+
+An operation (run.py, shoot.py, jog.py) says where the motors begin, queues phases and cues, and says
+whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at RUNNING.
+"""
+
+from framestep.motion import reals, stepper
+from framestep.moves.follow import Follower
+from framestep.moves.store import READY as UPLOADED
+from framestep.native import const
+from framestep.protocol.messages import (
+    ERR_GENERAL,
+    ERR_MOVING,
+    ERR_NOT_IN_POSITION,
+    ERR_RANGE,
+    ERR_SOFT_LOW,
+    ERR_SOFT_UP,
+    OK,
+)
+
+# States
+IDLE = const(0)
+POSITIONING = const(1)
+READY = const(2)
+RUNNING = const(3)
+ENDING = const(4)  # ramping down
+
+SEGMENTS_AHEAD = const(12)
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x20000000)
+
+
+class Operation:
+    """What a kind of play adds to the state machine."""
+
+    tells_end = True  # RT_END follows
+
+    def __init__(self, stage):
+        self.stage = stage
+        self.bits = 0  # motors that have a part in it
+
+    def start(self):
+        """Queue the first phases; the motors are prepared. begins is where they stand."""
+
+    def feed(self):
+        """Queue further phases."""
+
+    def started(self, tick):
+        """The first segment is taken in this tick."""
+
+    def reached(self, ticks):
+        """Whether a frame has been reached that is to be told; ticks: of the pulses now made."""
+        return False
+
+    def finished(self):
+        """Whether everything has been queued and told; the motors may still be moving."""
+        return True
+
+    def again(self):
+        """Whether another pass follows; if so `begins` is where it starts."""
+        return False
+
+    def land(self):
+        """Asked to stop gently. True where it does so on its own, by phases."""
+        return False
+
+    def over(self):
+        """It has ended, in whatever way."""
+
+
+class Stage:
+    """Runs one operation at a time."""
+
+    def __init__(self, axes, store):
+        self.axes = axes
+        self.store = store
+        self.follower = Follower(axes, store)
+        self.state = IDLE
+        self.operation = Operation(self)
+        self.begins = None  # where the motors of the operation begin, by motor
+        self.move_time = 0  # thousandths of a scene frame
+        self.ended = False  # RT_END is due
+        self.unattended = False  # the next pass starts without a GO
+
+    # ---------------------------------------------------------------- what the controller asks
+
+    @property
+    def busy(self):
+        """An operation is being prepared, waits or runs."""
+        return self.state != IDLE
+
+    @property
+    def running(self):
+        """An operation has begun and not yet ended."""
+        return self.state >= RUNNING or self.unattended
+
+    def takes(self, motor):
+        """Whether the motor has a part in the operation."""
+        return self.operation.bits >> motor & 1
+
+    def go_to_frame(self, frame, places):
+        """Send all motors to a frame (scene number; spec: MSG_RT_POSITION_FRAME). A code.
+
+        places: an array of a word per motor to work with. Nothing moves unless it is OK.
+        """
+        store = self.store
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if frame < store.start or frame > store.end:
+            return ERR_RANGE
+        axes = self.axes
+        bits = self.follower.motors()
+        for motor in range(axes.count):
+            if bits >> motor & 1:
+                store.position(motor, frame - store.start, places, motor)
+                side = axes[motor].outside(places, motor)
+                if side:
+                    return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
+        self.drop()
+        self._travel(bits, places)
+        self.move_time = frame * 1000
+        return OK
+
+    def take(self, operation, begins, frame):
+        """Prepare an operation: its motors go to where it begins. frame: the scene's, for reports."""
+        self.operation = operation
+        self.begins = begins
+        self._travel(operation.bits, begins)
+        self.move_time = frame * 1000
+        self.state = POSITIONING
+        self.unattended = False
+        self.ended = False
+
+    def may_go(self):
+        """OK where an operation waits and every motor stands where it begins; otherwise why not."""
+        state = self.state
+        if state != READY:
+            if state == POSITIONING and not self.unattended:
+                return ERR_NOT_IN_POSITION
+            return ERR_GENERAL if state == IDLE else ERR_MOVING
+        return OK if self._there() else ERR_NOT_IN_POSITION
+
+    def go(self):
+        """Start the operation that waits; may_go() has said OK. All motors in the same tick."""
+        self.unattended = False
+        self.perform(self.operation)
+
+    def perform(self, operation):
+        """Start an operation from where the motors are."""
+        self.operation = operation
+        self.state = RUNNING
+        axes = self.axes
+        bits = operation.bits
+        self.follower.begin(bits)
+        operation.start()
+        self._feed()
+        kernel = axes.kernel.state
+        irq = axes.hal.irq_off()
+        tick = (kernel[stepper.TICKS] + 1) & _WRAP
+        axes.release(bits)
+        axes.hal.irq_on(irq)
+        # the pulses come LEAD ticks after the tick that queues them
+        operation.started((tick + kernel[stepper.LEAD]) & _WRAP)
+
+    def stop(self, factor=1, land=False):
+        """Ramp down whatever this moves; RT_END follows once all stand.
+
+        land: an operation that can may come to rest in its own way, on a frame. Returns the bits of
+        the motors that do, and are not to be stopped otherwise.
+        """
+        if self.state == IDLE:
+            return 0
+        if land and self.state == RUNNING and self.operation.land():
+            return self.operation.bits
+        for motor in range(self.axes.count):
+            if self.operation.bits >> motor & 1:
+                self.axes[motor].stop(self.axes.hal, factor)
+        self._drop_cues()
+        self.operation.over()
+        self.unattended = False
+        self.state = ENDING
+        return 0
+
+    def drop(self):
+        """Forget an operation that is prepared but has not begun."""
+        if self.state == READY or self.state == POSITIONING:
+            self.state = IDLE
+            self.unattended = False
+
+    def poll(self):
+        """One pass: feed the queues. True where a frame has been reached that is to be told."""
+        state = self.state
+        if state == IDLE or state == READY:
+            return False
+        if state == RUNNING:
+            operation = self.operation
+            operation.feed()
+            self._feed()
+            told = operation.reached(self.axes.kernel.state[stepper.TICKS])
+            if operation.finished() and not self.moving():
+                if operation.again():
+                    self._travel(operation.bits, self.begins)
+                    self.unattended = True
+                    self.state = POSITIONING
+                else:
+                    operation.over()
+                    self._end()
+            return told
+        if self.moving():
+            return False
+        if state == ENDING:
+            self._end()
+        elif self.unattended:
+            self.go()
+        else:
+            self.state = READY
+        return False
+
+    # ---------------------------------------------------------------- within
+
+    def moving(self):
+        """Whether a motor of the operation moves."""
+        for motor in range(self.axes.count):
+            if self.operation.bits >> motor & 1 and self.axes[motor].moving:
+                return True
+        return False
+
+    def _there(self):
+        for motor in range(self.axes.count):
+            if self.operation.bits >> motor & 1:
+                axis = self.axes[motor]
+                if axis.moving or not reals.equal_words(axis.block, stepper.POSITION, self.begins, motor):
+                    return False
+        return True
+
+    def _travel(self, bits, places):
+        axes = self.axes
+        for motor in range(axes.count):
+            if bits >> motor & 1:
+                axes[motor].travel(axes.hal, places, motor)
+
+    def _feed(self):
+        for motor in range(self.axes.count):
+            if self.operation.bits >> motor & 1:
+                self.axes[motor].feed(SEGMENTS_AHEAD)
+
+    def _drop_cues(self):
+        irq = self.axes.hal.irq_off()
+        self.axes.kernel.drop_cues()
+        self.axes.hal.irq_on(irq)
+
+    def _end(self):
+        self.state = IDLE
+        self.unattended = False
+        if self.operation.tells_end:
+            self.ended = True
