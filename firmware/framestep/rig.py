@@ -26,6 +26,9 @@ SETTINGS = {
     ),
     "shutter_on": (str, ("high", "low"), None, "high", "", "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "", "level of the meter output while it is on"),
+    "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
+    "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
+    "dmx_mark_us": (int, 12, 1000, 20, "µs", "length of the mark after break"),
     "dmx_ramp_ms": (int, 0, 60000, 500, "ms", "how long lights take to a level that is to be ramped to"),
 }
 
@@ -123,7 +126,7 @@ def _read_list(settings, found, where):
     return [_read(settings, item, "%s[%d]." % (where, i + 1)) for i, item in enumerate(found)]
 
 
-def _board_pins(board):
+def _board_pins(board, dmx):
     """{pin: what the board has it for}."""
     taken = {}
     for key in _BOARD_PINS:
@@ -131,7 +134,7 @@ def _board_pins(board):
         for i, pin in enumerate(pins if isinstance(pins, list) else [pins]):
             taken[pin] = "the board's %s" % key + (" %d" % (i + 1) if isinstance(pins, list) else "")
     for key, pin in board.get("dmx", {}).items():
-        if key != "uart":
+        if dmx and key != "uart":
             taken[pin] = "the board's DMX " + key
     return taken
 
@@ -155,11 +158,14 @@ class Rig:
         self.estop = settings["estop"]
         self.shutter_on = settings["shutter_on"]
         self.meter_on = settings["meter_on"]
+        self.dmx = settings["dmx"]
+        self.dmx_break_us = settings["dmx_break_us"]
+        self.dmx_mark_us = settings["dmx_mark_us"]
         self.dmx_ramp_ms = settings["dmx_ramp_ms"]
 
     def _assign_pins(self, settings, board):
         """Which pin is for what; each for one thing only."""
-        taken = _board_pins(board)
+        taken = _board_pins(board, settings["dmx"])
 
         highest = _HIGHEST_PIN.get(board.get("chip"), 47)
         if settings["estop"] != "none" and board and "estop" not in board:
