@@ -44,6 +44,7 @@ _LARGEST = const(1048)
 
 _BLOCK = const(64)  # bytes of a frame read in one call: as many calls for filling at worst
 _AT = const(2)  # where in the buffer, so that all of a frame comes with the same place in a word as its header
+_SIZE = const(68)  # of the buffer, whole words
 _PATIENCE_MS = const(10)  # for a block, before the filling begins
 _WAKE_MS = const(5)  # interrupts that wake the processor while it waits in a read
 _CALM_MS = const(50)  # quiet after noise before Ctrl-C counts again
@@ -68,18 +69,35 @@ def _nothing(_timer):
     pass
 
 
-class _Filling(io.IOBase):
-    """Gives a read that has waited until `deadline` (ticks_ms) as many bytes as it still wants, `given` so far."""
+@micropython.viper
+def _end(buffer: ptr8, at: int) -> int:
+    """Where the zeros begin that the buffer ends with, from `at` on."""
+    end = _SIZE
+    while end > at and buffer[end - 1] == 0:
+        end -= 1
+    return end
 
-    def __init__(self):
+
+class _Filling(io.IOBase):
+    """Ends a read into `buffer` from `at` on that has waited until `deadline` (ticks_ms): gives the bytes it lacks.
+
+    The host may go on meanwhile, and its bytes come between these. So the buffer is all zeros before, and `after` notes
+    for each of the `given` bytes from where on there were only zeros when it was given: the next that is none is it.
+    """
+
+    def __init__(self, buffer):
+        self.buffer = buffer
+        self.after = bytearray(_SIZE)
+        self.at = 0
         self.deadline = 0
         self.given = 0
 
-    def readinto(self, buffer):
+    def readinto(self, byte):
         if time.ticks_diff(time.ticks_ms(), self.deadline) < 0:
             return None
-        buffer[0] = (self.given ^ 0xA5) & 0xFF
+        self.after[self.given] = _end(self.buffer, self.at)
         self.given += 1
+        byte[0] = 0xFF
         return 1
 
     def write(self, data):
@@ -97,8 +115,8 @@ class StdinPort:
     """
 
     def __init__(self):
-        self._filling = _Filling()
-        self._buffer = bytearray(_AT + _BLOCK)
+        self._buffer = bytearray(_SIZE)
+        self._filling = _Filling(self._buffer)
         view = memoryview(self._buffer)
         self._first = view[:1]
         self._header = view[1:_HEADER]  # without its first byte
@@ -211,30 +229,34 @@ class StdinPort:
     @micropython.viper
     def _fill(self, view, at: int, wanted: int) -> int:
         """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host stops half-way."""
+        buffer = ptr8(self._buffer)
+        i = at
+        while i & 3:
+            buffer[i] = 0
+            i += 1
+        while i < _SIZE:
+            ptr32(int(buffer) + i)[0] = 0
+            i += 4
         filling = self._filling
+        filling.at = at
         filling.given = 0
         filling.deadline = self._later(self._ticks(), _PATIENCE_MS)
         self._readinto(view)
         given = int(filling.given)
         if given == 0:
             return wanted
-        # Take the filling out, from the end, where it is unless the host has gone on meanwhile.
-        buffer = ptr8(self._buffer)
-        to = at + wanted
-        take = to
-        while take > at:
-            take -= 1
-            if given and buffer[take] == ((given - 1) ^ 0xA5) & 0xFF:
-                given -= 1
+        after = ptr8(filling.after)
+        i = at
+        to = at
+        found = 0
+        while i < at + wanted:
+            if found < given and i >= after[found] and buffer[i]:
+                found += 1
             else:
-                to -= 1
-                buffer[to] = buffer[take]
-        count = at + wanted - to
-        take = 0
-        while take < count:
-            buffer[at + take] = buffer[to + take]
-            take += 1
-        return count
+                buffer[to] = buffer[i]
+                to += 1
+            i += 1
+        return to - at
 
     @micropython.viper
     def _read_bytes(self, reader) -> int:
