@@ -16,11 +16,12 @@ from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 
 VERSION = (0, 1, 0)
-CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA
+CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
 
 _WRAP = const(0x3FFFFFFF)
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
 STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
+_COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
@@ -267,7 +268,7 @@ class Controller:
             return m.ERR_GENERAL
         if self.stage.running and self.stage.takes(motor):
             return m.ERR_MOVING
-        if not self.flags[motor] & m.MOTOR_ENABLED:
+        if not self.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
             return m.ERR_GENERAL
         return m.OK
 
@@ -287,6 +288,9 @@ class Controller:
 
     def _power(self, bits):
         """Switch the drivers on of motors that are to move."""
+        for motor in range(self.count - 1):
+            if bits >> motor & 1 and self.axes[motor].partner:
+                bits |= 2 << motor
         bits &= ~self.powered
         if bits:
             self.powered |= bits
@@ -389,10 +393,13 @@ class Controller:
             return m.ERR_RANGE
         axis = self.axes[motor]
         enabled = flags & m.MOTOR_ENABLED
-        if not enabled and axis.moving:
+        coupling = (flags ^ self.flags[motor]) & _COUPLING
+        if self.stage.running or axis.moving and (coupling or not enabled):
             return m.ERR_MOVING
-        if self.stage.running:
-            return m.ERR_MOVING
+        if coupling:
+            code = self._couple(motor, flags & _COUPLING)
+            if code != m.OK:
+                return code
         self.flags[motor] = flags
         self.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
         bit = 1 << motor
@@ -401,11 +408,32 @@ class Controller:
         else:
             self.powered &= ~bit
             self.hal.enable(motor, False)
-        if not enabled or flags & m.MOTOR_LIVE:
-            self.stage.follower.excluded |= bit
-        else:
-            self.stage.follower.excluded &= ~bit
+        self._exclude()
         return m.OK
+
+    def _couple(self, motor, flags):
+        """Let the next motor do what this one does, or no longer (field note 3.1)."""
+        if motor + 1 >= self.count:
+            return m.ERR_RANGE
+        axis = self.axes[motor]
+        partner = self.axes[motor + 1]
+        if partner.moving:
+            return m.ERR_MOVING
+        if flags and (axis.leader or partner.partner):
+            return m.ERR_RANGE  # no chains
+        axis.uncouple()
+        if flags:
+            axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED)
+        return m.OK
+
+    def _exclude(self):
+        """Which motors take no part in uploaded moves: disabled, under live control, led by another."""
+        bits = 0
+        for motor in range(self.count):
+            flags = self.flags[motor]
+            if not flags & m.MOTOR_ENABLED or flags & m.MOTOR_LIVE or self.axes[motor].leader:
+                bits |= 1 << motor
+        self.stage.follower.excluded = bits
 
     def _bits(self, flag):
         """Motors configured with a flag, one bit each."""

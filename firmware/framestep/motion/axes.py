@@ -96,7 +96,10 @@ class Axis:
         self.part = 0  # Q30 of a tick: what remains of the phase after them
         self.active = False  # phases or their end remain to be queued
         self.more = False  # further phases will be appended: do not come to rest
-        self.share = 0
+        self.partner = None  # the motor that does what this one does
+        self.leader = None  # the motor that this one follows
+        self.turned = 0
+        self.bases = array("i", [0] * 2)  # where both stood when they were coupled
         self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
 
     # ---------------------------------------------------------------- settings
@@ -111,6 +114,7 @@ class Axis:
             acceleration = STEEPEST
         self.velocity = velocity
         self.acceleration = acceleration
+        self.share = 0  # what travel() has computed from these no longer holds
         r = self.numbers
         reals.put(r, _Y, TICKS_PER_SECOND, 0)
         reals.put(r, TOP, velocity, 0)
@@ -200,6 +204,7 @@ class Axis:
     def set_position(self, source, i):
         """Give the place where the motor stands another number. Only at rest."""
         reals.copy_word(self.block, stepper.POSITION, source, i)
+        self.rebase()
 
     # ---------------------------------------------------------------- motion
 
@@ -207,6 +212,8 @@ class Axis:
         """Make the cubic the state that a new plan starts from, and drop what was planned."""
         block = self.block
         irq = hal.irq_off()
+        if self.partner:
+            stepper.splice(self.partner.block, SPLICE_TICKS, self.partner.state)
         stepper.splice(block, SPLICE_TICKS, self.state)
         hal.irq_on(irq)
         _set_cubic(self.cubic, self.state)
@@ -252,9 +259,39 @@ class Axis:
         mode = block[stepper.MODE]
         if mode == stepper.IDLE or mode == stepper.DRAIN:
             block[stepper.MODE] = mode | stepper.RUN | stepper.START
+        if self.partner:
+            self.partner.release()
+
+    def couple(self, partner, turned):
+        """Make another motor do what this one does from now on, with the sign turned or not. Both at rest."""
+        self.partner = partner
+        self.turned = 1 if turned else 0
+        partner.leader = self
+        self.rebase()
+        partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
+
+    def uncouple(self):
+        """Let the partner go. Both at rest."""
+        if self.partner:
+            self.partner.leader = None
+            self.partner = None
+
+    def rebase(self):
+        """Take the places where both stand now for the same."""
+        if self.leader:
+            self.leader.rebase()
+        elif self.partner:
+            reals.copy_word(self.bases, 0, self.block, stepper.POSITION)
+            reals.copy_word(self.bases, 1, self.partner.block, stepper.POSITION)
 
     def stop(self, hal, factor=1):
-        """Ramp down from the next tick on, `factor` times as steeply as the motor is set to."""
+        """Ramp down from the next tick on, `factor` times as steeply as the motor is set to.
+
+        Coupled motors do so together, whichever is meant.
+        """
+        if self.leader:
+            self.leader.stop(hal, factor)
+            return
         self.phases.clear()
         self.left = 0
         self.active = False
@@ -262,6 +299,8 @@ class Axis:
         rate = kernel_rate(min(self.acceleration * factor, STEEPEST))
         irq = hal.irq_off()
         stepper.halt(self.block, rate)
+        if self.partner:
+            stepper.halt(self.partner.block, rate)
         hal.irq_on(irq)
 
     # ---------------------------------------------------------------- feeding the queue
@@ -276,10 +315,17 @@ class Axis:
                 if ticks > segments.LONGEST:
                     ticks = segments.LONGEST
                 segments.cut(cubic, block, ticks)
+                if self.partner:
+                    segments.mirror(block, self.partner.block, self.bases, self.turned)
                 segments.shift(cubic, ticks << 24, 6, 0)
                 self.left -= ticks
             elif not self._next():
                 return
+
+    def _bridge(self, part):
+        segments.bridge(self.state, self.cubic, self.block, part)
+        if self.partner:
+            segments.mirror(self.block, self.partner.block, self.bases, self.turned)
 
     def _next(self):
         """Go on to the next phase; False where there is none yet. At the end: come to rest.
@@ -302,8 +348,10 @@ class Axis:
             if phases.head == phases.tail:
                 segments.settle(cubic)
                 if part:
-                    segments.bridge(self.state, cubic, self.block, part)
+                    self._bridge(part)
                 segments.cut(cubic, self.block, 1)
+                if self.partner:
+                    segments.mirror(self.block, self.partner.block, self.bases, self.turned)
                 self.part = 0
                 self.active = False
                 self.aimed = False
@@ -316,7 +364,7 @@ class Axis:
             rest = _ALL_BITS - part + 1  # of the tick, below 2^30
             if whole[0] or whole[1] >= rest:
                 segments.shift(cubic, rest, 0, 0)
-                segments.bridge(self.state, cubic, self.block, part)
+                self._bridge(part)
                 self.left = whole[0]
                 self.part = whole[1] - rest
                 if self.part < 0:

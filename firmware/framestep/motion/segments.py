@@ -136,6 +136,43 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
 
 
 @micropython.viper
+def mirror(block: ptr32, other: ptr32, bases: ptr32, turned: int):
+    """Copy the segment queued last into another motor's queue, as seen from that motor's base.
+
+    bases: the places of the two motors that stand for the same; turned: 1 for the opposite sense.
+    """
+    q = ptr32(block[_QUEUE])
+    k = ((block[_TAIL] - 1) & _SLOTS) << 3
+    p = ptr32(other[_QUEUE])
+    j = (other[_TAIL] & _SLOTS) << 3
+    way = q[k + 1] - bases[0]
+    part = q[k + 2]
+    v = q[k + 3]
+    a = q[k + 4]
+    jerk = q[k + 5]
+    if turned:
+        way = 0 - way
+        if part:
+            way -= 1
+            part = 0x400000 - part
+        v = 0 - v
+        jerk = 0 - jerk
+        # but the half unit that cut() has put in keeps its sign
+        a = 0 - a
+        if q[k + 6] == 0:
+            a += 32
+    p[j + 0] = q[k + 0]
+    p[j + 1] = bases[1] + way
+    p[j + 2] = part
+    p[j + 3] = v
+    p[j + 4] = a
+    p[j + 5] = jerk
+    p[j + 6] = q[k + 6]
+    p[j + 7] = q[k + 7]
+    other[_TAIL] = (other[_TAIL] + 1) & _MASK
+
+
+@micropython.viper
 def snap(cubic: ptr32, at: ptr32):
     """Put a cubic on the step at[0] exactly; it has come there but for rounding."""
     cubic[WHOLE] = at[0]
