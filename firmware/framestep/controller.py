@@ -46,6 +46,7 @@ class Controller:
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
+            self.axes[i].set_backlash(rig.motor(i)["backlash"])
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
@@ -231,7 +232,8 @@ class Controller:
         writer.u32(self.stage.move_time)
         axes = self.axes
         for i in range(self.count):
-            writer.word_from(axes[i].block, stepper.POSITION)
+            axes[i].refresh()
+            writer.word_from(axes[i].place, 0)
         return writer.end()
 
     # ---------------------------------------------------------------- requests: device

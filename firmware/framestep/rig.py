@@ -37,6 +37,14 @@ MOTOR_SETTINGS = {
     "pulse_us": (float, 0.25, 4.0, 1.0, "µs", "how long a step pulse is high"),
     "setup_us": (float, 0.0, 200.0, 5.0, "µs", "from a change of direction to the next step"),
     "enable_high": (bool, None, None, False, "", "the driver is on while its enable pin is high, not low"),
+    "backlash": (
+        int,
+        0,
+        10000,
+        0,
+        "steps",
+        "play of the gears, taken up where the motion turns; positions stay those of the load",
+    ),
     "jerk": (int, 0, 1000000, 0, "1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
 }
 

@@ -37,7 +37,10 @@ LOWER = const(0)
 UPPER = const(1)
 TARGET = const(2)
 
+_PHYSICAL = const(3)  # the motor's own step for a target, with the play
+
 _ALL_BITS = const(0x3FFFFFFF)
+_POSITION = const(7)  # stepper.POSITION, as a constant for the kernels below
 
 
 @micropython.viper
@@ -69,6 +72,30 @@ def _side(a, i: int, b, j: int) -> int:
     return 0
 
 
+@micropython.viper
+def _play(place: ptr32, block: ptr32, backlash: int):
+    """Where the load is: it lags behind the motor by the play of the gears, whichever way it goes."""
+    p = block[_POSITION]
+    if place[0] < p:
+        place[0] = p
+    elif place[0] - p > backlash:
+        place[0] = p + backlash
+
+
+@micropython.viper
+def _gap(place: ptr32, block: ptr32) -> int:
+    """Steps from the load's place to the motor's."""
+    return block[_POSITION] - place[0]
+
+
+@micropython.viper
+def _renumber(place: ptr32, block: ptr32, source, i: int):
+    """Call the place source[i]; the play is taken up as it was."""
+    value = ptr32(source)[i + 0]
+    block[_POSITION] = block[_POSITION] + value - place[0]
+    place[0] = value
+
+
 def kernel_rate(acceleration):
     """steps/s² (up to STEEPEST) as the kernel's deceleration, Q22 steps per tick²; at least 1."""
     rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
@@ -83,7 +110,7 @@ class Axis:
         self.state = array("i", [0] * 5)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
         self.numbers = array("i", [0] * 16)
-        self.limits = array("i", [0] * 3)
+        self.limits = array("i", [0] * 4)
         self.phases = ramps.Phases()
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0])  # the step that the phase under way ends on
@@ -96,6 +123,11 @@ class Axis:
         self.part = 0  # Q30 of a tick: what remains of the phase after them
         self.active = False  # phases or their end remain to be queued
         self.more = False  # further phases will be appended: do not come to rest
+        self.backlash = 0  # steps of play that the motor takes up before the load moves
+        self.place = array("i", [0])  # where the load is: what is reported and asked for
+        self.planned = array("i", [0])  # the place that the phases lead to
+        self.offset = 0  # from there to the motor's step: -backlash where the load is moved down
+        self.seeking = False  # travel() has a target that must be met
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
         self.turned = 0
@@ -148,8 +180,8 @@ class Axis:
         if side:
             limit = UPPER if side > 0 else LOWER
             reals.copy_word(target, i, self.limits, limit)
-            if self.outside(target, i) or _side(self.block, stepper.POSITION, self.limits, limit) == side:
-                reals.copy_word(target, i, self.block, stepper.POSITION)
+            if self.outside(target, i) or _side(self.place, 0, self.limits, limit) == side:
+                reals.copy_word(target, i, self.place, 0)
 
     def heads_for(self, target, i, share):
         """Whether the motion under way is the one that travel() would plan."""
@@ -165,16 +197,10 @@ class Axis:
         A motor that is already past a limit may move toward the allowed range (field note 4.3).
         """
         if self.upper_enabled and _side(target, i, self.limits, UPPER) > 0:
-            if (
-                _side(self.block, stepper.POSITION, self.limits, UPPER) <= 0
-                or _side(target, i, self.block, stepper.POSITION) > 0
-            ):
+            if _side(self.place, 0, self.limits, UPPER) <= 0 or _side(target, i, self.place, 0) > 0:
                 return 1
         if self.lower_enabled and _side(target, i, self.limits, LOWER) < 0:
-            if (
-                _side(self.block, stepper.POSITION, self.limits, LOWER) >= 0
-                or _side(target, i, self.block, stepper.POSITION) < 0
-            ):
+            if _side(self.place, 0, self.limits, LOWER) >= 0 or _side(target, i, self.place, 0) < 0:
                 return -1
         return 0
 
@@ -198,13 +224,30 @@ class Axis:
         return self.block[stepper.MODE] == stepper.STOP
 
     def position_to(self, target, i):
-        """target[i] = steps made."""
-        reals.copy_word(target, i, self.block, stepper.POSITION)
+        """target[i] = where the motor is, in steps."""
+        self.refresh()
+        reals.copy_word(target, i, self.place, 0)
 
     def set_position(self, source, i):
         """Give the place where the motor stands another number. Only at rest."""
-        reals.copy_word(self.block, stepper.POSITION, source, i)
+        self.refresh()
+        _renumber(self.place, self.block, source, i)
         self.rebase()
+
+    def refresh(self):
+        """Bring `place` up to date: before it is read, and often enough to see every turn."""
+        _play(self.place, self.block, self.backlash)
+
+    def stands_on(self, source, i):
+        """Whether it stands still on source[i]."""
+        if self.moving:
+            return False
+        self.refresh()
+        return reals.equal_words(self.place, 0, source, i) != 0
+
+    def set_backlash(self, steps):
+        """Steps of play, 0 … 10000. Only at rest."""
+        self.backlash = steps
 
     # ---------------------------------------------------------------- motion
 
@@ -223,6 +266,9 @@ class Axis:
         self.more = False
         self.active = False
         self.aimed = False
+        self.refresh()
+        reals.copy_word(self.planned, 0, self.place, 0)
+        self.offset = _gap(self.place, block)
 
     def travel(self, hal, target, i, share=10000):
         """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
@@ -240,12 +286,36 @@ class Axis:
             reals.multiply(r, SHARE_STEEP, STEEP, _X)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
-        if not ramps.plan(self.phases, self.cubic, self.limits, TARGET, r, SHARE_TOP, SHARE_STEEP, JERK):
+        self._lead(target, i)
+        self.seeking = self.backlash > 0
+        if not ramps.plan(self.phases, self.cubic, self.limits, _PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
             return self.moving
         self.active = True
         self.feed(2)
         self.start(hal)
         return True
+
+    def _lead(self, target, i):
+        """limits[_PHYSICAL] = the motor's step for the place target[i], coming from where it is planned to be."""
+        side = _side(target, i, self.planned, 0)
+        if side > 0:
+            self.offset = 0
+        elif side < 0:
+            self.offset = -self.backlash
+        reals.copy_word(self.planned, 0, target, i)
+        reals.add_word(self.limits, _PHYSICAL, target, i, self.offset)
+
+    def aim(self, duration, start, end, numbers, targets, i):
+        """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
+        self._lead(targets, i)
+        self.phases.aim(duration, start, end, numbers, self.limits, _PHYSICAL)
+
+    def seek(self, hal):
+        """At rest: go on to a target that turning round on the way has missed by the play."""
+        self.seeking = False
+        self.refresh()
+        if _side(self.place, 0, self.limits, TARGET):
+            self.travel(hal, self.limits, TARGET)
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""
@@ -292,6 +362,7 @@ class Axis:
         if self.leader:
             self.leader.stop(hal, factor)
             return
+        self.seeking = False
         self.phases.clear()
         self.left = 0
         self.active = False
@@ -397,6 +468,10 @@ class Axes:
         for axis in self.axes:
             if axis.active:
                 axis.feed()
+            if axis.backlash:
+                axis.refresh()
+                if axis.seeking and not axis.moving:
+                    axis.seek(self.hal)
 
     def moving_bits(self):
         """One bit per motor that moves."""

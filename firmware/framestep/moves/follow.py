@@ -123,6 +123,7 @@ class Follower:
             reals.divide(r, X, X, Y)
             words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
             words[path.SEEN] = 0
+            words[path.PLAY] = axis.backlash
             words[path.LOW_SET] = 1 if axis.lower_enabled else 0
             words[path.HIGH_SET] = 1 if axis.upper_enabled else 0
             reals.copy_word(words, path.LOWEST, axis.limits, motion.LOWER)

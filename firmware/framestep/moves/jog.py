@@ -7,7 +7,7 @@ cubics through the frames' positions with the path's slope times the axis' veloc
 
 from array import array
 
-from framestep.motion import reals, stepper
+from framestep.motion import reals
 from framestep.moves.follow import FASTEST_FPS, HALF, OWN, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
@@ -141,13 +141,13 @@ class JogAll(Operation):
         motor = 0
         while not bits >> motor & 1:
             motor += 1
-        block = self.follower.axes[motor].block
+        axis = self.follower.axes[motor]
         index = 0
         while index <= last:
             count = min(last + 1 - index, _BATCH)
             store.positions(motor, index, count, self.values, 0)
             for i in range(count):
-                if reals.equal_words(block, stepper.POSITION, self.values, i) and self._stand_on(bits, index + i):
+                if axis.stands_on(self.values, i) and self._stand_on(bits, index + i):
                     return index + i
             index += count
         return -1
@@ -157,7 +157,7 @@ class JogAll(Operation):
         for motor in range(self.follower.count):
             if bits >> motor & 1:
                 self.store.position(motor, index, place, 0)
-                if not reals.equal_words(self.follower.axes[motor].block, stepper.POSITION, place, 0):
+                if not self.follower.axes[motor].stands_on(place, 0):
                     return False
         return True
 
@@ -210,7 +210,7 @@ class JogAll(Operation):
                 reals.put(r, X, follower.slope(motor, self.at, self.step), 0)
                 reals.multiply(r, X, X, _SCALE)
                 reals.copy_word(follower.place, 0, follower.window, 2)
-                follower.axes[motor].phases.aim(T, own, X, r, follower.place, 0)
+                follower.axes[motor].aim(T, own, X, r, follower.place, 0)
                 reals.copy(r, own, X)
         reals.copy(r, _RATE, _NEXT)
         if self.at == self.to:

@@ -89,7 +89,10 @@ LOWEST = const(5)  # soft limits, and whether they are set
 HIGHEST = const(6)
 LOW_SET = const(7)
 HIGH_SET = const(8)
-CHECK_WORDS = const(9)
+PLAY = const(9)  # steps of backlash
+LAST = const(10)  # the last frame's position, the motor's step for it less that
+OFFSET = const(11)
+CHECK_WORDS = const(12)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -105,6 +108,7 @@ def check(words: ptr32, values: ptr32, count: int) -> int:
     seen = words[SEEN]
     fastest = words[FASTEST]
     steepest = words[STEEPEST]
+    play = words[PLAY]
     i = 0
     while i < count:
         p = values[i + 0]
@@ -115,6 +119,19 @@ def check(words: ptr32, values: ptr32, count: int) -> int:
         if words[LOW_SET]:
             if p < words[LOWEST]:
                 return TOO_LOW
+        if play:
+            # the motor's own steps: it takes up the play where the motion turns
+            if seen:
+                if p > words[LAST]:
+                    words[OFFSET] = 0
+                elif p < words[LAST]:
+                    words[OFFSET] = 0 - play
+                if seen == 1:
+                    b = words[LAST] + words[OFFSET]
+            else:
+                words[OFFSET] = 0
+            words[LAST] = p
+            p = p + words[OFFSET]
         if seen:
             # halves first, since the difference of two words may need 33 bits
             step = (p >> 1) - (b >> 1)

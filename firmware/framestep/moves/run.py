@@ -209,7 +209,7 @@ class RunMove(Operation):
                     reals.put(r, own, 0, 0)
                 if self.begin_ms:
                     self.store.position(motor, self.first, follower.place, 0)
-                    follower.axes[motor].phases.aim(_ROLL, ZERO, own, r, follower.place, 0)
+                    follower.axes[motor].aim(_ROLL, ZERO, own, r, follower.place, 0)
         self.queue_error = plan.fps_milli // 2
         self.tell_error = plan.fps_milli // 2
         self.queued = 0
@@ -239,7 +239,7 @@ class RunMove(Operation):
             if self.end_ms:
                 for motor in range(follower.count):
                     if plan.bits >> motor & 1:
-                        follower.axes[motor].phases.aim(_ROLL, speed(motor), ZERO, r, places, motor)
+                        follower.axes[motor].aim(_ROLL, speed(motor), ZERO, r, places, motor)
             follower.close(plan.bits)
             self.closed = True
             return
@@ -255,7 +255,7 @@ class RunMove(Operation):
                 own = speed(motor)
                 follower.velocity(X, motor, index, self.step)
                 reals.copy_word(follower.place, 0, follower.window, 2)
-                follower.axes[motor].phases.aim(duration, own, X, r, follower.place, 0)
+                follower.axes[motor].aim(duration, own, X, r, follower.place, 0)
                 reals.copy(r, own, X)
 
     def reached(self, ticks):

@@ -216,11 +216,11 @@ class ShootFrame(Operation):
                 own = speed(motor)
                 reals.put_difference(r, own, shot.b, motor, shot.a, motor)
                 reals.divide(r, own, own, _WINDOW)
-                phases = follower.axes[motor].phases
-                phases.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
-                phases.aim(_ROLL, ZERO, own, r, shot.a, motor)
-                phases.aim(_WINDOW, own, own, r, shot.b, motor)
-                phases.aim(_ROLL, own, ZERO, r, shot.ends, motor)
+                axis = follower.axes[motor]
+                axis.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
+                axis.aim(_ROLL, ZERO, own, r, shot.a, motor)
+                axis.aim(_WINDOW, own, own, r, shot.b, motor)
+                axis.aim(_ROLL, own, ZERO, r, shot.ends, motor)
         follower.close(shot.bits)
         self.done = False
 

@@ -13,7 +13,7 @@ An operation (run.py, shoot.py, jog.py) says where the motors begin, queues phas
 whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at RUNNING.
 """
 
-from framestep.motion import reals, stepper
+from framestep.motion import stepper
 from framestep.moves.follow import Follower
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
@@ -236,10 +236,8 @@ class Stage:
 
     def _there(self):
         for motor in range(self.axes.count):
-            if self.operation.bits >> motor & 1:
-                axis = self.axes[motor]
-                if axis.moving or not reals.equal_words(axis.block, stepper.POSITION, self.begins, motor):
-                    return False
+            if self.operation.bits >> motor & 1 and not self.axes[motor].stands_on(self.begins, motor):
+                return False
         return True
 
     def _travel(self, bits, places):
