@@ -7,6 +7,7 @@ from array import array
 
 from framestep.hal import TROUBLE_LOST_COMMAND
 from framestep.io.requests import Io
+from framestep.io.safety import Safety
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
@@ -43,6 +44,7 @@ class Controller:
         self.writer = FrameWriter()
         self.io = Io(hal, rig, self.reader, self.writer)
         self.axes = Axes(hal)
+        self.safety = Safety(hal, rig, self.axes)
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
@@ -50,7 +52,6 @@ class Controller:
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
-        self.hw_sets = array("i", [0] * self.count)
         self.powered = 0  # bits of motors whose driver is on
         self.jogging = 0  # bits of motors that jog
         self.jog_at = array("i", [0] * self.count)
@@ -89,7 +90,10 @@ class Controller:
         """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
         self.now = now
         busy = self._listen()
-        self.io.poll(now, self.hal.levels())
+        levels = self.hal.levels()
+        if self.safety.poll(now, levels):
+            self._halt()
+        self.io.poll(now, levels)
         if self.jogging:
             self._jogs()
         self.axes.feed()
@@ -168,6 +172,23 @@ class Controller:
         self.jogging = 0
         self.say_hard_stop = m.HARD_STOP_FAULT
 
+    def _halt(self):
+        """A stop input has acted (field note 8.4)."""
+        factor = self.rig.hard_stop_factor
+        if self.safety.tripped:
+            self.jogging = 0
+            self.stage.stop(factor)
+            self.axes.stop(factor)
+            self.io.safe()
+            return
+        bits = self.safety.struck_motors()
+        self.jogging &= ~bits
+        for motor in range(self.count):
+            if bits >> motor & 1:
+                if self.stage.takes(motor):
+                    self.stage.stop()
+                self.axes[motor].stop(self.hal, factor)
+
     def _watch(self):
         """Faults of the tick kernel and of the engine."""
         kernel = self.axes.kernel.state
@@ -190,6 +211,7 @@ class Controller:
             self.stage.ended = False
             self.say_position = True
             self.say_end = True
+        self.safety.report(self.writer, self.was_open)
         self.io.report(self.was_open)
         if not self.was_open:
             self.say_position = self.say_end = False
@@ -266,7 +288,7 @@ class Controller:
 
     def _may_move(self, motor):
         """OK, or why the motor may not be moved on its own now."""
-        if self.broken:
+        if self.broken or self.safety.tripped:
             return m.ERR_GENERAL
         if self.stage.running and self.stage.takes(motor):
             return m.ERR_MOVING
@@ -276,7 +298,7 @@ class Controller:
 
     def may_move_all(self):
         """OK, or why no motor may be moved now."""
-        return m.ERR_GENERAL if self.broken else m.OK
+        return m.ERR_GENERAL if self.broken or self.safety.tripped else m.OK
 
     def moving_all(self, bits):
         """Motors of these bits have been sent somewhere together."""
@@ -312,6 +334,9 @@ class Controller:
         side = axis.outside(self.words, 0)
         if side:
             return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
+        code = self.safety.bars(motor, self.words, 0)
+        if code != m.OK:
+            return code
         self.jogging &= ~(1 << motor)
         self._power(1 << motor)
         moving = axis.travel(self.hal, self.words, 0)
@@ -367,6 +392,9 @@ class Controller:
         axis = self.axes[motor]
         self.reader.word_to(3, self.words, 0)
         axis.clamp(self.words, 0)
+        code = self.safety.bars(motor, self.words, 0)
+        if code != m.OK:
+            return code
         bit = 1 << motor
         self.jog_at[motor] = self.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
@@ -459,11 +487,12 @@ class Controller:
     def _set_limits(self):
         reader = self.reader
         motor = self._motor()
-        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or reader.u8(11) & m.HW_SET_MASK:
+        hw_set = reader.u8(11)
+        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not self.safety.has(hw_set):
             return m.ERR_RANGE
         reader.word_to(2, self.words, 0)
         reader.word_to(7, self.words, 1)
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
-        self.hw_sets[motor] = reader.u8(11)
+        self.safety.assign(motor, hw_set)
         return m.OK

@@ -3,10 +3,10 @@
 A control channel hands the blocks of a list to a data channel, one after the other, round and round
 (RP2040 datasheet 2.5.6.2):
 
-    copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of the lights
     send    start code and 512 slots to the UART, as its FIFO takes them
     drain   wait for the 33 characters that FIFO and shifter hold at most
     low     the pin is forced low by its output override: break
+    copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of the lights
     break   wait
     high    the override is lifted: mark after break
     mark    wait
@@ -34,6 +34,7 @@ _TREQ_PACER = const(0x3B + _PACER)
 _TREQ_FREE = const(0x3F)
 _BYTES = const(0)
 _WORDS = const(2)
+_COPY = const(3)  # place of this block in the list
 _BLOCK = const(4)  # words: read address, write address, count, control
 _UARTDR = const(0x00)
 _UARTIMSC = const(0x38)
@@ -74,10 +75,10 @@ class Dmx:
         wire, idle, low = addressof(self._wire), addressof(self._idle), addressof(self._overrides)
         size = CHANNELS + 1
         request = requests[wiring["uart"]]
-        self._block(0, self._places[0], wire, size, _BYTES, True, True)
-        self._block(1, wire, uart + _UARTDR, size, _BYTES, True, False, request)
-        self._block(2, idle, idle, _DRAIN_US, _BYTES, False, False, _TREQ_PACER)
-        self._block(3, low, control, 1)
+        self._block(0, wire, uart + _UARTDR, size, _BYTES, True, False, request)
+        self._block(1, idle, idle, _DRAIN_US, _BYTES, False, False, _TREQ_PACER)
+        self._block(2, low, control, 1)
+        self._block(_COPY, self._places[0], wire, size, _BYTES, True, True)
         self._block(4, idle, idle, break_us + 1, _BYTES, False, False, _TREQ_PACER)
         self._block(5, low + 4, control, 1)
         self._block(6, idle, idle, mark_us + 1, _BYTES, False, False, _TREQ_PACER)
@@ -110,4 +111,4 @@ class Dmx:
             shown = 1 - self._shown
             self._shown = shown
             copy_bytes(self._levels[shown], 0, lights.levels, 0, CHANNELS + 1)
-            copy_word(self._list, 0, self._places, shown)
+            copy_word(self._list, _COPY * _BLOCK, self._places, shown)

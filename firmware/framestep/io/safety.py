@@ -1,0 +1,237 @@
+"""Stop inputs: the E-stop button and the hardware limit switches (field notes 3.3 and 8.4).
+
+Every switch is one bit of the word that HAL.levels() gives. It counts as active at first sight, read
+again three times against spikes, and as released once it has been so for RELEASE_MS.
+
+A limit acts on the motors that SET_LIMITS has given its set: on one that moves toward it. The E-stop
+acts on all, and while it is held nothing may move. It asks the motors to stop; it does not cut their power.
+
+Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.protocol import messages as m
+
+RELEASE_MS = const(20)
+_WRAP = const(0x3FFFFFFF)
+_LOOKS = const(3)
+_LOWER = const(12)  # bit of motor 0's lower side in the bits of _approaching
+_SLOWEST = const(4194)  # velocity that counts as motion: a step per second, Q22 steps per tick
+
+# Words of Safety.words
+_ALL = const(0)  # pins of all switches
+_REST = const(1)  # their levels while none is active
+_SEEN = const(2)  # those active at the last look
+_ACTIVE = const(3)  # the same, held for RELEASE_MS
+_SINCE = const(4)  # when _SEEN changed
+_COUNT = const(5)  # motors; for each of them three words follow:
+_MOTORS = const(6)
+_BLOCK = const(0)  # address of its state block
+_UP = const(1)  # pin of the limit switch at its upper end, or 0
+_DOWN = const(2)
+_MOTOR_WORDS = const(3)
+
+# Words of a motor's state block, as motion.stepper has them
+MODE = const(1)
+VELOCITY = const(3)
+MOVES = const(3)  # RUN | STOP
+
+
+@micropython.viper
+def _changed(w: ptr32, levels: int) -> int:
+    """Whether a switch is active, or was at the last look."""
+    return (levels ^ w[_REST]) & w[_ALL] | w[_ACTIVE]
+
+
+@micropython.viper
+def _update(w: ptr32, levels: int, now: int):
+    """Take in what has been seen."""
+    seen = (levels ^ w[_REST]) & w[_ALL]
+    if seen ^ w[_SEEN]:
+        w[_SEEN] = seen
+        w[_SINCE] = now
+    if (now - w[_SINCE]) & _WRAP >= RELEASE_MS:
+        w[_ACTIVE] = seen
+    else:
+        w[_ACTIVE] = w[_ACTIVE] | seen
+
+
+@micropython.viper
+def _approaching(w: ptr32) -> int:
+    """Motors that move toward an active limit: bit 0 on for the upper end, bit _LOWER on for the lower one."""
+    active = w[_ACTIVE]
+    bits = 0
+    i = 0
+    at = _MOTORS
+    while i < w[_COUNT]:
+        if (w[at + _UP] | w[at + _DOWN]) & active:
+            block = ptr32(w[at + _BLOCK])
+            if block[MODE] & MOVES:
+                v = block[VELOCITY]
+                if v > _SLOWEST:
+                    if w[at + _UP] & active:
+                        bits |= 1 << i
+                elif v < 0 - _SLOWEST:
+                    if w[at + _DOWN] & active:
+                        bits |= 1 << (i + _LOWER)
+        at += _MOTOR_WORDS
+        i += 1
+    return bits
+
+
+@micropython.viper
+def _ends(w: ptr32, motor: int) -> int:
+    """Active limits of a motor: 1 the upper one, 2 the lower one."""
+    at = _MOTORS + motor * _MOTOR_WORDS
+    active = w[_ACTIVE]
+    ends = 0
+    if w[at + _UP] & active:
+        ends = 1
+    if w[at + _DOWN] & active:
+        ends |= 2
+    return ends
+
+
+@micropython.viper
+def _way(target: ptr32, i: int, place: ptr32) -> int:
+    """The end that target[i] lies toward, as _ends has it; 0 where it is here."""
+    if target[i + 0] > place[0]:
+        return 1
+    if target[i + 0] < place[0]:
+        return 2
+    return 0
+
+
+class Safety:
+    """The stop inputs of a rig."""
+
+    def __init__(self, hal, rig, axes):
+        self.hal = hal
+        self.axes = axes
+        self.factor = rig.hard_stop_factor
+        self.words = words = array("i", [0] * (_MOTORS + _MOTOR_WORDS * axes.count))
+        words[_COUNT] = axes.count
+        for i in range(axes.count):
+            words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
+        self.sets = [
+            (self._switch(limit["high"], limit["contact"]), self._switch(limit["low"], limit["contact"]))
+            for limit in rig.limits
+        ]
+        self._estop = 0
+        if rig.estop != "none":
+            self._estop = self._switch(hal.board["estop"], rig.estop)
+        self._place = array("i", [0])
+        self.tripped = False  # the E-stop is held
+        self.struck = 0  # motors that are being stopped at a limit, as _approaching has them
+        # what is to be sent unasked
+        self._say_estop = False
+        self._say_struck = 0
+
+    def _switch(self, pin, contact):
+        """Make a pin the input of a switch to ground; its bit."""
+        if pin < 0:
+            return 0
+        bit = self.hal.input(pin, "up")
+        self.words[_ALL] |= bit
+        if contact == "no":
+            self.words[_REST] |= bit
+        return bit
+
+    def has(self, hw_set):
+        """Whether there is the limit set of a HW SET byte; 0 stands for none (spec: MSG_MOTOR_SET_LIMITS)."""
+        return hw_set & m.HW_SET_MASK <= len(self.sets)
+
+    def assign(self, motor, hw_set):
+        """Give a motor (from 0) the limit set of a HW SET byte."""
+        number = hw_set & m.HW_SET_MASK
+        high = 0
+        low = 0
+        if number:
+            high, low = self.sets[number - 1]
+            if hw_set & m.HW_SET_SWAP:
+                high, low = low, high
+        at = _MOTORS + motor * _MOTOR_WORDS
+        self.words[at + _UP] = high
+        self.words[at + _DOWN] = low
+
+    def bars(self, motor, target, i):
+        """OK, or why a motor (from 0) may not go to target[i] from where it is: ERR_HARD_UP or ERR_HARD_LOW."""
+        if self.words[_ACTIVE] == 0:
+            return m.OK
+        axis = self.axes[motor]
+        ends = _ends(self.words, motor)
+        if axis.partner:
+            others = _ends(self.words, self._number(axis.partner))
+            if axis.turned:
+                others = others >> 1 | (others & 1) << 1
+            ends |= others
+        axis.position_to(self._place, 0)
+        ends &= _way(target, i, self._place)
+        if ends == 0:
+            return m.OK
+        return m.ERR_HARD_UP if ends == 1 else m.ERR_HARD_LOW
+
+    def _number(self, axis):
+        for i in range(self.axes.count):
+            if self.axes[i] is axis:
+                return i
+
+    def poll(self, now, levels):
+        """Look at the switches; now: milliseconds modulo 2^30, levels: HAL.levels(). Whether there is news.
+
+        That is for the caller to act on: `tripped` has become True, or motors have come into `struck`.
+        """
+        words = self.words
+        if not _changed(words, levels):
+            return False
+        for _ in range(_LOOKS):
+            # a switch counts as active if it is so each time
+            levels = words[_REST] ^ ((levels ^ words[_REST]) & (self.hal.levels() ^ words[_REST]))
+        _update(words, levels, now)
+        news = False
+        held = words[_ACTIVE] & self._estop != 0
+        if held != self.tripped:
+            self.tripped = held
+            self._say_estop = held
+            news = held
+        bits = _approaching(words)
+        fresh = bits & ~self.struck
+        self.struck = bits
+        if fresh:
+            self._say_struck |= fresh
+            news = True
+        return news
+
+    def struck_motors(self):
+        """Motors to be stopped at a limit, one bit each; of coupled ones the leader."""
+        bits = self.struck | self.struck >> _LOWER
+        motors = 0
+        for i in range(self.axes.count):
+            if bits >> i & 1:
+                leader = self.axes[i].leader
+                motors |= 1 << (self._number(leader) if leader else i)
+        return motors
+
+    def report(self, writer, is_open):
+        """Send HARD_STOP for what has happened, as far as there is room. An E-stop waits for a host while it is held."""
+        if not is_open:
+            self._say_struck = 0
+            return
+        if self._say_estop:
+            writer.begin(m.MSG_MOTOR_HARD_STOP, None)
+            writer.u8(m.HARD_STOP_GENERAL)
+            if not writer.end():
+                return
+            self._say_estop = False
+        bits = self._say_struck
+        if bits:
+            for i in range(2 * _LOWER):
+                if bits >> i & 1:
+                    writer.begin(m.MSG_MOTOR_HARD_STOP, None)
+                    writer.u8(m.HARD_STOP_UPPER if i < _LOWER else m.HARD_STOP_LOWER)
+                    writer.u8((i if i < _LOWER else i - _LOWER) + 1)
+                    if not writer.end():
+                        return
+                    self._say_struck &= ~(1 << i)
