@@ -215,7 +215,7 @@ class Safety:
         return motors
 
     def report(self, writer, is_open):
-        """Send HARD_STOP for what has happened, as far as there is room. An E-stop waits for a host while it is held."""
+        """Send HARD_STOP for what has happened, as far as there is room; of a limit only to a host that is there."""
         if not is_open:
             self._say_struck = 0
             return

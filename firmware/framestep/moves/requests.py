@@ -30,7 +30,7 @@ class Moves:
         self.store = UploadStore(axes.count, hal.upload_bytes)
         self.upload_frames = self.store.capacity_frames(axes.count)
         self.cues = CueStore()
-        self.stage = Stage(axes, self.store)
+        self.stage = Stage(axes, self.store, controller.safety)
         self.show = Show(axes, controller.io.gio, controller.io.camera, controller.io.lights, self.cues)
         self.run = RunMove(self.stage, self.show)
         self.shoot = ShootFrame(self.stage, self.show)

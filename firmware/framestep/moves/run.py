@@ -124,6 +124,8 @@ class RunMove(Operation):
         code = follower.check(plan.bits, begin, plan.frames + 1, fps_milli)
         if code == OK:
             code = self._rolls(plan, pre_ms, post_ms)
+        if code == OK:
+            code = self.stage.barred(plan.bits, plan.begins)
         if code != OK:
             if self.plan.fps_milli:
                 follower.frame_rate(self.plan.fps_milli)

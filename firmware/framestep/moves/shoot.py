@@ -111,6 +111,8 @@ class ShootFrame(Operation):
         code = self._times(shot, opened, closed)
         if code == OK:
             code = self._places(shot, permille)
+        if code == OK:
+            code = self.stage.barred(shot.bits, shot.starts)
         if code != OK:
             return code
         self.draft = self.shot

@@ -80,9 +80,10 @@ class Operation:
 class Stage:
     """Runs one operation at a time."""
 
-    def __init__(self, axes, store):
+    def __init__(self, axes, store, safety):
         self.axes = axes
         self.store = store
+        self.safety = safety
         self.follower = Follower(axes, store)
         self.state = IDLE
         self.operation = Operation(self)
@@ -125,9 +126,21 @@ class Stage:
                 side = axes[motor].outside(places, motor)
                 if side:
                     return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
+        code = self.barred(bits, places)
+        if code != OK:
+            return code
         self.drop()
         self._travel(bits, places)
         self.move_time = frame * 1000
+        return OK
+
+    def barred(self, bits, places):
+        """OK, or why one of these motors may not go to places[motor]: it would have to go on into a limit switch."""
+        for motor in range(self.axes.count):
+            if bits >> motor & 1:
+                code = self.safety.bars(motor, places, motor)
+                if code != OK:
+                    return code
         return OK
 
     def take(self, operation, begins, frame):
