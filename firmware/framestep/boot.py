@@ -1,5 +1,9 @@
 """From power-on to a running controller."""
 
+import gc
+
+gc.threshold(4096)  # loading modules leaves holes in the heap that nothing large fits in, unless they are filled again
+
 from framestep import rig
 from framestep.board import BOARD
 from framestep.controller import Controller
@@ -18,5 +22,6 @@ def start():
         print("framestep: nothing will move until the file is right and the board has been reset")
     hal = Rp2Hal(BOARD, settings)
     controller = Controller(hal, settings, broken=mistake is not None)
+    gc.threshold(-1)
     hal.start()
     hal.run(controller)
