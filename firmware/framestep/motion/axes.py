@@ -217,7 +217,7 @@ class Axis:
     @property
     def moving(self):
         """From the moment a motion is asked for until the last pulse is out."""
-        return self.active or self.block[stepper.MODE] != stepper.IDLE
+        return self.active or self.seeking or self.block[stepper.MODE] != stepper.IDLE
 
     @property
     def stopping(self):
@@ -470,7 +470,7 @@ class Axes:
                 axis.feed()
             if axis.backlash:
                 axis.refresh()
-                if axis.seeking and not axis.moving:
+                if axis.seeking and not axis.active and axis.block[stepper.MODE] == stepper.IDLE:
                     axis.seek(self.hal)
 
     def moving_bits(self):

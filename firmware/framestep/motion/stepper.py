@@ -517,15 +517,14 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
         if n:
             m[VELOCITY] = v
             m[ACCEL] = a
-            m[MODE] = RUN
         else:
+            # slower than one share of it: at rest, and on with whatever is queued
             v = 0
             a = 0
             rem = 0
             m[VELOCITY] = 0
             m[FRACTION] = 0
-            m[WAIT] = 3
-            m[MODE] = DRAIN
+        m[MODE] = RUN | (m[MODE] & START)
     elif m[MODE] & RUN:
         if left > n:
             left = n

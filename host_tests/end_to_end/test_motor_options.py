@@ -1,0 +1,219 @@
+"""Backlash, coupled motors, live control and the jerk limit, over the protocol on the host simulation."""
+
+import random
+
+import numpy as np
+import pytest
+
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client
+from framestep_tools.payloads import (
+    Ack,
+    MotorConfigure,
+    MotorGetPosition,
+    MotorJog,
+    MotorMove,
+    MotorSetSpeed,
+    MotorStop,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtRunMove,
+)
+
+COUPLE, REVERSED, LIVE = 0x10, 0x20, 0x08
+INT32_MAX = 2**31 - 1
+
+
+def connect(rig=None):
+    board = SimulatedBoard(rig)
+    return board, Client(LockstepPort(board))
+
+
+def steps(edges, motor):
+    """[(ns, ±1)] of a motor."""
+    return [(t, value) for t, signal, value in edges if signal == f"m{motor}"]
+
+
+def position(client, motor):
+    return client.request(MotorGetPosition()).steps[motor - 1]
+
+
+# ---------------------------------------------------------------- coupled motors
+
+
+@pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
+def test_partner_makes_the_same_steps_at_the_same_time(flag, sense):
+    board, client = connect()
+    client.request(MotorMove(2, 500))
+    client.wait_idle()
+    client.request(MotorSetSpeed(1, 9000, 30000))
+    assert client.code(MotorConfigure(1, 1 | flag)) == Ack.OK
+    board.edges()
+    rng = random.Random(3)
+    for k in range(12):
+        client.request(MotorMove(1, rng.randint(-4000, 4000)))
+        client.pump(rng.random())
+        if k % 3 == 2:
+            client.code(MotorStopAll())
+            client.wait_idle()
+    client.request(MotorMove(1, 333))
+    client.wait_idle()
+    edges = board.edges()
+    one, two = steps(edges, 1), steps(edges, 2)
+    assert len(one) == len(two) > 5000
+    assert all(a[1] == sense * b[1] for a, b in zip(one, two, strict=True))
+    # rounding falls the other way where the sign is turned
+    assert max(abs(a[0] - b[0]) for a, b in zip(one, two, strict=True)) < 1000
+    assert position(client, 1) == 333 and position(client, 2) == 500 + sense * 333
+
+
+def test_partner_cannot_be_asked_and_the_last_motor_has_none():
+    _board, client = connect()
+    assert client.code(MotorConfigure(8, 1 | COUPLE)) == Ack.ERR_RANGE
+    assert client.code(MotorConfigure(3, 1 | COUPLE)) == Ack.OK
+    assert client.code(MotorMove(4, 10)) == Ack.ERR_GENERAL
+    assert client.code(MotorJog(4, 100, 10)) == Ack.ERR_GENERAL
+    assert client.code(MotorConfigure(4, 1 | COUPLE)) == Ack.ERR_RANGE
+    client.request(MotorMove(3, 1000))
+    assert client.code(MotorConfigure(3, 1)) == Ack.ERR_MOVING
+    client.pump(0.1)
+    client.code(MotorStop(4))  # stops both
+    client.wait_idle()
+    assert 0 < position(client, 3) < 1000 and position(client, 3) == position(client, 4)
+    assert client.code(MotorConfigure(3, 1)) == Ack.OK
+    client.request(MotorMove(4, 10))
+    client.wait_idle()
+    assert position(client, 4) == 10
+
+
+def test_coupled_motors_run_an_uploaded_move_together():
+    board, client = connect()
+    client.request(MotorConfigure(1, 1 | REVERSED))
+    client.upload_move(1, 25, {1: [40 * k for k in range(25)], 2: [7 * k for k in range(25)]})
+    client.request(RtRunMove(24000, 1, 25, 300, 300))
+    client.wait_idle()
+    board.edges()
+    client.request(RtGo())
+    client.wait_event(RtEnd, 10)
+    edges = board.edges()
+    one, two = steps(edges, 1), steps(edges, 2)
+    assert len(one) == len(two) > 960
+    assert all(a[1] == -b[1] and abs(a[0] - b[0]) < 1000 for a, b in zip(one, two, strict=True))
+
+
+# ---------------------------------------------------------------- backlash
+
+
+class Load:
+    """What hangs on a motor with play in its gears."""
+
+    def __init__(self, backlash):
+        self.backlash = backlash
+        self.motor = self.place = 0
+        self.history = []
+
+    def follow(self, edges):
+        for t, step in steps(edges, 1):
+            self.motor += step
+            self.place = min(max(self.place, self.motor), self.motor + self.backlash)
+            self.history.append((t, self.place))
+
+
+@pytest.mark.parametrize("backlash", [1, 25, 300])
+def test_the_load_goes_where_it_was_sent(backlash):
+    board, client = connect({"motors": [{"backlash": backlash}]})
+    client.request(MotorSetSpeed(1, 20000, 100000))
+    load = Load(backlash)
+    rng = random.Random(backlash)
+    for k in range(40):
+        target = rng.randint(-500, 500)
+        client.request(MotorMove(1, target))
+        client.pump(rng.choice([0.01, 0.05, 0.3]))
+        if k % 7 == 3:
+            client.code(MotorStopAll())
+            client.wait_idle()
+            load.follow(board.edges())
+            assert load.place == position(client, 1)
+        elif k % 4 == 0:
+            client.wait_idle()
+            load.follow(board.edges())
+            assert load.place == position(client, 1) == target
+
+
+def test_the_load_is_on_every_frame_of_a_run():
+    board, client = connect({"motors": [{"backlash": 25}]})
+    client.request(MotorSetSpeed(1, 20000, 100000))
+    frames = [round(1000 * np.sin(2 * np.pi * k / 48) + 6 * k) for k in range(49)]
+    client.upload_move(1, 49, {1: frames})
+    load = Load(25)
+    client.request(RtRunMove(24000, 1, 49, 500, 500))
+    client.wait_idle()
+    load.follow(board.edges())
+    load.history.clear()
+    client.request(RtGo())
+    client.wait_event(RtEnd, 10)
+    load.follow(board.edges())
+    times = np.array([t for t, _ in load.history])
+    places = np.array([p for _, p in load.history])
+    # the origin of the run is not told; somewhere within a millisecond all frames are right
+    begin = times[0]
+
+    def misses(origin):
+        at = np.searchsorted(times, origin + np.arange(49) * 1e9 / 24, side="right") - 1
+        return np.abs(places[np.maximum(at, 0)] - frames).max()
+
+    assert min(misses(begin + 1e6 * ms) for ms in np.arange(300, 520, 0.2)) == 0
+
+
+def test_a_take_up_that_is_too_fast_is_refused():
+    _board, client = connect({"motors": [{"backlash": 5000}]})
+    client.upload_move(1, 9, {1: [0, 50, 100, 150, 200, 150, 100, 50, 0]})
+    assert client.code(RtRunMove(24000, 1, 9, 500, 500)) == Ack.ERR_RANGE
+    assert client.code(RtRunMove(24000, 1, 5, 500, 500)) == Ack.OK
+
+
+# ---------------------------------------------------------------- live control
+
+
+def test_a_live_motor_stays_free_during_a_run():
+    _board, client = connect()
+    client.request(MotorConfigure(2, 1 | LIVE))
+    client.upload_move(1, 49, {1: [20 * k for k in range(49)], 2: [20 * k for k in range(49)]})
+    client.request(RtRunMove(24000, 1, 49, 200, 200))
+    client.wait_idle()
+    client.request(RtGo())
+    client.pump(0.5)
+    assert client.code(MotorMove(1, 0)) == Ack.ERR_MOVING
+    assert client.code(MotorMove(2, -123)) == Ack.OK
+    client.pump(0.3)
+    assert position(client, 2) == -123
+    assert client.code(MotorJog(2, 10000, INT32_MAX)) == Ack.OK
+    client.pump(0.1)
+    assert client.code(MotorStop(2)) == Ack.OK
+    client.wait_event(RtEnd, 10)
+    assert position(client, 1) >= 960
+
+
+# ---------------------------------------------------------------- jerk limit
+
+
+@pytest.mark.parametrize("jerk", [0, 200])
+def test_ramps_keep_the_jerk(jerk):
+    """jerk: 1000 steps/s³. The steepest change of acceleration, from the edges of a 4000-step move."""
+    board, client = connect({"motors": [{"jerk": jerk}]})
+    client.request(MotorSetSpeed(1, 10000, 40000))
+    board.edges()
+    client.request(MotorMove(1, 4000))
+    client.wait_idle()
+    t = np.array([t for t, _ in steps(board.edges(), 1)]) * 1e-9
+    assert len(t) == 4000
+    grid = np.arange(t[0] + 0.02, t[-1] - 0.02, 0.01)
+    place = np.interp(grid, t, np.arange(4000))
+    acceleration = np.diff(place, 2) / 0.01**2
+    steepest = np.abs(np.diff(acceleration)).max() / 0.01
+    if jerk:
+        assert steepest < jerk * 1000 * 1.3
+    else:
+        assert steepest > 1_000_000  # a corner
+    assert np.abs(acceleration).max() < 40000 * 1.1
