@@ -4,10 +4,10 @@ import gc
 
 gc.threshold(4096)  # loading modules leaves holes in the heap that nothing large fits in, unless they are filled again
 
-from framestep import rig
-from framestep.board import BOARD
-from framestep.controller import Controller
-from framestep.hal.rp2 import Rp2Hal
+from framestep import rig  # noqa: E402
+from framestep.board import BOARD  # noqa: E402
+from framestep.controller import Controller  # noqa: E402
+from framestep.hal.rp2 import Rp2Hal  # noqa: E402
 
 hal = None
 controller = None
