@@ -42,7 +42,7 @@ _STATE = const(0)
 _FRAMES = const(1)  # of the range
 _CHANGES = const(2)  # held
 _CAPACITY = const(3)  # changes that fit
-_CHANNELS = const(4)  # that have data
+_IN_USE = const(4)  # channels that have data
 _MASK = const(5)
 _TRIGGERS = const(6)  # frames held
 _TRIGGER_CAPACITY = const(7)
@@ -260,7 +260,7 @@ def _fill_levels(levels: ptr8, keys: ptr32, values: ptr16, changes: int, at: int
 
 @micropython.viper
 def _reserve(words, table, source, at: int, count: int) -> int:
-    """Make an entry, marked, for each of the frames sent that has none; 0 when they do not all fit, or are no frames."""
+    """Make an entry, marked, for each frame sent that has none; 0 when one does not fit or lies outside the range."""
     word = ptr32(words)
     entries = ptr32(table)
     sent = ptr8(source)
@@ -322,7 +322,7 @@ class CueStore:
     @property
     def channels(self):
         """How many channels have data."""
-        return self._words[_CHANNELS]
+        return self._words[_IN_USE]
 
     @micropython.viper
     def clear(self):
@@ -331,7 +331,7 @@ class CueStore:
         word[_STATE] = _EMPTY
         word[_FRAMES] = 0
         word[_CHANGES] = 0
-        word[_CHANNELS] = 0
+        word[_IN_USE] = 0
         word[_MASK] = 0
         word[_TRIGGERS] = 0
         word[_TRIGGERS_SENT] = 0
@@ -400,7 +400,7 @@ class CueStore:
         used = ptr8(self._used)
         if used[channel] == 0:
             used[channel] = 1
-            word[_CHANNELS] = word[_CHANNELS] + 1
+            word[_IN_USE] = word[_IN_USE] + 1
         return int(OK)
 
     @micropython.viper
@@ -432,7 +432,9 @@ class CueStore:
             frame = sent[at] | sent[at + 1] << 8 | sent[at + 2] << 16
             i = int(_first_at(table, 2, 1, held, frame)) * 2
             entries[i] = frame << 1
-            entries[i + 1] = sent[at + 4] | sent[at + 5] << 8 | sent[at + 6] << 16 | ((sent[at + 7] ^ 0x80) - 0x80) << 24
+            entries[i + 1] = (
+                sent[at + 4] | sent[at + 5] << 8 | sent[at + 6] << 16 | ((sent[at + 7] ^ 0x80) - 0x80) << 24
+            )
             at += 8
             count -= 1
         word[_MASK] = (
@@ -446,7 +448,7 @@ class CueStore:
         words = self._words
         if words[_STATE] == _LOADING:
             words[_STATE] = _READY
-            self.has_levels = words[_CHANNELS] > 0
+            self.has_levels = words[_IN_USE] > 0
             self.has_triggers = words[_TRIGGERS_SENT] > 0
 
     @micropython.viper
@@ -492,7 +494,7 @@ class CueStore:
         key = ptr32(keys)
         value = ptr16(self._values)
         level = ptr8(levels)
-        first = 0
+        first = 1
         channel = 0
         while i < changes and key[i] >> _FRAME_SHIFT == index:
             old = value[i] & 0xFF
@@ -500,8 +502,8 @@ class CueStore:
             if old != new:
                 tag = (key[i] & _CHANNEL_BITS) >> 1
                 if tag != channel:
-                    if channel > first:
-                        lights.put(first, levels, first, channel - first)
+                    if channel:
+                        lights.put(first, levels, first, channel - first + 1)
                     first = tag + 1
                 channel = tag + 1
                 level[channel] = old if backward else new

@@ -1,0 +1,223 @@
+"""Light levels and triggers as a host would upload them, good and bad, and what must come of them by a dictionary.
+
+`plots()` makes scripts for host_tests/runtime/cues_replay.py, `expected()` gives the answers.
+"""
+
+import struct
+
+from hypothesis import strategies as st
+
+from framestep.protocol import messages
+from framestep_tools import wire
+
+OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
+
+
+def levels(channel, index, last, values):
+    """An MSG_RT_UPLOAD_MOVE_DMX."""
+    head = struct.pack("<HI", channel, index | bool(last) << 31)
+    return wire.encode(messages.MSG_RT_UPLOAD_MOVE_DMX, head + bytes(values), 5).hex()
+
+
+def triggers(mask, pairs):
+    """An MSG_RT_UPLOAD_MOVE_TRIGGERS."""
+    data = struct.pack("<I", mask) + b"".join(struct.pack("<II", *pair) for pair in pairs)
+    return wire.encode(messages.MSG_RT_UPLOAD_MOVE_TRIGGERS, data, 6).hex()
+
+
+def signed(word):
+    return word - 2**32 if word >= 2**31 else word
+
+
+class Model:
+    """What a CueStore must do: a dictionary {frame: level} for each channel, one for the triggers."""
+
+    def __init__(self, changes, most_triggers):
+        self.capacity, self.most_triggers = changes, most_triggers
+        self.clear()
+
+    def clear(self):
+        self.state = "EMPTY"
+        self.frames = 0
+        self.sent = {}
+        self.outputs = {}
+        self.mask = 0
+        self.any_triggers = False
+
+    def begin(self, frames):
+        self.clear()
+        self.frames = frames
+        self.state = "LOADING"
+
+    def finish(self):
+        if self.state == "LOADING":
+            self.state = "READY"
+
+    def changes(self, sent):
+        """What a channel costs: changes of level, and gaps, from the first frame sent on."""
+        count = 0
+        before = None
+        for frame in range(min(sent), self.frames):
+            now = sent.get(frame, "gap")
+            count += now != before
+            before = now
+        return count
+
+    def levels(self, channel, index, last, values):
+        if self.state != "LOADING":
+            return ERR_GENERAL
+        stop = index + len(values)
+        if not 1 <= channel <= 512 or index >= self.frames or stop > self.frames:
+            return ERR_RANGE
+        if not values:
+            return ERR_RANGE if last else OK
+        new = dict(self.sent.get(channel, {}))
+        new.update(zip(range(index, stop), values, strict=True))
+        if last:
+            new.update(dict.fromkeys(range(stop, self.frames), values[-1]))
+        if self.used(without=channel) + self.changes(new) > self.capacity:
+            return ERR_RANGE
+        self.sent[channel] = new
+        return OK
+
+    def used(self, without=None):
+        return sum(self.changes(sent) for channel, sent in self.sent.items() if channel != without)
+
+    def triggers(self, mask, pairs):
+        if self.state != "LOADING":
+            return ERR_GENERAL
+        new = {**self.outputs, **dict(pairs)}
+        if any(frame >= self.frames for frame, _ in pairs) or len(new) > self.most_triggers:
+            return ERR_RANGE
+        self.outputs = new
+        self.mask = mask
+        self.any_triggers = True
+        return OK
+
+    def has(self):
+        ready = self.state == "READY"
+        return f"{len(self.sent)} {int(ready and self.sent != {})} {int(ready and self.any_triggers)}"
+
+    def table(self, index):
+        """Every channel's level at a frame."""
+        if self.state != "READY":
+            return {}
+        levels = {}
+        for channel, sent in sorted(self.sent.items()):
+            held = [frame for frame in sent if frame <= index]
+            levels[channel] = sent[max(held) if held else min(sent)]
+        return levels
+
+    def seek(self, index):
+        return ",".join(f"{channel}={level}" for channel, level in self.table(index).items())
+
+    def play(self, start, end):
+        shown = self.table(start)
+        answer = [self.seek(start)]
+        way = 1 if end >= start else -1
+        while start != end:
+            start += way
+            table = self.table(start)
+            answer.append(",".join(f"{c}={level}" for c, level in table.items() if shown[c] != level))
+            shown = table
+        return ";".join(answer)
+
+    def all_triggers(self, start, end):
+        ready = self.state == "READY"
+        values = {frame: value for frame, value in self.outputs.items() if ready and value}
+        parts = [f"{frame}:{signed(values[frame])}" for frame in range(start, end + 1) if frame in values]
+        return " ".join([str(signed(self.mask) if ready else 0), *parts])
+
+
+def expected(script):
+    """The answers to a script, a list of (line, step of the model)."""
+    model = None
+    for _, (name, *arguments) in script:
+        if name == "new":
+            model = Model(*arguments)
+            yield ""
+        else:
+            answer = getattr(model, name)(*arguments)
+            yield "" if answer is None else str(answer)
+
+
+_words = st.one_of(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 2**30, 2**31, 2**32 - 1]))
+
+
+@st.composite
+def _values(draw, count):
+    """A section's worth of levels: still, a fade, on and off, anything."""
+    kind = draw(st.sampled_from(["still", "still", "fade", "blocks", "any"]))
+    level = draw(st.sampled_from([0, 1, 127, 128, 255]))
+    if kind == "still":
+        return [level] * count
+    if kind == "fade":
+        slope = draw(st.integers(-20, 20))
+        return [max(0, min(255, level + slope * i)) for i in range(count)]
+    if kind == "blocks":
+        length = draw(st.integers(1, 9))
+        return [level if i // length % 2 else 255 - level for i in range(count)]
+    return list(draw(st.binary(min_size=count, max_size=count)))
+
+
+@st.composite
+def plots(draw, steps=30):
+    """A store that is too small or large enough, and what is loaded into it and played."""
+    changes = draw(st.sampled_from([1, 3, 10, 40, 200]))
+    most_triggers = draw(st.sampled_from([1, 4, 20]))
+    frames = draw(st.one_of(st.integers(1, 60), st.sampled_from([1, 2, 200])))
+    channels = draw(st.lists(st.sampled_from([1, 2, 3, 4, 255, 256, 511, 512]), min_size=1, max_size=5))
+    script = [(f"NEW {changes} {most_triggers}", ("new", changes, most_triggers))]
+
+    def add(line, *step):
+        script.append((line, step))
+
+    def look():
+        add("HAS", "has")
+        for start, end in ((-2, frames + 1), (frames + 1, -2)):
+            add(f"PLAY {start} {end}", "play", start, end)
+        add(f"TRIGGERS -1 {frames}", "all_triggers", -1, frames)
+
+    def begin():
+        add(f"BEGIN {frames}", "begin", frames)
+
+    if draw(st.integers(0, 9)):
+        begin()
+    at = {}
+    for _ in range(draw(st.integers(0, steps))):
+        kind = draw(st.sampled_from(["levels"] * 12 + ["triggers"] * 4 + ["stray", "seek", "begin", "clear", "finish"]))
+        if kind == "begin":
+            frames = draw(st.integers(1, 60))
+            begin()
+            at = {}
+        elif kind == "clear":
+            add("CLEAR", "clear")
+        elif kind == "finish":
+            add("FINISH", "finish")
+            look()
+        elif kind == "seek":
+            index = draw(st.integers(-1, frames))
+            add(f"SEEK {index}", "seek", index)
+        elif kind == "triggers":
+            frame = st.one_of(st.integers(0, frames - 1), st.integers(0, frames - 1), st.sampled_from([0, frames - 1]))
+            if draw(st.integers(0, 9)) == 0:
+                frame = st.one_of(frame, st.sampled_from([frames, frames + 1, 2**20, 2**24, 2**30, 2**31, 2**32 - 1]))
+            pairs = draw(st.lists(st.tuples(frame, _words), max_size=draw(st.sampled_from([2, 6, 25]))))
+            mask = draw(_words)
+            add(triggers(mask, pairs), "triggers", mask, pairs)
+        else:
+            channel = draw(st.sampled_from(channels))
+            index = draw(st.sampled_from([at.get(channel, 0), at.get(channel, 0), draw(st.integers(0, frames))]))
+            index = min(index, frames - 1)
+            size = draw(st.one_of(st.integers(1, 20), st.integers(0, frames)))
+            size = min(size, frames - index)
+            if kind == "stray":
+                channel = draw(st.sampled_from([0, 1, 512, 513, 65535]))
+                index = draw(st.one_of(st.integers(0, frames + 2), st.integers(0, 2**31 - 1)))
+            at[channel] = index + size
+            last = draw(st.integers(0, 5)) == 0
+            values = draw(_values(size))
+            add(levels(channel, index, last, values), "levels", channel, index, last, values)
+    add("FINISH", "finish")
+    look()
+    return script
