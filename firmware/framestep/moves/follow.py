@@ -20,7 +20,7 @@ Y = const(6)
 T = const(8)
 SCALE = const(10)  # twelfths of a step per frame to steps per tick
 _SPEEDS = const(12)  # per motor: velocity at the last frame queued
-OWN = const(12 + 24)  # twelve motors
+OWN = const(36)  # after twelve motors' velocities
 REGISTERS = const(64)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms

@@ -8,7 +8,7 @@ cubics through the frames' positions with the path's slope times the axis' veloc
 from array import array
 
 from framestep.motion import reals
-from framestep.moves.follow import FASTEST_FPS, HALF, OWN, THOUSAND, T, X, Y, speed
+from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
@@ -17,14 +17,14 @@ from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSI
 _AHEAD = const(1)
 _BATCH = const(32)
 
-# Registers: frames and ticks
-_TOP = const(OWN)
-_TWICE = const(OWN + 2)  # twice the acceleration, 8·10^-6 frames per tick²
-_RATE = const(OWN + 4)  # velocity at the last frame queued
-_NEXT = const(OWN + 6)
-_SLOWEST = const(OWN + 8)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
-_SPARE = const(OWN + 10)
-_SCALE = const(OWN + 12)
+# Registers: frames and ticks; follow.OWN is the first that is free
+_TOP = const(36)
+_TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
+_RATE = const(40)  # velocity at the last frame queued
+_NEXT = const(42)
+_SLOWEST = const(44)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
+_SPARE = const(46)
+_SCALE = const(48)
 
 
 class JogAll(Operation):

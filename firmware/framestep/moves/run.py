@@ -16,7 +16,7 @@ from array import array
 
 from framestep.motion import axes as motion
 from framestep.motion import reals
-from framestep.moves.follow import FASTEST_FPS, OWN, THOUSAND, ZERO, X, Y, speed
+from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
@@ -37,10 +37,10 @@ _AHEAD = const(3)  # frames of phases to keep ahead
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
 
-# Registers
-_DURATION = const(OWN)  # of a frame in ticks, the shorter and the longer one
-_DURATION_PLUS = const(OWN + 2)
-_ROLL = const(OWN + 4)
+# Registers; follow.OWN is the first that is free
+_DURATION = const(36)  # of a frame in ticks, the shorter and the longer one
+_DURATION_PLUS = const(38)
+_ROLL = const(40)
 
 
 class Plan:

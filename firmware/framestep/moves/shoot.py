@@ -17,7 +17,7 @@ from array import array
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.moves import path
-from framestep.moves.follow import HALF, OWN, ZERO, T, X, Y, speed
+from framestep.moves.follow import HALF, ZERO, T, X, Y, speed
 from framestep.moves.show import METER, SHUTTER
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
@@ -29,10 +29,10 @@ LONGEST_MS = const(3600000)
 _WRAP = const(0x3FFFFFFF)
 CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
 
-# Registers
-_WINDOW = const(OWN)  # ticks from A to B
-_ROLL = const(OWN + 2)
-_WAIT = const(OWN + 4)  # ticks from GO to the run-up
+# Registers; follow.OWN is the first that is free
+_WINDOW = const(36)  # ticks from A to B
+_ROLL = const(38)
+_WAIT = const(40)  # ticks from GO to the run-up
 
 
 class Shot:
