@@ -13,7 +13,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+
+from .constants import fold
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
@@ -23,6 +26,7 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _HOST_ONLY = {"framestep/hal/host.py"}
+_ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
 
 class CompileError(Exception):
@@ -59,20 +63,25 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
     return cached.read_bytes()
 
 
-def board_module(board: str) -> bytes:
+def board_module(board: str) -> str:
     """Source of framestep/board.py: the data of boards/<board>/board.json."""
     data = json.loads((ROOT / "boards" / board / "board.json").read_text())
-    return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'.encode()
+    return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
+
+
+def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
+    """The core's modules and `extra` ones as they are compiled: with each other's constants as numbers in them."""
+    texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
+    return {name: text.encode() for name, text in fold(texts, hide, _ON_BOARDS).items()}
 
 
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
     """{device path: content} of everything a board gets, ready for Emulator(files=...) or image.make_image()."""
     files = {
-        "/lib/" + name.removesuffix(".py") + ".mpy": compiled(name, path.read_bytes(), march)
-        for name, path in sources().items()
+        "/lib/" + name.removesuffix(".py") + ".mpy": compiled(name, source, march)
+        for name, source in folded({"framestep/board.py": board_module(board)}, hide=True).items()
         if name not in _HOST_ONLY
     }
-    files["/lib/framestep/board.mpy"] = compiled("framestep/board.py", board_module(board), march)
     files["/main.py"] = (FIRMWARE / "main.py").read_bytes()
     return files
 
@@ -83,7 +92,8 @@ def compiled_tree(march: str = "x86") -> Path:
     "x86" is what the 32-bit unix ports run, "x64" the 64-bit one.
     """
     modules = {
-        name.removesuffix(".py") + ".mpy": compiled(name, path.read_bytes(), march) for name, path in sources().items()
+        name.removesuffix(".py") + ".mpy": compiled(name, source, march)
+        for name, source in folded({}, hide=False).items()
     }
     digest = hashlib.sha256(repr(sorted(modules.items())).encode()).hexdigest()[:16]
     trees = CACHE / "mpy" / "trees"

@@ -1,0 +1,126 @@
+import pytest
+
+from framestep_tools.constants import FoldError, fold
+from framestep_tools.files import folded, sources
+
+CODES = """from framestep.native import const
+
+OK = const(0x10)
+LOWEST = const(-4)
+_OWN = const(3)
+TABLE = {OK: "ok"}
+
+
+def known(code):
+    return code in TABLE or code == OK + _OWN
+"""
+
+
+def folded_one(text: str, **options) -> str:
+    return fold({"a/codes.py": CODES, "a/user.py": text}, **options)["a/user.py"]
+
+
+def run(texts: dict[str, str], name: str) -> dict:
+    """Execute modules of a folded program as Python; the globals of one."""
+    import sys
+    import types
+
+    native = types.ModuleType("framestep.native")
+    native.const = lambda value: value
+    loaded = {"framestep.native": native}
+    for path in texts:
+        module = types.ModuleType(path.removesuffix(".py").replace("/", "."))
+        loaded[module.__name__] = module
+        package = types.ModuleType(module.__name__.rpartition(".")[0])
+        loaded.setdefault(package.__name__, package)
+        setattr(loaded[package.__name__], module.__name__.rpartition(".")[2], module)
+    before = {key: sys.modules.get(key) for key in loaded}
+    sys.modules.update(loaded)
+    try:
+        for path, text in texts.items():
+            exec(text, loaded[path.removesuffix(".py").replace("/", ".")].__dict__)
+    finally:
+        for key, module in before.items():
+            sys.modules.pop(key) if module is None else sys.modules.update({key: module})
+    return loaded[name].__dict__
+
+
+def test_names_of_a_module_and_imported_names_become_numbers():
+    user = folded_one(
+        "from a import codes as c\nfrom a.codes import LOWEST as low\nx = [c.OK, low, c.known(c.LOWEST)]\n"
+    )
+    assert user == "from a import codes as c\npass\nx = [16, (-4), c.known((-4))]\n"
+
+
+def test_an_import_that_is_not_needed_any_more_goes():
+    assert folded_one("from a import codes\nx = codes.OK\n") == "pass\nx = 16\n"
+
+
+def test_lines_stay_where_they_are():
+    user = folded_one("from a.codes import (\n    OK,\n    known,\n)\ny = known(\n    OK\n)\n")
+    assert user.splitlines() == ["from a.codes import known", "", "", "", "y = known(", "    16", ")"]
+
+
+def test_constants_lose_their_public_name_unless_they_are_to_stay():
+    hidden = fold({"a/codes.py": CODES})["a/codes.py"]
+    assert "_OK = const(0x10)" in hidden and "{_OK: " in hidden and "code == _OK + _OWN" in hidden
+    assert fold({"a/codes.py": CODES}, hide=False)["a/codes.py"] == CODES
+
+
+def test_a_free_name_is_found():
+    text = "A = const(1)\n_A = const(2)\nx = A, _A\n"
+    assert fold({"a.py": text})["a.py"] == "__A = const(1)\n_A = const(2)\nx = __A, _A\n"
+
+
+def test_constants_made_of_those_of_others():
+    a = "from b import N\nM = const(N << 2 | 1)\n"
+    b = "import sys\nN = const(2 + 3)\n"
+    c = "from a import M\nx = M\n"
+    assert fold({"c.py": c, "a.py": a, "b.py": b})["c.py"] == "pass\nx = 21\n"
+
+
+def test_a_program_does_the_same_as_before():
+    user = "from a import codes as c\nfrom a.codes import known\n"
+    user += "result = [known(c.OK), known(19), known(c.LOWEST), c.OK]\n"
+    texts = {"a/codes.py": CODES, "a/user.py": user}
+    assert run(texts, "a.user")["result"] == run(fold(texts), "a.user")["result"] == [True, True, False, 16]
+
+
+def test_what_is_given_is_folded_for_others():
+    a = "try:\n    import micropython\n    CPYTHON = False\nexcept ImportError:\n    CPYTHON = True\n"
+    texts = fold({"a.py": a, "b.py": "from a import CPYTHON\nif CPYTHON:\n    pass\n"}, given={"a": {"CPYTHON": 0}})
+    assert texts == {"a.py": a, "b.py": "pass\nif 0:\n    pass\n"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from a import codes\ndef f(codes):\n    return codes.OK\n",
+        "from a.codes import OK\nOK = 5\n",
+        "from a.codes import OK\ndef f():\n    OK = 1\n",
+        "from a import codes as c\nfor c in range(3):\n    pass\n",
+        "N = const(1)\nclass N:\n    pass\n",
+    ],
+)
+def test_a_name_with_two_meanings_is_refused(text):
+    with pytest.raises(FoldError, match=r"a/user.py, line \d+: \w+ is a constant or a module here"):
+        folded_one(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"), [("N = const('x')\n", "no whole number"), ("N = const(1)\nN = const(2)\n", "constant already")]
+)
+def test_odd_constants_are_refused(text, what):
+    with pytest.raises(FoldError, match=what):
+        folded_one(text)
+
+
+def test_constants_in_a_circle_are_refused():
+    with pytest.raises(FoldError, match="need one another"):
+        fold({"a.py": "from b import N\nM = const(N)\n", "b.py": "from a import M\nN = const(M)\n"})
+
+
+def test_the_core_folds_line_by_line():
+    texts = folded({}, hide=True)
+    for name, path in sources().items():
+        assert len(texts[name].decode().splitlines()) == len(path.read_text().splitlines()), name

@@ -1,0 +1,230 @@
+"""Puts the numbers of other modules' constants into the source before it is compiled for a board.
+
+MicroPython's compiler replaces a `const()` by its number within its own module only. Elsewhere `messages.OK` is two
+look-ups in dictionaries, and each constant is a name and a dictionary entry in the board's memory: some 30 bytes.
+`fold` does for all modules together what the compiler does for one, and hides the constants from it (a name with
+an underscore, which it keeps nowhere). Lines stay where they are, so that tracebacks are right.
+
+Only names that a module gives once, at its top level, as `NAME = const(...)`, are constants.
+"""
+
+import ast
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+_OPERATORS: dict[type, Callable[..., int]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift,
+    ast.BitOr: operator.or_,
+    ast.BitAnd: operator.and_,
+    ast.BitXor: operator.xor,
+    ast.USub: operator.neg,
+    ast.Invert: operator.invert,
+}
+
+
+class FoldError(Exception):
+    """Source in which constants cannot be told from other names; the text says where, and what to change."""
+
+
+@dataclass
+class _Module:
+    name: str  # dotted
+    path: str
+    text: str
+    tree: ast.Module
+    constants: dict[str, int] = field(default_factory=dict)  # its own
+    given: dict[str, int] = field(default_factory=dict)
+    imported: dict[str, tuple[str, str]] = field(default_factory=dict)  # name here -> module and name there
+    modules: dict[str, str] = field(default_factory=dict)  # name here -> module that it stands for
+
+    @property
+    def public(self) -> dict[str, int]:
+        """Those of its constants that others may use."""
+        return self.given | {name: value for name, value in self.constants.items() if not name.startswith("_")}
+
+
+def fold(
+    sources: Mapping[str, str], hide: bool = True, given: Mapping[str, Mapping[str, int]] = MappingProxyType({})
+) -> dict[str, str]:
+    """The same modules, {path: source}, with constants of one another as numbers. The path of framestep.motion.axes is
+    "framestep/motion/axes.py".
+
+    hide: constants without an underscore get one. Without it they remain for scripts that import them.
+    given: {module: {name: number}}, what other modules are to take for constants although they are made otherwise.
+    """
+    modules = {
+        m.name: m for m in (_Module(_dotted(path), path, text, ast.parse(text)) for path, text in sources.items())
+    }
+    for module in modules.values():
+        module.given = dict(given.get(module.name, {}))
+        _read_imports(module, modules)
+    waiting = list(modules.values())
+    while waiting:  # a constant may be made of another module's
+        left = [m for m in waiting if not _read_constants(m, modules)]
+        if len(left) == len(waiting):
+            raise FoldError(f"constants that need one another: {', '.join(m.path for m in left)}")
+        waiting = left
+    return {m.path: _rewritten(m, modules, hide) for m in modules.values()}
+
+
+def _dotted(path: str) -> str:
+    return path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+def _read_imports(module: _Module, modules: Mapping[str, _Module]) -> None:
+    for node in ast.walk(module.tree):
+        if not isinstance(node, ast.ImportFrom) or node.level or node.module is None:
+            continue
+        for alias in node.names:
+            name = alias.asname or alias.name
+            if f"{node.module}.{alias.name}" in modules:
+                module.modules[name] = f"{node.module}.{alias.name}"
+            elif node.module in modules:
+                module.imported[name] = (node.module, alias.name)
+
+
+def _definitions(module: _Module) -> Iterator[tuple[str, ast.expr, ast.Name]]:
+    """Name, value and target of each constant that the module makes."""
+    for node in module.tree.body:
+        match node:
+            case ast.Assign(
+                targets=[ast.Name(id=name) as target], value=ast.Call(func=ast.Name(id="const"), args=[value])
+            ):
+                yield name, value, target
+
+
+def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
+    """Compute the module's constants; False if one of another module is not yet known."""
+    known: dict[str, int] = {}
+
+    def compute(node: ast.expr) -> int:
+        match node:
+            case ast.Constant(value=int(value)):
+                return value
+            case ast.Name(id=name) if name in known:
+                return known[name]
+            case ast.Name(id=name) if name in module.imported:
+                return _value(modules, *module.imported[name])
+            case ast.Attribute(value=ast.Name(id=name), attr=attribute) if name in module.modules:
+                return _value(modules, module.modules[name], attribute)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](compute(left), compute(right))
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](compute(operand))
+        raise FoldError(f"{module.path}, line {node.lineno}: const() of something that is no whole number")
+
+    try:
+        for name, value, target in _definitions(module):
+            if name in known:
+                raise FoldError(f"{module.path}, line {target.lineno}: {name} is a constant already")
+            known[name] = compute(value)
+    except LookupError:
+        return False
+    module.constants = known
+    return True
+
+
+def _value(modules: Mapping[str, _Module], module: str, name: str) -> int:
+    """LookupError where it is not known, or not yet."""
+    return modules[module].public[name]
+
+
+class _Edits:
+    """Replacements in a source text, by the places of syntax tree nodes."""
+
+    def __init__(self, text: str):
+        self.lines = [line.encode() for line in text.splitlines(keepends=True)]
+        self.edits: list[tuple[int, int, int, bytes]] = []
+
+    def replace(self, node: Any, text: str) -> None:
+        """Put `text` in the place of a node; the lines that it took stay, empty."""
+        first, last = node.lineno - 1, node.end_lineno - 1
+        for line in range(first, last + 1):
+            begin = node.col_offset if line == first else 0
+            end = node.end_col_offset if line == last else len(self.lines[line].rstrip(b"\r\n"))
+            self.edits.append((line, begin, end, text.encode() if line == first else b""))
+
+    def text(self) -> str:
+        """The source with the replacements made."""
+        for line, begin, end, text in sorted(self.edits, reverse=True):
+            self.lines[line] = self.lines[line][:begin] + text + self.lines[line][end:]
+        return b"".join(self.lines).decode()
+
+
+def _literal(value: int) -> str:
+    return str(value) if value >= 0 else f"({value})"
+
+
+def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> str:
+    edits = _Edits(module.text)
+    foreign = {  # names here that are constants elsewhere
+        name: modules[source].public[original]
+        for name, (source, original) in module.imported.items()
+        if original in modules[source].public
+    }
+    folded = {name for name, stands_for in module.modules.items() if modules[stands_for].public}
+    hidden = {name: _free(module, "_" + name) for name in module.public.keys() - module.given.keys()} if hide else {}
+    targets = {id(target) for _, _, target in _definitions(module)}
+    attributes = set()  # the X of X.name, where name is a constant
+    for node in ast.walk(module.tree):
+        match node:
+            case ast.Attribute(value=ast.Name(id=name) as base, attr=attribute) if name in folded:
+                constants = modules[module.modules[name]].public
+                if attribute in constants:
+                    edits.replace(node, _literal(constants[attribute]))
+                    attributes.add(id(base))
+            case ast.Name(id=name, ctx=ast.Load()) if name in foreign:
+                edits.replace(node, _literal(foreign[name]))
+            case ast.Name(id=name) if name in hidden and (isinstance(node.ctx, ast.Load) or id(node) in targets):
+                edits.replace(node, hidden[name])
+    needed = {n.id for n in ast.walk(module.tree) if isinstance(n, ast.Name) and id(n) not in attributes}
+    _refuse_other_meanings(module, {*foreign, *hidden, *folded}, targets)
+    for node in ast.walk(module.tree):
+        if isinstance(node, ast.ImportFrom):
+            _shorten(edits, node, {*foreign, *(folded - needed)})
+    return edits.text()
+
+
+def _free(module: _Module, name: str) -> str:
+    """The name, with more underscores if the module has it already."""
+    used = {node.id for node in ast.walk(module.tree) if isinstance(node, ast.Name)}
+    while name in used:
+        name = "_" + name
+    return name
+
+
+def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) -> None:
+    """FoldError where one of the names means something else somewhere."""
+    for node in ast.walk(module.tree):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store() | ast.Del()) if id(node) not in targets:
+                pass
+            case ast.arg(arg=name) | ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                pass
+            case _:
+                continue
+        if name in names:
+            raise FoldError(
+                f"{module.path}, line {node.lineno}: {name} is a constant or a module here; give it another name"
+            )
+
+
+def _shorten(edits: _Edits, node: ast.ImportFrom, gone: set[str]) -> None:
+    """Take names out of an import."""
+    kept = [alias for alias in node.names if (alias.asname or alias.name) not in gone]
+    if len(kept) == len(node.names):
+        return
+    if not kept:
+        edits.replace(node, "pass")
+        return
+    names = ", ".join(alias.name + (f" as {alias.asname}" if alias.asname else "") for alias in kept)
+    edits.replace(node, f"from {node.module} import {names}")
