@@ -42,9 +42,9 @@ class Controller:
         self.port = hal.port
         self.reader = FrameReader()
         self.writer = FrameWriter()
-        self.io = Io(hal, rig, self.reader, self.writer)
         self.axes = Axes(hal)
         self.safety = Safety(hal, rig, self.axes)
+        self.io = Io(hal, rig, self.reader, self.writer, self.safety)
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
@@ -90,10 +90,8 @@ class Controller:
         """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
         self.now = now
         busy = self._listen()
-        levels = self.hal.levels()
-        if self.safety.poll(now, levels):
+        if self.io.poll(now):
             self._halt()
-        self.io.poll(now, levels)
         if self.jogging:
             self._jogs()
         self.axes.feed()
@@ -211,7 +209,6 @@ class Controller:
             self.stage.ended = False
             self.say_position = True
             self.say_end = True
-        self.safety.report(self.writer, self.was_open)
         self.io.report(self.was_open)
         if not self.was_open:
             self.say_position = self.say_end = False

@@ -3,6 +3,8 @@
 Nothing allocates after construction.
 """
 
+from array import array
+
 _WRAP = 0x3FFFFFFF
 _HALF = 0x20000000
 
@@ -17,7 +19,7 @@ class Camera:
         self._meter_high = rig.meter_on == "high"
         self._shutter_pin = self._pin("shutter", self._shutter_high)
         self._meter_pin = self._pin("meter", self._meter_high)
-        self._pulsing = False
+        self.pulsing = array("i", [0])  # 1 during a pulse
         self._end = 0  # of the pulse, ms
 
     def _pin(self, key, high):
@@ -43,7 +45,7 @@ class Camera:
 
     def set(self, shutter, meter):
         """Switch both outputs in the same instant; ends a pulse."""
-        self._pulsing = False
+        self.pulsing[0] = 0
         high = self.pins(1, 1, shutter, meter)
         self.hal.drive(high, self.down)
 
@@ -51,11 +53,11 @@ class Camera:
         """Both outputs on for `ms` milliseconds from `now` (modulo 2^30), then off; poll() ends it."""
         self.set(True, True)
         self._end = (now + ms) & _WRAP
-        self._pulsing = True
+        self.pulsing[0] = 1
 
     def poll(self, now):
         """End a pulse whose time is over; now: milliseconds modulo 2^30."""
-        if self._pulsing and (now - self._end) & _WRAP < _HALF:
+        if self.pulsing[0] and (now - self._end) & _WRAP < _HALF:
             self.set(False, False)
 
     def safe(self):

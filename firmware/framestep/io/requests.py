@@ -7,13 +7,46 @@ with, or 0 where it has answered itself. Nothing allocates after construction.
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import Lights
+from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
+
+# What a pass has to look after, and where that is told: words of Safety, Inputs, Lights and Camera
+_SWITCHES = const(1)
+_INPUTS = const(2)
+_RAMPS = const(4)
+_LEVELS = const(8)
+_PULSE = const(16)
+_ALL = const(0)  # Safety
+_REST = const(1)
+_ACTIVE = const(3)
+_STABLE = const(0)  # Inputs
+_RAW = const(1)
+_PINS = const(2)
+_CHANGED = const(0)  # Lights
+_RAMPING = const(1)
+
+
+@micropython.viper
+def _due(switches: ptr32, inputs: ptr32, lights: ptr32, camera: ptr32, levels: int) -> int:
+    due = 0
+    if (levels ^ switches[_REST]) & switches[_ALL] | switches[_ACTIVE]:
+        due = _SWITCHES
+    if ((levels ^ inputs[_STABLE]) | (levels ^ inputs[_RAW])) & inputs[_PINS]:
+        due |= _INPUTS
+    if lights[_RAMPING]:
+        due |= _RAMPS | _LEVELS
+    elif lights[_CHANGED]:
+        due |= _LEVELS
+    if camera[0]:
+        due |= _PULSE
+    return due
 
 
 class Io:
-    """What a rig has beside its motors: `lights`, `gio`, `camera`."""
+    """What a rig has beside its motors: `lights`, `gio`, `camera`, and the stop inputs of `safety`."""
 
-    def __init__(self, hal, rig, reader, writer):
+    def __init__(self, hal, rig, reader, writer, safety):
+        self.safety = safety
         self.hal = hal
         self.reader = reader
         self.writer = writer
@@ -21,6 +54,10 @@ class Io:
         self.lights = Lights(hal.dmx.channels, rig.dmx_ramp_ms)
         self.gio = Gio(hal, rig)
         self.camera = Camera(hal, rig)
+        self._switches = safety.words
+        self._inputs = self.gio.inputs.words
+        self._levels = self.lights.words
+        self._pulse = self.camera.pulsing
         self.say_inputs = False  # GIO_IN is due
         self.handlers = {
             m.MSG_DMX: self._dmx,
@@ -29,14 +66,22 @@ class Io:
             m.MSG_GIO_CAM: self._gio_cam,
         }
 
-    def poll(self, now, levels):
-        """One pass; now: milliseconds modulo 2^30, levels: HAL.levels()."""
+    def poll(self, now):
+        """One pass; now: milliseconds modulo 2^30. True where a stop input calls for action (see Safety.poll)."""
         self.now = now
-        if self.gio.poll(now, levels):
+        levels = self.hal.levels()
+        due = _due(self._switches, self._inputs, self._levels, self._pulse, levels)
+        if due == 0:
+            return False
+        if due & _INPUTS and self.gio.poll(now, levels):
             self.say_inputs = True
-        self.camera.poll(now)
-        self.lights.poll(now)
-        self.hal.dmx.show(self.lights)
+        if due & _PULSE:
+            self.camera.poll(now)
+        if due & _RAMPS:
+            self.lights.poll(now)
+        if due & _LEVELS:
+            self.hal.dmx.show(self.lights)
+        return due & _SWITCHES != 0 and self.safety.poll(now, levels)
 
     def safe(self):
         """Outputs to their safe levels; lights stay as they are."""
@@ -45,6 +90,7 @@ class Io:
 
     def report(self, is_open):
         """Send what is due, as far as there is room; with the port closed it is forgotten."""
+        self.safety.report(self.writer, is_open)
         if self.say_inputs and (not is_open or self._send_inputs(None)):
             self.say_inputs = False
 

@@ -40,12 +40,6 @@ MOVES = const(3)  # RUN | STOP
 
 
 @micropython.viper
-def _changed(w: ptr32, levels: int) -> int:
-    """Whether a switch is active, or was at the last look."""
-    return (levels ^ w[_REST]) & w[_ALL] | w[_ACTIVE]
-
-
-@micropython.viper
 def _update(w: ptr32, levels: int, now: int):
     """Take in what has been seen."""
     seen = (levels ^ w[_REST]) & w[_ALL]
@@ -179,13 +173,11 @@ class Safety:
                 return i
 
     def poll(self, now, levels):
-        """Look at the switches; now: milliseconds modulo 2^30, levels: HAL.levels(). Whether there is news.
+        """Look at the switches, while one is or was active; now: milliseconds modulo 2^30, levels: HAL.levels(). Whether there is news.
 
         That is for the caller to act on: `tripped` has become True, or motors have come into `struck`.
         """
         words = self.words
-        if not _changed(words, levels):
-            return False
         for _ in range(_LOOKS):
             # a switch counts as active if it is so each time
             levels = words[_REST] ^ ((levels ^ words[_REST]) & (self.hal.levels() ^ words[_REST]))
