@@ -195,8 +195,7 @@ class Header(array):
             if m[MODE]:
                 h[RUNNING] = 4
                 if m[MODE] & RUN:
-                    left = m[LEFT]
-                    if left:
+                    if m[LEFT]:
                         pass
                     else:
                         if m[MODE] & START:
@@ -234,10 +233,10 @@ class Header(array):
                                 m[DECEL] = m[BRAKE]
                                 m[SPAN] = cycles
                                 m[MODE] = STOP
-                                left = 1
+                                m[LEFT] = 1
                             else:
                                 m[FRACTION] = d
-                                left = q[k]
+                                m[LEFT] = q[k]
                                 m[VELOCITY] = q[k + 3]
                                 m[ACCEL] = q[k + 4]
                                 m[JERK] = q[k + 5]
@@ -254,8 +253,8 @@ class Header(array):
                             m[JERK] = 0
                             m[SPAN] = cycles
                             m[MODE] = STOP
-                            left = 1
-                    m[LEFT] = left - 1
+                            m[LEFT] = 1
+                    m[LEFT] = m[LEFT] - 1
                     d = m[VELOCITY]
                     acc = m[ACCEL]
                     m[ACCEL] = acc + m[JERK]
@@ -286,53 +285,63 @@ class Header(array):
                         m[WAIT] = m[WAIT] - 1
                         if m[WAIT] == 0:
                             m[MODE] = IDLE
-                # Steps that fall into this tick. All that follows looks along the motion: s is -1
-                # where that is down, and x ^ s - s turns a number's sign.
+                # Steps that fall into this tick. All that follows looks along the motion.
                 rem = m[FRACTION] + d
                 s = rem >> 31
-                rem = (rem ^ s) - s
+                if s:
+                    rem = 0 - rem
+                    d = 0 - d
+                    acc = 0 - acc
                 n = rem >> 22
                 if n:
-                    rem = rem - (n << 22)
-                    m[FRACTION] = (rem ^ s) - s
-                    m[POSITION] = m[POSITION] + (n ^ s) - s
+                    rem = rem & (ONE - 1)
                     least = m[SHORTEST]
-                    if s - m[DOWN]:
-                        m[DOWN] = s
-                        m[WORD] = (m[WORD] & -2) + (s + 1 ^ m[INVERT])
-                        least = m[SETUP]
+                    if s:
+                        m[FRACTION] = 0 - rem
+                        m[POSITION] = m[POSITION] - n
+                        if m[DOWN]:
+                            pass
+                        else:
+                            m[DOWN] = s
+                            m[WORD] = (m[WORD] & -2) + m[INVERT]
+                            least = m[SETUP]
+                    else:
+                        m[FRACTION] = rem
+                        m[POSITION] = m[POSITION] + n
+                        if m[DOWN]:
+                            m[DOWN] = 0
+                            m[WORD] = (m[WORD] | 1) - m[INVERT]
+                            least = m[SETUP]
                     fifo = ptr32(m[FIFO])
-                    d = (d ^ s) - s
-                    if d < 64:
-                        # a step owed from before, at rest or turning round
-                        if rem >= d:
-                            rem = 64
-                        d = 64
-                    back = 0  # whole steps from the pulse looked at to the last one of the tick
-                    extra = 0
+                    carry = m[CARRY] - 4
                     bent = 0
+                    back = 0  # whole steps from the pulse looked at to the last one of the tick
                     if acc:
-                        acc = (acc ^ s) - s
-                        s = acc >> 31
-                        if (acc ^ s) > d >> 7:
-                            bent = (acc << 5) // (d >> 5)  # acceleration over velocity, Q10
-                            if bent > 4096:
-                                bent = 4096
-                            elif bent < -4096:
-                                bent = -4096
+                        if (acc ^ (acc >> 31)) > d >> 7:
+                            bent = 1
+                    # e: cycles from the start of the tick to the last crossing, were the velocity
+                    # constant. bent: acceleration over velocity, Q10.
+                    if n - 1:
+                        step = (m[SPAN] << 14) // (d >> 8)  # cycles per step
+                        e = m[SPAN] - ((rem >> 8) * step >> 14)
+                        if bent:
+                            bent = ((acc >> 12) * step >> 13) * h[SQUARE] >> 12
                             if (n - 2) >> 3:
                                 pass
                             else:
                                 back = n - (n >> 1)  # more commands follow the curve more closely
-                            if n - 3:
-                                pass
-                            elif m[CARRY] > 0:
-                                extra = 1
-                    while True:
-                        # Cycles from the crossing to the end of the tick, were the velocity constant
-                        if back:
-                            e = ((rem + (back << 22)) >> 11) * m[SPAN] // ((d + 1024) >> 11)
-                        elif d >> 20:
+                                extra = 0
+                                if n - 3:
+                                    pass
+                                elif carry > 0:
+                                    extra = 1
+                    else:
+                        if d < 64:
+                            # a step owed from before, at rest or turning round
+                            if rem >= d:
+                                rem = 64
+                            d = 64
+                        if d >> 20:
                             e = (rem >> 8) * m[SPAN] // ((d + 128) >> 8)
                         elif rem >= d:
                             e = m[SPAN]
@@ -346,49 +355,60 @@ class Header(array):
                             e = rem * m[SPAN] // d
                         e = m[SPAN] - e
                         if bent:
+                            bent = (acc << 5) // (d >> 5)
+                            if bent > 4096:
+                                bent = 4096
+                            elif bent < -4096:
+                                bent = -4096
+                    while True:
+                        pulses = n
+                        x = e
+                        if back:
+                            pulses = n - back
+                            x = e - back * step
+                        if bent:
                             # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d later
-                            x = (((m[SPAN] - e) >> 3) * (e >> 3)) >> 13
-                            e = e + ((bent * (x * h[SQUARE] >> 6)) >> 11)
-                        pulses = n - back
-                        e = m[CARRY] + e - 4
-                        period = e
-                        rest = 0
-                        if pulses - 1:
-                            period = e // pulses
-                            rest = e - period * pulses
-                        if period < least:
-                            period = least
-                        elif pulses >> 6:
+                            x = (((((m[SPAN] - x) >> 3) * (x >> 3) >> 13) * h[SQUARE] >> 6) * bent >> 11) + x
+                        x = x + carry  # cycles that the pulses have got
+                        period = x
+                        if pulses >> 6:
                             # One command would drift by up to half a cycle a pulse. Two make a bow
                             # instead; of its height about half is taken off.
-                            if pulses >> 7:
-                                if rest + rest > pulses:
-                                    rest = rest + ((pulses - rest) >> 2)
-                                    if rest >= pulses:
-                                        rest = rest - pulses
-                                        period += 1
-                                else:
-                                    rest = rest + (rest >> 2)
-                            pulses = pulses - rest
-                            fifo[0] = m[WORD] + (pulses << 1) + ((period - m[FIXED]) << 10)
-                            m[CARRY] = m[CARRY] - 4 - period * pulses
-                            pulses = rest
-                            period += 1
-                        elif rest + rest > pulses:
-                            period += 1
-                        if pulses:
-                            fifo[0] = m[WORD] + (pulses << 1) + ((period - m[FIXED]) << 10)
-                            m[CARRY] = m[CARRY] - 4 - period * pulses
+                            period = x // pulses
+                            if period >= least:
+                                rest = x - period * pulses
+                                if pulses >> 7:
+                                    if rest + rest > pulses:
+                                        rest = rest + ((pulses - rest) >> 2)
+                                        if rest >= pulses:
+                                            rest = rest - pulses
+                                            period += 1
+                                    else:
+                                        rest = rest + (rest >> 2)
+                                if rest:
+                                    pulses = pulses - rest
+                                    fifo[0] = ((((period - m[FIXED]) << 9) + pulses) << 1) + m[WORD]
+                                    carry = (0 - period) * pulses + carry - 4
+                                    pulses = rest
+                                    period += 1
+                        elif pulses - 1:
+                            period = ((pulses >> 1) + x) // pulses
+                        if period < least:
+                            period = least
+                        fifo[0] = ((((period - m[FIXED]) << 9) + pulses) << 1) + m[WORD]
                         if back:
+                            carry = (0 - period) * pulses + carry - 4
                             n = back
                             back = extra
                             extra = 0
                             least = m[SHORTEST]
                         else:
+                            m[CARRY] = (0 - period) * pulses + carry + cycles
                             break
-                    m[CARRY] = m[CARRY] + cycles
                 else:
-                    m[FRACTION] = (rem ^ s) - s
+                    if s:
+                        rem = 0 - rem
+                    m[FRACTION] = rem
                     m[CARRY] = m[CARRY] + cycles
                     d = m[CARRY] - m[RESERVE]
                     if d > 9:
@@ -524,6 +544,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             rem = 0
             m[VELOCITY] = 0
             m[FRACTION] = 0
+            m[ACCEL] = 0
         m[MODE] = RUN | (m[MODE] & START)
     elif m[MODE] & RUN:
         if left > n:

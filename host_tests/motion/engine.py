@@ -1,0 +1,192 @@
+"""A bench for the tick kernel: motors on pulse engines, a clock, and a timer whose interrupts may come late.
+
+Time is in engine cycles of 8 ns. The pulse engines are those of the host board (hal/host.py); here each command is
+looked at as well, and it is noted when an engine had nothing to do.
+"""
+
+import random
+
+import numpy as np
+
+from framestep.hal.host import PulseModel
+from framestep.motion import stepper
+from framestep.native import map_device
+
+PER_US = 125
+PER_TICK = 1000 * PER_US
+LEAD = 2
+REPLAY = 7 * PER_US  # between interrupts that the timer makes up for
+PER_COMMAND = 250  # the kernel takes about so long for each command it writes
+
+
+def signed(word):
+    """A 32-bit word as viper code sees it."""
+    return (word + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
+
+
+class Engine(PulseModel):
+    """One motor's pulse engine. Its lists hold times in cycles."""
+
+    def __init__(self, bench, width):
+        self.rises = []
+        self.ways = []  # +1 or -1 for each rising edge
+        self.turns = []  # when the direction pin changed
+        self.dry = []  # (from, to): stood still between two commands
+        self.fullest = 0
+        self.bench = bench
+        self.width = width
+        self.up = 1
+        super().__init__(lambda: bench.now, width, self._rise, lambda at, level: self.turns.append(at))
+
+    def _rise(self, at, level):
+        self.rises.append(at)
+        self.ways.append(1 if level == self.up else -1)
+
+    def __setitem__(self, index, command):
+        word = command & 0xFFFF_FFFF
+        assert -0x8000_0000 <= command <= 0x7FFF_FFFF, f"a command of more than 32 bits: {command:#x}"
+        assert word >> 28 == self.width, f"gap or pulses overflow in command {word:#010x}"
+        now = self.bench.now
+        if now > self.free_at:
+            self.dry.append((self.free_at, now))
+        super().__setitem__(index, command)
+        assert not self.lost, f"a command found the FIFO full at {now / PER_TICK:.3f} ms"
+        self.fullest = max(self.fullest, len([at for at in self.waiting if at > now]))
+        self.bench.now += PER_COMMAND
+
+    @property
+    def position(self):
+        """Sum of all steps commanded so far."""
+        return sum(self.ways)
+
+    @property
+    def high_cycles(self):
+        return 34 + 32 * self.width
+
+
+class Clock:
+    """The free running microsecond counter, 32 bits; looking at it takes some cycles."""
+
+    def __init__(self, bench):
+        self.bench = bench
+
+    def __getitem__(self, index):
+        self.bench.now += 15
+        return signed(self.bench.now // PER_US + self.bench.offset_us)
+
+
+class Bench:
+    """`motors` on a kernel, its tick called by an emulated timer. Is a HAL for Axes, as far as those need one.
+
+    offset_us: what the microsecond counter shows at time 0. jitter_us: each interrupt comes up to so much late.
+    off(us, length_us) switches interrupts off for some time; the timer replays the ticks missed.
+    """
+
+    def __init__(self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1):
+        self.now = 0
+        self.offset_us = offset_us
+        self.jitter_us = jitter_us
+        self.random = random.Random(seed)
+        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(Clock(self)), LEAD)
+        self.engines = [Engine(self, width) for _ in range(motors)]
+        self.setup = setup
+        for i, engine in enumerate(self.engines):
+            self.kernel.configure(i, map_device(engine), width, setup, invert)
+            engine.up = 0 if invert else 1
+        self.due = PER_TICK  # the timer's next interrupt
+        self.free = 0  # when the last interrupt was done
+        self.holes = []
+        self.calls = 0
+        self.after_tick = []  # functions called after each interrupt
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
+
+    def off(self, us, length_us):
+        """Interrupts are off from `us` of now on, for `length_us`."""
+        start = self.now + int(us * PER_US)
+        self.holes.append((start, start + int(length_us * PER_US)))
+
+    def tick(self):
+        """The timer's next interrupt."""
+        at = self.due + int(self.random.uniform(0, self.jitter_us) * PER_US)
+        for start, end in self.holes:
+            if start <= at < end:
+                at = end
+        self.now = max(at, self.free + REPLAY)
+        self.kernel.tick(None)
+        self.free = self.now
+        self.due += PER_TICK
+        self.calls += 1
+        for function in self.after_tick:
+            function()
+
+    def run(self, ticks, each=None):
+        """So many interrupts; `each` is called before every one of them, as the main loop would be."""
+        for _ in range(ticks):
+            if each:
+                each()
+            self.tick()
+
+    @property
+    def state(self):
+        return self.kernel.state
+
+    def block(self, motor=0):
+        return self.kernel.blocks[motor]
+
+    def put(self, motor, segments):
+        """Queue segments (ticks, whole steps, fraction, velocity, acceleration, jerk) in kernel numbers."""
+        block = self.block(motor)
+        queue = self.kernel.queues[motor]
+        for segment in segments:
+            assert self.room(motor), "the segment queue is full"
+            at = (block[stepper.TAIL] % stepper.SEGMENTS) * stepper.SEGMENT_WORDS
+            for i, word in enumerate((*segment, 0, PER_TICK)):
+                queue[at + i] = word
+            block[stepper.TAIL] = (block[stepper.TAIL] + 1) & 0x3FFF_FFFF
+
+    def room(self, motor=0):
+        block = self.block(motor)
+        return stepper.SEGMENTS - ((block[stepper.TAIL] - block[stepper.HEAD]) & 0x3FFF_FFFF)
+
+    def start(self, *motors):
+        """Start motors with the next tick, as Axis.release() does."""
+        for motor in motors:
+            self.block(motor)[stepper.MODE] |= stepper.RUN | stepper.START
+
+    def settle(self, ticks=120):
+        """Let the kernel find the timer's grid, as it does soon after boot."""
+        self.run(ticks)
+        return self
+
+    def play(self, segments, ticks=None, motors=(0,)):
+        """Start motors in the same tick on a list of segments each, keep the queues filled, and run.
+
+        Until they are at rest, or for so many ticks. Returns when the first pulses of the first tick may come.
+        """
+        waiting = {motor: list(made) for motor, made in zip(motors, segments, strict=True)}
+
+        def feed():
+            for motor, made in waiting.items():
+                while made and self.room(motor) > 8:
+                    self.put(motor, [made.pop(0)])
+
+        feed()
+        self.start(*motors)
+        start = self.due + self.state[stepper.AHEAD]
+        limit = 100_000 if ticks is None else ticks
+        while limit and (ticks is not None or any(self.block(motor)[stepper.MODE] for motor in motors)):
+            feed()
+            self.tick()
+            limit -= 1
+        assert limit or ticks is not None, "the motion does not end"
+        return start
+
+    def times(self, motor=0):
+        """Times of a motor's rising edges (cycles) and the way of each step (+1, -1), as arrays."""
+        engine = self.engines[motor]
+        return np.array(engine.rises, dtype=float), np.array(engine.ways, dtype=int)

@@ -1,0 +1,543 @@
+"""The tick kernel against ideal motions: when each edge comes, what a late interrupt does, how a motion ends."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from framestep.motion import stepper
+from host_tests.motion.engine import LEAD, PER_TICK, PER_US, Bench
+from host_tests.motion.profiles import ONE, Profile, trapezoid
+
+# Where the velocity is next to nothing, the kernel's rounding of the position is a long time.
+ROUNDING_STEPS = 4e-6
+
+
+def steady(rate, ticks, p=0):
+    """At full velocity from the first tick on: no real motion begins so."""
+    return Profile([(ticks, 0)], p=p, v=Fraction(rate, 1000))
+
+
+# What a timer's grid may be off after a hole or at boot: a sixteenth of it is no longer made up for.
+GRID_US = 16
+
+
+def errors_us(bench, start, profile, motor=0, ticks=None, made=0):
+    """Errors of a motion's edges against the ideal, in µs, less their median, which lies within what a grid may be off.
+
+    Where the motor is next to standing less what rounding may do. ticks: a run of a steady motion that was cut short
+    there; its first ticks are left out. made: edges of motions before this one.
+    """
+    times, ways = bench.times(motor)
+    times, ways = times[made:], ways[made:]
+    ideal, ideal_ways = profile.steps()
+    if ticks is not None:
+        count = np.count_nonzero(ideal < ticks - 0.01)
+        first = np.count_nonzero(ideal <= 3)
+        times, ways = times[first:count], ways[first:count]
+        ideal, ideal_ways = ideal[first:count], ideal_ways[first:count]
+    assert ways.tolist() == ideal_ways.tolist()
+    assert len(ways) > 1
+    error = (times - start) / PER_US - ideal * 1000
+    offset = np.median(error)
+    assert abs(offset) < GRID_US
+    error -= offset
+    # the velocity after the first ROUNDING_STEPS from rest
+    steepest = max(float(abs(piece.a) + abs(piece.j) * piece.ticks) for piece in profile.pieces)
+    slowest = np.sqrt(2 * ROUNDING_STEPS * steepest) + 1e-9
+    if jerk := max(float(abs(piece.j)) for piece in profile.pieces):
+        slowest = min(slowest, 2 * ROUNDING_STEPS / (6 * ROUNDING_STEPS / jerk) ** (1 / 3))
+    slack = 1000 * 2 * ROUNDING_STEPS / np.maximum(np.abs(profile.velocity(ideal)), slowest)
+    return np.sign(error) * np.maximum(np.abs(error) - slack, 0)
+
+
+def at_rest(bench, motor=0):
+    """Checks of a motor that has come to rest by itself."""
+    block = bench.block(motor)
+    assert block[stepper.MODE] == stepper.IDLE
+    assert block[stepper.FAULT] == 0
+    assert block[stepper.FRACTION] == block[stepper.VELOCITY] == 0
+    assert bench.engines[motor].position == block[stepper.POSITION]
+    engine = bench.engines[motor]
+    assert not engine.rises or engine.rises[-1] + engine.high_cycles < bench.now, "pulses are still on their way"
+
+
+# ---------------------------------------------------------------- edges
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(
+    "rate", [1, 7, 10, 333, 1000, 3001, 12_345, 50_000, 99_700, 100_000, 127_999, 128_001, 250_000, 333_333, 350_000]
+)
+def test_steady(rate, way):
+    """design: half a microsecond, whatever the rate."""
+    bench = Bench().settle()
+    ticks = 3100 if rate < 10 else 400
+    profile = steady(rate * way, ticks)
+    start = bench.play([profile.segments(rest=False)], ticks - 10)
+    error = errors_us(bench, start, profile, ticks=ticks - 10)
+    assert len(error) >= min(rate // 4, 2)
+    assert np.abs(error).max() < 0.5
+
+
+@pytest.mark.parametrize("rate", [400_000, 499_999, 500_000])
+def test_fastest(rate):
+    test_steady(rate, 1)
+
+
+@pytest.mark.parametrize("acceleration", [1000, 20_000, 100_000])
+def test_ramp(acceleration):
+    """design: 2 µs up to 100 000 steps/s²; sum and end exact."""
+    bench = Bench().settle()
+    profile = trapezoid(500, Fraction(acceleration, 10**6), 500)
+    start = bench.play([profile.segments()])
+    error = errors_us(bench, start, profile)
+    assert np.abs(error).max() < 2
+    assert bench.block()[stepper.POSITION] == profile.end
+    at_rest(bench)
+
+
+@pytest.mark.parametrize("acceleration, limit_us", [(400_000, 8), (1_000_000, 20), (4_000_000, 60)])
+def test_steep_ramp(acceleration, limit_us):
+    """Beyond 100 000 steps/s² the first steps lie less exactly."""
+    bench = Bench().settle()
+    profile = trapezoid(100, Fraction(acceleration, 10**6), 100)
+    start = bench.play([profile.segments()])
+    error = errors_us(bench, start, profile)
+    assert np.abs(error).max() < limit_us
+    times, _ = profile.steps()
+    assert np.abs(error[(times > 101) & (times < 199)]).max() < 0.5
+    at_rest(bench)
+
+
+def test_jerk_limited_ramp():
+    """Segments with a jerk, along a curve of the third degree: 512 ticks up to 16 steps a tick."""
+    j = Fraction(1, 4096)
+    profile = Profile([(256, 0, j), (256, 256 * j, -j), (100, 0), (256, 0, -j), (256, -256 * j, j)])
+    bench = Bench().settle()
+    start = bench.play([profile.segments()])
+    error = errors_us(bench, start, profile)
+    assert np.abs(error).max() < 2
+    assert bench.block()[stepper.POSITION] == profile.end
+    at_rest(bench)
+
+
+@pytest.mark.parametrize("setup_us", [0, 5, 20, 200])
+@pytest.mark.parametrize("width", [0, 3, 15])
+@pytest.mark.parametrize("invert", [False, True])
+def test_reversals(setup_us, width, invert):
+    """Back and forth: each change of direction lies between two pulses, `setup` before the next one."""
+    bench = Bench(width=width, setup=setup_us * PER_US, invert=invert).settle()
+    a = Fraction(1, 20)
+    profile = Profile([(100, a), (200, -a), (173, a), (96, -a), (23, a)], p=0)
+    assert profile.final == 0
+    start = bench.play([profile.segments()])
+    error = errors_us(bench, start, profile)
+    engine = bench.engines[0]
+    # A step that comes at once after a turn waits for the set-up time; none does here but where that is long.
+    assert np.abs(error).max() < max(3, setup_us)
+    assert len(engine.turns) == np.count_nonzero(np.diff(engine.ways)) + (1 if invert == 0 else 0) or len(engine.turns)
+    rises = np.array(engine.rises)
+    for at in engine.turns:
+        later = rises[rises > at]
+        earlier = rises[rises <= at]
+        assert not len(later) or later[0] - at >= setup_us * PER_US
+        assert not len(earlier) or at - earlier[-1] > engine.high_cycles
+    assert np.diff(rises).min() >= 2 * engine.high_cycles
+    at_rest(bench)
+
+
+def test_trembling_makes_no_steps():
+    """A motor that stands on a step and moves by less than one to either side makes none."""
+    bench = Bench().settle()
+    a = Fraction(9, 1000)
+    profile = Profile([(10, a), (20, -a), (10, a)], p=5)
+    assert profile.pieces[1].position(10) == Fraction(59, 10)
+    bench.block()[stepper.POSITION] = 5
+    bench.play([profile.segments()])
+    assert bench.engines[0].rises == []
+    assert bench.block()[stepper.POSITION] == 5
+
+
+def test_direction_pin_stays_while_nothing_turns():
+    bench = Bench().settle()
+    for _ in range(3):
+        bench.play([trapezoid(50, Fraction(1, 25), 0).segments()])
+        bench.block()[stepper.POSITION] = 0
+    assert len(bench.engines[0].turns) == 1  # up, once
+
+
+@pytest.mark.parametrize("width", range(16))
+def test_widths(width):
+    """Nearly as fast as a pulse width allows, with equal time high and low."""
+    bench = Bench(width=width).settle()
+    least = 2 * (34 + 32 * width)
+    rate = min(int(0.98 * 125e6 / least), 500_000)
+    profile = steady(rate, 100)
+    start = bench.play([profile.segments(rest=False)], 90)
+    error = errors_us(bench, start, profile, ticks=90)
+    assert np.abs(error).max() < 0.5
+    assert np.diff(bench.engines[0].rises).min() >= least
+
+
+def test_any_phase_within_a_tick():
+    """A motion may begin and end between two steps and within a tick; each edge is where it belongs."""
+    for numerator in range(1, 200, 7):
+        bench = Bench().settle()
+        p = Fraction(numerator, 200)
+        profile = Profile([(37, 0)], p=p, v=Fraction(numerator + 50, 60))
+        bench.block()[stepper.FRACTION] = int(p * ONE)
+        start = bench.play([profile.segments(rest=False)], 30)
+        error = errors_us(bench, start, profile, ticks=30)
+        assert np.abs(error).max() < 0.5
+
+
+# ---------------------------------------------------------------- several motors
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3, 4, 5, 6, 7), (7, 3, 5, 1, 0, 2, 6, 4)])
+def test_motors_start_in_step(order):
+    bench = Bench(8).settle()
+    profile = trapezoid(200, Fraction(1, 10), 100)
+    bench.play([profile.segments()] * 8, motors=order)
+    first = np.array([bench.times(motor)[0] for motor in range(8)])
+    assert (np.ptp(first, axis=0) / PER_US).max() < 2.5
+    for motor in range(8):
+        at_rest(bench, motor)
+
+
+def test_motors_that_start_later_are_in_step_too():
+    """The same motion some ticks later lies those ticks later."""
+    bench = Bench(4, jitter_us=20).settle()
+    profile = trapezoid(100, Fraction(1, 10), 50)
+    segments = profile.segments()
+    starts = []
+    for motor in range(4):
+        bench.put(motor, segments)
+        bench.start(motor)
+        starts.append(bench.due)
+        bench.run(7 + motor)
+    bench.run(500)
+    first = [np.array(bench.engines[motor].rises) - starts[motor] for motor in range(4)]
+    assert (np.ptp(first, axis=0) / PER_US).max() < 2.5
+
+
+@pytest.mark.parametrize("pause", [0, 1, 2, 3, 4, 5, 10])
+@pytest.mark.parametrize("late_us", [0, 700, 1600])
+def test_start_again_soon(pause, late_us):
+    """After whatever pause, with the engine still busy or not, a motion begins in step with the others."""
+    bench = Bench(2, jitter_us=0).settle()
+    short = trapezoid(20, Fraction(1, 10), 0)
+    bench.put(0, short.segments())
+    bench.start(0)
+    while bench.block(0)[stepper.MODE] & stepper.DRAIN == 0:
+        bench.tick()
+    bench.run(pause)
+    profile = trapezoid(60, Fraction(1, 10), 0)
+    before = len(bench.engines[0].rises)
+    bench.put(0, [(t, p + int(short.end), *rest) for t, p, *rest in profile.segments()])
+    bench.put(1, profile.segments())
+    bench.start(0, 1)
+    if late_us:
+        bench.off((bench.due - bench.now) / PER_US - 1, late_us)
+    bench.run(200)
+    again = np.array(bench.engines[0].rises[before:])
+    other = np.array(bench.engines[1].rises)
+    assert np.abs(again - other).max() / PER_US < 2.5
+    for motor in 0, 1:
+        at_rest(bench, motor)
+        assert bench.engines[motor].fullest <= 8
+
+
+def test_eight_motors_fill_no_fifo():
+    """Three commands a tick in all motors for as long as it goes: 3 steps a tick while the velocity changes."""
+    bench = Bench(8, jitter_us=60).settle()
+    profile = trapezoid(400, Fraction(1, 100), 0)  # a hundred ticks with three steps each, twice
+    bench.play([profile.segments()] * 8, motors=range(8))
+    assert max(engine.fullest for engine in bench.engines) <= 8  # a lost command fails by itself
+
+
+# ---------------------------------------------------------------- the clock
+
+
+def moving(rate=20_000, brake=Fraction(1, 50), motors=1, **options):
+    """A bench with motors at a steady rate, and that motion."""
+    bench = Bench(motors, jitter_us=0, **options).settle()
+    profile = steady(rate, 400)
+    for motor in range(motors):
+        bench.block(motor)[stepper.BRAKE] = int(brake * ONE)
+    start = bench.play([profile.segments(rest=False)] * motors, 50, motors=range(motors))
+    return bench, profile, start
+
+
+@pytest.mark.parametrize("late_us", [30, 200, 1000, 1500, 1750])
+@pytest.mark.parametrize("rate", [50, 3_000, 20_000, 350_000])
+def test_late_interrupts_move_no_edge(late_us, rate):
+    bench, profile, start = moving(rate)
+    bench.off(2300, late_us)
+    bench.off(7900, late_us)
+    bench.run(80)
+    error = errors_us(bench, start, profile, ticks=125)
+    assert np.abs(error).max() < 0.5
+    assert bench.state[stepper.FAULTS] == 0
+    assert max(late_us - 1000, 0) <= bench.state[stepper.WORST_LATE] <= late_us + 5
+    assert bench.engines[0].fullest <= 8
+
+
+@pytest.mark.parametrize("phase_us", [0, 1, 400, 999])
+@pytest.mark.parametrize("hole_us", [1900, 2000, 3000, 3300, 3999, 4500, 50_000])
+@pytest.mark.parametrize("rate, brake", [(5_000, Fraction(1, 50)), (5_000, Fraction(4)), (300_000, Fraction(1, 2))])
+def test_hole_in_time(hole_us, phase_us, rate, brake):
+    """Engines that ran dry: a fault, a ramp from what velocity is left, never a burst. Then all is as before."""
+    bench, profile, _ = moving(rate, brake)
+    was = bench.state[stepper.TICKS]
+    bench.off((bench.due - bench.now) / PER_US - phase_us, hole_us + phase_us)
+    dry = bench.engines[0].free_at
+    before = len(bench.engines[0].rises)
+    bench.run(2 + hole_us // 1000)
+    block = bench.block()
+    assert block[stepper.FAULT] == bench.state[stepper.FAULTS] == stepper.FAULT_LATE
+    assert bench.state[stepper.TICKS] - was < 5  # what was missed is not made up for
+    for _ in range(2000):
+        bench.tick()
+        if block[stepper.MODE] == stepper.IDLE:
+            break
+    times, ways = bench.times()
+    assert (ways == 1).all()
+    assert len(times) == block[stepper.POSITION]
+    after = np.concatenate([[dry], times[before:]])
+    if len(after) > 2:
+        rates = 1e6 * PER_US / np.diff(after)  # steps/s
+        assert rates.max() < rate * 1.01
+        # slower by the brake for every tick of standing still
+        left = rate - 1000 * float(brake) * ((after[1] - dry) / PER_TICK - 2)
+        assert rates.max() < left * 1.02 + 1000
+        ramp = rates[1:]
+        assert (np.diff(ramp) < 0.01 * rate + 5).all()  # down all the way
+    else:
+        assert rate < 1000 * float(brake) * (hole_us / 1000 + 4)
+    # and a motion after that is exact again
+    block[stepper.FAULT] = 0
+    bench.run(50)
+    made = len(times)
+    profile = Profile([(100, Fraction(1, 10)), (100, Fraction(-1, 10))], p=block[stepper.POSITION])
+    start = bench.play([profile.segments()])
+    assert np.abs(errors_us(bench, start, profile, made=made)).max() < 2
+    at_rest(bench)
+
+
+def test_hole_at_rest_is_no_fault():
+    """Writing flash while nothing moves: interrupts are off for 46 ms, then come in a burst."""
+    for hole_us in range(40_000, 50_000, 777):
+        bench = Bench(2, jitter_us=2).settle()
+        bench.off(100, hole_us)
+        bench.run(70 + 40)
+        assert bench.state[stepper.FAULTS] == 0
+        # the grid is found again: the next motion has the whole lead
+        profile = trapezoid(60, Fraction(1, 10), 0)
+        start = bench.play([profile.segments()])
+        assert np.abs(errors_us(bench, start, profile)).max() < 2
+        assert bench.state[stepper.WORST_LATE] <= GRID_US
+        at_rest(bench)
+
+
+@pytest.mark.parametrize("phase", range(6))
+def test_hole_before_the_first_pulse(phase):
+    """A motion asked for just before a hole begins after it; one that is over is over."""
+    bench = Bench(jitter_us=0).settle()
+    short = trapezoid(20, Fraction(1, 10), 0)
+    bench.put(0, short.segments())
+    bench.start(0)
+    while bench.block(0)[stepper.MODE] & stepper.DRAIN == 0:
+        bench.tick()
+    bench.run(phase)
+    profile = Profile([(60, Fraction(1, 10)), (60, Fraction(-1, 10))], p=short.end)
+    bench.off(0, 4321)
+    before = len(bench.engines[0].rises)
+    bench.play([profile.segments()])
+    assert bench.state[stepper.FAULTS] == 0
+    again = np.array(bench.engines[0].rises[before:])
+    ideal = profile.steps()[0] * PER_TICK
+    error = (again - again[3]) - (ideal - ideal[3])
+    assert np.abs(error[:-1]).max() / PER_US < 3
+    at_rest(bench)
+
+
+def test_replayed_calls_do_nothing():
+    bench, profile, start = moving(30_000)
+    for _ in range(30):
+        bench.tick()
+        before = [list(bench.state), list(bench.block()), bench.engines[0].free_at]
+        for _ in range(50):
+            bench.now += 7 * PER_US
+            bench.kernel.tick(None)
+        assert before == [list(bench.state), list(bench.block()), bench.engines[0].free_at]
+    error = errors_us(bench, start, profile, ticks=75)
+    assert np.abs(error).max() < 0.5
+
+
+@pytest.mark.parametrize("offset_us", [0, 2**30 - 50_000, 2**31 - 50_000, 2**32 - 50_000, 2**29 - 50_000])
+def test_the_counter_wraps(offset_us):
+    """The microsecond counter has 32 bits, the kernel's times 30."""
+    bench = Bench(offset_us=offset_us).settle()
+    profile = trapezoid(100, Fraction(1, 10), 100)
+    start = bench.play([profile.segments()])
+    error = errors_us(bench, start, profile)
+    assert np.abs(error).max() < 2
+    at_rest(bench)
+
+
+@pytest.mark.parametrize("counter", [0, 1, 2**29 - 1, 2**29, 2**29 + 5000, 2**30 - 1, 2**31 - 1, 2**31, 2**32 - 1000])
+def test_wherever_the_counter_is_at_the_start(counter):
+    bench = Bench(offset_us=counter).settle()
+    profile = trapezoid(50, Fraction(1, 10), 0)
+    start = bench.play([profile.segments()])
+    assert np.abs(errors_us(bench, start, profile)).max() < 2
+    at_rest(bench)
+
+
+# ---------------------------------------------------------------- how a motion ends
+
+
+@pytest.mark.parametrize("rate, brake", [(100, 4), (20_000, Fraction(1, 50)), (350_000, Fraction(3, 2))])
+def test_queue_runs_dry(rate, brake):
+    """A fault, and a ramp by BRAKE from the velocity there was."""
+    bench = Bench().settle()
+    bench.block()[stepper.BRAKE] = int(Fraction(brake) * ONE)
+    profile = steady(rate, 64)
+    start = bench.play([profile.segments(rest=False)])
+    block = bench.block()
+    assert block[stepper.FAULT] == bench.state[stepper.FAULTS] == stepper.FAULT_DRY
+    ticks = int(Fraction(rate, 1000) // brake)
+    v = Fraction(rate, 1000)
+    # displacements v, v - brake, v - 2·brake, … : the acceleration sets in a tick later
+    ideal = Profile([(64, 0), (1, 0), (ticks, -Fraction(brake))], v=v)
+    assert abs(block[stepper.POSITION] - ideal.end) <= float(v) + 2
+    times, ways = bench.times()
+    assert (ways == 1).all()
+    assert len(times) == block[stepper.POSITION]
+    rates = 1e6 * PER_US / np.diff(times)
+    assert rates.max() < rate * 1.01 + 1
+    assert times[-1] < start + (64 + ticks + 3) * PER_TICK
+
+
+def test_a_segment_that_begins_elsewhere():
+    """The plan and the motor disagree: a fault and a ramp, and no step to make up for it."""
+    for off in -1000, -3, -1, 1, 2, 5, 1024, 2**20:
+        for fraction in 0, ONE // 4, ONE // 2:
+            bench = Bench().settle()
+            bench.block()[stepper.BRAKE] = ONE // 50
+            profile = steady(3000, 64)
+            first, second = profile.segments(rest=False)
+            second = (second[0], second[1] + off, second[2] + fraction, *second[3:])
+            bench.play([[first, second]])
+            block = bench.block()
+            assert block[stepper.FAULT] == bench.state[stepper.FAULTS] == stepper.FAULT_PIN
+            times, ways = bench.times()
+            assert (ways == 1).all()
+            assert len(times) == block[stepper.POSITION]
+            assert 96 + 225 - 6 <= len(times) <= 96 + 225 + 6
+            assert np.diff(times).min() > 0.98 * PER_TICK / 3
+
+
+def test_rounding_at_a_joint_is_taken_in():
+    """Segments that disagree by a hair, as rounding has it: the next one's place holds, no fault."""
+    for hair in -30, -1, 1, 30:
+        for p in Fraction(0), Fraction(999_999, 1_000_000), Fraction(1, 3):
+            bench = Bench().settle()
+            bench.block()[stepper.FRACTION] = int(p * ONE)
+            profile = Profile([(32, 0), (32, 0), (1, 0)], p=p, v=1)
+            segments = profile.segments(rest=False)
+            t, whole, fraction, *rest = segments[1]
+            place = whole * ONE + fraction + hair
+            segments[1] = (t, place // ONE, place % ONE, *rest)
+            bench.play([segments], 60)
+            assert bench.state[stepper.FAULTS] == 0
+            assert np.abs(np.diff(bench.engines[0].rises) / PER_TICK - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("rate", [-200_000, -777, 15, 5_000, 60_000, 350_000])
+@pytest.mark.parametrize("decel", [Fraction(1, 1000), Fraction(1, 50), Fraction(1), Fraction(4)])
+@pytest.mark.parametrize("after", [40, 41, 64])
+def test_halt(rate, decel, after):
+    """From the next tick on slower by `decel` each tick; the steps made are where the motor stands."""
+    if abs(rate) / decel > 3_000_000:
+        decel *= 100
+    bench = Bench().settle()
+    block = bench.block()
+    bench.play([steady(rate, 200).segments(rest=False)], after)
+    made = len(bench.engines[0].rises)
+    places = []
+    bench.after_tick.append(lambda: places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE))
+    bench.tick()
+    places.clear()
+    places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE)
+    stepper.halt(block, int(decel * ONE))
+    v = Fraction(abs(rate), 1000)
+    ticks = int(v // decel)
+    bench.run(ticks + 2 + LEAD)
+    at_rest(bench)
+    gone = np.abs(np.diff(places))
+    expected = [float(v - (k + 1) * decel) for k in range(ticks)]
+    assert np.abs(gone[:ticks] - expected).max(initial=0) < 1e-3
+    assert gone[ticks] < 1  # what is left of a step is let go
+    assert not gone[ticks + 1 :].any()
+    times, ways = bench.times()
+    assert (ways == (1 if rate > 0 else -1)).all()
+    rates = 1e6 * PER_US / np.diff(times[made:])
+    assert rates.max(initial=0) < abs(rate) * 1.01 + 1
+
+
+def test_halt_while_speeding_up():
+    """The stop takes over from the velocity of that moment: no tick is faster than the last."""
+    for after in range(1, 70, 3):
+        bench = Bench().settle()
+        block = bench.block()
+        bench.play([trapezoid(64, Fraction(1, 10), 64).segments()], after)
+        places = []
+        bench.after_tick.append(lambda b=block, p=places: p.append(b[stepper.POSITION] + b[stepper.FRACTION] / ONE))
+        bench.tick()
+        stepper.halt(block, ONE // 5)
+        bench.run(60)
+        at_rest(bench)
+        gone = np.diff(places[: places.index(places[-1])])
+        assert (np.diff(gone) < 1e-4).all()
+        assert len(gone) < 2 or (np.abs(np.diff(gone)[:-1] + 0.2) < 1e-3).all()
+
+
+def test_halt_twice_takes_the_steeper():
+    def stop(*rates):
+        bench, *_ = moving(60_000)
+        for rate in rates:
+            stepper.halt(bench.block(), rate)
+            bench.run(3)
+        bench.run(4000)
+        at_rest(bench)
+        return bench.block()[stepper.POSITION]
+
+    gentle, hard = ONE // 50, ONE // 5
+    assert stop(gentle, hard) < stop(gentle)
+    assert stop(hard, gentle) == stop(hard)
+
+
+@pytest.mark.parametrize("when", ["idle", "started", "drained", "started while draining"])
+def test_halt_without_motion(when):
+    """Nothing moves by it, whatever the motor did before."""
+    bench = Bench().settle()
+    block = bench.block()
+    if "drain" in when:
+        # leave a motion that was cut short while speeding up
+        bench.play([trapezoid(64, Fraction(1, 10), 64).segments()], 20)
+        stepper.halt(block, ONE)
+        while block[stepper.MODE] != stepper.DRAIN:
+            bench.tick()
+    place = block[stepper.POSITION]
+    if "started" in when:
+        bench.put(0, [(t, p + place, *rest) for t, p, *rest in trapezoid(64, Fraction(1, 10), 64).segments()])
+        bench.start(0)
+    stepper.halt(block, ONE // 50)
+    bench.run(20)
+    at_rest(bench)
+    assert block[stepper.POSITION] == place
+    assert block[stepper.HEAD] == block[stepper.TAIL]
+    assert bench.state[stepper.FAULTS] == 0
