@@ -218,6 +218,20 @@ def test_linear_interpolation_jumps():
     assert verdict.worst_time_us < 1  # the frames themselves are right
 
 
+def test_a_turn_between_frames():
+    """A path that turns a little behind the frame with the greatest position is smooth; one that goes too far is not."""
+    steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
+    move = {1: steps, 2: np.arange(11) * 100}
+    good = trace_of(move, 24_000)
+    assert judge(good, move, 24_000).complaints == []
+    # 4/27 of (960 - 900) / 2 is 4.4
+    for pulses, fine in ((5, True), (6, False)):
+        trace = edited(good, 1, inserted(4, 0.02, [1] * pulses + [-1] * pulses, 20_000))
+        made = trace.positions(1)[1].max() - 1000
+        verdict = judge(trace, move, 24_000, limits=Limits(velocity_share=1, velocity_steps_s=1e5))
+        assert made >= pulses and ("against" not in str(verdict.complaints)) == fine, (made, verdict.complaints)
+
+
 def test_an_edge_off_the_path_is_found_between_frames():
     move = curves()
     ideal = {motor: Path(steps, 24_000) for motor, steps in move.items()}

@@ -15,7 +15,8 @@ What is required (each can fail alone, `Limits` has the figures):
                the motion turns the motor has arrived by then, and does not leave before
     sum        where the motor's own word is given, all steps of the trace add up to it
     holds      no edge between two frames with the same position
-    reversals  no edge against the motion between two frames
+    reversals  no edge against the motion between two frames, except where the motion turns: at a turn the path may pass
+               the frame's position as far as a cubic with the mean slope there does, 4/27 of that slope
     velocity   the two cubics fitted to the edges on either side of a frame have the same velocity there
     path       where the ideal path is given, each edge lies where the path crosses that step: reported, and judged
                where there is a limit for it
@@ -299,13 +300,16 @@ class _Motor:
         """Edges where nothing may move, and edges against the motion."""
         slack = int(self.limits.time_us * 1000)
         held = against = 0
+        past = np.zeros(len(self.steps), np.int64)
+        past[1:-1] = np.ceil(4 / 27 * np.abs(self.steps[2:] - self.steps[:-2]) / 2) * _turns(self.steps)[1:-1]
         for frame, travel in enumerate(np.diff(self.steps)):
             low, high = np.searchsorted(self.edges, (self.times[frame] + slack, self.times[frame + 1] - slack))
             signs = np.diff(self.positions[low : high + 1])
             if travel == 0:
                 held += len(signs)
             else:
-                against += int(np.count_nonzero(signs == -np.sign(travel)))
+                backward = int(np.count_nonzero(signs == -np.sign(travel)))
+                against += max(0, backward - int(past[frame] + past[frame + 1]))
         if held:
             complain(f"{held} steps while it should hold still")
         if against:
