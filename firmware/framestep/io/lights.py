@@ -129,7 +129,7 @@ class Lights:
 
     def fits(self, channel, count):
         """Whether there are these channels."""
-        return 1 <= channel and channel + count - 1 <= self.count
+        return 1 <= channel <= self.count and channel + count - 1 <= self.count
 
     @property
     def adjusting(self):

@@ -173,9 +173,10 @@ class Safety:
                 return i
 
     def poll(self, now, levels):
-        """Look at the switches, while one is or was active; now: milliseconds modulo 2^30, levels: HAL.levels(). Whether there is news.
+        """Look at the switches, while one is or was active. Whether there is news.
 
-        That is for the caller to act on: `tripped` has become True, or motors have come into `struck`.
+        now: milliseconds modulo 2^30, levels: HAL.levels(). The news is for the caller to act on: `tripped` has
+        become True, or motors have come into `struck`.
         """
         words = self.words
         for _ in range(_LOOKS):
