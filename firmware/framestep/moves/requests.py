@@ -27,9 +27,11 @@ class Moves:
         self.controller = controller
         self.reader = controller.reader
         axes = controller.axes
+        # an eighth of the memory for light levels, and last the positions, which take what is left
+        changes = min(4096, hal.upload_bytes // 48)
+        self.cues = CueStore(changes, min(512, changes // 8))
         self.store = UploadStore(axes.count, hal.upload_bytes)
         self.upload_frames = self.store.capacity_frames(axes.count)
-        self.cues = CueStore()
         self.stage = Stage(axes, self.store, controller.safety)
         self.show = Show(axes, controller.io.gio, controller.io.camera, controller.io.lights, self.cues)
         self.run = RunMove(self.stage, self.show)
