@@ -5,8 +5,9 @@ Nothing allocates after construction.
 
 from array import array
 
-_WRAP = 0x3FFFFFFF
-_HALF = 0x20000000
+from framestep.native import const
+
+_WRAP = const(0x3FFFFFFF)
 
 
 class Camera:
@@ -20,7 +21,8 @@ class Camera:
         self._shutter_pin = self._pin("shutter", self._shutter_high)
         self._meter_pin = self._pin("meter", self._meter_high)
         self.pulsing = array("i", [0])  # 1 during a pulse
-        self._end = 0  # of the pulse, ms
+        self._begin = 0  # of the pulse, ms
+        self._length = 0
 
     def _pin(self, key, high):
         pin = self.hal.board.get(key)
@@ -52,12 +54,13 @@ class Camera:
     def pulse(self, now, ms):
         """Both outputs on for `ms` milliseconds from `now` (modulo 2^30), then off; poll() ends it."""
         self.set(True, True)
-        self._end = (now + ms) & _WRAP
+        self._begin = now
+        self._length = ms
         self.pulsing[0] = 1
 
     def poll(self, now):
         """End a pulse whose time is over; now: milliseconds modulo 2^30."""
-        if self.pulsing[0] and (now - self._end) & _WRAP < _HALF:
+        if self.pulsing[0] and (now - self._begin) & _WRAP >= self._length:
             self.set(False, False)
 
     def safe(self):

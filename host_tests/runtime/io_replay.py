@@ -1,0 +1,179 @@
+"""Runs on MicroPython and on CPython: lights, inputs, outputs and stop inputs, the heap locked while they work.
+
+A line on standard input is an operation; what it shows is printed. See test_io.py.
+"""
+
+import sys
+from array import array
+
+from framestep.io.camera import Camera
+from framestep.io.gio import Gio
+from framestep.io.lights import CHANNELS, Lights
+from framestep.io.safety import Safety
+from framestep.protocol.frames import FrameWriter
+from framestep.rig import Rig
+
+try:
+    from micropython import heap_lock, heap_unlock
+except ImportError:
+
+    def heap_lock():
+        pass
+
+    heap_unlock = heap_lock
+
+MODE = 1
+VELOCITY = 3
+POSITION = 7
+BLOCK_WORDS = 32
+RIG = {
+    "outputs": [{"pin": 2, "safe": "on"}, {"pin": 3, "on": "low", "safe": "hold"}, {"pin": 29}],
+    "inputs": [{"pin": 28}, {"pin": 4, "on": "high", "pull": "down"}, {"pin": 29 - 1 - 1}],
+    "limits": [{"high": 10, "low": 11}, {"high": 12, "low": 13, "contact": "no"}],
+    "estop": "nc",
+    "meter_on": "low",
+}
+BOARD = {"estop": 19, "shutter": 20, "meter": 21}
+
+
+class Hal:
+    def __init__(self):
+        self.board = BOARD
+        self.level = 0
+
+    def output(self, pin, level):
+        self.level |= level << pin
+        return 1 << pin
+
+    def input(self, pin, pull):
+        self.level |= (1 if pull == "up" else 0) << pin
+        return 1 << pin
+
+    def drive(self, high, low):
+        self.level = (self.level | high) & ~low
+
+    def levels(self):
+        return self.level
+
+
+class Motor:
+    partner = leader = None
+    turned = 0
+
+    def __init__(self):
+        self.block = array("i", [0] * BLOCK_WORDS)
+
+    def position_to(self, target, i):
+        target[i] = self.block[POSITION]
+
+
+class Motors:
+    count = 8
+
+    def __init__(self):
+        self.motors = [Motor() for _ in range(self.count)]
+
+    def __getitem__(self, i):
+        return self.motors[i]
+
+
+class Bench:
+    def __init__(self):
+        rig = Rig(RIG, BOARD)
+        self.hal = Hal()
+        self.lights = Lights(512, 500)
+        self.gio = Gio(self.hal, rig)
+        self.camera = Camera(self.hal, rig)
+        self.motors = Motors()
+        self.safety = Safety(self.hal, rig, self.motors)
+        self.writer = FrameWriter()
+        self.target = array("i", [0])
+        self.now = 0
+        self.flags = 0
+        self.data = bytearray(600)
+
+    def poll(self, ms):
+        for _ in range(ms):
+            self.now = (self.now + 1) & 0x3FFFFFFF
+            level = self.hal.levels()
+            if self.gio.poll(self.now, level):
+                self.flags |= 1
+            if self.safety.poll(self.now, level):
+                self.flags |= 2
+            self.camera.poll(self.now)
+            self.lights.poll(self.now)
+        self.safety.report(self.writer, True)
+
+    def work(self, kind, a, b):
+        """One operation, the heap locked."""
+        if kind == "poll":
+            self.poll(a)
+        elif kind == "clock":
+            self.now = a
+        elif kind == "light":
+            self.lights.set(a, b)
+        elif kind == "lights":
+            self.lights.put(a, self.data, 1, b)
+        elif kind == "ramp":
+            self.lights.ramp(self.now, a, self.data, 1, b)
+        elif kind == "put":
+            self.gio.put(a, b)
+        elif kind == "cue":
+            self.flags = self.gio.outputs.pins(a, b) ^ self.gio.outputs.down
+        elif kind == "safe":
+            self.gio.safe()
+            self.camera.safe()
+        elif kind == "camera":
+            self.camera.set(a, b)
+        elif kind == "pulse":
+            self.camera.pulse(self.now, a)
+        elif kind == "assign":
+            self.safety.assign(a, b)
+        elif kind == "bars":
+            self.flags = self.safety.bars(a, self.target, 0)
+        elif kind == "pin":
+            self.hal.level = self.hal.level & ~(1 << a) | b << a
+
+
+def main():
+    bench = Bench()
+    out = bytearray(4096)
+    lights = bench.lights
+    for line in sys.stdin:
+        kind, a, b = line.split()
+        a, b = int(a), int(b)
+        if kind == "data":
+            for i in range(len(bench.data)):
+                bench.data[i] = (a * i + b) & 0xFF
+            continue
+        if kind == "target":
+            bench.target[0] = b
+            continue
+        if kind == "moves":
+            block = bench.motors[a].block
+            block[MODE] = 1 if b else 0
+            block[VELOCITY] = b
+            continue
+        if kind == "stands":
+            bench.motors[a].block[POSITION] = b
+            continue
+        bench.flags = 0
+        heap_lock()
+        try:
+            bench.work(kind, a, b)
+            adjusting = lights.adjusting
+            values = bench.gio.inputs.values
+            motors = bench.safety.struck_motors()
+        finally:
+            heap_unlock()
+        total = 0
+        for channel in range(CHANNELS + 1):
+            total = (total * 31 + lights.level(channel)) % 65521
+        count = bench.writer.take(out, len(out))
+        # MicroPython's b"".hex() is not a string
+        sent = bytes(memoryview(out)[:count]).hex() if count else "-"
+        print(kind, total, adjusting, bench.hal.level, values, motors, bench.safety.tripped, bench.flags, sent)
+
+
+if __name__ == "__main__":
+    main()
