@@ -10,6 +10,7 @@ from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import CHANNELS, Lights
 from framestep.io.safety import Safety
+from framestep.motion.reals import copy_word
 from framestep.protocol.frames import FrameWriter
 from framestep.rig import Rig
 
@@ -64,7 +65,7 @@ class Motor:
         self.block = array("i", [0] * BLOCK_WORDS)
 
     def position_to(self, target, i):
-        target[i] = self.block[POSITION]
+        copy_word(target, i, self.block, POSITION)
 
 
 class Motors:
@@ -94,7 +95,7 @@ class Bench:
 
     def poll(self, ms):
         for _ in range(ms):
-            self.now = (self.now + 1) & 0x3FFFFFFF
+            self.now = 0 if self.now == 0x3FFFFFFF else self.now + 1
             level = self.hal.levels()
             if self.gio.poll(self.now, level):
                 self.flags |= 1

@@ -44,7 +44,7 @@ def on_cpython(text):
 
 
 @given(st.lists(STEPS, min_size=200, max_size=300))
-@settings(max_examples=15, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
 def test_any_operations(unix32f, steps):
     text = "".join(f"{kind} {a} {b}\n" for kind, a, b in steps)
     answers = unix32f.run(REPLAY, stdin=text.encode()).split("\n")
