@@ -153,7 +153,7 @@ class Controller:
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         self.stage.stop()
         self.stage.drop()
-        self.axes.stop()
+        self.axes.stop(1, 0, True)
         self.io.safe()
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
@@ -353,7 +353,7 @@ class Controller:
         if self.stage.busy and self.stage.takes(motor):
             self.stage.stop(land=True)
         else:
-            self.axes[motor].stop(self.hal)
+            self.axes[motor].stop(self.hal, 1, True)
         return m.OK
 
     def _stop_all(self):
@@ -363,7 +363,7 @@ class Controller:
         self.stop_at = self.now
         self.jogging = 0
         landing = self.stage.stop(factor, factor == 1)
-        self.axes.stop(factor, landing)
+        self.axes.stop(factor, landing, factor == 1)
         return m.OK
 
     def _reset_position(self):
@@ -410,7 +410,7 @@ class Controller:
                 if not axis.moving:
                     self.jogging &= ~bit
                 elif limit and elapsed(self.now, self.jog_at[motor]) >= limit:
-                    axis.stop(self.hal)
+                    axis.stop(self.hal, 1, True)
                     self.jogging &= ~bit
 
     def _configure(self):

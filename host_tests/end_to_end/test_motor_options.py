@@ -217,3 +217,90 @@ def test_ramps_keep_the_jerk(jerk):
     else:
         assert steepest > 1_000_000  # a corner
     assert np.abs(acceleration).max() < 40000 * 1.1
+
+
+def steepest_change(edges, window=0.01):
+    """Greatest jerk (steps/s³) and acceleration of motor 1, from differences over windows of time."""
+    t = np.array([t for t, _ in steps(edges, 1)]) * 1e-9
+    made = np.cumsum([value for _, value in steps(edges, 1)])
+    grid = np.arange(t[0] + 2 * window, t[-1] - 2 * window, window)
+    acceleration = np.diff(np.interp(grid, t, made), 2) / window**2
+    return np.abs(np.diff(acceleration)).max() / window, np.abs(acceleration).max()
+
+
+def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
+    """The edges of a move that is stopped after a time, how long that took, and the position reported at the end."""
+    board, client = connect({"motors": [{"jerk": jerk}]})
+    client.request(MotorSetSpeed(1, 10000, 40000))
+    board.edges()
+    client.request(MotorMove(1, target))
+    client.pump(after_s)
+    asked = board.now_ns
+    for _ in range(stops):
+        assert client.code(request) == Ack.OK
+        client.pump(0.02)
+    client.wait_idle()
+    edges = board.edges()
+    return edges, (steps(edges, 1)[-1][0] - asked) * 1e-9, position(client, 1)
+
+
+@pytest.mark.parametrize("request_", [MotorStop(1), MotorStopAll()], ids=["STOP", "STOP_ALL"])
+@pytest.mark.parametrize("target", [4000, -4000])
+@pytest.mark.parametrize("after_s", [0.06, 0.12, 0.2, 0.3, 0.45, 0.6, 0.7])
+def test_a_stop_keeps_the_jerk(after_s, target, request_):
+    """Gathering speed, at full acceleration, cruising, slowing down: the motor comes to rest at once, and never
+    past the target that it had."""
+    edges, took, at = moved_and_stopped(200, after_s, request_, target)
+    jerk, acceleration = steepest_change(edges)
+    assert jerk < 200_000 * 1.3
+    assert acceleration < 40_000 * 1.05
+    signs = {value for _, value in steps(edges, 1)}
+    assert signs == {1 if target > 0 else -1}
+    assert len(steps(edges, 1)) == abs(at) <= 4000
+    # at most: lose the acceleration, then a ramp of A/j + v/A, after the twelve ticks that a plan waits
+    assert took < 0.2 + 0.2 + 0.25 + 0.02
+
+
+def test_stops_without_a_jerk_limit_and_hard_ones_are_immediate():
+    edges, took, _ = moved_and_stopped(0, 0.35, MotorStop(1))
+    assert took < 0.26  # v/A
+    assert steepest_change(edges)[0] > 1_000_000
+    edges, took, _ = moved_and_stopped(200, 0.35, MotorStopAll(), stops=2)
+    assert took < 0.02 + 0.07  # the second one is four times as steep
+    assert steepest_change(edges)[0] > 1_000_000
+
+
+def test_a_stop_asked_for_again_takes_no_longer():
+    _, once, at = moved_and_stopped(200, 0.5, MotorStop(1), 20000)
+    _, thrice, then = moved_and_stopped(200, 0.5, MotorStop(1), 20000, stops=3)
+    assert (once, at) == (thrice, then)
+    assert 0.44 < once < 0.48  # A/j + v/A, and until the plan takes over
+
+
+def test_a_jog_let_go_keeps_the_jerk():
+    board, client = connect({"motors": [{"jerk": 200}], "jog_timeout_ms": 300})
+    client.request(MotorSetSpeed(1, 10000, 40000))
+    board.edges()
+    client.request(MotorJog(1, 10000, INT32_MAX))
+    client.wait_idle()
+    edges = board.edges()
+    assert 1000 < len(steps(edges, 1)) == position(client, 1)
+    assert steepest_change(edges)[0] < 200_000 * 1.3
+
+
+def test_a_move_may_follow_a_stop_under_way():
+    board, client = connect({"motors": [{"jerk": 200}]})
+    client.request(MotorConfigure(1, 1 | COUPLE))
+    client.request(MotorSetSpeed(1, 10000, 40000))
+    rng = random.Random(5)
+    for _ in range(30):
+        target = rng.randint(-5000, 5000)
+        client.request(MotorMove(1, target))
+        client.pump(rng.random() * 0.5)
+        client.code(MotorStop(1))
+        client.pump(rng.random() * 0.3)
+    client.request(MotorMove(1, 77))
+    client.wait_idle()
+    edges = board.edges()
+    assert position(client, 1) == position(client, 2) == 77 == sum(value for _, value in steps(edges, 1))
+    assert [value for _, value in steps(edges, 1)] == [value for _, value in steps(edges, 2)]

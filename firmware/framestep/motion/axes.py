@@ -128,6 +128,7 @@ class Axis:
         self.planned = array("i", [0])  # the place that the phases lead to
         self.offset = 0  # from there to the motor's step: -backlash where the load is moved down
         self.seeking = False  # travel() has a target that must be met
+        self.easing = False  # a stop within the jerk limit is under way
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
         self.turned = 0
@@ -266,6 +267,7 @@ class Axis:
         self.more = False
         self.active = False
         self.aimed = False
+        self.easing = False
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
         self.offset = _gap(self.place, block)
@@ -354,15 +356,19 @@ class Axis:
             reals.copy_word(self.bases, 0, self.block, stepper.POSITION)
             reals.copy_word(self.bases, 1, self.partner.block, stepper.POSITION)
 
-    def stop(self, hal, factor=1):
+    def stop(self, hal, factor=1, smooth=False):
         """Ramp down from the next tick on, `factor` times as steeply as the motor is set to.
 
-        Coupled motors do so together, whichever is meant.
+        smooth: within the jerk limit, if the motor has one. That is a plan, which begins some ticks
+        from now and must be fed. Coupled motors stop together, whichever is meant.
         """
         if self.leader:
-            self.leader.stop(hal, factor)
+            self.leader.stop(hal, factor, smooth)
             return
         self.seeking = False
+        if smooth and self._ease(hal):
+            return
+        self.easing = False
         self.phases.clear()
         self.left = 0
         self.active = False
@@ -373,6 +379,22 @@ class Axis:
         if self.partner:
             stepper.halt(self.partner.block, rate)
         hal.irq_on(irq)
+
+    def _ease(self, hal):
+        """Plan a stop within the jerk limit; False where the motor has none, or does not move by segments."""
+        r = self.numbers
+        if reals.sign(r, JERK) <= 0 or self.block[stepper.MODE] != stepper.RUN:
+            return False
+        if self.easing:
+            return True  # a further request does not make it longer
+        self.prepare(hal)
+        if not ramps.plan_stop(self.phases, self.cubic, self.limits, _PHYSICAL, r, STEEP, JERK):
+            return False
+        self.easing = True
+        self.active = True
+        self.feed(2)
+        self.start(hal)
+        return True
 
     # ---------------------------------------------------------------- feeding the queue
 
@@ -494,8 +516,8 @@ class Axes:
             if bits >> i & 1:
                 self.axes[i].release()
 
-    def stop(self, factor=1, spared=0):
-        """Ramp all motors down but those of the bits `spared`."""
+    def stop(self, factor=1, spared=0, smooth=False):
+        """Ramp all motors down but those of the bits `spared`; see Axis.stop."""
         for i in range(self.count):
             if self.axes[i].moving and not spared >> i & 1:
-                self.axes[i].stop(self.hal, factor)
+                self.axes[i].stop(self.hal, factor, smooth)

@@ -18,7 +18,7 @@ Time in ticks of 1 ms, position in steps, along the direction of the motion. Not
 from array import array
 
 from framestep.motion import reals
-from framestep.motion.segments import G1, G2, G3, coefficient, distance, velocity
+from framestep.motion.segments import G1, G2, G3, WHOLE, coefficient, distance, velocity
 from framestep.native import const
 
 # Words of a phase
@@ -59,6 +59,8 @@ _THIRD = const(40)
 _SHORT = const(42)
 _SPARE = const(44)
 _FEW = const(46)
+
+_FARTHEST = const(0x20000000)  # steps
 
 _scratch = array("i", [0] * 48)
 reals.put(_scratch, _LEAVE, 1, -6)
@@ -389,15 +391,118 @@ def _cruise():
         reals.copy(r, _C, _V)
 
 
-def plan_stop(phases, cubic, limits, acceleration, jerk):
-    """Plan a ramp to rest, wherever that is."""
+def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
+    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on.
+
+    limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already goes on from the
+    deceleration it has, so it does not get past the end of a plan within the same limits. Returns False
+    where the way is longer than the planner can count (2^29 steps): nothing is planned.
+    """
     r = _scratch
     phases.clear()
     reals.fetch(r, _A, limits, acceleration)
     reals.fetch(r, _J, limits, jerk)
     velocity(r, _V, cubic, G1)
-    _level(phases, cubic)
+    velocity(r, _HIGH, cubic, G2)
+    reals.put(r, _S, 0, 0)
+    slowing = reals.sign(r, _V) * reals.sign(r, _HIGH) < 0
+    if slowing:
+        reals.double(r, _HIGH, _HIGH, 1)
+        if reals.sign(r, _HIGH) < 0:
+            reals.negate(r, _HIGH, _HIGH)
+        if reals.compare(r, _HIGH, _A) > 0:
+            reals.copy(r, _A, _HIGH)
+    else:
+        _level(phases, cubic)
+        reals.put(r, _HIGH, 0, 0)
     down = reals.sign(r, _V) < 0
     if down:
         reals.negate(r, _V, _V)
-    _push_ramp(phases, _V, _ZERO, False, down, None, 0)
+    else:
+        reals.negate(r, _S, _S)  # _level() counts what is left of a way
+    # A deceleration d at velocity v is what an S-curve from v + d²/2j has after d/j.
+    reals.divide(r, _LOW, _HIGH, _J)
+    reals.multiply(r, _X, _HIGH, _LOW)
+    reals.double(r, _X, _X, -1)
+    reals.copy(r, _W, _V)
+    if slowing and reals.compare(r, _V, _X) <= 0:
+        # In the last part of one: the deceleration ends with the velocity, T = 2·v/d, way v·T/3
+        reals.divide(r, _T1, _V, _HIGH)
+        reals.double(r, _T1, _T1, 1)
+        reals.multiply(r, _X, _V, _T1)
+        reals.multiply(r, _X, _X, _THIRD)
+        reals.add(r, _S, _S, _X)
+    else:
+        reals.add(r, _D, _V, _X)
+        reals.divide(r, _X, _D, _J)
+        reals.root(r, _T1, _X, _SPARE)
+        reals.divide(r, _X, _A, _J)
+        if reals.compare(r, _T1, _X) > 0:
+            reals.copy(r, _T1, _X)
+        if reals.compare(r, _T1, _FEW) < 0:
+            # as in _push_ramp: a jerk that is over within a few ticks is none
+            reals.divide(r, _T1, _V, _A)
+            reals.multiply(r, _X, _V, _T1)
+            reals.double(r, _X, _X, -1)
+            reals.add(r, _S, _S, _X)
+        else:
+            _push_stop(phases, down)
+    if not _nearest(targets, i, cubic, down):
+        phases.clear()
+        return False
+    if reals.compare(r, _T1, _SHORT) < 0:
+        reals.copy(r, _T1, _FEW)  # at rest already, but for a fraction of a step
+    _push_aim(phases, _T1, _W, _ZERO, down, targets, i)
+    return True
+
+
+def _push_stop(phases, down):
+    """Append an S-curve from _D to rest but for what lies before _LOW ticks and for its last part.
+
+    _T1: how long the jerk lasts, _HIGH: the deceleration after _LOW ticks. Leaves the velocity of the last
+    part in _W, and adds the way of all to _S.
+    """
+    r = _scratch
+    reals.multiply(r, _Y, _J, _T1)  # peak deceleration
+    reals.divide(r, _T2, _D, _Y)
+    reals.subtract(r, _T2, _T2, _T1)
+    # D·(2·T1 + T2)/2, less what lies before: D·t - j·t³/6
+    reals.double(r, _U, _T2, -1)
+    reals.add(r, _U, _U, _T1)
+    reals.subtract(r, _U, _U, _LOW)
+    reals.multiply(r, _X, _D, _U)
+    reals.add(r, _S, _S, _X)
+    reals.multiply(r, _Z, _J, _SIXTH)
+    reals.multiply(r, _X, _Z, _LOW)
+    reals.multiply(r, _X, _X, _LOW)
+    reals.multiply(r, _X, _X, _LOW)
+    reals.add(r, _S, _S, _X)
+    reals.subtract(r, _X, _T1, _LOW)
+    if reals.compare(r, _X, _SHORT) > 0:
+        reals.negate(r, _Z, _Z)
+        reals.double(r, _C, _HIGH, -1)
+        reals.negate(r, _C, _C)
+        _push(phases, RAMP, _X, _V, _C, _Z, down)
+    reals.multiply(r, _W, _Y, _T1)
+    reals.double(r, _W, _W, -1)
+    if reals.compare(r, _T2, _SHORT) > 0:
+        reals.multiply(r, _X, _Y, _T2)
+        reals.add(r, _X, _X, _W)
+        reals.double(r, _C, _Y, -1)
+        reals.negate(r, _C, _C)
+        _push(phases, RAMP, _T2, _X, _C, _ZERO, down)
+
+
+def _nearest(targets, i, cubic, down):
+    """targets[i] = the step nearest to where a way of _S leads; False where that is too far."""
+    r = _scratch
+    if reals.floor(r, _S, _FARTHEST) == _FARTHEST:
+        return False
+    if down:
+        reals.negate(r, _S, _S)
+    distance(r, _X, cubic, WHOLE, cubic)
+    reals.subtract(r, _S, _S, _X)
+    reals.put(r, _X, 1, -1)
+    reals.add(r, _S, _S, _X)
+    reals.add_word(targets, i, cubic, WHOLE, reals.floor(r, _S, _FARTHEST))
+    return True
