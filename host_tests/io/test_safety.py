@@ -17,11 +17,8 @@ ESTOP, HIGH, LOW = 19, 22, 26
 
 
 def test_words_are_those_of_the_kernel():
-    assert (module.MODE, module.VELOCITY, module.MOVES) == (
-        stepper.MODE,
-        stepper.VELOCITY,
-        stepper.RUN | stepper.STOP,
-    )
+    assert (module.MODE, module.VELOCITY, module.DOWN) == (stepper.MODE, stepper.VELOCITY, stepper.DOWN)
+    assert module.MOVES == stepper.RUN | stepper.STOP
 
 
 class Motor:
@@ -34,6 +31,8 @@ class Motor:
     def moves(self, velocity, mode=stepper.RUN):
         self.block[stepper.MODE] = mode if velocity else stepper.IDLE
         self.block[stepper.VELOCITY] = velocity * 4194
+        if velocity:
+            self.block[stepper.DOWN] = -1 if velocity < 0 else 0
 
     def position_to(self, target, i):
         target[i] = self.block[stepper.POSITION]
@@ -170,6 +169,8 @@ def test_limit(contact, swap, end):
     assert safety.bars(2, array("i", [1000]), 0) == m.OK
     assert safety.bars(3, further, 0) == m.OK
     motor.moves(-500 if up else 500)  # away
+    assert not bench.poll(10) and bench.reports() == []
+    motor.block[stepper.VELOCITY] *= -1  # at the end, before it has made a step
     assert not bench.poll(10) and bench.reports() == []
     bench.pins.put(HIGH if end == "high" else LOW, 1 - active)
     assert not bench.poll(RELEASE_MS) and safety.bars(2, further, 0) == refusal

@@ -26,6 +26,7 @@ except ImportError:
 MODE = 1
 VELOCITY = 3
 POSITION = 7
+DOWN = 10
 BLOCK_WORDS = 32
 RIG = {
     "outputs": [{"pin": 2, "safe": "on"}, {"pin": 3, "on": "low", "safe": "hold"}, {"pin": 29}],
@@ -154,6 +155,7 @@ def main():
             block = bench.motors[a].block
             block[MODE] = 1 if b else 0
             block[VELOCITY] = b
+            block[DOWN] = -1 if b < 0 and b & 2 else 0
             continue
         if kind == "stands":
             bench.motors[a].block[POSITION] = b

@@ -36,6 +36,7 @@ _MOTOR_WORDS = const(3)
 # Words of a motor's state block, as motion.stepper has them
 MODE = const(1)
 VELOCITY = const(3)
+DOWN = const(10)
 MOVES = const(3)  # RUN | STOP
 
 
@@ -63,12 +64,13 @@ def _approaching(w: ptr32) -> int:
         if (w[at + _UP] | w[at + _DOWN]) & active:
             block = ptr32(w[at + _BLOCK])
             if block[MODE] & MOVES:
+                # Both the velocity and the pulses: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
                 if v > _SLOWEST:
-                    if w[at + _UP] & active:
+                    if w[at + _UP] & active and block[DOWN] == 0:
                         bits |= 1 << i
                 elif v < 0 - _SLOWEST:
-                    if w[at + _DOWN] & active:
+                    if w[at + _DOWN] & active and block[DOWN]:
                         bits |= 1 << (i + _LOWER)
         at += _MOTOR_WORDS
         i += 1
