@@ -89,6 +89,90 @@ def test_going_on_after_the_last_frames_were_sent_again(again):
     assert answered[-1] == ",".join(map(str, [1] * index + positions + go_on))
 
 
+@pytest.mark.parametrize("step", [32767, -32767, 32768, -32768, 32769, -32769, 65535, 65536, -65536])
+@pytest.mark.parametrize("at", [1, 63, 64, 65])
+@pytest.mark.parametrize("first", [0, 7, -7])
+def test_differences_at_the_edge_of_16_bits(step, at, first):
+    move = [first] * at + [first + step] * (100 - at)
+    in_order = [axis(1, i, 0, move[i : i + 10]) for i in range(0, 100, 10)]
+    backwards = [axis(2, i, 0, move[i : i + 10]) for i in range(90, -1, -10)]
+    answered = answers("NEW 2 8000", "BEGIN 1 100", *in_order, *backwards, "FINISH", "READ 0 0")
+    assert set(answered[1:-1]) == {str(OK)}
+    assert answered[-1] == " ".join([",".join(map(str, move))] * 2)
+
+
+def test_going_on_in_a_chunk_that_is_kept_whole():
+    move = [0, 100_000, 0, 1, 2] + list(range(3, 98))
+    refused = axis(1, 5, 0, [3, -(2**31)])
+    sections = [axis(1, 0, 0, move[:5]), refused, axis(1, 5, 0, move[5:])]
+    answered = answers("NEW 1 8000", "BEGIN 1 100", *sections, "FINISH", "READ 0 0")
+    assert answered[2:-1] == [str(OK), str(ERR_RANGE), str(OK), str(OK)]
+    assert answered[-1] == ",".join(map(str, move))
+    answered = answers("NEW 1 8000", "BEGIN 1 100", *sections[:2], "FINISH", "READ 0 0")
+    assert answered[-1] == ",".join(map(str, move[:5] + [2] * 95))
+
+
+def test_a_refused_end_leaves_no_trace():
+    lines = [
+        "NEW 2 3784",
+        "BEGIN 0 831",
+        axis(1, 640, 0, [0, 100_000]),  # nor does an earlier upload
+        "BEGIN 0 831",  # leaves room to keep one chunk whole
+        axis(1, 0, 0, [1] * 10),
+        axis(2, 320, 0, [0, 100_000]),
+        axis(2, 0, 0, [0] * 70),
+        axis(2, 140, 0, [100_000] * 10),  # frames 128 to 139 will hold 0, so there will be a jump within a chunk
+        "FINISH",
+        axis(1, 9, 0, [5]),
+        axis(1, 300, 0, [6]),
+        axis(2, 128, 0, [100_000] * 12),
+        "FINISH",
+        "READ 0 0",
+    ]
+    answered = answers(*lines)
+    assert answered[8:13] == [str(ERR_RANGE), *[str(OK)] * 4]
+    motors = [1] * 9 + [5] * 291 + [6] * 532, [0] * 128 + [100_000] * 192 + [0] + [100_000] * 511
+    assert answered[-1] == " ".join(",".join(map(str, motor)) for motor in motors)
+
+
+def test_memory_for_one_jumping_chunk():
+    still, jumps = [5] * 64, [0, 100_000] * 32
+    answered = answers(
+        "NEW 1 2000",
+        "BEGIN 0 767",  # leaves room to keep one chunk whole
+        axis(1, 64, 0, jumps),
+        axis(1, 192, 0, jumps),
+        axis(1, 0, 0, jumps + still),  # the room in chunk 1 comes too late
+        axis(1, 64, 0, still + jumps),
+        axis(1, 192, 0, jumps),
+        axis(1, 128, 0, still),
+        axis(1, 192, 0, jumps),
+        axis(1, 0, 1, still),
+        axis(1, 320, 0, jumps),
+        "FINISH",
+        "READ 0 0",
+    )
+    assert answered[2:-1] == [str(c) for c in (OK, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, OK, OK, OK, OK, OK)]
+    assert answered[-1] == ",".join(map(str, [5] * 320 + jumps + [5] * 384))
+
+
+def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
+    lines = ["NEW 1 2000", "BEGIN 0 831", axis(1, 0, 0, [0] * 70), axis(1, 80, 0, [100_000] * 10)]
+    assert answers(*lines)[2:] == [str(OK), str(ERR_RANGE)]  # no room to keep a chunk whole
+    lines[3] = axis(1, 128, 0, [100_000] * 10)
+    assert answers(*lines, "FINISH")[2:] == [str(OK)] * 3
+    lines[3:] = [axis(1, 140, 0, [100_000] * 10), "FINISH", axis(1, 128, 0, [100_000] * 12), "FINISH", "READ 0 0"]
+    answered = answers(*lines)
+    assert answered[2:-1] == [str(c) for c in (OK, OK, ERR_RANGE, OK, OK)]
+    assert answered[-1] == ",".join(map(str, [0] * 128 + [100_000] * 704))
+
+
+def test_what_a_refused_section_needed_is_not_counted_at_the_end():
+    lines = ["NEW 1 2000", "BEGIN 0 767", axis(1, 0, 0, [0] * 70), axis(1, 192, 0, [0, 100_000] * 64)]
+    answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")  # one chunk to keep whole, and room for one
+    assert answered[2:] == [str(OK), str(ERR_RANGE), str(OK), str(OK)]
+
+
 def test_codes():
     assert (
         answers(

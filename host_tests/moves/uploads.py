@@ -139,16 +139,18 @@ _near = st.integers(-100_000, 100_000)
 
 
 @st.composite
-def _positions(draw, index, count):
+def _positions(draw, index, count, before):
     """A section's worth from frame `index` on: still, moving evenly, wandering or jumping."""
-    start = draw(st.one_of(_near, _near, _far))
+    start = draw(st.one_of(_near, _far, st.just(before), st.just(before)))
     kind = draw(st.sampled_from(["still", "even", "even", "wave", "jumps", "alternate", "edge", "lowest"]))
     limit = 2**31 - 2**17
     if kind == "still":
         return [start] * count
     if kind == "even":
         slope = draw(
-            st.one_of(st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.sampled_from([32767, -32767, 32768]))
+            st.one_of(
+                st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.sampled_from([32767, -32767, 32768, -32768])
+            )
         )
         return [max(-limit, min(limit, start + slope * i)) for i in range(count)]
     if kind == "wave":
@@ -195,7 +197,7 @@ def uploads(draw, steps=25):
 
     if draw(st.integers(0, 9)):
         begin()
-    in_order = {}
+    in_order, before = {}, {}
     for _ in range(draw(st.integers(0, steps))):
         kind = draw(st.sampled_from(["section"] * 14 + ["begin", "finish", "clear", "stray"]))
         if kind == "begin":
@@ -224,7 +226,9 @@ def uploads(draw, steps=25):
                 index = draw(st.one_of(st.integers(0, model.count + 3), st.integers(0, 2**31 - 1)))
             in_order[motor] = index + size
             last = draw(st.integers(0, 7)) == 0
-            positions = draw(_positions(index, size))
+            positions = draw(_positions(index, size, before.get(motor, 0)))
+            if positions and abs(positions[-1]) < 2**31 - 2**17:
+                before[motor] = positions[-1]
             add(axis(motor + 1, index, last, positions), "section", motor, index, last, positions)
     add("FINISH", "finish")
     add("READ 2 2", "read", 2, 2)

@@ -126,9 +126,11 @@ def _append(i: int, step: int, words: ptr32, memory: ptr16, at: int, stop: int, 
 
 @micropython.viper
 def _unsend(memory: ptr16, region: int, at: int, stop: int):
-    """Take back what _append() has left."""
+    """Take back what _append() has left; it has not touched a chunk that is kept whole."""
     while at < stop:
-        memory[region + (at >> 6) * _CHUNK + 2 + (at & 63)] = _UNSENT
+        chunk = region + (at >> 6) * _CHUNK
+        if memory[chunk] & 1 == 0:
+            memory[chunk + 2 + (at & 63)] = _UNSENT
         at += 1
 
 
@@ -329,9 +331,7 @@ def _hold(memory, words, motor: int, chunks: int) -> int:
     end = _VALUES + _FRAMES
     value = unsent
     region = word[motor + _REGION]
-    if word[motor + _MADE] < chunks:
-        _prepare(memory, region, word[motor + _MADE], chunks, -1, -1)
-        word[motor + _MADE] = chunks
+    _prepare(memory, region, word[motor + _MADE], chunks, -1, -1)
     at = 0
     if word[motor + _SENT] > 0:
         at = word[motor + _SENT] - 1 >> 6
