@@ -25,8 +25,8 @@ REGISTERS = const(64)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
-_FAR = const(0x3FFFFFFF)  # stands for no soft limit
 _BATCH = const(32)  # frames checked at a time
+_NO_LIMITS = array("i", [-(1 << 31), (1 << 31) - 1])
 
 
 def speed(motor):
@@ -85,11 +85,11 @@ class Follower:
         if axis.lower_enabled:
             reals.copy_word(window, path.LOWER, axis.limits, motion.LOWER)
         else:
-            window[path.LOWER] = -_FAR
+            reals.copy_word(window, path.LOWER, _NO_LIMITS, 0)
         if axis.upper_enabled:
             reals.copy_word(window, path.UPPER, axis.limits, motion.UPPER)
         else:
-            window[path.UPPER] = _FAR
+            reals.copy_word(window, path.UPPER, _NO_LIMITS, 1)
         return path.slope(window, 2 if before > 2 else before, 2 if after > 2 else after)
 
     def velocity(self, to, motor, index, step):

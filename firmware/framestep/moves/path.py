@@ -4,7 +4,8 @@ Between two frames a motor follows the cubic that has the frames' positions and 
 its ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocity never jumps.
 Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12,
 which follows sampled motion more closely than a parabola, held within the range that keeps the
-cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope).
+cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope)
+and away from a halt in passing (half the lesser slope).
 Where a motor holds still on either side the velocity is 0, so it never leaves a hold
 (field note 5.6).
 """
@@ -31,7 +32,9 @@ def slope(window: ptr32, before: int, after: int) -> int:
     here = window[2]
     back = here - window[1]
     ahead = window[3] - here
+    least = 6  # twelfths of the lesser slope: it never halts on its way through a frame
     if before == 0:
+        least = 0
         if after == 0:
             return 0
         # The parabola through the first three frames
@@ -40,6 +43,7 @@ def slope(window: ptr32, before: int, after: int) -> int:
             s = 18 * ahead - 6 * (window[4] - window[3])
         back = ahead
     elif after == 0:
+        least = 0
         s = 12 * back
         if before > 1:
             s = 18 * back - 6 * (window[1] - window[0])
@@ -53,16 +57,16 @@ def slope(window: ptr32, before: int, after: int) -> int:
     if back > 0 and ahead > 0:
         if ahead < back:
             back = ahead
-        if s < 0:
-            return 0
+        if s < least * back:
+            return least * back
         if s > 36 * back:
             return 36 * back
         return s
     if back < 0 and ahead < 0:
         if ahead > back:
             back = ahead
-        if s > 0:
-            return 0
+        if s > least * back:
+            return least * back
         if s < 36 * back:
             return 36 * back
         return s
@@ -73,9 +77,9 @@ def slope(window: ptr32, before: int, after: int) -> int:
         past = 0 - past
     past = (past * 4 + 323) // 324
     if back > 0:
-        if window[UPPER] - here < past:
+        if here > window[UPPER] - past:
             return 0
-    elif here - window[LOWER] < past:
+    elif here < window[LOWER] + past:
         return 0
     return s
 
