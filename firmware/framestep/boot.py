@@ -1,27 +1,61 @@
-"""From power-on to a running controller."""
+"""From power-on to a running controller.
+
+The uploaded move gets what memory is left when everything else has been loaded and made, in one piece. So the heap is
+collected often while modules are loaded, which leave holes otherwise, the code that reads the rig file goes again,
+and the move's memory is taken last.
+"""
 
 import gc
+import sys
 
-gc.threshold(4096)  # loading modules leaves holes in the heap that nothing large fits in, unless they are filled again
+import framestep
+from framestep.native import const
 
-from framestep import rig  # noqa: E402
-from framestep.board import BOARD  # noqa: E402
-from framestep.controller import Controller  # noqa: E402
-from framestep.hal.rp2 import Rp2Hal  # noqa: E402
+_DENSE = const(4096)  # bytes taken between two collections
 
 hal = None
 controller = None
 
 
+class Settings:
+    """What framestep.rig has read, without the code that did: it is needed once and would keep 9 kB."""
+
+    def __init__(self, rig, motors):
+        self.motors = [rig.motor(i) for i in range(motors)]
+        for name, value in rig.__dict__.items():
+            if name != "motors":
+                setattr(self, name, value)
+
+    def motor(self, i):
+        return self.motors[i]
+
+
+def _settings(board):
+    from framestep import rig
+
+    found, mistake = rig.load(board=board)
+    settings = Settings(found, len(board["step"]))
+    del sys.modules["framestep.rig"]
+    del framestep.rig
+    return settings, mistake
+
+
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller
-    settings, mistake = rig.load(board=BOARD)
+    gc.threshold(_DENSE)
+    from framestep.board import BOARD
+
+    settings, mistake = _settings(BOARD)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")
+    from framestep.controller import Controller
+    from framestep.hal.rp2 import Rp2Hal
+
     hal = Rp2Hal(BOARD, settings)
     controller = Controller(hal, settings, broken=mistake is not None)
-    gc.threshold(-1)
     hal.start()
+    controller.moves.take_memory()
+    gc.threshold(-1)
     hal.run(controller)

@@ -41,7 +41,7 @@ class Controller:
         self.broken = broken
         self.port = hal.port
         self.reader = FrameReader()
-        self.writer = FrameWriter()
+        self.writer = FrameWriter(2 * m.LARGEST_FRAME)
         self.axes = Axes(hal)
         self.safety = Safety(hal, rig, self.axes)
         self.io = Io(hal, rig, self.reader, self.writer, self.safety)

@@ -266,6 +266,7 @@ class HostBoard:
         self.rig = Rig(rig, BOARD)
         self.hal = HostHal(motors, self.rig)
         self.controller = Controller(self.hal, self.rig)
+        self.controller.moves.take_memory()
         self.next_tick = TICK_DELAY_NS
 
     @property

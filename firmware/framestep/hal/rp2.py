@@ -20,8 +20,9 @@ from framestep.native import const
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
-_HEAP_LEFT = const(32 * 1024)  # for the REPL and for what a user's own code needs
-_STEP = const(2048)
+_HEAP_LEFT = const(20 * 1024)  # for the REPL and for what a user's own code needs,
+_IN_ONE_PIECE = const(6 * 1024)  # of which so much is one block: a script is compiled in such
+_STEP = const(512)
 _WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
 
@@ -87,7 +88,7 @@ class Rp2Hal:
         size = gc.mem_free() - _HEAP_LEFT
         while size > _STEP:
             try:
-                bytearray(size)
+                bytearray(size + _IN_ONE_PIECE)
             except MemoryError:
                 size -= _STEP
                 continue

@@ -309,12 +309,16 @@ class CueStore:
 
     def __init__(self, changes=4096, triggers=512):
         """Room for `changes` changes of level (6 bytes each) and `triggers` frames with triggers (8 bytes each)."""
-        self._keys = _memory("i", 4, changes)
-        self._values = _memory("H", 2, changes)
-        self._table = _memory("i", 4, 2 * triggers)
         self._used = bytearray(CHANNELS + 1)  # by channel: 1 if it has data
         self._levels = bytearray(CHANNELS + 1)  # by channel: on their way to the lights
         self._words = array("i", [0] * _WORDS)
+        self.take(changes, triggers)
+
+    def take(self, changes, triggers):
+        """Another amount of room, as for the constructor; what is held is gone. Allocates."""
+        self._keys = _memory("i", 4, changes)
+        self._values = _memory("H", 2, changes)
+        self._table = _memory("i", 4, 2 * triggers)
         self._words[_CAPACITY] = changes
         self._words[_TRIGGER_CAPACITY] = triggers
         self.clear()

@@ -14,7 +14,10 @@ from framestep.moves.shoot import ShootFrame
 from framestep.moves.show import OUTPUTS, Show
 from framestep.moves.stage import Stage
 from framestep.moves.store import UploadStore
+from framestep.native import const
 from framestep.protocol import messages as m
+
+_BYTES_PER_CHANGE = const(192)  # of memory, 7 of which are for the change and its share of the triggers
 
 RUN_FLAGS = m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS
 
@@ -23,15 +26,11 @@ class Moves:
     """The uploaded move and everything that plays it. controller: for what is shared with other requests."""
 
     def __init__(self, controller):
-        hal = controller.hal
         self.controller = controller
         self.reader = controller.reader
         axes = controller.axes
-        # an eighth of the memory for light levels, and last the positions, which take what is left
-        changes = min(4096, hal.upload_bytes // 48)
-        self.cues = CueStore(changes, min(512, changes // 8))
-        self.store = UploadStore(axes.count, hal.upload_bytes)
-        self.upload_frames = self.store.capacity_frames(axes.count)
+        self.cues = CueStore(0, 0)
+        self.store = UploadStore(axes.count)
         self.stage = Stage(axes, self.store, controller.safety)
         self.show = Show(axes, controller.io.gio, controller.io.camera, controller.io.lights, self.cues)
         self.run = RunMove(self.stage, self.show)
@@ -52,6 +51,17 @@ class Moves:
             m.MSG_RT_STOP_LOOP: self._stop_loop,
             m.MSG_RT_JOG_ALL: self._jog_all,
         }
+
+    def take_memory(self):
+        """The last thing at boot: lights and triggers get 4 % of the memory that is left, positions the rest."""
+        changes = self.controller.hal.upload_bytes // _BYTES_PER_CHANGE
+        self.cues.take(changes, changes // 8)
+        self.store.take(self.controller.hal.upload_bytes)
+
+    @property
+    def upload_frames(self):
+        """How many frames can be uploaded for all motors."""
+        return self.store.capacity_frames(self.store.motors)
 
     def poll(self, now):
         """One pass. True where a frame has been reached that is to be told."""

@@ -13,8 +13,8 @@ the difference -32768, or the position -2^31. Either is read in at most 64 steps
 
 So a frame costs 2.06 bytes a motor, and 4.06 where a chunk is kept whole.
 
-Nothing but the constructor allocates. Positions go through arrays, as they need not fit a small integer; frame
-numbers and indexes are small integers. An index counts from 0 at the first frame of the range (field note 5.1).
+Nothing but the constructor and take() allocates. Positions go through arrays, as they need not fit a small integer;
+frame numbers and indexes are small integers. An index counts from 0 at the first frame of the range (field note 5.1).
 """
 
 from array import array
@@ -417,22 +417,32 @@ class UploadStore:
     refused changes nothing (field note 5.3). Motors are counted from 0.
     """
 
-    def __init__(self, motors, memory_bytes):
-        """Room for `motors` motors in `memory_bytes` of memory, taken here and kept; ValueError if not a chunk fits."""
-        halves = (memory_bytes // 2 - _CHUNK) // 64 * 64
+    def __init__(self, motors, memory_bytes=0):
+        """For `motors` motors; `memory_bytes` as for take(), 0: not yet."""
         self.motors = motors
-        self._halves = halves  # behind them lies the chunk for DRY
-        chunks = self._chunks(motors)
+        self._halves = 0  # of the memory; behind them lies the chunk for DRY
+        self._limit = 0
+        self._memory = None
+        self._words = array("i", [0] * (_MOTOR + _MOTOR_WORDS * motors))
+        self._bytes = memoryview(self._words).cast("B") if CPYTHON else self._words
+        self._words[_MOTORS] = motors
+        self.clear()
+        if memory_bytes:
+            self.take(memory_bytes)
+
+    def take(self, memory_bytes):
+        """Take that much memory and keep it; ValueError if not a chunk for each motor fits. Allocates one block."""
+        halves = (memory_bytes // 2 - _CHUNK) // 64 * 64
+        self._halves = halves
+        chunks = self._chunks(self.motors)
         if chunks < 1:
             raise ValueError(
-                "an upload of %d motors needs %d bytes or more, not %d" % (motors, bytes_for(motors, 1), memory_bytes)
+                "an upload of %d motors needs %d bytes or more, not %d"
+                % (self.motors, bytes_for(self.motors, 1), memory_bytes)
             )
         self._limit = chunks * _FRAMES
         # On the board a bytearray is what the heap gives without a copy.
         self._memory = array("H", bytes(2 * (halves + _CHUNK))) if CPYTHON else bytearray(2 * (halves + _CHUNK))
-        self._words = array("i", [0] * (_MOTOR + _MOTOR_WORDS * motors))
-        self._bytes = memoryview(self._words).cast("B") if CPYTHON else self._words
-        self._words[_MOTORS] = motors
         self._words[_SPARE] = halves
         self.clear()
 
