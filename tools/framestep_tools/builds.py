@@ -1,10 +1,12 @@
 """Where the builds of MicroPython lie, made by tools/micropython/build.sh when they are missing."""
 
+import hashlib
+import os
 import shutil
 import subprocess
 from pathlib import Path
 
-from framestep_tools.files import CACHE, ROOT
+from framestep_tools.files import CACHE, ROOT, board_files
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -18,10 +20,14 @@ class BuildError(Exception):
     """A build is missing and cannot be made here; the text says why."""
 
 
-def _run(*command: str) -> None:
-    result = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+def _run(*command: str, **environment: str) -> str:
+    """What the command prints on standard output."""
+    result = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, capture_output=True, text=True
+    )
     if result.returncode != 0:
         raise BuildError(f"{' '.join(command)} failed:\n{result.stderr.strip()}")
+    return result.stdout
 
 
 def micropython(target: str) -> Path:
@@ -29,6 +35,37 @@ def micropython(target: str) -> Path:
     product = CACHE / _PRODUCTS[target]
     if not product.exists():
         _run("tools/micropython/build.sh", target)
+    return product
+
+
+def frozen(board: str = "pico") -> Path:
+    """Firmware with everything that a board gets in it, main.py too; made anew when a source has changed.
+
+    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board would get copied.
+    """
+    files = {name.removeprefix("/lib"): data for name, data in board_files(board=board).items()}
+    folder = CACHE / "frozen" / board
+    manifest = folder / "manifest.py"
+    files["/manifest.py"] = b'freeze("modules")\n'
+    stamp, digest = folder / "stamp", hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
+    product = (
+        CACHE / "build" / f"rp2-{hashlib.sha256(str(manifest.resolve()).encode()).hexdigest()[:8]}" / "firmware.bin"
+    )
+    if product.exists() and stamp.exists() and stamp.read_text() == digest:
+        return product
+    stamp.unlink(missing_ok=True)
+    kept = set()
+    for name, data in files.items():
+        path = folder / ("" if name == "/manifest.py" else "modules") / name.lstrip("/")
+        kept.add(path)
+        if not path.exists() or path.read_bytes() != data:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+    for path in folder.rglob("*"):
+        if path.is_file() and path not in kept:
+            path.unlink()
+    _run("tools/micropython/build.sh", "rp2", FROZEN=str(manifest))
+    stamp.write_text(digest)
     return product
 
 

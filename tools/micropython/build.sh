@@ -178,6 +178,9 @@ rp2() {
     [ -e "$dir/Makefile" ] || step rp2-cmake "configuring the RP2040 firmware" \
         cmake -S "$MP/ports/rp2" -B "$dir" -DMICROPY_BOARD=RPI_PICO \
         -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py" -DPICO_NO_PICOTOOL=1
+    # Long jumps in Thumb code read their distance from a whole word, but MicroPython 1.26 puts frozen code at any half
+    # word, where half of the functions jump to nowhere.
+    sed -i 's/__attribute__ ((aligned (2)))/__attribute__ ((aligned (4)))/' "$MP/tools/mpy-tool.py"
     # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
     step rp2-make "building the RP2040 firmware" make -C "$dir" -j"$JOBS"
 }
