@@ -60,40 +60,88 @@ _ADD = const(17)  # changes that come in
 _WORDS = const(18)
 
 
-@micropython.viper
-def _move_words(words: ptr32, to: int, at: int, count: int):
-    """Move `count` words within an array; the places may overlap."""
-    if to < at:
-        count += at
-        while at < count:
-            words[to] = words[at]
-            at += 1
-            to += 1
-    elif to > at:
-        count += at
-        to += count - at
-        while count > at:
-            count -= 1
-            to -= 1
-            words[to] = words[count]
+if CPYTHON:
 
+    def _move_words(to, at, count, words):
+        """Move `count` words within an array('i'), from words[at] on to words[to] on; the places may overlap."""
+        words[to : to + count] = words[at : at + count]
 
-@micropython.viper
-def _move_halves(halves: ptr16, to: int, at: int, count: int):
-    """The same for half words."""
-    if to < at:
-        count += at
-        while at < count:
-            halves[to] = halves[at]
-            at += 1
-            to += 1
-    elif to > at:
-        count += at
-        to += count - at
-        while count > at:
-            count -= 1
-            to -= 1
-            halves[to] = halves[count]
+    def _move_halves(to, at, count, halves):
+        """The same for half words."""
+        halves[to : to + count] = halves[at : at + count]
+
+else:
+
+    @micropython.viper
+    def _move_words(to: int, at: int, count: int, words: ptr32):
+        # Viper keeps the first two parameters in registers on ARM: here they become addresses.
+        if to < at:
+            to = int(words) + (to << 2)
+            at = int(words) + (at << 2)
+            while count >= 4:
+                ptr32(to)[0] = ptr32(at)[0]
+                ptr32(to)[1] = ptr32(at)[1]
+                ptr32(to)[2] = ptr32(at)[2]
+                ptr32(to)[3] = ptr32(at)[3]
+                to += 16
+                at += 16
+                count -= 4
+            while count > 0:
+                ptr32(to)[0] = ptr32(at)[0]
+                to += 4
+                at += 4
+                count -= 1
+        elif to > at:
+            to = int(words) + (to + count << 2)
+            at = int(words) + (at + count << 2)
+            while count >= 4:
+                to -= 16
+                at -= 16
+                ptr32(to)[3] = ptr32(at)[3]
+                ptr32(to)[2] = ptr32(at)[2]
+                ptr32(to)[1] = ptr32(at)[1]
+                ptr32(to)[0] = ptr32(at)[0]
+                count -= 4
+            while count > 0:
+                to -= 4
+                at -= 4
+                ptr32(to)[0] = ptr32(at)[0]
+                count -= 1
+
+    @micropython.viper
+    def _move_halves(to: int, at: int, count: int, halves: ptr16):
+        if to < at:
+            to = int(halves) + (to << 1)
+            at = int(halves) + (at << 1)
+            while count >= 4:
+                ptr16(to)[0] = ptr16(at)[0]
+                ptr16(to)[1] = ptr16(at)[1]
+                ptr16(to)[2] = ptr16(at)[2]
+                ptr16(to)[3] = ptr16(at)[3]
+                to += 8
+                at += 8
+                count -= 4
+            while count > 0:
+                ptr16(to)[0] = ptr16(at)[0]
+                to += 2
+                at += 2
+                count -= 1
+        elif to > at:
+            to = int(halves) + (to + count << 1)
+            at = int(halves) + (at + count << 1)
+            while count >= 4:
+                to -= 8
+                at -= 8
+                ptr16(to)[3] = ptr16(at)[3]
+                ptr16(to)[2] = ptr16(at)[2]
+                ptr16(to)[1] = ptr16(at)[1]
+                ptr16(to)[0] = ptr16(at)[0]
+                count -= 4
+            while count > 0:
+                to -= 2
+                at -= 2
+                ptr16(to)[0] = ptr16(at)[0]
+                count -= 1
 
 
 @micropython.viper
@@ -201,12 +249,13 @@ def _drop(keys: ptr32, values: ptr16, i: int, high: int, tag: int):
 
 
 @micropython.viper
-def _merge(words: ptr32, keys: ptr32, values: ptr16, source: ptr8, at: int, count: int):
-    """Put the section's changes among those from FROM on, from the last one to the first; their room is behind them."""
-    add = words[_ADD]
+def _merge(i: int, to: int, words: ptr32, keys: ptr32, values: ptr16, source: ptr8, at: int, count: int):
+    """Put the section's changes among those from FROM to `i`, from the last one to the first; `to` is behind it all.
+
+    (`to` could be had here; the first two parameters are those that viper keeps in registers on ARM.)
+    """
+    add = to - i
     low = words[_FROM]
-    i = words[_TO] - words[_DROP]  # behind the changes that are there
-    to = i + add
     n = count  # the level that a change leads to; the one behind the section stands for what follows
     stop = words[_STOP]
     if stop == words[_FRAMES] or words[_AFTER] == source[at + count - 1]:
@@ -223,6 +272,8 @@ def _merge(words: ptr32, keys: ptr32, values: ptr16, source: ptr8, at: int, coun
                 value |= words[_AFTER] << 8
         else:
             value = source[at + n]
+            if add == 1 and words[_BEFORE] != source[at]:
+                n = 0  # the one that is left is that of the first frame
             while n > 0 and source[at + n - 1] == value:
                 n -= 1
             key |= words[_START] + n << _FRAME_SHIFT
@@ -274,7 +325,7 @@ def _reserve(words, table, source, at: int, count: int) -> int:
         if i == held or entries[i * 2] >> 1 != frame:
             if held == word[_TRIGGER_CAPACITY]:
                 return 0
-            _move_words(table, i * 2 + 2, i * 2, (held - i) * 2)
+            _move_words(i * 2 + 2, i * 2, (held - i) * 2, table)
             entries[i * 2] = frame << 1 | 1
             word[_TRIGGERS] = held + 1
         at += 8
@@ -392,9 +443,9 @@ class CueStore:
         more = word[_ADD] - word[_DROP]
         if word[_DROP]:
             _drop(keys, values, word[_FROM], high, tag)
-        _move_words(keys, high + more, high, held - high)
-        _move_halves(values, high + more, high, held - high)
-        _merge(words, keys, values, source, at, count)
+        _move_words(high + more, high, held - high, keys)
+        _move_halves(high + more, high, held - high, values)
+        _merge(high - word[_DROP], high + more, words, keys, values, source, at, count)
         word[_CHANGES] = held + more
         if word[_AFTER] & _UNSENT:  # the gap behind holds another level now, and so does the change that ends it
             i = int(_next_of(high + more, held + more, keys, tag))
@@ -424,8 +475,7 @@ class CueStore:
             return int(ERR_GENERAL)
         if count < 0:
             return int(ERR_RANGE)
-        start = int(reader.payload)
-        at = start + offset
+        at = int(reader.payload) + offset
         if int(_reserve(words, table, source, at, count)) == 0:
             _take_back(words, table)
             return int(ERR_RANGE)
@@ -441,9 +491,7 @@ class CueStore:
             )
             at += 8
             count -= 1
-        word[_MASK] = (
-            sent[start] | sent[start + 1] << 8 | sent[start + 2] << 16 | ((sent[start + 3] ^ 0x80) - 0x80) << 24
-        )
+        reader.word_to(0, words, _MASK)
         word[_TRIGGERS_SENT] = 1
         return int(OK)
 
