@@ -34,6 +34,15 @@ class Pins:
     def levels(self):
         return self.level
 
+    def watch(self, bits, handler):
+        self.watched = (bits, handler)
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
+
     def put(self, pin, level):
         """The world outside (or a test) puts a pin to a level."""
         self.level = self.level & ~(1 << pin) | level << pin

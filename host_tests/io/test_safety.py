@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from framestep.io import safety as module
 from framestep.io.safety import RELEASE_MS, Safety
 from framestep.motion import stepper
+from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.protocol import messages as m
 from framestep.protocol.frames import FrameWriter
 from host_tests.io.pins import Pins, rig
@@ -96,6 +97,55 @@ def test_estop(contact, pressed):
     assert not bench.poll() and not safety.tripped
     bench.pins.put(ESTOP, pressed)
     assert bench.poll() and safety.tripped and bench.reports() == [(m.HARD_STOP_GENERAL,)]
+
+
+@pytest.mark.parametrize("factor", [1, 4])
+def test_an_interrupt_halts_every_motor_at_once(factor):
+    bench = Bench(estop="nc", hard_stop_factor=factor)
+    bench.pins.put(ESTOP, 0)
+    bench.poll(30)
+    bits, catch = bench.pins.watched
+    assert bits == 1 << ESTOP
+    steepest = kernel_rate(STEEPEST)
+    for i in range(8):
+        bench.motors[i].moves(500 - 100 * i)  # one of them stands still
+        bench.motors[i].block[stepper.BRAKE] = 1000 * (i + 1) if i < 7 else steepest - 1
+    catch(None)  # a spike: it is over
+    assert not bench.poll() and all(motor.block[stepper.MODE] != stepper.STOP for motor in bench.motors.motors)
+    bench.pins.put(ESTOP, 1)
+    catch(None)
+    for i, motor in enumerate(bench.motors.motors):
+        if i == 5:
+            assert motor.block[stepper.MODE] == stepper.IDLE
+        else:
+            rate = min(motor.block[stepper.BRAKE] * factor, steepest)
+            assert (motor.block[stepper.MODE], motor.block[stepper.DECEL]) == (stepper.STOP, rate)
+    bench.pins.put(ESTOP, 0)  # pressed for less than a pass of the main loop
+    catch(None)
+    assert bench.poll() and bench.safety.tripped and bench.reports() == [(0,)]
+    assert not bench.poll(RELEASE_MS - 1) and bench.safety.tripped
+    bench.poll()
+    assert not bench.safety.tripped
+
+
+def test_an_interrupt_halts_a_motor_at_its_limit():
+    bench = Bench(limits=[{"high": HIGH, "contact": "no"}])
+    leader, partner, other = (bench.motors[i] for i in (0, 1, 2))
+    leader.partner, partner.leader = partner, leader
+    bench.safety.assign(1, 1)
+    for motor in (leader, partner, other):
+        motor.moves(300)
+        motor.block[stepper.BRAKE] = 1000
+    bench.pins.put(HIGH, 0)
+    bench.pins.watched[1](None)
+    assert leader.block[stepper.MODE] == partner.block[stepper.MODE] == stepper.STOP
+    assert other.block[stepper.MODE] == stepper.RUN
+    for motor in (leader, partner):
+        motor.moves(0)  # it has come to rest before the main loop looks
+    bench.pins.put(HIGH, 1)
+    assert bench.poll() and bench.safety.struck_motors() == 1
+    assert bench.reports() == [(m.HARD_STOP_UPPER, 2)]
+    assert not bench.poll(50) and bench.reports() == []
 
 
 def test_a_wire_that_is_off_stops_a_normally_closed_one():

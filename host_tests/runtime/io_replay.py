@@ -27,6 +27,8 @@ MODE = 1
 VELOCITY = 3
 POSITION = 7
 DOWN = 10
+BRAKE = 20
+DECEL = 19
 BLOCK_WORDS = 32
 RIG = {
     "outputs": [{"pin": 2, "safe": "on"}, {"pin": 3, "on": "low", "safe": "hold"}, {"pin": 29}],
@@ -56,6 +58,15 @@ class Hal:
 
     def levels(self):
         return self.level
+
+    def watch(self, bits, handler):
+        self.watched = (bits, handler)
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
 
 
 class Motor:
@@ -87,6 +98,8 @@ class Bench:
         self.gio = Gio(self.hal, rig)
         self.camera = Camera(self.hal, rig)
         self.motors = Motors()
+        for i in range(8):
+            self.motors[i].block[BRAKE] = 1000 + 2000000 * i
         self.safety = Safety(self.hal, rig, self.motors)
         self.writer = FrameWriter()
         self.target = array("i", [0])
@@ -135,6 +148,7 @@ class Bench:
             self.flags = self.safety.bars(a, self.target, 0)
         elif kind == "pin":
             self.hal.level = self.hal.level & ~(1 << a) | b << a
+            self.safety.catch(None)
 
 
 def main():
@@ -175,7 +189,8 @@ def main():
         count = bench.writer.take(out, len(out))
         # MicroPython's b"".hex() is not a string
         sent = bytes(memoryview(out)[:count]).hex() if count else "-"
-        print(kind, total, adjusting, bench.hal.level, values, motors, bench.safety.tripped, bench.flags, sent)
+        slowing = [motor.block[DECEL] for motor in bench.motors.motors if motor.block[MODE] == 2]
+        print(kind, slowing, total, adjusting, bench.hal.level, values, motors, bench.safety.tripped, bench.flags, sent)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@
     input(pin, pull) -> bit     make a pin an input, pull "up", "down" or "none"; its bit in levels(). At boot only
     drive(high, low)  drive the pins of these bits high and low, all at once; from interrupt handlers too
     levels() -> bits  of the pins that are high, others than inputs as well
+    watch(bits, handler)  call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot
     dmx               what puts light levels on a wire (below)
 
 and a port is one with

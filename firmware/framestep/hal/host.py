@@ -155,6 +155,8 @@ class HostHal:
         self.names.update({pin: "gio%d" % i for i, pin in enumerate(BOARD["gio"], 1)})
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
+        self._watched = 0
+        self._handler = None
         self.dmx = HostDmx(self) if rig.dmx else NoDmx()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
@@ -235,11 +237,17 @@ class HostHal:
     def levels(self):
         return self._levels
 
+    def watch(self, bits, handler):
+        self._watched = bits
+        self._handler = handler
+
     def set_level(self, pin, level):
         """The world outside puts a pin to a level."""
         if (self._levels >> pin & 1) != level:
             self._levels ^= 1 << pin
             self.tell(self.names.get(pin, "pin%d" % pin), level)
+            if self._watched >> pin & 1:
+                self._handler(None)
 
     def trouble(self):
         lost = sum(engine.lost for engine in self.engines)

@@ -130,6 +130,11 @@ class Rp2Hal:
         Pin(pin, Pin.IN, pull={"up": Pin.PULL_UP, "down": Pin.PULL_DOWN, "none": None}[pull])
         return 1 << pin
 
+    def watch(self, bits, handler):
+        for pin in range(30):
+            if bits >> pin & 1:
+                Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
+
     def trouble(self):
         return TROUBLE_LOST_COMMAND if lost_commands(self.motors) else 0
 

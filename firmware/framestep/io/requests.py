@@ -19,6 +19,7 @@ _PULSE = const(16)
 _ALL = const(0)  # Safety
 _REST = const(1)
 _ACTIVE = const(3)
+_CAUGHT = const(5)
 _STABLE = const(0)  # Inputs
 _RAW = const(1)
 _PINS = const(2)
@@ -29,7 +30,7 @@ _RAMPING = const(1)
 @micropython.viper
 def _due(switches: ptr32, inputs: ptr32, lights: ptr32, camera: ptr32, levels: int) -> int:
     due = 0
-    if (levels ^ switches[_REST]) & switches[_ALL] | switches[_ACTIVE]:
+    if (levels ^ switches[_REST]) & switches[_ALL] | switches[_ACTIVE] | switches[_CAUGHT]:
         due = _SWITCHES
     if ((levels ^ inputs[_STABLE]) | (levels ^ inputs[_RAW])) & inputs[_PINS]:
         due |= _INPUTS

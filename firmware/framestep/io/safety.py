@@ -6,11 +6,16 @@ again three times against spikes, and as released once it has been so for RELEAS
 A limit acts on the motors that SET_LIMITS has given its set: on one that moves toward it. The E-stop
 acts on all, and while it is held nothing may move. It asks the motors to stop; it does not cut their power.
 
+A change on a pin calls catch() in an interrupt, which makes motors slow down from the next tick on, all in
+the same one, whatever the main loop is busy with. poll() then ends what they were doing, and tells the host.
+
 Nothing allocates after construction.
 """
 
 from array import array
 
+from framestep.motion.axes import STEEPEST, kernel_rate
+from framestep.motion.stepper import halt_motors
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
@@ -26,8 +31,10 @@ _REST = const(1)  # their levels while none is active
 _SEEN = const(2)  # those active at the last look
 _ACTIVE = const(3)  # the same, held for RELEASE_MS
 _SINCE = const(4)  # when _SEEN changed
-_COUNT = const(5)  # motors; for each of them three words follow:
-_MOTORS = const(6)
+_CAUGHT = const(5)  # those that an interrupt has found active
+_STRUCK = const(6)  # motors that it has stopped at a limit, as _approaching has them
+_COUNT = const(7)  # motors; for each of them three words follow:
+_MOTORS = const(8)
 _BLOCK = const(0)  # address of its state block
 _UP = const(1)  # pin of the limit switch at its upper end, or 0
 _DOWN = const(2)
@@ -41,22 +48,34 @@ MOVES = const(3)  # RUN | STOP
 
 
 @micropython.viper
-def _update(w: ptr32, levels: int, now: int):
-    """Take in what has been seen."""
+def _update(w: ptr32, levels: int, now: int) -> int:
+    """Take in what has been seen and caught; the motors of _STRUCK. Interrupts are off."""
     seen = (levels ^ w[_REST]) & w[_ALL]
-    if seen ^ w[_SEEN]:
+    struck = w[_STRUCK]
+    if (seen ^ w[_SEEN]) | w[_CAUGHT]:
         w[_SEEN] = seen
         w[_SINCE] = now
+    seen |= w[_CAUGHT]
+    w[_CAUGHT] = 0
+    w[_STRUCK] = 0
     if (now - w[_SINCE]) & _WRAP >= RELEASE_MS:
         w[_ACTIVE] = seen
     else:
         w[_ACTIVE] = w[_ACTIVE] | seen
+    return struck
 
 
 @micropython.viper
-def _approaching(w: ptr32) -> int:
+def _catch(w: ptr32, levels: int) -> int:
+    """Take in the levels seen in an interrupt: the switches active in them."""
+    seen = (levels ^ w[_REST]) & w[_ALL]
+    w[_CAUGHT] = w[_CAUGHT] | seen
+    return seen
+
+
+@micropython.viper
+def _approaching(w: ptr32, active: int) -> int:
     """Motors that move toward an active limit: bit 0 on for the upper end, bit _LOWER on for the lower one."""
-    active = w[_ACTIVE]
     bits = 0
     i = 0
     at = _MOTORS
@@ -111,6 +130,7 @@ class Safety:
         words[_COUNT] = axes.count
         for i in range(axes.count):
             words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
+        self.blocks = [axes[i].block for i in range(axes.count)]
         self.sets = [
             (self._switch(limit["high"], limit["contact"]), self._switch(limit["low"], limit["contact"]))
             for limit in rig.limits
@@ -118,12 +138,16 @@ class Safety:
         self._estop = 0
         if rig.estop != "none":
             self._estop = self._switch(hal.board["estop"], rig.estop)
+        self._everyone = (1 << axes.count) - 1
+        self._steepest = kernel_rate(STEEPEST)
         self._place = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.struck = 0  # motors that are being stopped at a limit, as _approaching has them
         # what is to be sent unasked
         self._say_estop = False
         self._say_struck = 0
+        if self.words[_ALL]:
+            hal.watch(self.words[_ALL], self.catch)
 
     def _switch(self, pin, contact):
         """Make a pin the input of a switch to ground; its bit."""
@@ -174,6 +198,26 @@ class Safety:
             if self.axes[i] is axis:
                 return i
 
+    def _steady(self, levels):
+        """The levels, in which a switch is active only if it is so at each of some looks."""
+        rest = self.words[_REST]
+        levels ^= rest
+        for _ in range(_LOOKS):
+            levels &= self.hal.levels() ^ rest
+        return levels ^ rest
+
+    def catch(self, _source):
+        """A switch has changed. From a hard interrupt, for which it takes long: some tenths of a millisecond."""
+        words = self.words
+        active = _catch(words, self._steady(self.hal.levels()))
+        if active & self._estop:
+            halt_motors(self.blocks, self._everyone, self.factor, self._steepest)
+        elif active:
+            bits = _approaching(words, active)
+            if bits:
+                words[_STRUCK] |= bits
+                halt_motors(self.blocks, self._coupled(bits), self.factor, self._steepest)
+
     def poll(self, now, levels):
         """Look at the switches, while one is or was active. Whether there is news.
 
@@ -181,23 +225,35 @@ class Safety:
         become True, or motors have come into `struck`.
         """
         words = self.words
-        for _ in range(_LOOKS):
-            # a switch counts as active if it is so each time
-            levels = words[_REST] ^ ((levels ^ words[_REST]) & (self.hal.levels() ^ words[_REST]))
-        _update(words, levels, now)
+        levels = self._steady(levels)
+        irq = self.hal.irq_off()
+        bits = _update(words, levels, now)
+        self.hal.irq_on(irq)
         news = False
         held = words[_ACTIVE] & self._estop != 0
         if held != self.tripped:
             self.tripped = held
             self._say_estop = held
             news = held
-        bits = _approaching(words)
+        bits |= _approaching(words, words[_ACTIVE])
         fresh = bits & ~self.struck
         self.struck = bits
         if fresh:
             self._say_struck |= fresh
             news = True
         return news
+
+    def _coupled(self, bits):
+        """The motors of such bits and those coupled to them, one bit each."""
+        bits |= bits >> _LOWER
+        motors = 0
+        for i in range(self.axes.count):
+            if bits >> i & 1:
+                motors |= 1 << i
+                other = self.axes[i].leader or self.axes[i].partner
+                if other:
+                    motors |= 1 << self._number(other)
+        return motors
 
     def struck_motors(self):
         """Motors to be stopped at a limit, one bit each; of coupled ones the leader."""

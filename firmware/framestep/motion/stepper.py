@@ -623,3 +623,21 @@ def halt(m: ptr32, rate: int):
             m[DECEL] = rate
     else:
         m[HEAD] = m[TAIL]
+
+
+@micropython.viper
+def halt_motors(blocks, bits: int, factor: int, steepest: int):
+    """Halt the motors of these bits, `factor` times as steeply as they brake, but by `steepest` (Q22) at most.
+
+    To be called with interrupts off or from a hard interrupt, so that they begin in the same tick.
+    """
+    i = 0
+    while bits:
+        if bits & 1:
+            block = blocks[i]
+            rate = ptr32(block)[BRAKE] * factor
+            if rate > steepest:
+                rate = steepest
+            halt(block, rate)
+        bits >>= 1
+        i += 1
