@@ -210,6 +210,15 @@ def test_errors_within_the_limits_are_reported_and_pass():
     assert verdict.worst_time_us == pytest.approx(15, abs=1)
 
 
+def test_the_limit_may_be_a_part_of_a_step():
+    """60 µs late is much at 2000 steps/s, and at 60 steps/s next to nothing."""
+    move = {1: np.arange(30) * 2, 2: np.arange(30) * 90}
+    late = edited(edited(trace_of(move, 24_000), 1, shifted(20, 60_000)), 2, shifted(10, 60_000))
+    assert len(judge(late, move, 24_000).complaints) == 2
+    complaints = judge(late, move, 24_000, limits=Limits(time_steps=0.01, velocity_share=1)).complaints
+    assert len(complaints) == 1 and complaints[0].startswith("motor 2: 1 frames off their time")
+
+
 def test_linear_interpolation_jumps():
     move = {1: np.rint(3000 * np.sin(np.arange(60) / 9.7)).astype(int), 2: np.arange(60) * 100}
     verdict = judge(trace_of(move, 24_000, kind="linear"), move, 24_000)
@@ -219,7 +228,7 @@ def test_linear_interpolation_jumps():
 
 
 def test_a_turn_between_frames():
-    """A path that turns a little behind the frame with the greatest position is smooth; one that goes too far is not."""
+    """A path that turns a little behind the frame with the greatest position is smooth; one that goes on is not."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
     good = trace_of(move, 24_000)
@@ -230,6 +239,37 @@ def test_a_turn_between_frames():
         made = trace.positions(1)[1].max() - 1000
         verdict = judge(trace, move, 24_000, limits=Limits(velocity_share=1, velocity_steps_s=1e5))
         assert made >= pulses and ("against" not in str(verdict.complaints)) == fine, (made, verdict.complaints)
+
+
+def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
+    """The path has its peak behind frame 4; its edges are right along it, and wrong along one that turns at once."""
+    steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
+    move = {1: steps, 2: np.arange(11) * 100}
+    turning = {motor: Path(p, 24_000) for motor, p in move.items()}
+    turning[1].m[4] = 24 * 120  # steps/s
+    assert turning[1](turning[1].t[4] + 0.01) > 1010
+    flat = {motor: Path(p, 24_000) for motor, p in move.items()}
+    edges, signs = crossings(turning[1], -ROLL_S, turning[1].t[-1] + ROLL_S)
+    good = trace_of(move, 24_000)
+    run = good.steps(1)[0] < ORIGIN_NS - 10**9
+    before = tuple(part[run] for part in good.signals["m1"])
+    after = np.rint(edges * 1e9).astype(np.int64) + ORIGIN_NS, signs
+    trace = Trace({**good.signals, "m1": tuple(np.concatenate(parts) for parts in zip(before, after, strict=True))})
+    verdict = judge(trace, move, 24_000, path=lambda m, s: turning[m](s), limits=Limits(path_us=5))
+    assert verdict.complaints == []
+    complaints = judge(trace, move, 24_000, path=lambda m, s: flat[m](s)).complaints
+    assert any("against the motion of the path" in c for c in complaints)
+    assert any("velocity is wrong" in c for c in complaints)
+
+
+def test_a_steady_fault_of_velocity_is_found_with_the_path():
+    """Linear interpolation of even steps, where the path has a bend: no jump would show it."""
+    move = curves()
+    good = trace_of(move, 24_000)
+    ideal = {motor: Path(steps, 24_000) for motor, steps in move.items()}
+    ideal[5].m = ideal[5].m + 300
+    complaints = judge(good, move, 24_000, path=lambda m, s: ideal[m](s)).complaints
+    assert complaints and all(c.startswith("motor 5: velocity is wrong at ") for c in complaints)
 
 
 def test_an_edge_off_the_path_is_found_between_frames():

@@ -18,8 +18,12 @@ What is required (each can fail alone, `Limits` has the figures):
     reversals  no edge against the motion between two frames, except where the motion turns: at a turn the path may pass
                the frame's position as far as a cubic with the mean slope there does, 4/27 of that slope
     velocity   the two cubics fitted to the edges on either side of a frame have the same velocity there
-    path       where the ideal path is given, each edge lies where the path crosses that step: reported, and judged
-               where there is a limit for it
+
+Where the ideal path is given (reference.py makes one), it is what counts for the last two, and a further one is added:
+
+    reversals  no edge against the motion of the path, but for the step at which that comes to a standstill
+    velocity   the cubics fitted have the path's velocity at the frame
+    path       each edge lies where the path crosses that step: reported, and judged where there is a limit for it
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +40,7 @@ _CUBIC_EDGES = 12  # fewer edges in a frame say too little about the velocity at
 _SEARCH_NS = 2_000_000  # how far from a frame's time its position is looked for
 _EVER_BEFORE, _EVER_AFTER = -(1 << 62), 1 << 62
 _STENCIL_S = 1e-4  # for the path's derivatives
+_FRAME_STENCIL_S = 1e-5  # the same at a frame, where the acceleration jumps
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,8 @@ class Limits:
     moving_steps: int = 1
     rest_steps: int = 0
     time_us: float = 20.0
-    velocity_steps_s: float = 10.0  # allowed jump of velocity at a frame …
+    time_steps: float = 0.0  # the time in which the motor makes this part of a step is allowed where it is longer
+    velocity_steps_s: float = 10.0  # allowed jump of velocity at a frame, or difference from the path's …
     velocity_share: float = 0.02  # … and this share of the velocity there in addition
     path_us: float | None = None  # worst edge against the ideal path; None: reported only
 
@@ -57,7 +63,9 @@ class MotorVerdict:
     motor: int
     position_error: np.ndarray  # steps; at the best moment within the time limit
     time_error_us: np.ndarray  # signed: positive is late
-    velocity_jump: np.ndarray  # steps/s
+    velocity_error: (
+        np.ndarray
+    )  # steps/s: the jump at the frame, or where a path is given the greater difference from it
     edge_times_s: np.ndarray  # edges of the run, seconds after the first frame
     edge_positions: np.ndarray  # position after each
     edge_error_us: np.ndarray  # against the ideal path; empty where none was given
@@ -71,6 +79,11 @@ class MotorVerdict:
     def worst_time_us(self) -> float:
         """Largest time error at a frame, in µs; infinite if a position was never reached."""
         return float(np.nanmax(np.abs(self.time_error_us), initial=0.0))
+
+    @property
+    def worst_edge_us(self) -> float:
+        """Largest distance of an edge from the path's crossing, in µs; 0 where no path was given."""
+        return float(np.nanmax(np.abs(self.edge_error_us), initial=0.0))
 
 
 @dataclass
@@ -218,10 +231,14 @@ class _Motor:
     def judge(self, path, complaints: list[str]) -> MotorVerdict:
         limits = self.limits
         position, time_us = self._at_frames()
-        jump, fitted = self._velocity_jumps()
         run = slice(*np.searchsorted(self.edges, (self.times[0], self.times[-1] + 1)))
         seconds = (self.edges[run] - self.times[0]) * 1e-9
-        error_us = self._against(path, seconds, run) if path else np.zeros(0)
+        if path:
+            error_us, forward = self._along(path, seconds, run)
+            wrong_velocity, fitted = self._velocity_errors(path)
+        else:
+            error_us = np.zeros(0)
+            wrong_velocity, fitted = self._velocity_jumps()
 
         def complain(text: str) -> None:
             complaints.append(f"motor {self.motor}: {text}")
@@ -235,25 +252,40 @@ class _Motor:
                 f"{len(wrong)} frames off their position, "
                 f"the worst frame {worst} (from 0) by {position[worst]:+d} steps"
             )
-        late = np.flatnonzero(np.abs(time_us) > limits.time_us)
+        late = np.flatnonzero(np.abs(time_us) > self._allowed_us())
         if len(late):
             worst = late[np.argmax(np.abs(time_us[late]))]
             complain(
                 f"{len(late)} frames off their time, the worst frame {worst} (from 0) by {time_us[worst]:+.1f} µs, "
                 f"allowed are {limits.time_us:g}"
             )
-        self._between_frames(complain)
-        allowed_jump = limits.velocity_steps_s + limits.velocity_share * np.abs(fitted)
-        jumps = np.flatnonzero(np.abs(jump) > allowed_jump)
+        held, against = self._between_frames()
+        if path:
+            against = int(np.count_nonzero(forward < 0))
+        if held:
+            complain(f"{held} steps while it should hold still")
+        if against:
+            complain(f"{against} steps against the motion {'of the path' if path else 'between two frames'}")
+        allowed_velocity = limits.velocity_steps_s + limits.velocity_share * np.abs(fitted)
+        jumps = np.flatnonzero(np.abs(wrong_velocity) > allowed_velocity)
         if len(jumps):
-            worst = jumps[np.argmax(np.abs(jump[jumps]))]
+            worst = jumps[np.argmax(np.abs(wrong_velocity[jumps]))]
             complain(
-                f"velocity jumps at {len(jumps)} frames, the worst frame {worst} (from 0) "
-                f"by {jump[worst]:+.0f} steps/s at {fitted[worst]:.0f} steps/s"
+                f"velocity {'is wrong' if path else 'jumps'} at {len(jumps)} frames, the worst frame {worst} "
+                f"(from 0) by {wrong_velocity[worst]:+.0f} steps/s at {fitted[worst]:.0f} steps/s"
             )
         if limits.path_us is not None and np.nanmax(np.abs(error_us), initial=0.0) > limits.path_us:
             complain(f"an edge is {np.nanmax(np.abs(error_us)):.1f} µs off the path, allowed are {limits.path_us:g}")
-        return MotorVerdict(self.motor, position, time_us, jump, seconds, self.after[run], error_us)
+        return MotorVerdict(self.motor, position, time_us, wrong_velocity, seconds, self.after[run], error_us)
+
+    def _allowed_us(self) -> np.ndarray:
+        """Allowed time error at each frame, by the mean velocity over the two frames around it."""
+        allowed = np.full(len(self.times), self.limits.time_us)
+        if self.limits.time_steps and len(self.steps) > 2:
+            rate = np.abs(self.steps[2:] - self.steps[:-2]) / (self.times[2:] - self.times[:-2])  # steps per ns
+            with np.errstate(divide="ignore"):
+                allowed[1:-1] = np.maximum(allowed[1:-1], np.minimum(self.limits.time_steps / rate / 1000, 1e3))
+        return allowed
 
     def _position_at(self, times: np.ndarray) -> np.ndarray:
         return self.positions[np.searchsorted(self.edges, times, side="right")]
@@ -296,8 +328,8 @@ class _Motor:
             time_us[frame] = distance[np.argmin(np.abs(distance))] / 1000
         return position, time_us
 
-    def _between_frames(self, complain) -> None:
-        """Edges where nothing may move, and edges against the motion."""
+    def _between_frames(self) -> tuple[int, int]:
+        """How many edges there are where nothing may move, and how many against the motion."""
         slack = int(self.limits.time_us * 1000)
         held = against = 0
         past = np.zeros(len(self.steps), np.int64)
@@ -310,13 +342,10 @@ class _Motor:
             else:
                 backward = int(np.count_nonzero(signs == -np.sign(travel)))
                 against += max(0, backward - int(past[frame] + past[frame + 1]))
-        if held:
-            complain(f"{held} steps while it should hold still")
-        if against:
-            complain(f"{against} steps against the motion between two frames")
+        return held, against
 
-    def _velocity_jumps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity behind each frame minus velocity before it, and their mean, in steps/s; NaN where too few edges."""
+    def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity before and behind each frame, in steps/s, from the edges there; NaN where they are too few."""
         count = len(self.times)
         starts, ends = np.full(count, np.nan), np.full(count, np.nan)
         for frame in range(count - 1):
@@ -328,17 +357,31 @@ class _Motor:
             u = (self.edges[low:high] - begin) / (end - begin)
             cubic = np.polynomial.Polynomial.fit(u, self.after[low:high].astype(float), 3, domain=[0, 1]).deriv()
             starts[frame], ends[frame] = cubic(0) / span, cubic(1) / span
-        jump, mean = np.full(count, np.nan), np.full(count, np.nan)
-        jump[1:] = starts[1:] - ends[:-1]
-        mean[1:] = (starts[1:] + ends[:-1]) / 2
-        return jump, mean
+        return np.concatenate(([np.nan], ends[:-1])), starts
 
-    def _against(self, path, seconds: np.ndarray, run: slice) -> np.ndarray:
-        """How late each edge is against the path's crossing of its position, µs; NaN within a step of a standstill."""
+    def _velocity_jumps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity behind each frame minus velocity before it, and their mean."""
+        before, behind = self._velocities()
+        return behind - before, (before + behind) / 2
+
+    def _velocity_errors(self, path) -> tuple[np.ndarray, np.ndarray]:
+        """The greater of the differences from the path's velocity before and behind each frame, and the path's."""
+        seconds = (self.times - self.times[0]) * 1e-9
+        ideal = path(self.motor, seconds + _FRAME_STENCIL_S) - path(self.motor, seconds - _FRAME_STENCIL_S)
+        ideal = ideal / (2 * _FRAME_STENCIL_S)
+        before, behind = (velocity - ideal for velocity in self._velocities())
+        worse = np.nan_to_num(np.abs(before), nan=-1.0) > np.nan_to_num(np.abs(behind), nan=-1.0)
+        return np.where(worse, before, behind), ideal
+
+    def _along(self, path, seconds: np.ndarray, run: slice) -> tuple[np.ndarray, np.ndarray]:
+        """For each edge how late it is against the path's crossing of its position (µs), and whether it goes along with
+        the path (1) or against it (-1). Neither within a step of a standstill: NaN and 0."""
         before, ideal, behind = (path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S))
         velocity = (behind - before) / (2 * _STENCIL_S)
         acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
         # A step is made when the path reaches its position, going up or down.
         ahead = ideal - self.after[run]
+        moving = velocity**2 > 2 * np.abs(acceleration)
+        signs = np.diff(self.positions[run.start : run.stop + 1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(velocity**2 > 2 * np.abs(acceleration), ahead / velocity * 1e6, np.nan)
+            return np.where(moving, ahead / velocity * 1e6, np.nan), np.where(moving, np.sign(velocity * signs), 0)

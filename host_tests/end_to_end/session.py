@@ -1,0 +1,247 @@
+"""A session with a controller as Dragonframe has one: requests, unasked messages, and the edges on the pins.
+
+Everything the tests here know comes over the protocol port or off the pins; only `settings` looks inside.
+"""
+
+from array import array
+
+import numpy as np
+
+from framestep.motion import axes as motion
+from framestep.motion import stepper
+from framestep.protocol import messages
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client
+from framestep_tools.payloads import (
+    Ack,
+    DeviceInfo,
+    MotorGetPosition,
+    MotorSetSpeed,
+    MotorStatus,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtRunMove,
+)
+from framestep_tools.trace import Trace
+from framestep_tools.wire import FrameDecoder, encode
+
+DIALECTS = ("spec", "dmc-lite")
+SETTLE_S = 0.05  # after the last report, until the last edges are out
+
+
+class Session:
+    """One board, one client, and every edge so far. Times are seconds of the board's clock."""
+
+    def __init__(self, board, motors=8):
+        self.board = board
+        self.motors = motors
+        self.port = LockstepPort(board)
+        self.client = Client(self.port)
+        self._edges = []
+        self.client.wait_event(DeviceInfo)  # field note 1.5
+
+    # ---- the host's end
+
+    def leave(self):
+        """The host closes the port."""
+        self.port.channel.open_port(False)
+
+    def come_back(self):
+        """It opens it again."""
+        self.port.channel.open_port(True)
+
+    # ---- time and messages
+
+    @property
+    def now(self):
+        return self.client.clock()
+
+    def run(self, seconds):
+        self.client.pump(seconds)
+
+    def ask_positions(self):
+        return self.client.request(MotorGetPosition())
+
+    def ask(self, request):
+        return self.client.request(request)
+
+    def code(self, request):
+        return self.client.code(request)
+
+    def accept(self, *requests):
+        """Each of them is taken."""
+        for request in requests:
+            assert self.code(request) == Ack.OK, request
+
+    def refuse(self, code, *requests):
+        """Each of them is refused with this code."""
+        for request in requests:
+            assert self.code(request) == code, request
+
+    def bytes_for(self, data, seconds=0.02):
+        """What comes back for raw bytes, as frames. Unasked messages are among them."""
+        self.port.write(data)
+        self.board.run_until(self.board.now_ns + round(seconds * 1e9))
+        decoder = FrameDecoder()
+        self.port.timeout = 0
+        frames = decoder.feed(self.port.read(100_000))
+        assert decoder.skipped == 0 and decoder.pending == 0, "something else than frames came"
+        return frames
+
+    def answer_to(self, kind, payload=b"", id=77):
+        """The one frame that answers a request."""
+        answers = [f for f in self.bytes_for(encode(kind, payload, id)) if f.id == id]
+        assert len(answers) == 1 and answers[0].request_type == kind, answers
+        return answers[0]
+
+    def wait_idle(self, timeout_s=60):
+        self.client.wait_idle(timeout_s, poll_s=0.02)
+        self.run(SETTLE_S)
+
+    def events(self, kind):
+        """[(time, message)] of the unasked messages of a class so far."""
+        return [(event.time_s, event.message) for event in self.client.events if isinstance(event.message, kind)]
+
+    def forget(self):
+        """Drop the unasked messages and the edges until now."""
+        self.client.events.clear()
+        self.trace()
+        self._edges.clear()
+
+    # ---- motors
+
+    @property
+    def positions(self):
+        """{motor: where it says it is}."""
+        return dict(enumerate(self.ask(MotorGetPosition()).steps, 1))
+
+    def position(self, motor):
+        return self.positions[motor]
+
+    @property
+    def moving(self):
+        return self.ask(MotorStatus()).moving
+
+    def speed(self, motor, velocity, acceleration):
+        self.accept(MotorSetSpeed(motor, velocity, acceleration))
+
+    def trace(self):
+        """All edges so far."""
+        self._edges += self.board.edges()
+        return Trace.from_edges(self._edges)
+
+    def steps(self, motor):
+        """Times (s) and directions of a motor's steps."""
+        times, signs = self.trace().steps(motor)
+        return times * 1e-9, signs
+
+    def made(self, motor):
+        """Steps of a motor, counted from its edges."""
+        return int(self.steps(motor)[1].sum())
+
+    # ---- moves
+
+    def upload(self, positions, start_frame=1, window=4):
+        frames = max(len(steps) for steps in positions.values())
+        self.client.upload_move(start_frame, start_frame + frames - 1, positions, window)
+
+    def ready(self, run):
+        """RUN_MOVE, and wait until the motors are where it begins."""
+        self.accept(run)
+        self.wait_idle()
+
+    def play(self, run, timeout_s=60):
+        """A whole run. Returns where the motors stood before the trace, with nothing but the run's edges in it."""
+        self.ready(run)
+        before = self.positions
+        self.forget()
+        self.accept(RtGo())
+        self.client.wait_event(RtEnd, timeout_s)
+        self.run(0.3)
+        assert not self.events(RtEnd), "RT_END came twice"
+        assert not self.moving
+        return before
+
+    def frames_told(self):
+        """MOVE TIMEs of the position reports, without repetitions."""
+        times = [message.move_time for _, message in self.events(Positions)]
+        return [t for i, t in enumerate(times) if i == 0 or times[i - 1] != t]
+
+
+def simulated(rig=None, motors=8):
+    """A session with the host simulation."""
+    return Session(SimulatedBoard(rig=rig, motors=motors), motors)
+
+
+def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
+    return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
+
+
+# ---- what edges tell --------------------------------------------------------------------------------------
+
+
+def velocities(times, signs, window, begin=None, end=None):
+    """Mean velocities (steps/s) over consecutive windows of time, and when each begins."""
+    begin = times[0] if begin is None else begin
+    end = times[-1] if end is None else end
+    grid = np.arange(begin, end, window)
+    position = np.concatenate(([0], np.cumsum(signs)))[np.searchsorted(times, grid, side="right")]
+    return np.diff(position) / window, grid[:-1]
+
+
+def assert_within(times, signs, velocity, acceleration, window=0.04):
+    """No edge comes sooner after another than the velocity allows, and none asks for more than the acceleration.
+
+    Positions are whole steps, so a change of velocity between two windows is only known to 2 steps per window.
+    """
+    assert len(times) > 2
+    assert np.diff(times).min() >= 1 / velocity - 5e-6
+    rates, _ = velocities(times, signs, window)
+    if len(rates) > 1:
+        steepest = np.abs(np.diff(rates)).max() / window
+        assert steepest <= acceleration * 1.01 + 2 / window**2
+
+
+def deceleration(times, signs, after):
+    """How steeply a motor slowed down to rest after a moment, steps/s²: a parabola through the edges of the ramp."""
+    late = times > after
+    position = np.cumsum(signs[late])
+    left = np.abs(position - position[-1])
+    ramp = (left > 0.02 * left[0]) & (left < 0.7 * left[0])  # without the first ms, in which nothing has happened yet
+    assert ramp.sum() >= 8, "too few steps to tell"
+    return abs(2 * np.polyfit(times[late][ramp] - after, position[ramp], 2)[0])
+
+
+# ---- what is inside -----------------------------------------------------------------------------------------
+
+
+def settings(board):
+    """Everything that a request may set or start: positions, speeds, limits, flags, upload and run state."""
+    controller = board.controller
+    store = controller.moves.store
+    kept = []
+    for i in range(controller.count):
+        axis = controller.axes[i]
+        kept.append(
+            (
+                axis.block[stepper.POSITION],
+                axis.block[stepper.MODE],
+                axis.moving,
+                axis.velocity,
+                axis.acceleration,
+                axis.block[stepper.BRAKE],
+                axis.numbers[motion.TOP : motion.JERK].tolist(),
+                axis.limits[motion.LOWER],
+                axis.limits[motion.UPPER],
+                axis.lower_enabled,
+                axis.upper_enabled,
+            )
+        )
+    upload = [store.state, store.start, store.end]
+    frames = array("i", [0] * (store.end - store.start + 1))
+    for motor in range(controller.count):
+        upload.append(store.has(motor))
+        if store.positions(motor, 0, len(frames), frames, 0):
+            upload.append(frames.tolist())
+    return kept, upload

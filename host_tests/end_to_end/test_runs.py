@@ -1,0 +1,531 @@
+"""Uploaded moves on the host simulation: upload, positioning, runs forward and backward, whole and in part."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.judge import frame_times_ns, judge
+from framestep_tools.payloads import (
+    LAST_SECTION,
+    Ack,
+    Hi,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorStatus,
+    MotorStop,
+    MotorStopAll,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtPositionFrame,
+    RtRunMove,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveEnd,
+)
+from host_tests.end_to_end.session import DIALECTS, assert_within, deceleration, run_request, simulated
+
+FRAMES = 25
+# A motor at constant speed, one that swings, one that holds still in the middle
+MOVE = {
+    1: 100 + 60 * np.arange(FRAMES),
+    2: np.round(400 * np.sin(np.arange(FRAMES) * 0.3)).astype(int),
+    4: np.concatenate((np.zeros(8, int), 20 * np.arange(9), np.full(8, 160))),
+}
+
+
+@pytest.fixture(params=DIALECTS)
+def both(request):
+    return simulated({"dialect": request.param})
+
+
+@pytest.fixture
+def rig():
+    session = simulated()
+    for motor in MOVE:
+        session.speed(motor, 20000, 100_000)
+    return session
+
+
+@pytest.fixture
+def loaded(rig):
+    """MOVE uploaded as frames 1 to 25."""
+    rig.upload(MOVE)
+    return rig
+
+
+def section(first, last, start_frame=1):
+    """The positions of MOVE from one scene frame to another, in the order of play."""
+    step = 1 if last >= first else -1
+    return {m: steps[np.arange(first, last + step, step) - start_frame] for m, steps in MOVE.items()}
+
+
+def assert_played(rig, before, positions, fps, **more):
+    verdict = judge(rig.trace(), positions, round(fps * 1000), before, rig.positions, **more)
+    assert verdict.good, verdict.complaints
+    return verdict
+
+
+# ---- uploads ---------------------------------------------------------------------------------------------
+
+
+def test_upload_message_by_message(both):
+    """BEGIN, sections in any order and again, END; a motor goes to each frame's position."""
+    both.accept(
+        RtUploadMoveBegin(10, 19),
+        RtUploadMoveAxis(2, 5 | LAST_SECTION, (50, 60, 70)),
+        RtUploadMoveAxis(2, 0, (0, 10, 20)),
+        RtUploadMoveAxis(2, 3, (99, 40)),
+        RtUploadMoveAxis(2, 3, (30,)),
+        RtUploadMoveAxis(3, LAST_SECTION, (-5,)),
+        RtUploadMoveEnd(),
+    )
+    for frame, expected in ((10, 0), (13, 30), (14, 40), (17, 70), (19, 70), (12, 20)):
+        both.accept(RtPositionFrame(frame))
+        both.wait_idle()
+        positions = both.ask_positions()
+        assert positions.steps[1:3] == (expected, -5) and positions.move_time == frame * 1000
+    assert both.made(2) == 20 and both.made(1) == 0
+
+
+def test_upload_refused(both):
+    """Field notes 5.2 to 5.4, and what was uploaded before stays."""
+    info_frames = both.ask(Hi()).upload_frames
+    both.refuse(Ack.ERR_GENERAL, RtUploadMoveAxis(1, 0, (1,)), RtUploadMoveEnd(), RtPositionFrame(1))
+    both.refuse(Ack.ERR_GENERAL, run_request(24, 1, 2), RtGo())
+    both.accept(RtUploadMoveBegin(1, 4), RtUploadMoveAxis(1, 0, (1, 2, 3, 4)))
+    both.refuse(Ack.ERR_GENERAL, RtPositionFrame(1), run_request(24, 1, 2), RtGo())
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(5, 4), RtUploadMoveBegin(1, 1 + info_frames))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(-(2**31), 2**31 - 1), RtUploadMoveBegin(2**31 - 1, -(2**31)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 4, (9,)), RtUploadMoveAxis(1, 3, (9, 9)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (9,)), RtUploadMoveAxis(9, 0, (9,)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)), RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 2**30, (9,)), RtUploadMoveAxis(1, 0x10001, (9,)))
+    both.accept(RtUploadMoveEnd())
+    both.refuse(Ack.ERR_RANGE, RtPositionFrame(0), RtPositionFrame(5), RtPositionFrame(2**31 - 1))
+    both.refuse(Ack.ERR_RANGE, RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5))
+    both.accept(RtPositionFrame(4))
+    both.wait_idle()
+    assert both.position(1) == 4
+
+
+def test_a_new_upload_replaces(loaded):
+    loaded.upload({1: [7, 8, 9]}, start_frame=101)
+    loaded.refuse(Ack.ERR_RANGE, RtPositionFrame(1))
+    loaded.accept(RtPositionFrame(103))
+    loaded.wait_idle()
+    assert loaded.positions == {1: 9} | dict.fromkeys(range(2, 9), 0)
+
+
+def test_negative_frames_and_far_positions(rig):
+    """Scene frames below 0, positions of any 32 bits."""
+    top = 2**31 - 1
+    positions = {1: top - 50 * np.arange(FRAMES)[::-1], 2: -(2**31) + 1 + 50 * np.arange(FRAMES)}
+    rig.accept(MotorResetPosition(1, int(positions[1][0]) - 5), MotorResetPosition(2, int(positions[2][0]) + 700))
+    rig.upload(positions, start_frame=-10)
+    rig.accept(RtPositionFrame(-10))
+    rig.wait_idle()
+    assert rig.position(1) == positions[1][0] and rig.position(2) == positions[2][0]
+    # run-ups and run-outs would leave the range of 32 bits; from -5 to 9 they do not
+    before = rig.play(run_request(24, -5, 9, 100, 100))
+    assert_played(rig, before, {m: s[5:20] for m, s in positions.items()}, 24)
+    assert set(rig.frames_told()) >= {1000 * frame for frame in range(-5, 10)}
+
+
+# ---- RUN_MOVE, GO, RT_END ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("more", [{}, {"flags": 0}, {"flags": 0, "open_angle": 0, "close_angle": 180}])
+def test_run_in_all_three_lengths(both, more):
+    for motor in MOVE:
+        both.speed(motor, 20000, 100_000)
+    both.upload(MOVE)
+    request = run_request(24, 1, FRAMES, **more)
+    assert len(request.pack()) in (29, 31, 35)
+    before = both.play(request)
+    assert_played(both, before, MOVE, 24)
+
+
+def test_run_told(loaded):
+    """One position report at each frame's time with its MOVE TIME, then RT_END once; field notes 4.6 and 6.4."""
+    loaded.ready(run_request(24, 1, FRAMES, 700, 300))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(0.7 + FRAMES / 24 + 1)
+    verdict = assert_played(loaded, before, MOVE, 24)
+    assert len(loaded.events(RtEnd)) == 1
+    ((end, _),) = loaded.events(RtEnd)
+    times = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
+    kinds = [type(event.message) for event in loaded.client.events]
+    assert kinds.index(RtEnd) > max(i for i, k in enumerate(kinds) if k is Positions and i < kinds.index(RtEnd))
+    # the first report of each frame
+    told = {}
+    for time, message in loaded.events(Positions):
+        if time > times[0] - 0.05:
+            told.setdefault(message.move_time, (time, message))
+    told.pop(1000 if 1000 in told and told[1000][0] < times[0] - 0.005 else None, None)
+    for i in range(1, FRAMES):
+        time, message = told[1000 * (i + 1)]
+        assert 0 <= time - times[i] <= 0.004, i
+        for motor, steps in MOVE.items():
+            rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
+            assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2
+    last_edge = max(loaded.steps(motor)[0][-1] for motor in MOVE)
+    assert 0 <= end - last_edge <= 0.01 and end - times[-1] == pytest.approx(0.3, abs=0.01)
+    assert loaded.moving == []
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20), (20, 4), (7, 8)])
+@pytest.mark.parametrize("roll", [(1000, 400), (400, 1000)])
+def test_roll_positions(loaded, first, last, roll):
+    """Field note 6.2: p − ½·v·T before the first frame and p + ½·v·T behind the last, by constant acceleration."""
+    pre, post = (ms / 1000 for ms in roll)
+    fps = 24
+    loaded.ready(run_request(fps, first, last, *roll))
+    velocity = 60 * fps * (1 if last > first else -1)
+    assert loaded.position(1) == round(MOVE[1][first - 1] - velocity * pre / 2)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.run(0.1)
+    assert loaded.position(1) == round(MOVE[1][last - 1] + velocity * post / 2)
+    times, signs = loaded.steps(1)
+    rate = abs(velocity)
+    assert_within(times, signs, rate * 1.001, rate / min(pre, post), window=0.1)
+    # the roll lasts T: its edges lie where a constant acceleration puts them
+    n = int(rate * pre / 2)
+    begun = times[n - 1] - pre
+    ideal = begun + (2 * np.arange(1, n + 1) * pre / rate) ** 0.5
+    assert np.abs(times[:n] - ideal).max() < 1e-4
+    if abs(last - first) > 1:
+        assert_played(loaded, before, section(first, last), fps)
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (5, 21), (21, 5), (3, 6)])
+def test_sections_and_backward(loaded, first, last):
+    """Field note 6.5: END before START plays backward, a part is played as if it were the whole."""
+    before = loaded.play(run_request(25, first, last, 500, 500))
+    assert_played(loaded, before, section(first, last), 25)
+    step = 1 if last > first else -1
+    assert [t for t in loaded.frames_told() if t] == [1000 * f for f in range(first, last + step, step)]
+
+
+def test_single_frame(loaded):
+    """Field note 6.5: START = END moves there, then RT_END."""
+    for frame in (12, 1, 25):
+        loaded.ready(run_request(24, frame, frame, 500, 500))
+        loaded.forget()
+        loaded.accept(RtGo())
+        loaded.client.wait_event(RtEnd, 3)
+        loaded.run(0.3)
+        assert not loaded.events(RtEnd)
+        for motor, steps in MOVE.items():
+            assert loaded.position(motor) == steps[frame - 1]
+        assert loaded.ask_positions().move_time == frame * 1000
+
+
+@pytest.mark.parametrize("post", [0, 500])
+def test_pre_roll_of_no_time(loaded, post):
+    """Field note 6.2: the shortest that the motors can, where they move at the first frame."""
+    before = loaded.play(run_request(24, 1, FRAMES, 0, post))
+    assert_played(loaded, before, MOVE, 24)
+    shortest = 60 * 24 / 100_000
+    assert before[1] == pytest.approx(100 - 60 * 24 * shortest / 2, abs=2)
+    for motor in MOVE:
+        assert_within(*loaded.steps(motor), 20000, 100_000)
+
+
+def test_no_roll_at_rest(rig):
+    """A move that begins and ends at rest starts where its first frame is."""
+    steps = np.round(500 * (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))).astype(int)
+    steps[:3], steps[-3:] = 0, 0
+    positions = {1: steps, 2: steps + 3}
+    rig.upload(positions)
+    before = rig.play(run_request(24, 1, 30, 0, 0))
+    assert before[1] == 0 and before[2] == 3
+    assert_played(rig, before, positions, 24)
+    assert rig.position(1) == 0
+
+
+def test_a_second_run_and_after(loaded):
+    """The same upload as often as wanted, other moves between; each run is told for itself."""
+    for _ in range(2):
+        before = loaded.play(run_request(24, 1, FRAMES))
+        assert_played(loaded, before, MOVE, 24)
+        loaded.ask(MotorMove(1, -300))
+        loaded.wait_idle()
+        assert loaded.position(1) == -300
+    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+
+
+def test_motors_without_a_part_hold_still(loaded):
+    """Field notes 5.4 and 3.1: no data, not enabled, under live control."""
+    loaded.accept(MotorConfigure(2, 0), MotorConfigure(4, 0x01 | 0x08))
+    loaded.accept(MotorResetPosition(2, 77), MotorResetPosition(4, -3))
+    loaded.ready(run_request(24, 1, FRAMES))
+    before = loaded.positions
+    assert before[2] == 77 and before[4] == -3
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(0.2)
+    assert loaded.code(MotorMove(4, 300)) == Ack.OK, "a motor under live control moves during a run"
+    loaded.run(0.3)
+    loaded.accept(MotorJog(4, 5000, 500), MotorStop(4))
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.run(0.5)
+    trace = loaded.trace()
+    assert 2 not in trace.motors and 4 in trace.motors
+    del trace.signals["m4"]
+    assert judge(trace, {1: MOVE[1]}, 24000, before).good
+
+
+def test_go_too_early(loaded):
+    """Field note 6.1: 0x16 until all are there; then it goes. MOTOR_STATUS tells when."""
+    loaded.accept(run_request(24, 1, FRAMES))
+    while loaded.moving:
+        loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+        loaded.run(0.03)
+    loaded.run(0.05)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.run(0.1)
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_go_after_a_motor_was_moved(loaded):
+    """What waits is not where it should be any more: 0x16, and once it is back it goes."""
+    loaded.ready(run_request(24, 1, FRAMES))
+    waits = loaded.position(1)
+    loaded.ask(MotorMove(1, waits + 10))
+    loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+    loaded.wait_idle()
+    loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+    loaded.ask(MotorMove(1, waits))
+    loaded.wait_idle()
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.run(0.1)
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_acknowledged_before_it_moves(loaded):
+    """Field note 6.3; and all motors start in the same tick."""
+    loaded.ready(run_request(24, 1, FRAMES, 200, 200))
+    loaded.forget()
+    loaded.accept(RtGo())
+    acknowledged = loaded.now
+    loaded.run(0.5)
+    assert loaded.steps(1)[0][0] > acknowledged - 0.001
+    loaded.client.wait_event(RtEnd, 10)
+
+
+def test_moving_bits_from_the_acknowledgement_on(loaded):
+    loaded.accept(RtPositionFrame(9))
+    assert loaded.moving == [1, 2]  # motor 4 stands there already
+    loaded.wait_idle()
+    loaded.accept(run_request(24, 1, FRAMES))
+    assert set(loaded.moving) >= {1, 2}
+    loaded.wait_idle()
+    loaded.accept(RtGo())
+    assert loaded.ask(MotorStatus()).motor_bits == 0b1011
+    loaded.client.wait_event(RtEnd, 10)
+
+
+# ---- what is refused -----------------------------------------------------------------------------------------------
+
+
+def test_run_refused_for_its_numbers(loaded):
+    loaded.refuse(
+        Ack.ERR_RANGE,
+        RtRunMove(0, 1, 5, 500, 500),
+        RtRunMove(2**32 - 1, 1, 5, 500, 500),
+        RtRunMove(2**30, 1, 5, 500, 500),
+        RtRunMove(24000, 1, 26, 500, 500),
+        RtRunMove(24000, 0, 5, 500, 500),
+        RtRunMove(24000, 26, 1, 500, 500),
+        RtRunMove(24000, 1, 5, 2**32 - 1, 500),
+        RtRunMove(24000, 1, 5, 500, 2**31),
+    )
+    assert loaded.moving == []
+
+
+def test_too_fast_is_refused_at_its_rate(loaded):
+    """Field note 5.5: refused where the rate asks for more than the motor's maxima, taken where it does not."""
+    loaded.speed(1, 1500, 100_000)  # 60 steps a frame: 25 fps
+    loaded.refuse(Ack.ERR_RANGE, run_request(30, 1, FRAMES), run_request(26, 1, FRAMES), run_request(30, FRAMES, 1))
+    before = loaded.play(run_request(24, 1, FRAMES, 200, 200))
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_too_steep_is_refused(rig):
+    steps = np.array([0, 0, 0, 50, 100, 150, 150, 150])
+    rig.upload({1: steps, 2: 10 * np.arange(8)})
+    rig.speed(1, 20000, 20_000)  # 50 steps/frame² at 24 fps: 28 800
+    rig.refuse(Ack.ERR_RANGE, run_request(24, 1, 8))
+    rig.accept(run_request(12, 1, 8))
+    rig.wait_idle()
+    rig.speed(1, 20000, 100_000)
+    before = rig.play(run_request(24, 1, 8))
+    assert_played(rig, before, {1: steps, 2: 10 * np.arange(8)}, 24)
+
+
+def test_limits_in_the_way(loaded):
+    """Field note 6.2: pre-roll 0x17, post-roll 0x18; and a frame that lies past a limit."""
+    velocity = 60 * 24
+    begin, end = 100 - velocity // 4, 1540 + velocity // 4
+    for lower, upper, code in (
+        (begin + 5, 5000, Ack.ERR_PREROLL),
+        (-5000, end - 5, Ack.ERR_POSTROLL),
+        (-5000, 1500, Ack.ERR_SOFT_UP),
+        (150, 5000, Ack.ERR_SOFT_LOW),
+        (begin, end, Ack.OK),
+    ):
+        loaded.accept(MotorSetLimits(1, 1, lower, 1, upper))
+        assert loaded.code(run_request(24, 1, FRAMES, 500, 500)) == code, (lower, upper)
+        assert bool(loaded.moving) == (code == Ack.OK)
+    loaded.wait_idle()
+    loaded.accept(RtGo())
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(MotorSetLimits(1, 1, begin + 5, 1, 5000))
+    # backward it is the other way round
+    assert loaded.code(run_request(24, FRAMES, 1, 500, 500)) == Ack.ERR_POSTROLL
+    # slower or shorter fits
+    loaded.accept(run_request(24, 1, FRAMES, 450, 500))
+
+
+def test_roll_too_steep(loaded):
+    """A pre-roll so short that the motor's acceleration does not do."""
+    loaded.speed(1, 20000, 20_000)
+    loaded.refuse(Ack.ERR_PREROLL, run_request(24, 1, FRAMES, 50, 500))
+    loaded.refuse(Ack.ERR_POSTROLL, run_request(24, 1, FRAMES, 500, 50))
+    loaded.accept(run_request(24, 1, FRAMES, 100, 100))
+
+
+def test_position_frame_past_a_limit(loaded):
+    loaded.accept(MotorSetLimits(1, 1, 200, 1, 1000), MotorResetPosition(1, 500))
+    loaded.refuse(Ack.ERR_SOFT_UP, RtPositionFrame(25))
+    loaded.refuse(Ack.ERR_SOFT_LOW, RtPositionFrame(1))
+    loaded.run(0.1)
+    assert loaded.moving == [] and not loaded.trace().motors
+    loaded.accept(RtPositionFrame(10))
+    loaded.wait_idle()
+    assert loaded.position(1) == 640
+
+
+def test_refused_while_moving(loaded):
+    """0x12 to RUN_MOVE while anything moves, and during a run to all that would disturb it."""
+    loaded.ask(MotorMove(7, 2000))
+    loaded.refuse(Ack.ERR_MOVING, run_request(24, 1, FRAMES))
+    loaded.wait_idle()
+    loaded.ready(run_request(24, 1, FRAMES))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(0.6)
+    loaded.refuse(
+        Ack.ERR_MOVING,
+        run_request(24, 1, FRAMES),
+        RtGo(),
+        RtPositionFrame(1),
+        RtUploadMoveBegin(1, 3),
+        RtUploadMoveAxis(1, 0, (1, 2)),
+        RtUploadMoveEnd(),
+        MotorMove(1, 0),
+        MotorJog(2, 100, 0),
+        MotorResetPosition(4, 0),
+        MotorConfigure(1, 0),
+    )
+    loaded.client.wait_event(RtEnd, 10)
+    loaded.run(0.1)
+    assert_played(loaded, before, MOVE, 24)
+
+
+# ---- stopping a run -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [0.2, 0.5, 0.9, 1.6])
+@pytest.mark.parametrize("hard", [False, True])
+def test_stop_all_in_a_run(loaded, after, hard):
+    """Field note 6.6: ramp down, RT_END once; in the pre-roll, at its end, between frames, in the post-roll."""
+    loaded.speed(1, 20000, 20_000)
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(after)
+    loaded.accept(*[MotorStopAll()] * (2 if hard else 1))
+    asked = loaded.now
+    loaded.run(1.0)
+    assert len(loaded.events(RtEnd)) == 1
+    assert loaded.moving == []
+    times, signs = loaded.steps(1)
+    if after in (0.5, 0.9):
+        expected = 80_000 if hard else 20_000
+        assert deceleration(times, signs, asked) == pytest.approx(expected, rel=0.05)
+    for motor in MOVE:
+        assert loaded.position(motor) == before[motor] + loaded.made(motor)
+    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    before = loaded.play(run_request(24, 1, FRAMES))
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_stop_of_one_motor_ends_the_run(loaded):
+    loaded.ready(run_request(24, 1, FRAMES))
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(0.8)
+    loaded.accept(MotorStop(4))
+    loaded.run(0.6)
+    assert len(loaded.events(RtEnd)) == 1 and loaded.moving == []
+
+
+def test_stop_all_before_go(loaded):
+    """A run that waits, or is still on its way to where it begins, is given up: RT_END, and no GO any more."""
+    for wait in (0.03, 3):
+        loaded.accept(run_request(24, 1, FRAMES))
+        loaded.run(wait)
+        loaded.forget()
+        loaded.accept(MotorStopAll())
+        loaded.run(1.2)
+        assert len(loaded.events(RtEnd)) == 1
+        loaded.refuse(Ack.ERR_GENERAL, RtGo())
+        loaded.ask(MotorMove(1, 2000))
+        loaded.wait_idle()
+
+
+def test_port_closed_in_a_run(loaded):
+    """Field note 1.11: a lost host; motors ramp down, the run is over, the next host finds a rig at rest."""
+    loaded.ready(run_request(24, 1, FRAMES))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.run(0.8)
+    loaded.leave()
+    closed = loaded.now
+    loaded.run(1.0)
+    times, signs = loaded.steps(1)
+    assert times[-1] - closed < 60 * 24 / 100_000 + 0.006
+    loaded.come_back()
+    loaded.run(0.2)
+    assert loaded.events(RtEnd) == []
+    assert loaded.moving == [] and loaded.position(1) == before[1] + signs.sum()
+    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    before = loaded.play(run_request(24, 1, FRAMES))
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_port_closed_before_go(loaded):
+    loaded.ready(run_request(24, 1, FRAMES))
+    loaded.leave()
+    loaded.run(0.1)
+    loaded.come_back()
+    loaded.run(0.1)
+    loaded.refuse(Ack.ERR_GENERAL, RtGo())
