@@ -115,6 +115,7 @@ class Axis:
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0])  # the step that the phase under way ends on
         self.aimed = False
+        self.marked = False  # the tick that is open has its start in `state`
         self.lower_enabled = False
         self.upper_enabled = False
         self.velocity = 0
@@ -267,6 +268,7 @@ class Axis:
         self.more = False
         self.active = False
         self.aimed = False
+        self.marked = False
         self.easing = False
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
@@ -433,7 +435,9 @@ class Axis:
         if self.more and phases.head == phases.tail:
             return False
         if part:
-            segments.mark(self.state, cubic)
+            if not self.marked:
+                segments.mark(self.state, cubic)
+            self.marked = False
             segments.shift(cubic, part, 0, 0)
         while True:
             if self.aimed:
@@ -470,6 +474,7 @@ class Axis:
                 # What follows is still to come: keep the tick open
                 segments.shift(cubic, part, 0, 1)
                 self.part = part
+                self.marked = True
                 return False
 
 

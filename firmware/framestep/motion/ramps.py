@@ -5,6 +5,7 @@ need not end on a tick. Kinds:
 
     RAMP    G2 and G3 given (half the acceleration, a sixth of the jerk); ends where that leads
     AIM     the cubic that reaches a given step at a given velocity when the phase ends
+    ONWARD  what is left of an AIM phase: a long one is taken in pieces, each aimed anew
 
 A plan is at most: ramp to a stop (where the target lies behind), ramp to the cruising velocity,
 cruise, ramp down onto the target. The last one aims, so what rounding the other phases left is
@@ -33,6 +34,9 @@ PHASES = const(16)  # in the ring of a motor
 
 RAMP = const(0)
 AIM = const(1)
+ONWARD = const(2)
+
+_PIECE = const(4096)  # ticks of an AIM phase that rounding leaves within a thousandth of a step
 
 # Registers of the planner
 _V = const(0)  # velocity at the start, along the way
@@ -125,11 +129,14 @@ def load_phase(phases, cubic, whole, knot):
     r = _scratch
     words = phases.words
     at = phases.head * PHASE_WORDS
+    kind = words[at + KIND]
     reals.split(words, at + DURATION, whole)
-    coefficient(cubic, G1, words, at + START)
-    phases.head = (phases.head + 1) % PHASES
-    aims = words[at + KIND] == AIM
-    if not aims:
+    if kind == ONWARD:
+        velocity(words, at + START, cubic, G1)
+    else:
+        coefficient(cubic, G1, words, at + START)
+    aims = False
+    if kind == RAMP:
         coefficient(cubic, G2, words, at + SECOND)
         coefficient(cubic, G3, words, at + THIRD)
     else:
@@ -145,6 +152,7 @@ def load_phase(phases, cubic, whole, knot):
             reals.double(r, _X, _X, -1)
             coefficient(cubic, G2, r, _X)
             coefficient(cubic, G3, r, _ZERO)
+            phases.head = (phases.head + 1) % PHASES
             return True
         distance(r, _S, words, at + TARGET, cubic)
         reals.divide(r, _W, _S, _T)
@@ -158,6 +166,16 @@ def load_phase(phases, cubic, whole, knot):
         reals.divide(r, _Z, _Z, _T)
         reals.divide(r, _Z, _Z, _T)
         coefficient(cubic, G3, r, _Z)
+        aims = whole[0] <= _PIECE
+        if not aims:
+            whole[0] >>= 1
+            whole[1] = 0
+            reals.put(r, _X, whole[0], 0)
+            reals.subtract(r, _T, _T, _X)
+            reals.fetch(words, at + DURATION, r, _T)
+            words[at + KIND] = ONWARD
+            return False
+    phases.head = (phases.head + 1) % PHASES
     return aims
 
 

@@ -4,8 +4,8 @@
 
 Each coefficient is a fixed-point number of 46 fraction bits in two words, `high` (Q16, signed)
 and `low` (the 30 bits below), G3 one of 58 bits; the position has a word of whole steps in front.
-So a cubic can be moved along for minutes, a few ticks at a time, and be off by less than a
-hundredth of a step.
+So a cubic can be moved along for half a minute, a few ticks at a time, and be off by less than a
+hundredth of a step; one that lasts longer is made anew on the way (ramps.py).
 
 The kernel adds up displacements, so a segment gets the differences of the cubic at its start:
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
@@ -239,18 +239,23 @@ def velocity(r: ptr32, to: int, cubic: ptr32, k: int):
 
 @micropython.viper
 def distance(r: ptr32, to: int, target, i: int, cubic: ptr32):
-    """r[to] = target[i] - position of the cubic, in steps, right to 2^-9 of a step or 2^-29."""
+    """r[to] = target[i] - position of the cubic: right to 2^-16 of a step below 2^11 steps, to 2^-9
+    below 2^21, then to one."""
     t = ptr32(target)
-    # Whole steps fit a word wherever a motor can go in one move; the fraction takes what is left.
-    m = t[i + 0] - cubic[WHOLE]
-    e = 0
-    low = cubic[P] << 13  # Q29
-    if m < 0x200000 and m > -0x200000:
-        m = (m << 9) - (low >> 20)
-        e = -9
-        if m < 0x100000 and m > -0x100000:
-            m = (m << 10) - ((low >> 10) & 0x3FF)
-            e = -19
+    x = t[i + 0]
+    y = cubic[WHOLE]
+    # half of each first: from one end of the range to the other is more than a word holds
+    m = (x >> 1) - (y >> 1)
+    e = 1
+    if m < 0x20000000 and m > -0x20000000:
+        m = m + m + (x & 1) - (y & 1)
+        e = 0
+        if m < 0x200000 and m > -0x200000:
+            m = (m << 9) - (cubic[P] >> 7)
+            e = -9
+            if m < 0x100000 and m > -0x100000:
+                m = (m << 7) - (cubic[P] & 0x7F)
+                e = -16
     if m:
         while m > 0x3FFFFFFF or m < -0x3FFFFFFF:
             m = m >> 1
