@@ -52,6 +52,10 @@ class Controller:
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
+        # steps/s that a motor can do with its pulses
+        kernel = hal.kernel
+        per_second = motion.TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
+        self.fastest = array("i", [min(motion.FASTEST, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
         self.powered = 0  # bits of motors whose driver is on
         self.jogging = 0  # bits of motors that jog
         self.jog_at = array("i", [0] * self.count)
@@ -474,7 +478,7 @@ class Controller:
         motor = self._motor()
         velocity = self.reader.count(1)
         acceleration = self.reader.count(5)
-        if motor < 0 or velocity < 1 or velocity > motion.FASTEST:
+        if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
             return m.ERR_RANGE
         if acceleration < 0:
             acceleration = motion.STEEPEST
