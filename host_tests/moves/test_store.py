@@ -19,7 +19,7 @@ def answers(*lines):
 
 
 @given(uploads.uploads())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=250, deadline=None)
 def test_any_upload(script):
     for (line, step), answer, wanted in zip(
         script, replay(line for line, _ in script), uploads.expected(script), strict=True

@@ -37,7 +37,7 @@ def found(stream, reader=None):
 
 
 @given(streams.cases())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=250, deadline=None)
 def test_any_stream_in_any_pieces(case):
     assert echoed(case) == streams.expected(case)
 

@@ -13,7 +13,7 @@ ECHO = Path(__file__).parent / "frames_echo.py"
 
 # Many cases for each start of MicroPython. They are not shrunk: host_tests/protocol does that, on CPython.
 @given(st.lists(streams.cases(), min_size=20, max_size=40))
-@settings(max_examples=15, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
 def test_any_stream_in_any_pieces(unix32f, cases):
     answers = unix32f.run(ECHO, stdin="".join(case.line() for case in cases).encode()).split("\n")
     for case, answer in zip(cases, answers, strict=False):
