@@ -271,7 +271,7 @@ class Controller:
     def _status(self):
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(self.axes.moving_bits())
+        writer.u32(self.axes.moving_bits() | self.stage.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0

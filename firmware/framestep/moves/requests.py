@@ -32,7 +32,7 @@ class Moves:
         self.cues = CueStore(0, 0)
         self.store = UploadStore(axes.count)
         self.stage = Stage(axes, self.store, controller.safety)
-        self.show = Show(axes, controller.io.gio, controller.io.camera, controller.io.lights, self.cues)
+        self.show = Show(axes, controller.io, self.cues)
         self.run = RunMove(self.stage, self.show)
         self.shoot = ShootFrame(self.stage, self.show)
         self.jog = JogAll(self.stage)
@@ -65,9 +65,7 @@ class Moves:
 
     def poll(self, now):
         """One pass. True where a frame has been reached that is to be told."""
-        self.show.now = now
-        if self.show.plan is not None:
-            self.show.poll(now)
+        self.show.poll()
         return self.stage.poll()
 
     # ---------------------------------------------------------------- uploads
@@ -125,6 +123,7 @@ class Moves:
             code = self.stage.go_to_frame(self.reader.i32(0), self.places)
         if code == m.OK:
             self.controller.moving_all(self.stage.follower.motors())
+            self.show.place(self.reader.i32(0) - self.store.start)
         return code
 
     def _run_move(self):
@@ -140,7 +139,7 @@ class Moves:
             return m.ERR_RANGE
         plan = self.run.draft
         plan.sync = reader.u8(20) == 1
-        plan.bloop_bits = (reader.u16(21) | reader.u16(23) << 16) & OUTPUTS
+        plan.bloop_bits = reader.u16(21) | (reader.u16(23) & OUTPUTS >> 16) << 16
         plan.bloop_channel = channel
         plan.bloop_ms = reader.u16(27)
         angles = reader.length > 31
@@ -199,7 +198,7 @@ class Moves:
         return code
 
     def _stop_loop(self):
-        if not self.stage.running:
+        if not self.stage.running or self.stage.operation is not self.run:
             return m.ERR_GENERAL
         self.run.stop_loop()
         return m.OK

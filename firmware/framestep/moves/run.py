@@ -17,6 +17,7 @@ from array import array
 from framestep.motion import axes as motion
 from framestep.motion import reals
 from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
+from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
@@ -31,8 +32,6 @@ from framestep.protocol.messages import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
-VIDEO_PULSE_MS = const(100)  # field note 6.9
-_MICROSECONDS = const(1000000000)  # in 1000 seconds
 _AHEAD = const(3)  # frames of phases to keep ahead
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
@@ -52,8 +51,6 @@ class Plan:
         self.step = 1  # 1 forward, -1 backward
         self.frames = 0  # frames after the first
         self.fps_milli = 0
-        self.quotient = 0  # of a frame's microseconds
-        self.remainder = 0
         self.pre_ms = 0
         self.post_ms = 0
         self.flags = 0
@@ -85,10 +82,8 @@ class RunMove(Operation):
         self.queued = 0
         self.closed = False
         self.told = 0
-        self.queue_error = 0  # of the rational frame time, for the frame to be queued
-        self.tell_error = 0  # the same for the frame to be told
-        self.tell_tick = 0
-        self.tell_us = 0
+        self.queue_clock = FrameClock()
+        self.tell_clock = FrameClock()
 
     # ---------------------------------------------------------------- the request
 
@@ -114,8 +109,6 @@ class RunMove(Operation):
         plan.step = -1 if end < start else 1
         plan.frames = (end - start) * plan.step
         plan.fps_milli = fps_milli
-        plan.quotient = _MICROSECONDS // fps_milli
-        plan.remainder = _MICROSECONDS % fps_milli
         plan.flags = flags
         plan.open_angle = open_angle
         plan.close_angle = close_angle
@@ -187,8 +180,9 @@ class RunMove(Operation):
         return longest
 
     def stop_loop(self):
-        """Let the pass under way be the last (spec: MSG_RT_STOP_LOOP)."""
+        """Let the pass under way be the last (spec: MSG_RT_STOP_LOOP); on the way back to the start none follows."""
         self.looping = False
+        self.show.close()
 
     # ---------------------------------------------------------------- the pass
 
@@ -197,8 +191,9 @@ class RunMove(Operation):
         plan = self.plan
         r = follower.numbers
         follower.frame_rate(plan.fps_milli)
-        reals.put(r, _DURATION, plan.quotient, 0)
-        reals.put(r, _DURATION_PLUS, plan.quotient + 1, 0)
+        frame_us = MICROSECONDS // plan.fps_milli
+        reals.put(r, _DURATION, frame_us, 0)
+        reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
         reals.divide(r, _DURATION, _DURATION, THOUSAND)
         reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
         reals.put(r, _ROLL, self.begin_ms, 0)
@@ -212,21 +207,25 @@ class RunMove(Operation):
                 if self.begin_ms:
                     self.store.position(motor, self.first, follower.place, 0)
                     follower.axes[motor].aim(_ROLL, ZERO, own, r, follower.place, 0)
-        self.queue_error = plan.fps_milli // 2
-        self.tell_error = plan.fps_milli // 2
+        self.queue_clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.closed = False
         self.told = 0
         self.feed()
 
     def started(self, tick):
-        self.tell_tick = (tick + self.begin_ms) & _WRAP
-        self.tell_us = 0
-        self.show.begin(self.plan, self.first, self.step, self.tell_tick)
+        tick = (tick + self.begin_ms) & _WRAP
+        self.tell_clock.begin(self.plan.fps_milli, tick)
+        self.show.begin(self.plan, self.first, self.step, tick, not self.looping)
 
     def feed(self):
-        while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
-            self._queue()
+        if self.bits:
+            while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
+                self._queue()
+        else:
+            # lights alone: no queue fills up
+            while not self.closed and self.queued <= self.told:
+                self._queue()
         self.show.feed()
 
     def _queue(self):
@@ -246,11 +245,7 @@ class RunMove(Operation):
             self.closed = True
             return
         self.queued = k
-        self.queue_error += plan.remainder
-        duration = _DURATION
-        if self.queue_error >= plan.fps_milli:
-            self.queue_error -= plan.fps_milli
-            duration = _DURATION_PLUS
+        duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
         index = self.first + self.step * k
         for motor in range(follower.count):
             if plan.bits >> motor & 1:
@@ -261,23 +256,19 @@ class RunMove(Operation):
                 reals.copy(r, own, X)
 
     def reached(self, ticks):
-        plan = self.plan
-        if self.told > plan.frames or (ticks - self.tell_tick - 1) & _WRAP >= _HALF:
+        clock = self.tell_clock
+        if self.told > self.plan.frames or (ticks - clock.tick - 1) & _WRAP >= _HALF:
             return False
         self.stage.move_time = (self.store.start + self.first + self.step * self.told) * 1000
-        self.show.frame(self.first + self.step * self.told, self.told == 0)
         self.told += 1
-        self.tell_error += plan.remainder
-        us = self.tell_us + plan.quotient
-        if self.tell_error >= plan.fps_milli:
-            self.tell_error -= plan.fps_milli
-            us += 1
-        self.tell_tick = (self.tell_tick + us // 1000) & _WRAP
-        self.tell_us = us % 1000
+        clock.advance()
         return True
 
     def finished(self):
-        return self.closed and self.told > self.plan.frames
+        return self.closed and self.told > self.plan.frames and self.show.finished()
+
+    def wanted(self):
+        return self.looping
 
     def again(self):
         if not self.looping:

@@ -69,12 +69,16 @@ class Operation:
         """Whether another pass follows; if so `begins` is where it starts."""
         return False
 
+    def wanted(self):
+        """Whether the pass that again() has announced is still to come, now that the motors are there."""
+        return True
+
     def land(self):
         """Asked to stop gently. True where it does so on its own, by phases."""
         return False
 
     def over(self):
-        """It has ended, in whatever way."""
+        """It has ended, in whatever way; called once or more."""
 
 
 class Stage:
@@ -103,6 +107,11 @@ class Stage:
     def running(self):
         """An operation has begun and not yet ended."""
         return self.state >= RUNNING or self.unattended
+
+    @property
+    def engaged(self):
+        """Bits of the motors that an operation under way holds, whether they move or pause between two passes."""
+        return self.operation.bits if self.running else 0
 
     def takes(self, motor):
         """Whether the motor has a part in the operation."""
@@ -197,7 +206,6 @@ class Stage:
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
                 self.axes[motor].stop(self.axes.hal, factor)
-        self._drop_cues()
         self.operation.over()
         self.unattended = False
         self.state = ENDING
@@ -233,7 +241,11 @@ class Stage:
         if state == ENDING:
             self._end()
         elif self.unattended:
-            self.go()
+            if self.operation.wanted():
+                self.go()
+            else:
+                self.operation.over()
+                self._end()
         else:
             self.state = READY
         return False
@@ -263,11 +275,6 @@ class Stage:
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
                 self.axes[motor].feed(SEGMENTS_AHEAD)
-
-    def _drop_cues(self):
-        irq = self.axes.hal.irq_off()
-        self.axes.kernel.drop_cues()
-        self.axes.hal.irq_on(irq)
 
     def _end(self):
         self.state = IDLE
