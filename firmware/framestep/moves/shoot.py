@@ -8,8 +8,8 @@ come to rest a run-out behind it. Times of one exposure, from GO:
                                  ^ shutter opens    ^ closes
 
 SHOOT_FRAME: the window is the middle BLUR of the way from POS A to POS B, the shutter is open all through
-it. SHOOT_FRAME2: the window is the whole way, 360 degrees; the shutter opens and closes at two angles, that
-may lie outside.
+it. SHOOT_FRAME2: the window is the whole way, 360 degrees; the shutter opens and closes at two angles. Where these
+lie outside, the motors keep the same speed from the opening, or to the closing.
 """
 
 from array import array
@@ -33,6 +33,8 @@ CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
 _WINDOW = const(36)  # ticks from A to B
 _ROLL = const(38)
 _WAIT = const(40)  # ticks from GO to the run-up
+_EARLY = const(42)  # ticks for which the shutter is open before A, and after B
+_LATE = const(44)
 
 
 class Shot:
@@ -42,11 +44,11 @@ class Shot:
         self.bits = 0
         self.exposure_ms = 0
         self.begin_ms = 0  # from GO to the shutter's opening
-        self.window = array("i", [0] * 2)  # real: ticks from A to B
+        self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the run-up
         self.starts = array("i", [0] * motors)  # where the motors wait
-        self.a = array("i", [0] * motors)
-        self.b = array("i", [0] * motors)
+        self.a = array("i", [0] * motors)  # A, or where the shutter opens before it
+        self.b = array("i", [0] * motors)  # B, or where the shutter closes after it
         self.ends = array("i", [0] * motors)  # where they come to rest
 
 
@@ -149,15 +151,17 @@ class ShootFrame(Operation):
         reals.divide(r, X, X, Y)  # ticks of a degree
         reals.put(r, Y, 360, 0)
         reals.multiply(r, _WINDOW, X, Y)
-        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS:
-            return ERR_RANGE
-        reals.put(r, Y, opened, 0)
-        reals.multiply(r, X, X, Y)  # from A to the opening
+        reals.put(r, Y, max(0, -opened), 0)
+        reals.multiply(r, _EARLY, X, Y)
+        reals.put(r, Y, max(0, closed - 360), 0)
+        reals.multiply(r, _LATE, X, Y)
+        reals.put(r, Y, max(0, opened), 0)
+        reals.multiply(r, X, X, Y)  # from a to the opening
         reals.put(r, Y, RUN_UP_MS, 0)
         reals.add(r, T, X, Y)
-        shot.begin_ms = max(1, reals.floor(r, T, HALF) + 1)
+        shot.begin_ms = reals.floor(r, T, HALF) + 1
         reals.put(r, Y, shot.begin_ms, 0)
-        reals.subtract(r, T, Y, X)  # from GO to A
+        reals.subtract(r, T, Y, X)  # from GO to a
         reals.put(r, Y, RUN_UP_MS, 0)
         reals.subtract(r, T, T, Y)
         kernel = self.follower.axes.kernel.state
@@ -167,7 +171,11 @@ class ShootFrame(Operation):
         reals.divide(r, X, X, Y)
         reals.add(r, T, T, X)
         reals.fetch(shot.wait, 0, r, T)
-        reals.fetch(shot.window, 0, r, _WINDOW)
+        reals.add(r, X, _WINDOW, _EARLY)
+        reals.add(r, X, X, _LATE)
+        if reals.floor(r, X, HALF) > LONGEST_MS:
+            return ERR_RANGE
+        reals.fetch(shot.window, 0, r, X)
         return OK
 
     def _places(self, shot, permille):
@@ -189,6 +197,11 @@ class ShootFrame(Operation):
             own = speed(motor)
             reals.put_difference(r, own, shot.b, motor, shot.a, motor)
             reals.divide(r, own, own, _WINDOW)
+            self._extend(shot.a, motor, own, _EARLY, True)
+            self._extend(shot.b, motor, own, _LATE, False)
+            reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+            reals.fetch(r, Y, shot.window, 0)
+            reals.divide(r, own, own, Y)
             reals.copy(r, X, own)
             if reals.sign(r, X) < 0:
                 reals.negate(r, X, X)
@@ -203,6 +216,16 @@ class ShootFrame(Operation):
             if not follower.roll(motor, own, _ROLL, False, shot.ends):
                 return ERR_POSTROLL
         return OK
+
+    def _extend(self, places, motor, velocity, ticks, backward):
+        """Move places[motor] on by what a velocity makes in that time, both registers; rounded to a step."""
+        r = self.follower.numbers
+        reals.multiply(r, X, velocity, ticks)
+        if backward:
+            reals.negate(r, X, X)
+        reals.put(r, Y, 1, -1)
+        reals.add(r, X, X, Y)
+        reals.add_word(places, motor, places, motor, reals.floor(r, X, HALF))
 
     # ---------------------------------------------------------------- the exposure
 
@@ -247,5 +270,6 @@ class ShootFrame(Operation):
     def over(self):
         if not self.done:
             self.done = True
-            now = self.follower.axes.kernel.state[stepper.TICKS] + 1
-            self.show.signal(now, SHUTTER | METER, 0)
+            self.show.cancel()
+            self.show.signal(self.follower.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
+            self.show.pass_on()
