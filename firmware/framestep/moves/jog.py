@@ -9,7 +9,7 @@ from array import array
 
 from framestep.motion import reals
 from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
-from framestep.moves.stage import Operation
+from framestep.moves.stage import ENDING, Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
@@ -55,7 +55,7 @@ class JogAll(Operation):
         if fps_milli < 1 or fps_milli > FASTEST_FPS or frame < store.start or frame > store.end:
             return ERR_RANGE
         under_way = stage.running
-        if under_way and stage.operation is not self:
+        if under_way and (stage.operation is not self or stage.state == ENDING):
             return ERR_MOVING
         to = frame - store.start
         bits = self.bits if under_way else self.follower.motors()
@@ -103,8 +103,14 @@ class JogAll(Operation):
 
     def _retarget(self, to):
         """Under way: bend to the new destination; where it lies behind, land first and turn."""
+        r = self.follower.numbers
         if self.closed:
             self.later = to
+            return
+        if reals.sign(r, _RATE) == 0:
+            # between a landing and the way back
+            self._aim(to)
+            self.closed = to == self.at
             return
         landing = self._landing()
         if (to - landing) * self.step >= 0:
@@ -125,7 +131,7 @@ class JogAll(Operation):
         reals.subtract(r, X, X, Y)
         reals.put(r, Y, 100, 0)
         reals.multiply(r, X, X, Y)
-        if reals.floor(r, X, HALF) >= 1:
+        if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, _RATE):
             frames += 1
         return self.at + self.step * frames
 
@@ -189,7 +195,12 @@ class JogAll(Operation):
             reals.copy(r, X, Y)
         reals.root(r, _NEXT, X, _SPARE)
         if reals.compare(r, _NEXT, _TOP) > 0:
-            reals.copy(r, _NEXT, _TOP)
+            # A top that has been lowered on the way is come down to as steeply as anything else.
+            reals.multiply(r, X, _RATE, _RATE)
+            reals.subtract(r, X, X, _TWICE)
+            reals.root(r, _NEXT, X, _SPARE)
+            if reals.compare(r, _NEXT, _TOP) < 0:
+                reals.copy(r, _NEXT, _TOP)
         # one frame at the mean of the two velocities
         reals.add(r, X, _RATE, _NEXT)
         if reals.sign(r, X):
@@ -235,6 +246,9 @@ class JogAll(Operation):
             self.follower.axes[motor].position_to(self.places, motor)
         self.stage.begins = self.places
         return True
+
+    def wanted(self):
+        return not self.closed
 
     def land(self):
         if not self.closed:
