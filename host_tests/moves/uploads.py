@@ -172,10 +172,10 @@ def _positions(draw, index, count, before):
 
 
 @st.composite
-def uploads(draw, steps=25):
+def uploads(draw, steps=25, memories=(2000, 3000, 5000, 8000, 20_000)):
     """A store that is a little too small or large enough, and some uploads into it."""
     motors = draw(st.integers(1, 4))
-    memory = draw(st.sampled_from([2000, 3000, 5000, 8000, 20_000]))
+    memory = draw(st.sampled_from(memories))
     model = Model(motors, memory)
     if model.limit == 0:
         memory = 3000

@@ -94,12 +94,12 @@ def echo(stream, steps, reader, writer, out, words):
     return count
 
 
-def main():
+def main(lines):
     reader = FrameReader()
     writer = FrameWriter(40000)
     out = bytearray(40000)
     words = array("i", (0, 0, 0))
-    for line in sys.stdin:
+    for line in lines:
         stream, _, steps = line.rstrip("\n").partition(" ")
         steps = [int(step) for step in steps.split()]
         count = echo(bytes.fromhex(stream), steps, reader, writer, out, words)
@@ -108,4 +108,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.stdin)
