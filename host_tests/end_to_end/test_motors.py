@@ -591,7 +591,7 @@ def test_set_speed_refused(both):
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
 
 
-@pytest.mark.parametrize(("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 240_384), (4.0, 121_595)])
+@pytest.mark.parametrize(("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 242_248), (4.0, 121_595)])
 def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig = simulated({"motors": [{"pulse_us": pulse_us}]})
     rig.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, fastest + 1, 1000))

@@ -229,14 +229,25 @@ def test_single_frame(loaded):
 
 
 @pytest.mark.parametrize("post", [0, 500])
-def test_pre_roll_of_no_time(loaded, post):
-    """Field note 6.2: the shortest that the motors can, where they move at the first frame."""
-    before = loaded.play(run_request(24, 1, FRAMES, 0, post))
-    assert_played(loaded, before, MOVE, 24)
-    shortest = 60 * 24 / 100_000
-    assert before[1] == pytest.approx(100 - 60 * 24 * shortest / 2, abs=2)
-    for motor in MOVE:
-        assert_within(*loaded.steps(motor), 20000, 100_000)
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1)])
+def test_pre_roll_of_no_time(loaded, first, last, post):
+    """Field note 6.2: as short as the motor's own acceleration allows, where it moves at the first frame."""
+    loaded.speed(1, 20000, 20_000)
+    before = loaded.play(run_request(24, first, last, 0, post))
+    assert_played(loaded, before, section(first, last), 24)
+    velocity = 60 * 24 * (1 if last > first else -1)
+    way = velocity * abs(velocity) / (2 * 20_000)
+    assert before[1] == pytest.approx(MOVE[1][first - 1] - way, abs=1)
+    if not post:
+        assert loaded.position(1) == pytest.approx(MOVE[1][last - 1] + way, abs=1)
+    # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to it
+    for motor, acceleration in ((1, 20_000), (2, 100_000)):
+        times, signs = loaded.steps(motor)
+        assert_within(times, signs, 20000, acceleration)
+        n = int(abs(before[motor] - MOVE[motor][first - 1]))
+        assert n > 8
+        ramp = times[:n] - times[0]
+        assert ramp == pytest.approx(((2 * np.arange(1, n + 1)) ** 0.5 - 2**0.5) / acceleration**0.5, abs=3e-4)
 
 
 def test_no_roll_at_rest(rig):

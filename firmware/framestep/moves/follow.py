@@ -154,6 +154,8 @@ class Follower:
         if reals.sign(r, Y) < 0:
             reals.negate(r, Y, Y)
         reals.fetch(r, X, axis.numbers, motion.STEEP)
+        reals.double(r, T, X, -20)  # of leave for rounding
+        reals.add(r, X, X, T)
         if reals.compare(r, Y, X) > 0:
             return False
         reals.multiply(r, X, velocity, ticks)

@@ -51,8 +51,10 @@ class Plan:
         self.step = 1  # 1 forward, -1 backward
         self.frames = 0  # frames after the first
         self.fps_milli = 0
-        self.pre_ms = 0
+        self.pre_ms = 0  # from the start to the first frame, and from the last one to the end
         self.post_ms = 0
+        self.pre_rolls = array("i", [0] * (2 * motors))  # real numbers: each motor's own ramp, in ticks
+        self.post_rolls = array("i", [0] * (2 * motors))
         self.flags = 0
         self.open_angle = 0
         self.close_angle = 0
@@ -90,7 +92,7 @@ class RunMove(Operation):
     def prepare(self, fps_milli, start, end, pre_ms, post_ms, flags, open_angle, close_angle):
         """Check a run of scene frames start … end and send the motors to where it begins.
 
-        pre_ms, post_ms: 0 for the shortest that the motors can. A code; nothing has changed unless it is OK.
+        pre_ms, post_ms: 0 for the shortest that each motor can. A code; nothing has changed unless it is OK.
         The draft's bloop and sync fields have been filled in.
         """
         store = self.store
@@ -139,9 +141,8 @@ class RunMove(Operation):
         follower = self.follower
         r = follower.numbers
         last = plan.first + plan.step * plan.frames
-        # With a roll of no time, all motors take as long as the slowest to gather speed needs.
-        plan.pre_ms = pre_ms if pre_ms else self._shortest(plan, plan.first)
-        plan.post_ms = post_ms if post_ms else self._shortest(plan, last)
+        plan.pre_ms = self._roll_times(plan, plan.first, pre_ms, plan.pre_rolls)
+        plan.post_ms = self._roll_times(plan, last, post_ms, plan.post_rolls)
         for motor in range(follower.count):
             if plan.bits >> motor & 1:
                 self.store.position(motor, plan.first, plan.begins, motor)
@@ -149,34 +150,36 @@ class RunMove(Operation):
                 if not plan.frames:
                     continue
                 own = speed(motor)
-                if plan.pre_ms:
-                    follower.velocity(own, motor, plan.first, plan.step)
-                    reals.put(r, _ROLL, plan.pre_ms, 0)
-                    if not follower.roll(motor, own, _ROLL, True, plan.begins):
-                        return ERR_PREROLL
-                if plan.post_ms:
-                    follower.velocity(own, motor, last, plan.step)
-                    reals.put(r, _ROLL, plan.post_ms, 0)
-                    if not follower.roll(motor, own, _ROLL, False, plan.ends):
-                        return ERR_POSTROLL
+                follower.velocity(own, motor, plan.first, plan.step)
+                reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
+                if not follower.roll(motor, own, _ROLL, True, plan.begins):
+                    return ERR_PREROLL
+                follower.velocity(own, motor, last, plan.step)
+                reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
+                if not follower.roll(motor, own, _ROLL, False, plan.ends):
+                    return ERR_POSTROLL
         return OK
 
-    def _shortest(self, plan, index):
-        """The milliseconds in which every motor can reach its velocity at that frame."""
+    def _roll_times(self, plan, index, ms, rolls):
+        """How long each motor ramps between rest and its velocity at that frame; the longest in whole ms.
+
+        ms: the same for all, or 0: as long as each needs with its own greatest acceleration (field note 6.2).
+        """
         follower = self.follower
         r = follower.numbers
-        longest = 0
-        if not plan.frames:
-            return 0
+        longest = ms
         for motor in range(follower.count):
             if plan.bits >> motor & 1:
-                follower.velocity(X, motor, index, plan.step)
-                if reals.sign(r, X) < 0:
-                    reals.negate(r, X, X)
-                if reals.sign(r, X):
+                reals.put(r, _ROLL, ms, 0)
+                if ms == 0 and plan.frames:
+                    follower.velocity(X, motor, index, plan.step)
+                    if reals.sign(r, X) < 0:
+                        reals.negate(r, X, X)
                     reals.fetch(r, Y, follower.axes[motor].numbers, motion.STEEP)
-                    reals.divide(r, X, X, Y)
-                    longest = max(longest, reals.floor(r, X, LONGEST_ROLL) + 1)
+                    reals.divide(r, _ROLL, X, Y)
+                    if reals.sign(r, _ROLL):
+                        longest = max(longest, reals.floor(r, _ROLL, LONGEST_ROLL) + 1)
+                reals.fetch(rolls, 2 * motor, r, _ROLL)
         return longest
 
     def stop_loop(self):
@@ -196,7 +199,9 @@ class RunMove(Operation):
         reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
         reals.divide(r, _DURATION, _DURATION, THOUSAND)
         reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
-        reals.put(r, _ROLL, self.begin_ms, 0)
+        onward = self.step == plan.step
+        rolls = plan.pre_rolls if onward else plan.post_rolls
+        places = plan.begins if onward else plan.ends
         for motor in range(follower.count):
             if plan.bits >> motor & 1:
                 own = speed(motor)
@@ -204,7 +209,13 @@ class RunMove(Operation):
                     follower.velocity(own, motor, self.first, self.step)
                 else:
                     reals.put(r, own, 0, 0)
-                if self.begin_ms:
+                reals.fetch(r, _ROLL, rolls, 2 * motor)
+                # whoever needs less time than the slowest waits, so that all come to the first frame at once
+                reals.put(r, X, self.begin_ms, 0)
+                reals.subtract(r, X, X, _ROLL)
+                if reals.sign(r, X) > 0:
+                    follower.axes[motor].aim(X, ZERO, ZERO, r, places, motor)
+                if reals.sign(r, _ROLL):
                     self.store.position(motor, self.first, follower.place, 0)
                     follower.axes[motor].aim(_ROLL, ZERO, own, r, follower.place, 0)
         self.queue_clock.begin(plan.fps_milli, 0)
@@ -235,11 +246,13 @@ class RunMove(Operation):
         plan = self.plan
         k = self.queued + 1
         if k > plan.frames:
-            reals.put(r, _ROLL, self.end_ms, 0)
-            places = plan.ends if self.step == plan.step else plan.begins
-            if self.end_ms:
-                for motor in range(follower.count):
-                    if plan.bits >> motor & 1:
+            onward = self.step == plan.step
+            rolls = plan.post_rolls if onward else plan.pre_rolls
+            places = plan.ends if onward else plan.begins
+            for motor in range(follower.count):
+                if plan.bits >> motor & 1:
+                    reals.fetch(r, _ROLL, rolls, 2 * motor)
+                    if reals.sign(r, _ROLL):
                         follower.axes[motor].aim(_ROLL, speed(motor), ZERO, r, places, motor)
             follower.close(plan.bits)
             self.closed = True
