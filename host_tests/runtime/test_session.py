@@ -1,0 +1,33 @@
+"""The whole controller as machine code on 32 bits, the heap locked: it says byte by byte what it says on CPython."""
+
+import struct
+from pathlib import Path
+
+from framestep_tools.wire import FrameDecoder
+from host_tests.runtime import session_replay
+
+REPLAY = Path(__file__).parent / "session_replay.py"
+
+
+def said():
+    lines = []
+    session_replay.replay(lines.append)
+    return lines
+
+
+def test_both_runtimes_say_the_same(unix32f):
+    output = unix32f.run("from session_replay import replay\nreplay(print)\n", path=[REPLAY.parent], heap="400k")
+    assert output.split("\n")[:-1] == said()
+
+
+def test_the_script_goes_through_everything():
+    """What is compared above is a session in which things happen."""
+    lines = said()
+    decoder = FrameDecoder()
+    frames = [f for line in lines[:-1] for f in decoder.feed(bytes.fromhex(line.split()[1]))]
+    assert decoder.skipped == 0
+    ends = [f for f in frames if f.type == 0x114]
+    assert len(ends) == 4, "two runs and two exposures"
+    refused = {struct.unpack_from("<H", f.payload)[0] for f in frames if f.type & 0x8000}
+    assert refused >= {0x10, 0x11, 0x12, 0x13, 0x14, 0x20}
+    assert lines[-1].split()[2] == str(2**30 + 12345 + 500) or int(lines[-1].split()[2]) > 2**30
