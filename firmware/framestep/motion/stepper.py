@@ -9,6 +9,8 @@ tick to tick ("acceleration") and the change of that ("jerk") are Q4.27. A segme
 and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the profile
 crosses each whole step: step k is made when the position *reaches* k, going up or down, so a motor
 at rest on k has made exactly k steps and a position that trembles between two steps makes none.
+("Reaches" means comes within a hair of: what lies on the end of a tick must not make none in one
+tick and two in the next.)
 
 Pulses. The engine (a PIO state machine, see hal/rp2.py, or its model in hal/host.py) takes 32-bit
 commands from a FIFO and executes them one after another on its own clock of `CYCLES` per tick:
@@ -59,6 +61,7 @@ CUE_SLOTS = const(32)
 
 _SHORT_US = const(100)  # what AHEAD is short of LEAD ticks
 _TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
+_HAIR = const(128)  # Q22: a step is made so much early, lest rounding put it into the next tick
 _EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
 
 # Words of a motor's block
@@ -292,9 +295,9 @@ class Header(array):
                     rem = 0 - rem
                     d = 0 - d
                     acc = 0 - acc
-                n = rem >> 22
+                n = (rem + _HAIR) >> 22
                 if n:
-                    rem = rem & (ONE - 1)
+                    rem = rem - (n << 22)
                     least = m[SHORTEST]
                     if s:
                         m[FRACTION] = 0 - rem
@@ -317,7 +320,7 @@ class Header(array):
                     bent = 0
                     back = 0  # whole steps from the pulse looked at to the last one of the tick
                     if acc:
-                        if (acc ^ (acc >> 31)) > d >> 7:
+                        if (acc ^ (acc >> 31)) > (d - ONE // 2) >> 7:
                             bent = 1
                     # e: cycles from the start of the tick to the last crossing, were the velocity
                     # constant. bent: acceleration over velocity, Q10.
@@ -351,15 +354,39 @@ class Header(array):
                             e = (rem >> 4) * m[SPAN] // ((d + 8) >> 4)
                         elif d >> 14:
                             e = (rem >> 2) * m[SPAN] // ((d + 2) >> 2)
+                        elif rem >> 31:
+                            e = 0
                         else:
                             e = rem * m[SPAN] // d
                         e = m[SPAN] - e
                         if bent:
                             bent = (acc << 5) // (d >> 5)
-                            if bent > 4096:
-                                bent = 4096
-                            elif bent < -4096:
-                                bent = -4096
+                            if (bent + 128) >> 8:
+                                # Far from constant, next to a start, a turn or a rest. Exactly, with
+                                # b = a/2d: b·x² + (1 - b)·x = x0; x0 in Q17, 1 - b and the root in Q13.
+                                if bent > 4096:
+                                    bent = 4096
+                                elif bent < -4096:
+                                    bent = -4096
+                                if m[SPAN] - cycles:
+                                    bent = -2048  # at rest when the span ends
+                                x = (e << 14) // m[SPAN]
+                                x = (x << 3) + (((e << 14) - x * m[SPAN]) << 3) // m[SPAN]
+                                k = 8192 - (bent << 2)
+                                x = k * k + bent * x
+                                root = 0
+                                bit = 1 << 28
+                                while bit:
+                                    if x >= root + bit:
+                                        x = x - root - bit
+                                        root = root + bit + bit
+                                    root = root >> 1
+                                    bit = bit >> 2
+                                if k > 0:
+                                    e = (e << 14) // (k + root)
+                                else:
+                                    e = ((root - k) >> 1) * (m[SPAN] >> 2) // bent
+                                bent = 0
                     while True:
                         pulses = n
                         x = e
@@ -370,13 +397,14 @@ class Header(array):
                             # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d later
                             x = (((((m[SPAN] - x) >> 3) * (x >> 3) >> 13) * h[SQUARE] >> 6) * bent >> 11) + x
                         x = x + carry  # cycles that the pulses have got
-                        period = x
                         if pulses >> 6:
                             # One command would drift by up to half a cycle a pulse. Two make a bow
                             # instead; of its height about half is taken off.
                             period = x // pulses
-                            if period >= least:
-                                rest = x - period * pulses
+                            if period < least:
+                                period = least
+                            else:
+                                rest = (0 - period) * pulses + x
                                 if pulses >> 7:
                                     if rest + rest > pulses:
                                         rest = rest + ((pulses - rest) >> 2)
@@ -391,10 +419,12 @@ class Header(array):
                                     carry = (0 - period) * pulses + carry - 4
                                     pulses = rest
                                     period += 1
-                        elif pulses - 1:
-                            period = ((pulses >> 1) + x) // pulses
-                        if period < least:
-                            period = least
+                        else:
+                            period = x
+                            if pulses - 1:
+                                period = ((pulses >> 1) + x) // pulses
+                            if period < least:
+                                period = least
                         fifo[0] = ((((period - m[FIXED]) << 9) + pulses) << 1) + m[WORD]
                         if back:
                             carry = (0 - period) * pulses + carry - 4
