@@ -1,0 +1,285 @@
+"""The emulated board: DMX decoded off the wire, pins, E-stop and limit switches during motion, every edge judged."""
+
+import numpy as np
+import pytest
+
+from framestep.motion import stepper
+from framestep.protocol import messages as m
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.payloads import (
+    Dmx,
+    GioCam,
+    GioIn,
+    GioOut,
+    HardStop,
+    InputLevels,
+    MotorMove,
+    MotorSetLimits,
+    MotorStatus,
+    RtEnd,
+    RtGo,
+)
+from host_tests.end_to_end.session import Session, deceleration, run_request
+
+DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22
+BIT_NS = 4000
+SLOT_NS = 11 * BIT_NS
+EIGHT = tuple(range(1, 9))
+
+
+def session(rig=None):
+    board = EmulatedBoard(rig)
+    return Session(board), board
+
+
+class Wire:
+    """What comes out of the DMX pin, decoded from its edges alone."""
+
+    def __init__(self, board):
+        self.emulator = board.emulator
+        self.pins = board._pins.pins
+        self.emulator.trace_start([*self.pins, DMX_PIN])
+        self.emulator.trace_read()
+
+    def frames(self, records):
+        """[(start of break, break, mark after break in ns, slots, longest gap between slots in ns)]"""
+        mine = records[records["pin"] == DMX_PIN]
+        times, levels = mine["t"].astype(np.int64), mine["level"]
+        falls = times[levels == 0]
+        ends = np.append(times[1:], times[-1] + 1)[levels == 0]
+        found = []
+        breaks = np.flatnonzero(ends - falls > 80_000)
+        for k, at in enumerate(breaks[:-1]):
+            begin = ends[at]  # of the mark
+            until = falls[breaks[k + 1]]
+            inside = (times >= begin) & (times < until)
+            slots, gaps = self.slots(times[inside], levels[inside], until)
+            first = falls[at + 1]
+            found.append((int(falls[at]), int(ends[at] - falls[at]), int(first - begin), slots, gaps))
+        return found
+
+    @staticmethod
+    def slots(times, levels, until):
+        """Bytes of a frame by sampling in the middle of each bit; 8 data bits, two stop bits."""
+        slots = bytearray()
+        longest = 0
+        at = 1  # times[0] is the rise that begins the mark
+        previous = None
+        while at < len(times):
+            start = times[at]
+            if previous is not None:
+                longest = max(longest, int(start - previous - SLOT_NS))
+            previous = start
+            samples = start + BIT_NS * np.arange(0.5, 11)
+            index = np.searchsorted(times, samples, side="right") - 1
+            bits = levels[index]
+            assert bits[0] == 0 and bits[9] == bits[10] == 1, "no start or stop bit"
+            slots.append(int(np.packbits(bits[1:9], bitorder="little")[0]))
+            at = int(np.searchsorted(times, start + 10 * BIT_NS))
+        return bytes(slots), longest
+
+
+def test_dmx_on_the_wire():
+    """Standard: ANSI E1.11; frames at 40 a second or better, whole states only, whatever the motors do."""
+    board_session, board = session()
+    with board:
+        wire = Wire(board)
+        levels = bytes((7 * c + 3) & 0xFF for c in range(512))
+        board_session.accept(Dmx(0, 1, list(levels)))
+        board_session.run(0.1)
+        wire.emulator.trace_read()
+        board_session.run(0.1)
+        frames = wire.frames(wire.emulator.trace_read())
+        assert len(frames) >= 3
+        check_timing(frames)
+        for frame in frames:
+            assert frame[3] == b"\0" + levels
+        # A ramp, while eight motors move: each frame is one state of the lights, and they follow the line
+        for motor in EIGHT:
+            board_session.speed(motor, 50_000, 200_000)
+            board_session.accept(MotorMove(motor, 20_000))
+        board_session.accept(Dmx(0, 1, [0] * 512))
+        board_session.run(0.1)
+        begin = board_session.now
+        board_session.accept(Dmx(1, 1, [250] * 512))
+        wire.emulator.trace_read()
+        status = []
+        while board_session.now - begin < 0.6:
+            status.append(board_session.ask(MotorStatus()))
+            board_session.run(0.05)
+        frames = wire.frames(wire.emulator.trace_read())
+        check_timing(frames)
+        assert len(frames) >= 22
+        assert status[0].dmx == 1 and status[-1].dmx == 0
+        for start, _, _, slots, _ in frames:
+            assert slots[0] == 0
+            line = 250 * min(1.0, max(0.0, (start * 1e-9 - begin) / 0.5))
+            assert all(abs(level - line) <= 250 * 0.040 / 0.5 for level in (min(slots[1:]), max(slots[1:])))
+        assert frames[-1][3] == b"\0" + bytes([250] * 512)
+        board_session.wait_idle()
+        assert board_session.positions == dict.fromkeys(EIGHT, 20_000)
+
+
+def check_timing(frames):
+    for _, low, mark, slots, gap in frames:
+        assert 92_000 <= low <= 200_000, "break"
+        assert 12_000 <= mark <= 40_000, "mark after break"
+        assert len(slots) == 513
+        assert gap < 1000
+    periods = np.diff([frame[0] for frame in frames])
+    assert periods.max() <= 25_000_000, "40 frames/s"
+    assert 43.5 < 1e9 / periods.mean() < 44.5
+
+
+def ramp_edges(rig):
+    """Times of the steps of four motors, and by how many microseconds a tick came late at worst meanwhile."""
+    board_session, board = session(rig)
+    motors = (1, 2, 3, 4)
+    with board:
+        for motor in motors:
+            board_session.speed(motor, 50_000, 200_000)
+        board_session.forget()
+        if rig is None:
+            board_session.accept(Dmx(1, 1, [250] * 512))
+        board_session.accept(*(MotorMove(motor, 4000) for motor in motors))
+        board_session.wait_idle()
+        look = f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
+        return [board_session.steps(motor)[0] for motor in motors], int(board.emulator.repl().exec(look))
+
+
+def test_ticks_are_not_delayed():
+    """Step for step the same intervals with DMX ramping on all channels as with none at all."""
+    (with_dmx, late), (without, late_without) = ramp_edges(None), ramp_edges({"dmx": False})
+    for a, b in zip(with_dmx, without, strict=True):
+        assert len(a) == len(b) == 4000
+        assert np.abs(np.diff(a) - np.diff(b)).max() < 100e-9
+    assert late <= late_without + 5
+
+
+def test_pins():
+    board_session, board = session({"outputs": [{"pin": 22, "on": "low"}, {"pin": 26}], "shutter_on": "low"})
+    with board:
+        emulator = board.emulator
+
+        def levels():
+            return [emulator.pin(pin) for pin in (22, 26, 20, 21)]
+
+        assert levels() == [1, 0, 1, 0]
+        board_session.accept(GioOut(3), GioCam(3))
+        assert levels() == [0, 1, 0, 1]
+        assert board_session.ask(GioIn()).levels == 0
+        board_session.forget()
+        pressed = board_session.now
+        for _ in range(5):
+            for level in (0, 1):
+                emulator.set_pin(27, level)
+                board_session.run(0.003)
+        emulator.set_pin(28, 0)
+        board_session.run(0.1)
+        ((told, message),) = board_session.events(InputLevels)
+        assert message.levels == 2 and told - pressed - 0.030 < 0.030
+        emulator.set_pin(28, None)
+        board_session.run(0.05)
+        assert board_session.events(InputLevels)[-1][1].levels == 0
+        board_session.port.close()
+        board.run_until(board.now_ns + 20_000_000)
+        assert levels() == [1, 0, 1, 0]  # a lost host
+
+
+def test_estop():
+    """Pressed while eight motors cruise, and in the middle of a run of two."""
+    board_session, board = session({"estop": "nc"})
+    with board:
+        board.emulator.set_pin(ESTOP_PIN, 0)
+        for motor in EIGHT:
+            board_session.speed(motor, 20_000, 100_000)
+        board_session.run(0.05)
+        start = begin(board_session)
+        board_session.accept(*(MotorMove(motor, 100_000) for motor in EIGHT))
+        board_session.run(0.3)
+        pressed = pull(board_session, board)
+        last = []
+        for motor in EIGHT:
+            times, signs = stopped(board_session, motor, start)
+            last.append(times[-1] - pressed)
+            assert deceleration(times, signs, pressed + 0.004) == pytest.approx(400_000, rel=0.05)
+            intervals = np.diff(times[times > pressed + 0.005])
+            assert (np.diff(intervals) > -2e-6).all()  # slower and slower
+        # two ticks of pulses on their way, and a ramp of 20 000 steps/s at 400 000 steps/s²
+        assert max(last) < 0.050 + 0.004
+        assert max(last) - min(last) < 10e-6  # all of them in the same tick
+        assert not board_session.events(RtEnd)
+        release(board_session, board)
+
+        path = [0, 0, 0] + [round(2500 * (1 - np.cos(np.pi * k / 30))) for k in range(31)]
+        board_session.upload({1: path, 2: path})
+        board_session.accept(MotorMove(2, 0))
+        board_session.wait_idle()
+        board_session.ready(run_request(end=len(path), pre=100))
+        start = begin(board_session)
+        board_session.accept(RtGo())
+        board_session.run(0.75)
+        pressed = pull(board_session, board)
+        for motor in (1, 2):
+            times, _ = stopped(board_session, motor, start)
+            assert 0 < times[-1] - pressed < 0.030
+        assert len(board_session.events(RtEnd)) == 1
+        release(board_session, board)
+
+
+def begin(board_session):
+    board_session.forget()
+    return board_session.positions
+
+
+def pull(board_session, board):
+    """Press the E-stop and let half a second pass; when it was pressed."""
+    board_session.client.events.clear()
+    pressed = board_session.now
+    board.emulator.set_pin(ESTOP_PIN, 1)
+    board_session.run(0.5)
+    ((told, message),) = board_session.events(HardStop)
+    assert message == HardStop(0) and told - pressed < 0.03
+    assert not board_session.moving
+    return pressed
+
+
+def stopped(board_session, motor, start):
+    """Times and directions of a motor's steps; none of them was lost on the way down."""
+    times, signs = board_session.steps(motor)
+    assert start[motor] + signs.sum() == board_session.position(motor)
+    return times, signs
+
+
+def release(board_session, board):
+    board_session.refuse(m.ERR_GENERAL, MotorMove(1, 0), RtGo())
+    board_session.forget()
+    board.emulator.set_pin(ESTOP_PIN, 0)
+    board_session.run(0.2)
+    assert not any(board_session.made(motor) for motor in EIGHT)  # nothing starts by itself
+    assert board_session.ask(MotorMove(1, 0)).moving
+    board_session.wait_idle()
+
+
+def test_limit():
+    rig = {"limits": [{"high": LIMIT_PIN, "contact": "no"}], "outputs": [], "inputs": []}
+    board_session, board = session(rig)
+    with board:
+        board_session.speed(3, 10_000, 50_000)
+        board_session.accept(MotorSetLimits(3, 0, 0, 0, 0, 1))
+        board_session.accept(MotorMove(3, 30_000), MotorMove(4, 8000))
+        board_session.run(0.6)
+        hit = board_session.now
+        board.emulator.set_pin(LIMIT_PIN, 0)
+        board_session.run(0.3)
+        assert tuple(board_session.moving) == (4,)
+        assert [message for _, message in board_session.events(HardStop)] == [HardStop(1, 3)]
+        times, signs = board_session.steps(3)
+        assert times[-1] - hit < 10_000 / 200_000 + 0.004
+        assert deceleration(times, signs, hit + 0.004) == pytest.approx(200_000, rel=0.05)
+        here = board_session.position(3)
+        assert signs.sum() == here
+        board_session.refuse(m.ERR_HARD_UP, MotorMove(3, here + 1))
+        board_session.accept(MotorMove(3, here - 500))
+        board_session.wait_idle()
+        assert board_session.position(3) == here - 500
