@@ -3,13 +3,11 @@
 Everything the tests here know comes over the protocol port or off the pins; only `settings` looks inside.
 """
 
+import re
 from array import array
 
 import numpy as np
 
-from framestep.motion import axes as motion
-from framestep.motion import stepper
-from framestep.protocol import messages
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client
 from framestep_tools.payloads import (
@@ -178,7 +176,7 @@ def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
     return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 
 
-# ---- what edges tell --------------------------------------------------------------------------------------
+# ---- what edges tell ---------------------------------------------------------------------------------------
 
 
 def velocities(times, signs, window, begin=None, end=None):
@@ -213,35 +211,34 @@ def deceleration(times, signs, after):
     return abs(2 * np.polyfit(times[late][ramp] - after, position[ramp], 2)[0])
 
 
-# ---- what is inside -----------------------------------------------------------------------------------------
+# ---- what is inside ----------------------------------------------------------------------------------------
+
+# What changes with time or with any request, what is only worked with, and memory beyond the entries in use
+_SCRATCH = re.compile(
+    r"\.(now|now_ns|_clock|port|kernel\.state|reader|writer|heard_at|words|values|draft|moves\.places"
+    r"|follower\.(numbers|window|place)|cues\._table)(\.|$)"
+)
 
 
-def settings(board):
-    """Everything that a request may set or start: positions, speeds, limits, flags, upload and run state."""
-    controller = board.controller
-    store = controller.moves.store
-    kept = []
-    for i in range(controller.count):
-        axis = controller.axes[i]
-        kept.append(
-            (
-                axis.block[stepper.POSITION],
-                axis.block[stepper.MODE],
-                axis.moving,
-                axis.velocity,
-                axis.acceleration,
-                axis.block[stepper.BRAKE],
-                axis.numbers[motion.TOP : motion.JERK].tolist(),
-                axis.limits[motion.LOWER],
-                axis.limits[motion.UPPER],
-                axis.lower_enabled,
-                axis.upper_enabled,
-            )
-        )
-    upload = [store.state, store.start, store.end]
-    frames = array("i", [0] * (store.end - store.start + 1))
-    for motor in range(controller.count):
-        upload.append(store.has(motor))
-        if store.positions(motor, 0, len(frames), frames, 0):
-            upload.append(frames.tolist())
-    return kept, upload
+def state(session):
+    """Everything that the controller keeps, {path: value}, but for what it works with: what no refusal may change."""
+    found, seen = {}, set()
+
+    def walk(thing, path):
+        if isinstance(thing, int | float | str | bytes | None):
+            found[path] = thing
+        elif isinstance(thing, array | bytearray | memoryview):
+            found[path] = bytes(thing)
+        elif id(thing) not in seen and not _SCRATCH.search(path):
+            seen.add(id(thing))
+            if isinstance(thing, list | tuple):
+                parts = enumerate(thing)
+            elif isinstance(thing, dict):
+                parts = thing.items()
+            else:
+                parts = vars(thing).items() if type(thing).__module__.startswith("framestep.") else ()
+            for name, part in parts:
+                walk(part, f"{path}.{name}")
+
+    walk(session.board._board.controller, "")
+    return {path: value for path, value in found.items() if not _SCRATCH.search(path)}

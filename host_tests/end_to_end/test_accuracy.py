@@ -28,14 +28,14 @@ def smooth(fps, frames, swing, phase):
     return np.round(amplitude * np.sin(2 * np.pi * time / period + phase) + slope * np.arange(frames)).astype(int)
 
 
-def played(session, positions, fps, first=1, pre=500, post=500, limits=Limits()):
+def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
     """Upload and play; the verdict."""
     for motor in positions:
         session.speed(motor, VELOCITY, ACCELERATION)
     session.upload(positions, first)
     frames = max(len(steps) for steps in positions.values())
     before = session.play(run_request(fps, first, first + frames - 1, pre, post), 300)
-    return judge(session.trace(), positions, round(fps * 1000), before, session.positions, limits=limits)
+    return judge(session.trace(), positions, round(fps * 1000), before, session.positions, limits=limits or Limits())
 
 
 @pytest.mark.parametrize("fps", RATES)

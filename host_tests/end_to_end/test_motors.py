@@ -77,7 +77,7 @@ def test_name_of_the_rig_file():
 
 
 def test_form_of_every_answer(both):
-    """Acknowledgements have the request's ID and type and a code of the dialect's width; data comes without the flag."""
+    """Acknowledgements have the request's ID and type and a code of the dialect's width; data has no flag."""
     for kind, payload in (
         (m.MSG_MOTOR_STOP, b"\x01"),
         (m.MSG_MOTOR_STOP_ALL, b""),
@@ -122,7 +122,7 @@ def test_answer_to_a_move(both):
     assert is_ack(both, answer) if both.wide else answer.payload == b"\x00"
 
 
-# ---- MOVE -----------------------------------------------------------------------------------------------------
+# ---- MOVE --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_jerk_limit():
     assert durations[1] - durations[2] == pytest.approx(40000 / 200_000, abs=0.04)
 
 
-# ---- reports --------------------------------------------------------------------------------------------------
+# ---- reports -----------------------------------------------------------------------------------------------
 
 
 def test_moving_bits(both):
@@ -314,7 +314,7 @@ def test_positions_in_motion(report_ms):
     assert rig.ask(MotorGetPosition()).steps == message.steps
 
 
-# ---- STOP ------------------------------------------------------------------------------------------------------
+# ---- STOP --------------------------------------------------------------------------------------------------
 
 
 def test_stop(rig):
@@ -396,7 +396,7 @@ def test_second_stop_all_under_way(rig):
     assert deceleration(*rig.steps(1), asked) == pytest.approx(2000, rel=0.02)
 
 
-# ---- RESET_POSITION ----------------------------------------------------------------------------------------------
+# ---- RESET_POSITION ----------------------------------------------------------------------------------------
 
 
 def test_reset_position(both):
@@ -418,7 +418,7 @@ def test_reset_position(both):
     assert both.made(4) == 0
 
 
-# ---- JOG --------------------------------------------------------------------------------------------------------------
+# ---- JOG ---------------------------------------------------------------------------------------------------
 
 
 def jog_for(rig, seconds, request, every=0.1):
@@ -436,7 +436,7 @@ def test_jog_speed(rig, speed, share):
     jog_for(rig, 1.5, MotorJog(1, speed, FARTHEST))
     rig.accept(MotorStop(1))
     rig.wait_idle()
-    times, signs = rig.steps(1)
+    times, _ = rig.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(8000 * share, rel=3e-3)
     # after n steps of the ramp: sqrt(2·n / a)
     n = int(0.8 * 8000 * share / (2 * 16000 / 8000))
@@ -560,7 +560,7 @@ def test_move_after_jog(rig):
     assert rig.position(1) == rig.made(1) == 6000
 
 
-# ---- CONFIGURE, SET_SPEED, SET_LIMITS ------------------------------------------------------------------------------
+# ---- CONFIGURE, SET_SPEED, SET_LIMITS ----------------------------------------------------------------------
 
 
 def test_configure(both):
@@ -587,7 +587,7 @@ def test_set_speed_refused(both):
     both.refuse(Ack.ERR_RANGE, MotorSetSpeed(0, 1000, 1000), MotorSetSpeed(9, 1000, 1000))
     both.code(MotorMove(1, 4000))
     both.wait_idle()
-    times, signs = both.steps(1)
+    times, _ = both.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
 
 
@@ -600,7 +600,9 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig.ask(MotorMove(1, way))
     rig.wait_idle()
     times, _ = rig.steps(1)
-    assert len(times) == way and 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(fastest, rel=0.01)
+    assert len(times) == way and 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(
+        fastest, rel=0.01
+    )
 
 
 @pytest.mark.parametrize(
@@ -689,7 +691,7 @@ def test_no_such_motor(both):
         both.refuse(Ack.ERR_RANGE, MotorMove(motor, 5), MotorStop(motor), MotorResetPosition(motor, 5))
 
 
-# ---- a host that is gone ------------------------------------------------------------------------------------------
+# ---- a host that is gone -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("jogging", [False, True])

@@ -68,7 +68,7 @@ def assert_played(rig, before, positions, fps, **more):
     return verdict
 
 
-# ---- uploads ---------------------------------------------------------------------------------------------
+# ---- uploads -----------------------------------------------------------------------------------------------
 
 
 def test_upload_message_by_message(both):
@@ -350,7 +350,7 @@ def test_moving_bits_from_the_acknowledgement_on(loaded):
     loaded.client.wait_event(RtEnd, 10)
 
 
-# ---- what is refused -----------------------------------------------------------------------------------------------
+# ---- what is refused ---------------------------------------------------------------------------------------
 
 
 def test_run_refused_for_its_numbers(loaded):
@@ -459,7 +459,7 @@ def test_refused_while_moving(loaded):
     assert_played(loaded, before, MOVE, 24)
 
 
-# ---- stopping a run -------------------------------------------------------------------------------------------------
+# ---- stopping a run ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("after", [0.2, 0.5, 0.9, 1.6])

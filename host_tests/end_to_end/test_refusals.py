@@ -1,0 +1,356 @@
+"""A refused request changes nothing: not in what the controller keeps, and not in what it does next."""
+
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from framestep.protocol import messages as m
+from framestep_tools.payloads import (
+    Ack,
+    BlurMotor,
+    Dmx,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorSetSpeed,
+    MotorStop,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtRunMove,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
+)
+from framestep_tools.wire import encode
+from host_tests.end_to_end.session import DIALECTS, run_request, simulated, state
+
+MOVE = {1: [100 + 60 * i for i in range(25)], 2: [abs(40 * (i - 12)) for i in range(25)]}
+
+
+def prepared(dialect="spec"):
+    """A rig with limits, speeds and an upload of its own, and a run that waits for GO."""
+    rig = simulated({"dialect": dialect})
+    for motor in MOVE:
+        rig.speed(motor, 15000, 90_000)
+        rig.accept(MotorSetLimits(motor, 1, -5000, 1, 5000))
+    rig.accept(MotorConfigure(6, 0), MotorResetPosition(7, 2**30 + 5))
+    rig.upload(MOVE, start_frame=5)
+    rig.ready(run_request(24, 5, 29))
+    return rig
+
+
+# ---- lengths -----------------------------------------------------------------------------------------------
+
+# Payload lengths of the field notes' section 2, once more and apart from the firmware's own table:
+# (least, of each further entry), or all that there are
+LENGTHS = {
+    0x0001: [0],
+    0x0020: (3, 1),
+    0x0021: [4],
+    0x0022: [0],
+    0x0023: [4],
+    0x0030: [0],
+    0x0031: [5],
+    0x0032: [1],
+    0x0033: [0, 4],
+    0x0034: [0],
+    0x0035: [5],
+    0x0036: [7],
+    0x0037: [2],
+    0x0038: [9],
+    0x0039: [12],
+    0x0100: [8],
+    0x0101: (5, 4),
+    0x0102: (6, 1),
+    0x0103: [0],
+    0x0104: (4, 8),
+    0x0110: [4],
+    0x0111: [29, 31, 35],
+    0x0112: (11, 9),
+    0x0113: [0],
+    0x0115: (12, 9),
+    0x0116: [0],
+    0x0120: [8],
+    0x0201: [5],
+    0x0202: [1],
+    0x0203: [7],
+    0x0205: [0],
+    0x0206: [3],
+    0x0207: [13],
+}
+TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
+
+
+def fits(kind, length):
+    lengths = LENGTHS[kind]
+    if isinstance(lengths, list):
+        return length in lengths
+    least, entry = lengths
+    return length >= least and (length - least) % entry == 0
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_wrong_lengths(dialect):
+    """Field note 1.8: 0x14 for each length that does not fit its type, and nothing has changed."""
+    rig = prepared(dialect)
+    handled = set(rig.board._board.controller.handlers)
+    assert {0x0001, *range(0x0020, 0x0024), *range(0x0030, 0x003A), *range(0x0100, 0x0105)} <= handled
+    assert {*range(0x0110, 0x0114), 0x0115, 0x0116, 0x0120} <= handled
+    before = state(rig)
+    asked = 0
+    for kind in LENGTHS:
+        wrong = [length for length in TRIED if not fits(kind, length)]
+        expected = Ack.ERR_RANGE if kind in handled else Ack.ERR_UNSUPPORTED
+        data = b"".join(encode(kind, bytes(i % 7 for i in range(length)), 1 + length) for length in wrong)
+        answers = {f.id: f for f in rig.bytes_for(data, 0.2)}
+        assert sorted(answers) == [1 + length for length in wrong]
+        asked += len(wrong)
+        for frame in answers.values():
+            assert frame.type == kind | m.MSG_FLAG_ACK, f"type {kind:#06x}, {frame.id - 1} bytes"
+            assert Ack.unpack(frame.payload) == expected, f"type {kind:#06x}, {frame.id - 1} bytes"
+    assert asked > 1000
+    assert state(rig) == before
+    assert rig.moving == []
+
+
+@pytest.mark.parametrize("kind", [0x0000, 0x0002, 0x003A, 0x0114, 0x0204, 0x0300, 0x7FFF, 0x8031, 0xFFFF])
+def test_unknown_types(kind):
+    """Field note 1.7: 0x13 whatever the length; an acknowledgement is no request."""
+    rig = prepared()
+    before = state(rig)
+    for length in (0, 1, 5, 1036):
+        frames = [f for f in rig.bytes_for(encode(kind, bytes(length), 9)) if f.id == 9]
+        assert [(f.type, Ack.unpack(f.payload)) for f in frames] == [(kind | 0x8000, Ack.ERR_UNSUPPORTED)]
+    assert state(rig) == before
+
+
+# ---- what is kept ------------------------------------------------------------------------------------------
+
+RUN = dict(fps_milli=24000, start_frame=5, end_frame=29, preroll_ms=500, postroll_ms=500)
+FAR = 2**31 - 1
+
+# Refused by a rig that prepared() has made, for what they say
+ALWAYS = [
+    (Ack.ERR_RANGE, MotorMove(0, 5)),
+    (Ack.ERR_RANGE, MotorMove(9, 5)),
+    (Ack.ERR_GENERAL, MotorMove(6, 5)),
+    (Ack.ERR_RANGE, MotorStop(0)),
+    (Ack.ERR_RANGE, MotorStop(9)),
+    (Ack.ERR_RANGE, MotorResetPosition(0, 1)),
+    (Ack.ERR_RANGE, MotorJog(3, 0, 1)),
+    (Ack.ERR_RANGE, MotorJog(3, 10001, 1)),
+    (Ack.ERR_GENERAL, MotorJog(6, 100, 1)),
+    (Ack.ERR_RANGE, MotorConfigure(9, 1)),
+    (Ack.ERR_RANGE, MotorSetSpeed(1, 0, 7)),
+    (Ack.ERR_RANGE, MotorSetSpeed(1, 2**31, 7)),
+    (Ack.ERR_RANGE, MotorSetSpeed(9, 100, 7)),
+    (Ack.ERR_RANGE, MotorSetLimits(1, 1, 5, 1, 4)),
+    (Ack.ERR_RANGE, MotorSetLimits(1, 3, 4, 1, 5)),
+    (Ack.ERR_RANGE, MotorSetLimits(1, 1, 4, 1, 5, limit_set=9)),
+    (Ack.ERR_RANGE, MotorSetLimits(9, 1, 4, 1, 5)),
+    (Ack.ERR_RANGE, Dmx(2, 1, (1, 2))),
+    (Ack.ERR_RANGE, Dmx(0, 0, (1, 2))),
+    (Ack.ERR_RANGE, Dmx(0, 512, (1, 2))),
+]
+# and while no run is under way, after which the answer is 0x12
+AT_REST = [
+    (Ack.ERR_SOFT_UP, MotorMove(1, 5001)),
+    (Ack.ERR_SOFT_LOW, MotorMove(2, -5001)),
+    (Ack.ERR_RANGE, RtUploadMoveBegin(9, 8)),
+    (Ack.ERR_RANGE, RtUploadMoveBegin(1, FAR)),
+    (Ack.ERR_GENERAL, RtUploadMoveAxis(1, 0, (9, 9))),
+    (Ack.ERR_GENERAL, RtUploadMoveDmx(1, 0, (9, 9))),
+    (Ack.ERR_GENERAL, RtUploadMoveTriggers(1, (Trigger(0, 1),))),
+    (Ack.ERR_RANGE, RtPositionFrame(4)),
+    (Ack.ERR_RANGE, RtPositionFrame(30)),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 0})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 2**31})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"start_frame": 4})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"end_frame": 30})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 150_000})),  # too steep
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"sync_dmx": 2})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"bloop_channel": 513})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"flags": 0x80})),
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"flags": 0x20, "open_angle": 0, "close_angle": 361})),
+    (Ack.ERR_PREROLL, RtRunMove(**RUN | {"preroll_ms": 20_000})),
+    (Ack.ERR_POSTROLL, RtRunMove(**RUN | {"postroll_ms": 20_000})),
+    (Ack.ERR_PREROLL, RtRunMove(**RUN | {"preroll_ms": 1})),
+    (Ack.ERR_RANGE, RtShootFrame(40, 1, 500, 500)),
+    (Ack.ERR_RANGE, RtShootFrame(10, 2, 500, 500)),
+    (Ack.ERR_RANGE, RtShootFrame2(40, 500, 0, 360)),
+    (Ack.ERR_RANGE, RtShootFrame2(10, 500, 0, 360, (BlurMotor(9, 1, 2),))),
+    (Ack.ERR_RANGE, RtJogAll(24000, 40)),
+    (Ack.ERR_RANGE, RtJogAll(0, 10)),
+    (Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 10)),
+    (Ack.ERR_GENERAL, RtStopLoop()),
+]
+RUNNING = [
+    MotorMove(1, 0),
+    MotorJog(2, 100, 0),
+    MotorResetPosition(2, 0),
+    MotorConfigure(1, 0),
+    RtUploadMoveBegin(1, 9),
+    RtUploadMoveAxis(1, 0, (5, 6)),
+    RtUploadMoveDmx(1, 0, (5, 6)),
+    RtUploadMoveTriggers(1, (Trigger(0, 1),)),
+    RtUploadMoveEnd(),
+    RtPositionFrame(9),
+    RtRunMove(**RUN),
+    RtShootFrame(9, 1, 500, 500),
+    RtShootFrame2(9, 500, 0, 360),
+    RtGo(),
+    RtJogAll(24000, 9),
+]
+
+
+def test_refusals_leave_everything_as_it_was():
+    rig = prepared()
+    before = state(rig)
+    assert len(before) > 300
+    for code, request in ALWAYS + AT_REST:
+        rig.refuse(code, request)
+        changed = {path for path, value in state(rig).items() if before.get(path) != value}
+        assert not changed, request
+    rig.accept(MotorSetSpeed(1, 15001, 90_000))
+    assert state(rig) != before
+
+
+def in_an_upload():
+    rig = simulated()
+    rig.accept(RtUploadMoveBegin(1, 10), RtUploadMoveAxis(1, 0, (1, 2, 3)), RtUploadMoveAxis(3, 5, (7,)))
+    return rig
+
+
+def test_refusals_within_an_upload():
+    """Field note 5.3: the upload stays as it was before that message."""
+    rig = in_an_upload()
+    before = state(rig)
+    for code, request in (
+        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 10, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 9, (1, 2))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(2, 0, tuple(range(11)))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(9, 0, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(2, 0x7FFF_FFFF, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveDmx(513, 0, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveDmx(1, 10, (1,))),
+        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(0, 1), Trigger(10, 1)))),
+        (Ack.ERR_RANGE, RtUploadMoveBegin(3, 2)),
+        (Ack.ERR_GENERAL, RtPositionFrame(1)),
+        (Ack.ERR_GENERAL, run_request(24, 1, 2)),
+        (Ack.ERR_GENERAL, RtGo()),
+        (Ack.ERR_GENERAL, RtShootFrame(1, 1, 500, 500)),
+        (Ack.ERR_GENERAL, RtJogAll(24000, 1)),
+    ):
+        rig.refuse(code, request)
+        assert state(rig) == before, request
+
+
+ANY = st.one_of(
+    st.integers(0, 12), st.sampled_from((24000, 2**31 - 1, 2**31, 2**32 - 1, 5, 29, 30, 500)), st.binary(max_size=4)
+)
+
+
+@st.composite
+def requests(draw):
+    """Frames of any type, of a length that fits as a rule, with numbers in them that make sense now and then."""
+    kind = draw(st.sampled_from(sorted(LENGTHS)))
+    lengths = LENGTHS[kind]
+    length = (
+        draw(st.sampled_from(lengths))
+        if isinstance(lengths, list)
+        else lengths[0] + lengths[1] * draw(st.integers(0, 9))
+    )
+    parts = [
+        v if isinstance(v, bytes) else struct.pack("<I", v)[: draw(st.sampled_from((1, 2, 4)))]
+        for v in draw(st.lists(ANY, max_size=12))
+    ]
+    return kind, (b"".join(parts) + bytes(length))[:length]
+
+
+@settings(max_examples=30)
+@given(st.lists(requests(), min_size=3, max_size=20), st.booleans())
+def test_whatever_is_refused_changes_nothing(frames, waiting):
+    """Any sequence: after each request that is refused the controller keeps what it kept before."""
+    rig = prepared() if waiting else in_an_upload()
+    for kind, payload in frames:
+        rig.client.wait_idle(60, poll_s=1.0)
+        rig.run(1.2)  # reports, inputs and the time of a second STOP_ALL are over
+        rig.client.events.clear()
+        before = state(rig)
+        answers = [f for f in rig.bytes_for(encode(kind, payload, 5), 0.003) if f.id == 5]
+        assert len(answers) == 1
+        if answers[0].is_ack and Ack.unpack(answers[0].payload) != Ack.OK:
+            changed = {path for path, value in state(rig).items() if before.get(path) != value}
+            assert not changed, (hex(kind), payload)
+        rig.port.channel.receive(encode(m.MSG_MOTOR_STOP_ALL))
+
+
+# ---- what is done ------------------------------------------------------------------------------------------
+
+
+def session_with(refusals):
+    """A session at fixed times; `refusals` says whether everything that can be refused is asked for in between."""
+    rig = simulated()
+
+    def wait_until(seconds):
+        rig.run(max(0.0, seconds - rig.now - 1e-6))
+        rig.board.run_until(round(seconds * 1e9))
+
+    def at(seconds, *requests):
+        wait_until(seconds)
+        rig.accept(*requests)
+
+    def bother(seconds, refused):
+        if not refusals:
+            return
+        for i, (code, request) in enumerate(refused):
+            wait_until(seconds + 0.004 * i)
+            rig.refuse(code, request)
+
+    def moving(requests):
+        return [(Ack.ERR_MOVING, request) for request in requests]
+
+    at(0.1)
+    for motor in MOVE:
+        rig.accept(MotorSetSpeed(motor, 15000, 90_000), MotorSetLimits(motor, 1, -5000, 1, 5000))
+    rig.accept(MotorConfigure(6, 0))
+    rig.upload(MOVE, start_frame=5)
+    bother(0.5, ALWAYS + [refusal for refusal in AT_REST if refusal[0] != Ack.ERR_NOT_IN_POSITION])
+    at(1.0, RtRunMove(**RUN))
+    bother(1.01, ALWAYS + [(Ack.ERR_NOT_IN_POSITION, RtGo())] + moving([RtRunMove(**RUN), MotorResetPosition(1, 5)]))
+    bother(2.0, ALWAYS + AT_REST)
+    at(3.0, RtGo())
+    disturbing = {type(request) for request in RUNNING} - {RtJogAll}
+    bother(3.1, moving(RUNNING) + ALWAYS + [(Ack.ERR_MOVING, r) for _, r in AT_REST if type(r) in disturbing])
+    at(6.0)
+    bother(6.0, ALWAYS + [(Ack.ERR_GENERAL, RtGo())])
+    at(6.5, MotorJog(1, 10000, FAR), MotorMove(2, -5000))
+    bother(6.6, ALWAYS + [(Ack.ERR_SOFT_UP, MotorMove(1, 5001)), (Ack.ERR_MOVING, MotorResetPosition(1, 0))])
+    at(9.0, RtPositionFrame(20))
+    at(11.0)
+    said = [(round(e.time_s, 6), e.message) for e in rig.client.events if isinstance(e.message, Positions | RtEnd)]
+    return {signal: (times.tolist(), values.tolist()) for signal, (times, values) in rig.trace().signals.items()}, said
+
+
+def test_refusals_leave_no_trace_on_the_pins():
+    """Edge by edge and report by report the session is the same with and without two hundred refused requests in it."""
+    edges, said = session_with(refusals=False)
+    assert len(edges["m1"][0]) > 5000 and len(edges["m2"][0]) > 5000
+    assert sum(isinstance(message, RtEnd) for _, message in said) == 1
+    bothered_edges, bothered_said = session_with(refusals=True)
+    assert bothered_edges == edges
+    assert bothered_said == said
