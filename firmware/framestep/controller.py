@@ -164,9 +164,17 @@ class Controller:
 
     def abandon(self):
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
+        self.io.safe()
         self.stage.stop()
         self.axes.stop()
-        self.io.safe()
+
+    def give_up(self):
+        """An exception has ended the passes: as abandon(), and the host is told (field note 8.4)."""
+        self.abandon()
+        self.writer.begin(m.MSG_MOTOR_HARD_STOP, None)
+        self.writer.u8(m.HARD_STOP_FAULT)
+        self.writer.end()
+        self.port.send(self.writer)
 
     def fail(self):
         """An internal fault: everything comes to rest, the host is told (field note 8.4)."""

@@ -167,6 +167,7 @@ class Rp2Hal:
         except Exception as error:
             self.stop()
             self.failure = error
+            self._controller.give_up()
             print("framestep: stopped by a fault in the firmware; a reset starts it again")
             sys.print_exception(error)
 
