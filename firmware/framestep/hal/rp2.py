@@ -157,6 +157,8 @@ class Rp2Hal:
             self.stop()
 
     def _pass(self, _timer):
+        if self._passes is None:
+            return  # it waited in the scheduler when the passes ended
         try:
             self._controller.poll(time.ticks_ms() & _WRAP)
         except KeyboardInterrupt:
