@@ -8,7 +8,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	bench emulator-measure clean
+	bench plots emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,6 +63,9 @@ format: setup ## bring the source into ruff's form
 bench: setup node ## measure the firmware on the emulated board
 	@tools/micropython/build.sh rp2
 	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
+
+plots: setup ## draw docs/interpolation.svg again
+	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)

@@ -27,6 +27,7 @@ from .judge import Verdict, judge
 from .move_file import CAMERA_MOVE, Move, read_move
 from .payloads import Hi, MotorGetPosition, MotorSetSpeed, MotorStatus, Positions, RtEnd, RtGo, RtRunMove
 from .plots import plot_move
+from .reference import Reference
 from .trace import Trace, TraceWriter
 
 VELOCITY = 20_000  # steps/s
@@ -162,8 +163,8 @@ def standing(client: Client) -> Standing:
 
 def show_verdict(verdict: Verdict, move: Move, console: Console) -> None:
     """A table with a line per motor, then the complaints."""
-    table = Table(box=None, title="steps on the pins against the upload", title_justify="left")
-    for name in ("motor", "axis", "steps in the run", "worst position error", "worst time error, µs"):
+    table = Table(box=None, title="steps on the pins against the upload and its ideal path", title_justify="left")
+    for name in ("motor", "axis", "steps in the run", "worst position error", "worst time error, µs", "worst step, µs"):
         table.add_column(name, justify="right")
     for motor in verdict.motors:
         table.add_row(
@@ -172,6 +173,7 @@ def show_verdict(verdict: Verdict, move: Move, console: Console) -> None:
             str(len(motor.edge_times_s)),
             str(motor.worst_position),
             f"{motor.worst_time_us:.1f}",
+            f"{motor.worst_edge_us:.1f}",
         )
     console.print(table)
     for complaint in verdict.complaints:
@@ -207,7 +209,8 @@ def main(
         board_s = device.now_ns * 1e-9
     finally:
         device.close()
-    verdict = judge(trace, move.positions, fps_milli, start, end)
+    path = Reference(move.positions, fps_milli, ROLL_MS, ROLL_MS)
+    verdict = judge(trace, move.positions, fps_milli, start, end, path)
     show_verdict(verdict, move, console)
     plot_move(verdict, move.positions, move.names, out / "move.png")
     console.print(f"{board_s:.1f} s of the board's time in {time.monotonic() - began:.1f} s")

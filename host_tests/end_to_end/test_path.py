@@ -1,0 +1,58 @@
+"""Every edge of a run lies where the ideal path crosses its step, turns between frames included."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client
+from framestep_tools.judge import Limits, judge
+from framestep_tools.payloads import MotorGetPosition, MotorSetSpeed, RtEnd, RtGo, RtRunMove
+from framestep_tools.reference import Reference
+from framestep_tools.trace import Trace
+
+LIMITS = Limits(path_us=5)
+
+
+def swing(fps, frames):
+    """Turns that no frame lies on: the path has its peaks between frames and passes the frames beside them."""
+    time = np.arange(frames) / fps
+    period = max(1.3, 6.3 / fps)
+    reach = min(0.5 * 20_000 * period, 0.5 * 100_000 * period**2 / (2 * np.pi)) / (2 * np.pi)
+    return np.rint(reach * np.sin(2 * np.pi * time / period + 0.4)).astype(int)
+
+
+@pytest.mark.parametrize("backward", [False, True], ids=["forward", "backward"])
+@pytest.mark.parametrize("fps", [1, 12, 23.976, 24, 29.97, 60])
+def test_every_edge_is_on_the_path(fps, backward):
+    frames = max(7, min(40, round(1.6 * fps)))
+    index = np.arange(frames)
+    steps = {
+        1: swing(fps, frames),
+        2: np.rint(0.4 * 20_000 / fps * index),
+        4: np.rint(0.1 * np.where(index < frames // 2, 0, swing(fps, frames) - swing(fps, frames)[frames // 2])),
+    }
+    upload = {motor: positions.astype(int) for motor, positions in steps.items()}
+    board = SimulatedBoard(None)
+    client = Client(LockstepPort(board))
+    for motor in upload:
+        client.request(MotorSetSpeed(motor, 20_000, 100_000))
+    client.upload_move(1, frames, upload)
+    first, last = (frames - 1, 1) if backward else (0, frames - 1)
+    client.request(RtRunMove(round(fps * 1000), first + 1, last + 1, 400, 600))
+    client.wait_idle()
+    start = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+    board.edges()
+    client.request(RtGo())
+    client.wait_event(RtEnd, 60)
+    client.pump(0.1)
+    end = dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+    path = Reference(upload, round(fps * 1000), 400, 600, first, last)
+    index = index[:0:-1] if backward else index
+    played = {motor: positions[index] for motor, positions in upload.items()}
+    trace = Trace.from_edges(board.edges())
+    verdict = judge(trace, played, round(fps * 1000), start, end, path, limits=LIMITS)
+    assert verdict.complaints == []
+    assert all(path(motor, -1.0) == start[motor] for motor in upload)  # waits where the path begins
+    assert all(path(motor, 1000.0) == end[motor] for motor in upload)
+    assert any(len(m.edge_error_us) > 1000 for m in verdict.motors)
+    print(fps, max(m.worst_edge_us for m in verdict.motors))

@@ -1,0 +1,117 @@
+"""The motion that a run should be: what a played move is judged and drawn against.
+
+The velocity at a frame is the firmware's own decision (framestep.moves.path.slope); all else is worked out here in
+floating point, on its own: a cubic Hermite from frame to frame, and pre-roll and post-roll with constant acceleration
+from and to rest on a whole step, as framestep/moves/run.py describes them. Backlash is not in it.
+"""
+
+from array import array
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from framestep.moves import path
+
+from .judge import frame_times_ns
+
+_FAR = 2**30 - 1  # stands for no soft limit
+Limits = tuple[int | None, int | None]  # lower and upper soft limit, steps
+
+
+def slopes(positions: Sequence[int] | np.ndarray, first: int, last: int, limits: Limits = (None, None)) -> np.ndarray:
+    """Velocity at each frame of an upload from index `first` to `last` (backward if that is less), in steps per frame
+    of the play. limits: the motor's soft limits."""
+    step = 1 if last >= first else -1
+    window = array("i", [0] * path.WINDOW_WORDS)
+    found = []
+    for index in range(first, last + step, step):
+        around = np.clip(np.arange(index - 2 * step, index + 3 * step, step), 0, len(positions) - 1)
+        for word, frame in enumerate(around):
+            window[path.FRAMES + word] = int(positions[frame])
+        window[path.LOWER], window[path.UPPER] = (
+            far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)
+        )
+        before, after = (index, len(positions) - 1 - index)[::step]
+        found.append(path.slope(window, min(before, 2), min(after, 2)))
+    return np.array(found) / path.TWELFTHS
+
+
+class Reference:
+    """Ideal position, velocity and acceleration of each motor in one pass of a run.
+
+    positions       the whole upload: steps of each motor at every frame
+    pre_ms, post_ms those of RUN_MOVE. With 0 a motor that is moving at its first or last frame would need a roll that
+                    the device chooses: ValueError
+    first, last     indices of the frames played, the whole upload if not given
+    limits          soft limits (lower, upper) of motors that have them, in steps
+
+    Times are seconds after the first frame played. Outside the rolls a motor is at rest.
+    """
+
+    def __init__(
+        self,
+        positions: Mapping[int, Sequence[int] | np.ndarray],
+        fps_milli: int,
+        pre_ms: int,
+        post_ms: int,
+        first: int = 0,
+        last: int | None = None,
+        limits: Mapping[int, Limits] | None = None,
+    ):
+        self._pieces: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for motor, steps in positions.items():
+            end = len(steps) - 1 if last is None else last
+            way = 1 if end >= first else -1
+            frames = np.arange(first, end + way, way)
+            p = np.asarray(steps, np.int64)[frames]
+            v = slopes(steps, first, end, (limits or {}).get(motor, (None, None))) * fps_milli / 1000
+            t = frame_times_ns(len(frames), fps_milli) * 1e-9
+            if len(frames) == 1:
+                v = np.zeros(1)
+            for what, ms, velocity in (("pre", pre_ms, v[0]), ("post", post_ms, v[-1])):
+                if not ms and velocity:
+                    raise ValueError(f"motor {motor} moves at the end of the section, a {what}-roll above 0 is needed")
+            # field note 6.2; rest is on a whole step
+            begins = p[0] + np.floor((1 - v[0] * pre_ms / 1000) / 2)
+            ends = p[-1] + np.floor((1 + v[-1] * post_ms / 1000) / 2)
+            if pre_ms:
+                t, p, v = np.append(-pre_ms / 1000, t), np.append(begins, p), np.append(0, v)
+            if post_ms:
+                t, p, v = np.append(t, t[-1] + post_ms / 1000), np.append(p, ends), np.append(v, 0)
+            self._pieces[motor] = t, _cubics(t, p.astype(float), v)
+
+    def __call__(self, motor: int, seconds: np.ndarray) -> np.ndarray:
+        """Position in steps."""
+        return self._value(motor, seconds, 0)
+
+    def velocity(self, motor: int, seconds: np.ndarray) -> np.ndarray:
+        """Steps per second."""
+        return self._value(motor, seconds, 1)
+
+    def acceleration(self, motor: int, seconds: np.ndarray) -> np.ndarray:
+        """Steps per second squared; at a frame, that of the piece behind it."""
+        return self._value(motor, seconds, 2)
+
+    def _value(self, motor: int, seconds: np.ndarray, derivative: int) -> np.ndarray:
+        t, cubics = self._pieces[motor]
+        seconds = np.asarray(seconds, float)
+        at = np.searchsorted(t, seconds, side="right")  # 0 is the rest before, len(t) the one behind
+        x = seconds - t[np.maximum(at - 1, 0)]
+        c = cubics[at].T
+        if derivative == 0:
+            return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        if derivative == 1:
+            return c[1] + x * (2 * c[2] + x * 3 * c[3])
+        return 2 * c[2] + x * 6 * c[3]
+
+
+def _cubics(t: np.ndarray, p: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Coefficients, constant first, of the rest before, the cubics from knot to knot, and the rest behind."""
+    span = np.diff(t)
+    mean = np.diff(p) / span
+    moving = np.column_stack(
+        (p[:-1], v[:-1], (3 * mean - 2 * v[:-1] - v[1:]) / span, (v[:-1] + v[1:] - 2 * mean) / span**2)
+    )
+    rests = np.zeros((2, 4))
+    rests[:, 0] = p[0], p[-1]
+    return np.vstack((rests[:1], moving, rests[1:]))
