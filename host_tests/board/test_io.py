@@ -153,7 +153,8 @@ def test_ticks_are_not_delayed():
     for a, b in zip(with_dmx, without, strict=True):
         assert len(a) == len(b) == 4000
         assert np.abs(np.diff(a) - np.diff(b)).max() < 100e-9
-    assert late <= late_without + 5
+    # Planning a motion holds a tick off for some 80 µs if it is just then due; edges move from 1800 µs on.
+    assert max(late, late_without) < 150
 
 
 def test_pins():
@@ -283,3 +284,26 @@ def test_limit():
         board_session.accept(MotorMove(3, here - 500))
         board_session.wait_idle()
         assert board_session.position(3) == here - 500
+
+
+def test_an_exception():
+    """What ends the main loop: motors ramp down, outputs go to their safe levels, the host is told."""
+    board_session, board = session({"outputs": [{"pin": 26}, {"pin": 22, "safe": "on"}]})
+    with board:
+        for motor in (1, 2):
+            board_session.speed(motor, 10_000, 50_000)
+        board_session.accept(GioOut(1), GioCam(1), MotorMove(1, 30_000), MotorMove(2, -30_000))
+        board_session.run(0.4)
+        assert [board.emulator.pin(pin) for pin in (26, 22, 20)] == [1, 0, 1]
+        board.emulator.repl().exec("import framestep.boot as b; b.controller.axes.feed = None")
+        failed = board_session.now
+        board_session.run(0.3)
+        assert [message for _, message in board_session.events(HardStop)] == [HardStop(100)]
+        assert [board.emulator.pin(pin) for pin in (26, 22, 20)] == [0, 1, 0]
+        for motor in (1, 2):
+            times, signs = board_session.steps(motor)
+            assert deceleration(times, signs, times[-1] - 0.15) == pytest.approx(50_000, rel=0.1)
+            assert times[-1] - failed < 0.25
+        board_session.forget()
+        board_session.run(0.3)
+        assert not board_session.made(1) and not board_session.made(2)
