@@ -127,7 +127,10 @@ class Rp2Hal:
         return 1 << pin
 
     def input(self, pin, pull):
-        Pin(pin, Pin.IN, pull={"up": Pin.PULL_UP, "down": Pin.PULL_DOWN, "none": None}[pull])
+        if pull == "none":
+            Pin(pin, Pin.IN)
+        else:
+            Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
         return 1 << pin
 
     def watch(self, bits, handler):

@@ -46,6 +46,10 @@ _RP2350 = ((0x40070000, 0x40078000), (28, 30), 0x440, 0x40028000, 12)
 _OUTOVER_LOW = const(2)
 
 
+def _number(channel):
+    return channel.channel  # without a type: the stubs do not know this attribute
+
+
 class Dmx:
     """See framestep.hal. Takes one UART, two DMA channels and a DMA timer."""
 
@@ -82,7 +86,7 @@ class Dmx:
         self._block(4, idle, idle, break_us + 1, _BYTES, False, False, _TREQ_PACER)
         self._block(5, low + 4, control, 1)
         self._block(6, idle, idle, mark_us + 1, _BYTES, False, False, _TREQ_PACER)
-        self._block(7, addressof(self._start), _DMA + _CHANNEL * self._control.channel, 1)
+        self._block(7, addressof(self._start), _DMA + _CHANNEL * _number(self._control), 1)
 
     def _block(self, i, read, write, count, size=_WORDS, inc_read=False, inc_write=False, treq=_TREQ_FREE):
         ctrl = self._data.pack_ctrl(
@@ -90,7 +94,7 @@ class Dmx:
             inc_write=inc_write,
             size=size,
             treq_sel=treq,
-            chain_to=self._control.channel,
+            chain_to=_number(self._control),
         )
         for k, word in enumerate((read, write, count, ctrl)):
             self._list[i * _BLOCK + k] = word & 0xFFFFFFFF
@@ -99,7 +103,7 @@ class Dmx:
         """Send frames from now on."""
         # four words at a time to the data channel's registers, the last of which starts it
         ctrl = self._control.pack_ctrl(ring_size=4, ring_sel=True)
-        data = _DMA + _CHANNEL * self._data.channel
+        data = _DMA + _CHANNEL * _number(self._data)
         self._control.config(read=self._list, write=data, count=_BLOCK, ctrl=ctrl, trigger=True)
 
     def show(self, lights):
