@@ -141,6 +141,26 @@ def expected(script):
             yield "" if answer is None else str(answer)
 
 
+# A range longer than what can be stored, and indexes that leave 32 bits when they are made keys; with the answers
+_FAR = 2**20
+FAR = [
+    ("NEW 9 1", ""),
+    (f"BEGIN {2**25}", ""),
+    (levels(1, _FAR, 0, [1]), str(ERR_RANGE)),
+    (levels(1, _FAR - 2, 0, [1, 2]), str(OK)),
+    (levels(1, _FAR - 1, 0, [3, 4]), str(ERR_RANGE)),
+    (triggers(1, [(_FAR, 1)]), str(ERR_RANGE)),
+    (triggers(1, [(_FAR - 1, 1)]), str(OK)),
+    ("FINISH", ""),
+    (f"PLAY {_FAR - 3} {_FAR + 2}", "1=1;;1=2;;;"),
+    (f"PLAY {2**22} {2**22 + 2}", "1=2;;"),
+    (f"PLAY {2**29} {2**29 - 1}", "1=2;"),
+    (f"SEEK {2**30 - 1}", "1=2"),
+    (f"SEEK {-(2**30)}", "1=1"),
+    (f"TRIGGERS {_FAR - 2} {_FAR}", f"1 {_FAR - 1}:1"),
+    (f"TRIGGERS {2**30 - 2} {2**30 - 1}", "1"),
+]
+
 _words = st.one_of(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 2**30, 2**31, 2**32 - 1]))
 
 

@@ -120,20 +120,14 @@ def test_triggers_in_any_order_and_again():
 
 
 def test_a_range_longer_than_can_be_stored():
-    far = 2**20
-    answered = answers(
-        *(
-            "NEW 9 1",
-            f"BEGIN {2**25}",
-            levels(1, far, 0, [1]),
-            levels(1, far - 2, 0, [1, 2]),
-            levels(1, far - 1, 0, [3, 4]),
-        ),
-        *(triggers(1, [(far, 1)]), triggers(1, [(far - 1, 1)])),
-        *("FINISH", f"PLAY {far - 3} {far + 2}", f"PLAY {2**29} {2**29 - 1}", f"SEEK {2**30 - 1}"),
-    )
-    assert answered[2:7] == [str(code) for code in (ERR_RANGE, OK, ERR_RANGE, ERR_RANGE, OK)]
-    assert answered[-3:] == ["1=1;;1=2;;;", "1=2;", "1=2"]
+    answered = answers(*(line for line, _ in lightplots.FAR))
+    assert answered == [answer for _, answer in lightplots.FAR]
+
+
+def test_nothing_is_played_before_finish():
+    lines = ["NEW 5 5", "BEGIN 5", levels(1, 0, 0, [1, 2]), triggers(3, [(0, 1)])]
+    look = ["SEEK 0", "PLAY 0 1", "PLAY 1 0", "TRIGGERS 0 0"]
+    assert answers(*lines, *look, "FINISH", *look)[4:] == ["", ";", ";", "0", "", "1=1", "1=1;1=2", "1=2;1=1", "3 0:1"]
 
 
 @pytest.mark.parametrize("line", [levels(1, 0, 0, [1]), triggers(1, [(0, 1)])])
@@ -157,7 +151,7 @@ def test_codes():
         levels(512, 2**30, 0, [1]),
         triggers(1, []),
         triggers(1, [(10, 0)]),
-        triggers(1, [(2**32 - 1, 0)]),
+        *(triggers(1, [(far, 0)]) for far in (2**8, 2**16, 2**24, 2**31, 2**32 - 1)),
     ]
-    codes = (OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, ERR_RANGE)
+    codes = (OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, *[ERR_RANGE] * 6)
     assert answers("NEW 5 5", "BEGIN 10", *lines)[2:] == [str(code) for code in codes]

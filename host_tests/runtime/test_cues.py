@@ -19,3 +19,8 @@ def test_any_plot(unix32f, scripts):
     assert len(answers) == len(script) + 1
     for (line, step), answer, wanted in zip(script, answers, lightplots.expected(script), strict=False):
         assert answer == wanted, (line[:60], step[:4])
+
+
+def test_a_range_longer_than_can_be_stored(unix32f):
+    answers = unix32f.run(REPLAY, stdin="".join(line + "\n" for line, _ in lightplots.FAR).encode())
+    assert answers.split("\n")[:-1] == [answer for _, answer in lightplots.FAR]

@@ -35,7 +35,8 @@ _READY = const(2)
 _FRAME_SHIFT = const(10)
 _CHANNEL_BITS = const(0x3FE)
 _GAP = const(1)
-_UNSENT = const(0x100)  # state of a channel: a level, plus this in a gap; -1 before its first change
+# State of a channel: a level, plus this in a gap; -1, which has the bit too, before its first change
+_UNSENT = const(0x100)
 
 # Words of the store's block
 _STATE = const(0)
@@ -223,8 +224,6 @@ def _plan(words, keys, values, source, at: int, count: int) -> int:
     if word[_DROP]:
         i = int(_last_of(high, low, keys, tag))
         after = ptr16(values)[i] >> 8 | (ptr32(keys)[i] & _GAP) << 8
-    if after < 0:
-        after = _UNSENT
     word[_BEFORE] = before
     word[_AFTER] = after
     add = int(_count_edges(at, 0, source, count))
