@@ -169,6 +169,8 @@ class Stage:
             if state == POSITIONING and not self.unattended:
                 return ERR_NOT_IN_POSITION
             return ERR_GENERAL if state == IDLE else ERR_MOVING
+        if self.operation.bits & self.follower.excluded:
+            return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
         return OK if self._there() else ERR_NOT_IN_POSITION
 
     def go(self):

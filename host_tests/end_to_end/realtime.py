@@ -1,0 +1,146 @@
+"""What the tests of real-time operations share: an upload with lights and triggers, and what its edges must be."""
+
+import numpy as np
+
+from framestep_tools.judge import frame_times_ns, judge
+from framestep_tools.payloads import (
+    LAST_SECTION,
+    MotorConfigure,
+    Positions,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
+)
+from framestep_tools.trace import Trace
+from host_tests.end_to_end.session import simulated
+
+FRAMES = 25
+VELOCITY, ACCELERATION = 20_000, 100_000
+# A motor at constant speed and one that swings; scene frames 1 to 25
+MOVE = {
+    1: 100 + 60 * np.arange(FRAMES),
+    2: np.round(400 * np.sin(np.arange(FRAMES) * 0.3)).astype(int),
+}
+LEVELS = {17: (np.arange(FRAMES) * 7 % 256).astype(int), 300: np.repeat([200, 0, 90, 90, 250], 5)}
+MASK = 0b0111
+TRIGGERS = {0: 0b001, 3: 0b010, 4: 0b010, 5: 0b110, 11: 0b1001, 24: 0b100}  # bit 3 is not in the mask
+RIG = {"outputs": [{"pin": pin} for pin in (22, 26, 27, 28)], "inputs": []}
+
+
+def rig(**settings):
+    """A session with the motors of MOVE fast enough, and four outputs."""
+    session = simulated({**RIG, **settings})
+    for motor in MOVE:
+        session.speed(motor, VELOCITY, ACCELERATION)
+        session.accept(MotorConfigure(motor, 0x03))
+    return session
+
+
+def upload(session, positions=None, levels=None, triggers=None, mask=MASK, start=1, frames=FRAMES):
+    """Upload positions, and what goes with them."""
+    session.accept(RtUploadMoveBegin(start, start + frames - 1))
+    for motor, steps in (MOVE if positions is None else positions).items():
+        for at in range(0, len(steps), 250):
+            last = LAST_SECTION if at + 250 >= len(steps) else 0
+            session.accept(RtUploadMoveAxis(motor, at | last, steps[at : at + 250]))
+    for channel, row in (levels or {}).items():
+        session.accept(RtUploadMoveDmx(channel, LAST_SECTION, row))
+    if triggers is not None:
+        session.accept(RtUploadMoveTriggers(mask, tuple(Trigger(i, on) for i, on in triggers.items())))
+    session.accept(RtUploadMoveEnd())
+
+
+def loaded(**settings):
+    """With everything uploaded."""
+    session = rig(**settings)
+    upload(session, levels=LEVELS, triggers=TRIGGERS)
+    return session
+
+
+def edges(session, signal):
+    """[(seconds, level)] of a signal so far."""
+    times, values = session.trace().signals.get(signal, (np.zeros(0), np.zeros(0, int)))
+    return [(float(t) * 1e-9, int(v)) for t, v in zip(times, values, strict=True)]
+
+
+def changes(session, signal):
+    """The same without what lasts no time, as two cues of one tick may leave it."""
+    found = []
+    for time, level in edges(session, signal):
+        if found and found[-1][0] == time:
+            found.pop()
+        if not found or found[-1][1] != level:
+            found.append((time, level))
+    return found
+
+
+class Levels:
+    """The level of one signal over time: levels(time)."""
+
+    def __init__(self, session, signal):
+        times, self._values = session.trace().signals.get(signal, (np.zeros(0), np.zeros(0, int)))
+        self._times = times * 1e-9
+
+    def __call__(self, time):
+        at = np.searchsorted(self._times, time, side="right")
+        return int(self._values[at - 1]) if at else 0
+
+
+def level_now(session, signal):
+    """The level of a signal at this moment."""
+    return Levels(session, signal)(session.now)
+
+
+def passes_told(session):
+    """[[(time, scene frame), …], …]: the frames that position reports have told of, a list per pass.
+
+    The frame on which a pass begins is not in it: its MOVE TIME stands before it is reached.
+    """
+    told, before = [], None
+    for time, message in session.events(Positions):
+        frame = message.move_time / 1000
+        if before is None or frame == before:
+            before = frame
+            continue
+        step = frame - before
+        before = frame
+        if abs(step) == 1:
+            if not told or told[-1][-1][1] != frame - step or (len(told[-1]) > 1 and told[-1][-2][1] == frame):
+                told.append([])
+            told[-1].append((time, frame))
+    return told
+
+
+def pass_trace(session, begin, end, start):
+    """The edges between two moments (s) as a trace of their own, and where the motors are at its begin."""
+    trace = session.trace()
+    cut, places = {}, {}
+    for name, (times, values) in trace.signals.items():
+        inside = (times >= begin * 1e9) & (times < end * 1e9)
+        cut[name] = (times[inside], values[inside])
+    for motor, place in start.items():
+        times, signs = trace.steps(motor)
+        places[motor] = int(place + signs[times < begin * 1e9].sum())
+    return Trace(cut), places
+
+
+def judge_pass(session, begin, end, start, positions, fps, **more):
+    """The verdict on one pass of a loop; when its first frame was, in seconds."""
+    trace, places = pass_trace(session, begin, end, start)
+    verdict = judge(trace, positions, round(fps * 1000), places, **more)
+    assert verdict.good, verdict.complaints
+    return verdict
+
+
+def frame_times(verdict, fps, frames=FRAMES):
+    """When each frame was, seconds."""
+    return (verdict.origin_ns + frame_times_ns(frames, round(fps * 1000))) * 1e-9
+
+
+def turning(first, last):
+    """Indices of the frames from one to another in the order of play."""
+    step = 1 if last >= first else -1
+    return np.arange(first, last + step, step)

@@ -1,0 +1,636 @@
+"""Real-time runs on the host simulation: loops, lights, triggers, camera, bloop, what is refused, what stops them."""
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    Dmx,
+    MotorConfigure,
+    MotorGetPosition,
+    MotorSetLimits,
+    MotorStop,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+)
+from host_tests.end_to_end.realtime import (
+    ACCELERATION,
+    FRAMES,
+    LEVELS,
+    MOVE,
+    TRIGGERS,
+    VELOCITY,
+    Levels,
+    changes,
+    edges,
+    frame_times,
+    judge_pass,
+    level_now,
+    loaded,
+    passes_told,
+    rig,
+    turning,
+    upload,
+)
+from host_tests.end_to_end.session import assert_within, run_request
+
+PING_PONG, LOOP, VIDEO, STILLS = 0x01, 0x02, 0x10, 0x20
+ALL_OFF = ("shutter", "meter", "gio1", "gio2", "gio3", "gio4")
+
+
+def go(session, request):
+    """Prepare, forget what was, start. Where the motors waited."""
+    session.ready(request)
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    return before
+
+
+def to_the_end(session, seconds=20):
+    """Wait for RT_END; it must be the only one. When it came."""
+    session.client.wait_event(RtEnd, seconds)
+    ended = session.now
+    session.run(0.5)
+    assert not session.events(RtEnd), "RT_END came twice"
+    assert not session.moving
+    return ended
+
+
+def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
+    """A verdict for each pass, each over all its frames."""
+    verdicts = []
+    for told in passes_told(session):
+        backward = told[-1][1] < told[0][1]
+        frames = turning(last, first) if backward == (last > first) else turning(first, last)
+        assert [f for _, f in told] == frames[1:].tolist()
+        positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
+        begin = told[0][0] - 1 / fps - roll / 2
+        verdicts.append(judge_pass(session, begin, told[-1][0] + roll / 2, before, positions, fps))
+    return verdicts
+
+
+# ---- loops -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG, LOOP | PING_PONG])
+@pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (4, 20)])
+def test_passes(flags, first, last):
+    """Every pass keeps to its frames as a single one does, with ramps inside the limits between them; one RT_END."""
+    session = loaded()
+    before = go(session, run_request(24, first, last, 500, 300, flags=flags))
+    session.run(4.8)
+    assert not session.events(RtEnd)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    verdicts = judged(session, before, first=first, last=last, roll=0.3)
+    assert len(verdicts) >= 3
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+        assert session.position(motor) == before[motor] + session.made(motor)
+    told = passes_told(session)
+    turns = [p[-1][1] > p[0][1] for p in told]
+    if flags & PING_PONG:
+        assert all(a != b for a, b in itertools.pairwise(turns))
+    else:
+        assert len(set(turns)) == 1
+
+
+# seconds after GO; the passes that are then played to their ends
+@pytest.mark.parametrize(
+    ("after", "ping_pong", "loop"), [(0.2, 1, 1), (1.0, 1, 1), (1.8, 1, 1), (2.3, 2, 1), (3.0, 2, 2)]
+)
+@pytest.mark.parametrize("flags", [PING_PONG, LOOP])
+def test_stop_loop(after, ping_pong, loop, flags):
+    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass, post-roll, next roll."""
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    session.run(after)
+    session.accept(RtStopLoop())
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    assert len(judged(session, before)) == (ping_pong if flags == PING_PONG else loop)
+    assert passes_told(session)[-1][-1][1] in (1, FRAMES)
+    session.refuse(Ack.ERR_GENERAL, RtStopLoop(), RtGo())
+    # and it is forgotten: the next loop is one again
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    session.run(3.5)
+    assert not session.events(RtEnd) and len(passes_told(session)) >= 2
+    session.accept(MotorStopAll())
+    to_the_end(session)
+
+
+def test_stop_loop_on_the_way_back():
+    """Between two passes of a loop: the rig ends at the start, an end point, and plays no further pass."""
+    session = rig()
+    far = {1: 4000 * np.arange(FRAMES) // 24, 2: np.zeros(FRAMES, int)}
+    upload(session, far)
+    session.speed(1, 6000, 20_000)
+    before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
+    session.run(2.4)
+    session.accept(RtStopLoop())
+    assert not session.events(RtEnd)
+    to_the_end(session)
+    assert len(passes_told(session)) == 1
+    assert session.position(1) == before[1]
+
+
+def test_stop_loop_without_a_loop():
+    session = loaded()
+    session.refuse(Ack.ERR_GENERAL, RtStopLoop())
+    session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
+    session.refuse(Ack.ERR_GENERAL, RtStopLoop())
+    session.accept(RtGo())
+    session.client.pump(0.2)
+    session.accept(MotorStopAll())
+    to_the_end(session)
+    session.ready(RtShootFrame(10, 1, 300, 500))
+    session.accept(RtGo())
+    session.refuse(Ack.ERR_GENERAL, RtStopLoop())
+    to_the_end(session)
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_rolls_of_no_time(flags):
+    """Pre-roll 0 and post-roll 0: the shortest ramps that the motors can, in each pass."""
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 0, 0, flags=flags))
+    session.run(3.5)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    assert len(judged(session, before, roll=0.03)) >= 3
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+
+
+def test_loop_of_a_single_frame():
+    session = loaded()
+    for flags in (LOOP, PING_PONG):
+        go(session, run_request(24, 7, 7, 200, 200, flags=flags))
+        session.run(2)
+        assert not session.events(RtEnd)
+        session.accept(RtStopLoop())
+        to_the_end(session)
+        assert session.position(1) == MOVE[1][6]
+
+
+def test_lights_alone():
+    """An upload without positions is played as well: lights and triggers in time, then RT_END."""
+    session = rig()
+    upload(session, {}, LEVELS, TRIGGERS)
+    session.accept(run_request(24, 1, FRAMES, 300, 0, sync_dmx=1))
+    session.wait_idle()
+    session.forget()
+    session.accept(RtGo())
+    asked = session.now
+    ended = to_the_end(session)
+    assert ended - asked == pytest.approx(0.3 + FRAMES / 24, abs=0.01)  # the last frame has a trigger on
+    first = edges(session, "gio1")[0][0]
+    assert first - asked == pytest.approx(0.3, abs=0.005)
+    assert_triggers(session, first + np.arange(FRAMES) / 24, range(FRAMES))
+    assert_levels(session, first + np.arange(FRAMES) / 24, range(FRAMES))
+
+
+# ---- lights, triggers, bloop -----------------------------------------------------------------------------
+
+
+def assert_held(session, signal, row, times):
+    """A signal has each frame's level from 1 ms after the frame's time until 1 ms before the next one's."""
+    level = Levels(session, signal)
+    ends = np.append(times[1:], times[-1] + np.diff(times).min())
+    for i, (time, end) in enumerate(zip(times, ends, strict=True)):
+        assert level(time + 0.001) == row[i] == level(end - 0.001), (signal, i)
+
+
+def assert_levels(session, times, frames):
+    for channel, row in LEVELS.items():
+        assert_held(session, f"dmx{channel}", row[list(frames)], times)
+
+
+def assert_triggers(session, times, frames):
+    for bit in range(3):
+        assert_held(session, f"gio{bit + 1}", [TRIGGERS.get(frame, 0) >> bit & 1 for frame in frames], times)
+
+
+@pytest.mark.parametrize("fps", [12, 24, 29.97, 60])
+@pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (5, 18)])
+def test_lights_and_triggers(fps, first, last):
+    """Field note 6.8: uploaded levels and triggers on their frames within 1 ms, forward, backward, in part."""
+    session = loaded()
+    for motor in MOVE:
+        session.speed(motor, VELOCITY, 2 * ACCELERATION)
+    before = go(session, run_request(fps, first, last, 500, 100, sync_dmx=1))
+    to_the_end(session)
+    (verdict,) = judged(session, before, fps, first, last, roll=0.1)
+    frames = turning(first, last) - 1
+    times = frame_times(verdict, fps, len(frames))
+    assert_levels(session, times, frames)
+    assert_triggers(session, times, frames)
+    assert not edges(session, "gio4"), "an output outside the mask"
+    # the levels stay, the triggers do not outlast the last frame
+    for channel, row in LEVELS.items():
+        assert edges(session, f"dmx{channel}")[-1][1] == row[last - 1]
+    for signal in ("gio1", "gio2", "gio3"):
+        assert Levels(session, signal)(times[-1] + 1 / fps + 0.002) == 0
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_lights_in_a_loop(flags):
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1, flags=flags))
+    session.run(3.5)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    for verdict, told in zip(judged(session, before, roll=0.3), passes_told(session), strict=True):
+        frames = turning(1, FRAMES) - 1
+        if told[0][1] > told[-1][1]:
+            frames = frames[::-1]
+        times = frame_times(verdict, 24)
+        assert_levels(session, times, frames)
+        assert_triggers(session, times, frames)
+
+
+def test_lights_left_alone():
+    """SYNC DMX 0: neither levels nor triggers."""
+    session = loaded()
+    session.accept(Dmx(0, 17, [0x55]))
+    go(session, run_request(24, 1, FRAMES, 300, 300))
+    to_the_end(session)
+    assert not [name for name in session.trace().signals if name.startswith(("dmx", "gio"))]
+
+
+def test_position_frame_sets_lights():
+    """spec: MSG_RT_POSITION_FRAME, "and DMX if applicable"."""
+    session = loaded()
+    session.forget()
+    session.accept(RtPositionFrame(8))
+    session.wait_idle()
+    for channel, row in LEVELS.items():
+        assert [v for _, v in edges(session, f"dmx{channel}")][-1:] == ([row[7]] if row[7] else [])
+    assert not edges(session, "gio1")
+
+
+@pytest.mark.parametrize("sync", [0, 1])
+@pytest.mark.parametrize("flags", [None, LOOP])
+def test_bloop(sync, flags):
+    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes back."""
+    session = loaded()
+    session.accept(Dmx(0, 300, [0x0C]), Dmx(0, 40, [0x22]))
+    for channel, old in ((40, 0x22), (300, LEVELS[300][3] if sync else 0x0C)):
+        bloop = {"bloop_outputs": 0x80000008, "bloop_channel": channel, "bloop_ms": 120, "flags": flags}
+        before = go(session, run_request(24, 1, FRAMES, 300, 200, sync_dmx=sync, **bloop))
+        session.run(4)
+        if flags:
+            session.accept(RtStopLoop())
+            to_the_end(session)
+        else:
+            assert session.client.take_event(RtEnd)
+        zero = frame_times(judged(session, before, roll=0.2)[0], 24)[0]
+        on, off = edges(session, "gio4")
+        assert on == (pytest.approx(zero, abs=0.001), 1) and off == (pytest.approx(zero + 0.12, abs=0.001), 0)
+        if sync and not flags:
+            assert_triggers(session, frame_times(judged(session, before, roll=0.2)[0], 24), range(FRAMES))
+        levels = [e for e in changes(session, f"dmx{channel}") if e[0] < zero + 0.13]
+        assert levels[0] == (pytest.approx(zero, abs=0.002), 255)
+        assert levels[-1] == (pytest.approx(zero + 0.12, abs=0.002), old)
+        assert len(levels) == 2
+
+
+def test_bloop_of_no_time_and_cut_short():
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_outputs=1, bloop_channel=40, bloop_ms=0))
+    to_the_end(session)
+    assert not edges(session, "gio1") and not edges(session, "dmx40")
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_outputs=1, bloop_channel=40, bloop_ms=60000))
+    session.run(0.8)
+    assert level_now(session, "gio1") == 1 and level_now(session, "dmx40") == 255
+    to_the_end(session)
+    assert level_now(session, "gio1") == 0 and level_now(session, "dmx40") == 0
+
+
+# ---- camera ----------------------------------------------------------------------------------------------
+
+
+def camera(session):
+    """[(begin, end)] of the shutter's openings; the meter is on for the same times."""
+    shutter = changes(session, "shutter")
+    assert shutter == changes(session, "meter")
+    assert [v for _, v in shutter] == [1, 0] * (len(shutter) // 2)
+    return [(a, b) for (a, _), (b, _) in zip(shutter[::2], shutter[1::2], strict=True)]
+
+
+@pytest.mark.parametrize("flags", [VIDEO, VIDEO | LOOP, VIDEO | PING_PONG])
+def test_video(flags):
+    """Field note 6.9: meter and shutter for 100 ms at the first frame and at the last of the last pass."""
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 500, 300, flags=flags))
+    if flags != VIDEO:
+        session.run(2.6)
+        session.accept(RtStopLoop())
+    to_the_end(session)
+    verdicts = judged(session, before, roll=0.3)
+    pulses = camera(session)
+    assert len(pulses) == 2
+    zero, last = frame_times(verdicts[0], 24)[0], frame_times(verdicts[-1], 24)[-1]
+    for (on, off), time in zip(pulses, (zero, last), strict=True):
+        assert on == pytest.approx(time, abs=0.001) and off - on == pytest.approx(0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize("after", [0.3, 0.55, 1.0, 1.52, 1.7])
+def test_video_stopped(after):
+    """However a run ends, a camera that has been started is stopped, by a pulse of its own."""
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO))
+    session.run(after)
+    session.accept(MotorStopAll())
+    to_the_end(session)
+    pulses = camera(session)
+    assert len(pulses) == (0 if after < 0.5 else 2)
+    for on, off in pulses:
+        assert off - on == pytest.approx(0.1, abs=1e-4)
+
+
+def test_video_of_few_frames():
+    """Two pulses, 100 ms apart, even where the first frame is the last; RT_END comes behind them."""
+    session = loaded()
+    for last in (3, 4):
+        go(session, run_request(24, 3, last, 100, 0, flags=VIDEO))
+        ended = to_the_end(session)
+        (_, first_off), (on, off) = camera(session)
+        assert on - first_off >= 0.0999 and off - on == pytest.approx(0.1, abs=1e-4) and ended >= off
+
+
+def test_video_stop_loop_after_the_last_frame():
+    """STOP_LOOP in the post-roll of what was not to be the last pass: the camera is stopped then."""
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO | LOOP))
+    session.run(1.7)
+    session.accept(RtStopLoop())
+    asked = session.now
+    to_the_end(session)
+    (_, (on, _)) = camera(session)
+    assert on - asked == pytest.approx(0.0, abs=0.005)
+
+
+@pytest.mark.parametrize("fps", [12, 24, 29.97])
+@pytest.mark.parametrize("angles", [(0, 180), (90, 270), (350, 360), (0, 1)])
+def test_stills(fps, angles):
+    """Field note 6.9: shutter and meter while frame phase × 360° lies in [open, close], the last frame as well."""
+    session = loaded()
+    request = run_request(fps, 1, FRAMES, 500, 0, flags=STILLS, open_angle=angles[0], close_angle=angles[1])
+    before = go(session, request)
+    ended = to_the_end(session)
+    (verdict,) = judged(session, before, fps, roll=0.02)
+    openings = camera(session)
+    assert len(openings) == FRAMES
+    for (on, off), time in zip(openings, frame_times(verdict, fps), strict=True):
+        assert on == pytest.approx(time + angles[0] / 360 / fps, abs=0.00065)
+        assert off == pytest.approx(max(time + angles[1] / 360 / fps, on + 0.001), abs=0.00065)
+    assert ended >= off
+
+
+@pytest.mark.parametrize("more", [{}, {"open_angle": 0, "close_angle": 360}])
+def test_stills_of_whole_frames(more):
+    """Without angles, or from 0 to 360: open from the first frame's beginning to the last one's end."""
+    session = loaded()
+    before = go(session, run_request(29.97, 1, FRAMES, 500, 0, flags=STILLS, **more))
+    to_the_end(session)
+    (verdict,) = judged(session, before, 29.97, roll=0.02)
+    ((on, off),) = camera(session)
+    assert on == pytest.approx(verdict.origin_ns * 1e-9, abs=0.0006)
+    assert off == pytest.approx(verdict.origin_ns * 1e-9 + FRAMES / 29.97, abs=0.0006)
+
+
+@pytest.mark.parametrize("fps", [0.5, 200])
+def test_all_at_once_at_extreme_rates(fps):
+    """Stills, lights, triggers and bloop together, slower and faster than any film: nothing is lost or late."""
+    session = rig()
+    slow = {1: 5 * np.arange(FRAMES), 2: np.zeros(FRAMES, int)}
+    upload(session, slow, LEVELS, {i: 1 + i % 2 for i in range(FRAMES)})
+    last = FRAMES if fps > 1 else 3
+    more = {"bloop_outputs": 4, "bloop_ms": 30, "flags": STILLS, "open_angle": 90, "close_angle": 270}
+    go(session, run_request(fps, 1, last, 500, 500, sync_dmx=1, **more))
+    to_the_end(session)
+    openings = camera(session)
+    assert len(openings) == last
+    zero = changes(session, "gio3")[0][0]
+    for i, (on, off) in enumerate(openings):
+        assert on - zero == pytest.approx((i + 0.25) / fps, abs=0.0011)
+        assert off - zero == pytest.approx((i + 0.75) / fps, abs=0.0011)
+    for bit in (0, 1):
+        on = [t for t, v in changes(session, f"gio{bit + 1}") if v]
+        assert len(on) == (last + 1 - bit) // 2
+        for k, time in enumerate(on):
+            assert time - zero == pytest.approx((2 * k + bit) / fps, abs=0.0011)
+
+
+def test_angles_refused():
+    session = loaded()
+    for angles in ((0, 361), (361, 361), (0, 65535)):
+        session.refuse(
+            Ack.ERR_RANGE, run_request(24, 1, 5, 500, 500, flags=STILLS, open_angle=angles[0], close_angle=angles[1])
+        )
+    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 5, flags=0x04), run_request(24, 1, 5, flags=0x8000))
+    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 5, sync_dmx=2), run_request(24, 1, 5, bloop_channel=513))
+    assert not session.moving
+
+
+# ---- what is refused, with nothing moved ------------------------------------------------------------------
+
+RUN_VELOCITY = 60 * 24
+REFUSED = {
+    "lower limit in the pre-roll": (MotorSetLimits(1, 1, 100 - 350, 1, 9000), (1, FRAMES, 500, 500), Ack.ERR_PREROLL),
+    "upper limit in the post-roll": (
+        MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
+        (1, FRAMES, 500, 500),
+        Ack.ERR_POSTROLL,
+    ),
+    "upper limit in the pre-roll": (MotorSetLimits(1, 1, -9000, 1, 1540 + 350), (FRAMES, 1, 500, 500), Ack.ERR_PREROLL),
+    "lower limit in the post-roll": (MotorSetLimits(1, 1, 100 - 350, 1, 9000), (FRAMES, 1, 500, 500), Ack.ERR_POSTROLL),
+    "a frame above": (MotorSetLimits(1, 0, 0, 1, 1000), (1, FRAMES, 500, 500), Ack.ERR_SOFT_UP),
+    "a frame below": (MotorSetLimits(1, 1, 200, 0, 0), (1, FRAMES, 500, 500), Ack.ERR_SOFT_LOW),
+    "a frame of another motor": (MotorSetLimits(2, 0, 0, 1, 390), (1, FRAMES, 500, 500), Ack.ERR_SOFT_UP),
+    "a frame behind the end": (None, (1, FRAMES + 1, 500, 500), Ack.ERR_RANGE),
+    "a pre-roll that is too steep": (None, (1, FRAMES, 5, 500), Ack.ERR_PREROLL),
+    "a post-roll that is too steep": (None, (1, FRAMES, 500, 5), Ack.ERR_POSTROLL),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("flags", [None, LOOP, PING_PONG | STILLS])
+def test_refused_before_motion(case, flags):
+    setting, (first, last, pre, post), code = REFUSED[case]
+    session = loaded()
+    if setting:
+        session.accept(setting)
+    session.forget()
+    session.refuse(code, run_request(24, first, last, pre, post, flags=flags, sync_dmx=1))
+    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.run(0.3)
+    trace = session.trace()
+    assert not trace.motors and not trace.signals, "something has changed"
+    assert not session.moving and not session.events(RtEnd)
+
+
+def test_refused_keeps_what_waits():
+    """A run that waits is not harmed by one that is refused."""
+    session = loaded()
+    session.ready(run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180))
+    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 99), run_request(12, 0, 5), RtShootFrame(99, 1, 100, 500))
+    session.refuse(Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=VIDEO))
+    session.refuse(Ack.ERR_RANGE, RtShootFrame2(3, 100, 50, 20), RtJogAll(24000, 99))
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    to_the_end(session)
+    judged(session, before)
+    assert len(camera(session)) == FRAMES
+
+
+@pytest.mark.parametrize(
+    "request_", [run_request(24, 25, 1), RtShootFrame(20, 1, 100, 500), RtShootFrame2(20, 100, 0, 180)]
+)
+def test_go_too_early(request_):
+    """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is taken."""
+    session = loaded()
+    for motor in MOVE:
+        session.speed(motor, 4000, 20_000)
+    session.accept(request_)
+    early = 0
+    while session.moving:
+        begun = session.now
+        code = session.code(RtGo())
+        if code == Ack.OK:
+            break
+        assert code == Ack.ERR_NOT_IN_POSITION
+        early += 1
+    else:
+        begun = session.now
+        session.accept(RtGo())
+    assert early > 10
+    session.run(0.5)
+    for motor in MOVE:
+        times, _ = session.steps(motor)
+        assert not np.any(np.abs(times - begun) < 0.001), "it had not arrived"
+    to_the_end(session)
+
+
+def test_go_with_a_motor_disabled_meanwhile():
+    session = loaded()
+    for request in (run_request(24, 1, FRAMES), RtShootFrame(5, 1, 100, 500)):
+        session.ready(request)
+        session.accept(MotorConfigure(2, 0))
+        session.forget()
+        session.refuse(Ack.ERR_GENERAL, RtGo())
+        session.run(0.2)
+        assert not session.trace().motors
+        session.accept(MotorConfigure(2, 3), RtGo())
+        to_the_end(session)
+
+
+# ---- stopped at any moment -------------------------------------------------------------------------------
+
+
+OPERATIONS = {
+    "run": run_request(24, 1, FRAMES, 400, 400, sync_dmx=1, bloop_outputs=8, bloop_channel=40, bloop_ms=300),
+    "stills": run_request(24, FRAMES, 1, 400, 400, flags=STILLS, sync_dmx=1, open_angle=0, close_angle=300),
+    "loop": run_request(24, 1, FRAMES, 300, 0, flags=LOOP, sync_dmx=1),
+    "ping-pong": run_request(24, 1, 9, 0, 200, flags=PING_PONG | STILLS),
+    "shoot": RtShootFrame(12, 1, 400, 700),
+    "shoot 2": RtShootFrame2(12, 400, -60, 400),
+    "jog": RtJogAll(24000, FRAMES),
+    "position": RtPositionFrame(FRAMES),
+}
+STOPS = ("stop all", "twice", "stop one", "stop and all", "lost host")
+
+
+def stop(session, how, rng):
+    if how == "stop one":
+        session.accept(MotorStop(rng.choice((1, 2))))
+    elif how == "stop and all":
+        session.accept(MotorStop(1))
+        session.run(rng.random() * 0.05)
+        session.accept(MotorStopAll())
+    elif how == "lost host":
+        session.leave()
+    else:
+        session.accept(MotorStopAll())
+        if how == "twice":
+            session.run(rng.choice((0, rng.random() * 0.3)))
+            session.accept(MotorStopAll())
+
+
+@pytest.mark.parametrize("how", STOPS)
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_stopped_at_any_moment(name, how):
+    """At rest in the end, by ramps inside the limits, RT_END once for runs and exposures, nothing left on."""
+    rng = random.Random(f"{name} {how}")
+    session = loaded()
+    for _ in range(3):
+        if name == "jog":
+            session.accept(RtPositionFrame(rng.choice((1, 10))))
+            session.wait_idle()
+        before = session.positions
+        session.forget()
+        session.accept(OPERATIONS[name])
+        tells = name not in ("jog", "position")
+        begun = 0
+        if tells and rng.random() < 0.8:
+            session.wait_idle()
+            session.accept(RtGo())
+            begun = session.now
+            session.run(rng.random() * (2.5 if name in ("loop", "ping-pong") else 1.7))
+        else:
+            session.run(rng.random() * 0.4)
+        over = bool(session.events(RtEnd))
+        stop(session, how, rng)
+        session.run(7 if name == "jog" and how in ("stop all", "stop one", "stop and all") else 1.3)
+        if how == "lost host":
+            session.come_back()
+            session.run(0.1)
+            assert not [e for e in session.events(RtEnd) if not over]
+        elif tells:
+            assert len(session.events(RtEnd)) == 1, (begun, how)
+        else:
+            assert not session.events(RtEnd)
+        assert not session.moving
+        factor = 4 if how == "twice" else 1
+        for motor in MOVE:
+            times, signs = session.steps(motor)
+            if len(times) > 2:
+                assert_within(times, signs, VELOCITY, factor * ACCELERATION)
+            assert session.position(motor) == before[motor] + signs.sum()
+        for signal in ALL_OFF:
+            assert level_now(session, signal) == 0, signal
+        assert level_now(session, "dmx40") == 0
+        if tells:
+            session.refuse(Ack.ERR_GENERAL, RtGo())
+        # whatever it was, the rig works on
+        session.accept(RtPositionFrame(3))
+        session.wait_idle()
+        assert session.positions[1] == MOVE[1][2] and session.positions[2] == MOVE[2][2]
+
+
+def test_lost_host_while_it_waits():
+    """In each state before GO; the next host finds nothing prepared."""
+    for request in (OPERATIONS["stills"], OPERATIONS["shoot"], OPERATIONS["shoot 2"]):
+        for wait in (0.05, 3):
+            session = loaded()
+            session.accept(request)
+            session.run(wait)
+            session.leave()
+            session.run(0.6)
+            session.come_back()
+            session.run(0.1)
+            assert not session.moving and not session.events(RtEnd)
+            session.refuse(Ack.ERR_GENERAL, RtGo())
+            assert session.ask(MotorGetPosition())
