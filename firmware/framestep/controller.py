@@ -48,7 +48,7 @@ class Controller:
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
-            self.axes[i].set_backlash(rig.motor(i)["backlash"])
+            self.axes.set_backlash(i, rig.motor(i)["backlash"])
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)

@@ -20,7 +20,9 @@ DEFAULT_VELOCITY = const(5000)  # field note 4.1
 DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
-AHEAD = const(6)  # segments to keep queued
+AHEAD = const(10)  # segments to keep queued
+MOST = const(14)  # that the ring takes, with room for the two that an end is
+FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
 SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
 
 # Numbers of an axis, registers of `numbers`
@@ -122,13 +124,11 @@ class Axis:
         self.acceleration = 0
         self.left = 0  # ticks of the cubic's phase still to be queued
         self.part = 0  # Q30 of a tick: what remains of the phase after them
-        self.active = False  # phases or their end remain to be queued
         self.more = False  # further phases will be appended: do not come to rest
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         self.place = array("i", [0])  # where the load is: what is reported and asked for
         self.planned = array("i", [0])  # the place that the phases lead to
         self.offset = 0  # from there to the motor's step: -backlash where the load is moved down
-        self.seeking = False  # travel() has a target that must be met
         self.easing = False  # a stop within the jerk limit is under way
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
@@ -189,7 +189,7 @@ class Axis:
         """Whether the motion under way is the one that travel() would plan."""
         return (
             self.share == share
-            and (self.active or self.block[stepper.MODE] == stepper.RUN)
+            and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self.block[stepper.MODE] == stepper.RUN)
             and _side(target, i, self.limits, TARGET) == 0
         )
 
@@ -219,7 +219,7 @@ class Axis:
     @property
     def moving(self):
         """From the moment a motion is asked for until the last pulse is out."""
-        return self.active or self.seeking or self.block[stepper.MODE] != stepper.IDLE
+        return (self.block[stepper.PLANNED] | self.block[stepper.MODE]) != 0
 
     @property
     def stopping(self):
@@ -266,7 +266,7 @@ class Axis:
         self.left = 0
         self.part = 0
         self.more = False
-        self.active = False
+        block[stepper.PLANNED] = 0
         self.aimed = False
         self.marked = False
         self.easing = False
@@ -291,11 +291,11 @@ class Axis:
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
         self._lead(target, i)
-        self.seeking = self.backlash > 0
+        self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
         if not ramps.plan(self.phases, self.cubic, self.limits, _PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
             return self.moving
-        self.active = True
-        self.feed(2)
+        self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
+        self.feed(MOST, FIRST_TICKS)
         self.start(hal)
         return True
 
@@ -316,7 +316,7 @@ class Axis:
 
     def seek(self, hal):
         """At rest: go on to a target that turning round on the way has missed by the play."""
-        self.seeking = False
+        self.block[stepper.PLANNED] = 0
         self.refresh()
         if _side(self.place, 0, self.limits, TARGET):
             self.travel(hal, self.limits, TARGET)
@@ -367,13 +367,13 @@ class Axis:
         if self.leader:
             self.leader.stop(hal, factor, smooth)
             return
-        self.seeking = False
+        self.block[stepper.PLANNED] &= stepper.PLAN_SEGMENTS
         if smooth and self._ease(hal):
             return
         self.easing = False
         self.phases.clear()
         self.left = 0
-        self.active = False
+        self.block[stepper.PLANNED] = 0
         self.more = False
         rate = kernel_rate(min(self.acceleration * factor, STEEPEST))
         irq = hal.irq_off()
@@ -393,18 +393,22 @@ class Axis:
         if not ramps.plan_stop(self.phases, self.cubic, self.limits, _PHYSICAL, r, STEEP, JERK):
             return False
         self.easing = True
-        self.active = True
-        self.feed(2)
+        self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
+        self.feed(MOST, FIRST_TICKS)
         self.start(hal)
         return True
 
     # ---------------------------------------------------------------- feeding the queue
 
-    def feed(self, most=AHEAD):
-        """Cut phases into segments until `most` of them are queued."""
+    def feed(self, most=MOST, enough=_ALL_BITS):
+        """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before."""
         block = self.block
         cubic = self.cubic
-        while self.active and (block[stepper.TAIL] - block[stepper.HEAD]) & _ALL_BITS < most:
+        while (
+            block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+            and enough > 0
+            and (block[stepper.TAIL] - block[stepper.HEAD]) & _ALL_BITS < most
+        ):
             ticks = self.left
             if ticks:
                 if ticks > segments.LONGEST:
@@ -414,6 +418,7 @@ class Axis:
                     segments.mirror(block, self.partner.block, self.bases, self.turned)
                 segments.shift(cubic, ticks << 24, 6, 0)
                 self.left -= ticks
+                enough -= ticks
             elif not self._next():
                 return
 
@@ -450,7 +455,7 @@ class Axis:
                 if self.partner:
                     segments.mirror(self.block, self.partner.block, self.bases, self.turned)
                 self.part = 0
-                self.active = False
+                self.block[stepper.PLANNED] &= ~stepper.PLAN_SEGMENTS
                 self.aimed = False
                 return True
             self.aimed = ramps.load_phase(phases, cubic, whole, self.knot)
@@ -486,34 +491,36 @@ class Axes:
         self.kernel = hal.kernel
         self.count = hal.kernel.motors
         self.axes = [Axis(hal.kernel, i) for i in range(self.count)]
+        self.loose = []  # those with backlash
 
     def __getitem__(self, motor):
         return self.axes[motor]
 
+    def set_backlash(self, motor, steps):
+        """As Axis.set_backlash()."""
+        self[motor].set_backlash(steps)
+        self.loose = [axis for axis in self.axes if axis.backlash]
+
     def feed(self):
         """Keep the queues filled; once per pass of the main loop."""
-        for axis in self.axes:
-            if axis.active:
-                axis.feed()
-            if axis.backlash:
-                axis.refresh()
-                if axis.seeking and not axis.active and axis.block[stepper.MODE] == stepper.IDLE:
-                    axis.seek(self.hal)
+        bits = stepper.hungry(self.kernel.state, AHEAD)
+        if bits:
+            for axis in self.axes:
+                if bits & 1:
+                    axis.feed()
+                bits >>= 1
+        for axis in self.loose:
+            axis.refresh()
+            if axis.block[stepper.PLANNED] == stepper.PLAN_TARGET and axis.block[stepper.MODE] == stepper.IDLE:
+                axis.seek(self.hal)
 
     def moving_bits(self):
         """One bit per motor that moves."""
-        bits = 0
-        for i in range(self.count):
-            if self.axes[i].moving:
-                bits |= 1 << i
-        return bits
+        return stepper.moving(self.kernel.state)
 
     @property
     def moving(self):
-        for axis in self.axes:
-            if axis.moving:
-                return True
-        return False
+        return stepper.moving(self.kernel.state) != 0
 
     def release(self, bits):
         """Start the motors of these bits in the next tick, all in the same. Interrupts are off."""

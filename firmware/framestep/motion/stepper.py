@@ -92,7 +92,11 @@ FAULT = const(23)  # FAULT_ bits of this motor
 INVERT = const(24)  # 1 swaps the level of the direction pin
 SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
 WHOLE_SPAN = const(26)  # cycles per tick
-BLOCK_WORDS = const(27)
+PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
+BLOCK_WORDS = const(28)
+
+PLAN_SEGMENTS = const(1)  # segments remain to be queued
+PLAN_TARGET = const(2)  # a target that must be met
 
 # Modes
 IDLE = const(0)  # at rest; the segment queue may be filled
@@ -671,3 +675,34 @@ def halt_motors(blocks, bits: int, factor: int, steepest: int):
             halt(block, rate)
         bits >>= 1
         i += 1
+
+
+@micropython.viper
+def moving(m: ptr32) -> int:
+    """One bit per motor that moves, or is planned to. m: the header."""
+    bits = 0
+    bit = 1
+    a = m[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        if m[MODE] | m[PLANNED]:
+            bits |= bit
+        bit <<= 1
+    return bits
+
+
+@micropython.viper
+def hungry(m: ptr32, least: int) -> int:
+    """One bit per motor that has segments to come and fewer than `least` in its queue. m: the header."""
+    bits = 0
+    bit = 1
+    a = m[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        if m[PLANNED] & PLAN_SEGMENTS:
+            if (m[TAIL] - m[HEAD]) & _WRAP < least:
+                bits |= bit
+        bit <<= 1
+    return bits

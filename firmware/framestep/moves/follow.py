@@ -7,7 +7,7 @@ its own from OWN on. Nothing allocates after construction.
 from array import array
 
 from framestep.motion import axes as motion
-from framestep.motion import reals
+from framestep.motion import reals, stepper
 from framestep.moves import path
 from framestep.native import const
 from framestep.protocol.messages import ERR_RANGE, ERR_SOFT_LOW, ERR_SOFT_UP, OK
@@ -173,7 +173,7 @@ class Follower:
             if bits >> motor & 1:
                 axis = self.axes[motor]
                 axis.prepare(self.axes.hal)
-                axis.active = True
+                axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
                 axis.more = True
 
     def close(self, bits):
@@ -183,9 +183,8 @@ class Follower:
                 self.axes[motor].more = False
 
     def ahead(self, bits):
-        """The greatest number of phases that wait before a motor."""
-        most = 0
+        """The number of phases that wait before the first of these motors; the others have about as many."""
         for motor in range(self.count):
             if bits >> motor & 1:
-                most = max(most, self.axes[motor].phases.count())
-        return most
+                return self.axes[motor].phases.count()
+        return 0

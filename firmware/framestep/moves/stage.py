@@ -34,7 +34,6 @@ READY = const(2)
 RUNNING = const(3)
 ENDING = const(4)  # ramping down
 
-SEGMENTS_AHEAD = const(12)
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
 
@@ -186,7 +185,7 @@ class Stage:
         bits = operation.bits
         self.follower.begin(bits)
         operation.start()
-        self._feed()
+        self.axes.feed()
         kernel = axes.kernel.state
         irq = axes.hal.irq_off()
         tick = (kernel[stepper.TICKS] + 1) & _WRAP
@@ -227,7 +226,7 @@ class Stage:
         if state == RUNNING:
             operation = self.operation
             operation.feed()
-            self._feed()
+            self.axes.feed()
             told = operation.reached(self.axes.kernel.state[stepper.TICKS])
             if operation.finished() and not self.moving():
                 if operation.again():
@@ -256,10 +255,7 @@ class Stage:
 
     def moving(self):
         """Whether a motor of the operation moves."""
-        for motor in range(self.axes.count):
-            if self.operation.bits >> motor & 1 and self.axes[motor].moving:
-                return True
-        return False
+        return self.axes.moving_bits() & self.operation.bits != 0
 
     def _there(self):
         for motor in range(self.axes.count):
@@ -272,11 +268,6 @@ class Stage:
         for motor in range(axes.count):
             if bits >> motor & 1:
                 axes[motor].travel(axes.hal, places, motor)
-
-    def _feed(self):
-        for motor in range(self.axes.count):
-            if self.operation.bits >> motor & 1:
-                self.axes[motor].feed(SEGMENTS_AHEAD)
 
     def _end(self):
         self.state = IDLE
