@@ -131,7 +131,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     q[k + 6] = 1
     q[k + 7] = block[_WHOLE_SPAN]
     if cubic[G1] == 0 and cubic[G1 + 1] == 0:
-        q[k + 7] = (part >> 16) * block[_WHOLE_SPAN] >> 14
+        q[k + 7] = ((part >> 16) * block[_WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
     block[_TAIL] = (block[_TAIL] + 1) & _MASK
 
 
