@@ -29,11 +29,15 @@ SETTLE_S = 0.05  # after the last report, until the last edges are out
 
 
 class Session:
-    """One board, one client, and every edge so far. Times are seconds of the board's clock."""
+    """One board, one client, and every edge so far. Times are seconds of the board's clock.
 
-    def __init__(self, board, motors=8):
+    reply_s: how long `answer_to` waits for an answer.
+    """
+
+    def __init__(self, board, motors=8, reply_s=0.02):
         self.board = board
         self.motors = motors
+        self.reply_s = reply_s
         self.port = LockstepPort(board)
         self.client = Client(self.port)
         self._edges = []
@@ -89,7 +93,7 @@ class Session:
 
     def answer_to(self, kind, payload=b"", id=77):
         """The one frame that answers a request."""
-        answers = [f for f in self.bytes_for(encode(kind, payload, id)) if f.id == id]
+        answers = [f for f in self.bytes_for(encode(kind, payload, id), self.reply_s) if f.id == id]
         assert len(answers) == 1 and answers[0].request_type == kind, answers
         return answers[0]
 

@@ -1,0 +1,147 @@
+"""The firmware as a board gets it: both dialects, the REPL beside a run, nothing allocated, one port for both.
+
+What the motors do is in test_play.py; how the ports behave by themselves in test_ports.py.
+"""
+
+import struct
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.judge import judge
+from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
+from host_tests.end_to_end.session import Session, run_request
+
+FRAMES = 40
+
+
+def move(session, motors=(1, 2, 3, 4)):
+    """Positions that begin where the motors are."""
+    stands = session.positions
+    k = np.arange(FRAMES)
+    return {
+        motor: stands[motor] + np.round((100 + 150 * motor) * (1 - np.cos(2 * np.pi * k / (FRAMES - 1)))).astype(int)
+        for motor in motors
+    }
+
+
+def load(session, positions):
+    for motor in positions:
+        session.speed(motor, 20_000, 100_000)
+    session.upload(positions)
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    stands = session.positions
+    session.forget()
+    return stands
+
+
+def assert_played(session, stands, positions):
+    assert not session.events(HardStop)
+    verdict = judge(session.trace(), positions, 24_000, stands, session.positions)
+    assert verdict.good, verdict.complaints
+
+
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard() as board:
+        yield Session(board, reply_s=0.1)
+
+
+def assert_form(session, wide):
+    ok = int(Ack.OK).to_bytes(4 if wide else 2, "little")
+    for kind, payload in ((m.MSG_MOTOR_STOP, b"\1"), (m.MSG_MOTOR_STOP_ALL, b""), (m.MSG_MOTOR_CONFIGURE, b"\1\1")):
+        answer = session.answer_to(kind, payload)
+        assert answer.is_ack and answer.payload == ok
+    answer = session.answer_to(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 2, 2**31 - 1))
+    assert (answer.is_ack, answer.payload) == ((True, ok) if wide else (False, b"\1"))
+    for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 36)):
+        answer = session.answer_to(kind)
+        assert not answer.is_ack and len(answer.payload) == size
+    answer = session.answer_to(m.MSG_RT_GO)
+    assert answer.is_ack and answer.payload == int(Ack.ERR_GENERAL).to_bytes(len(ok), "little")
+
+
+def test_form_of_the_answers(session):
+    """Field note 1.4, and that the next host is greeted again (1.5) by a rig that has come to rest (1.11)."""
+    assert_form(session, wide=False)
+    session.leave()
+    session.board.run_until(session.board.now_ns + 10**9)
+    session.come_back()
+    hello = [f for f in session.bytes_for(b"", 0.1) if f.type == m.MSG_HI]
+    assert len(hello) == 1 and DeviceInfo.unpack(hello[0].payload).name == "framestep"
+    assert session.moving == []
+
+
+def test_form_of_the_answers_in_the_other_dialect():
+    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False) as board:
+        assert_form(Session(board, reply_s=0.1), wide=True)
+
+
+def test_repl_beside_a_run(session):
+    """Whoever works on the REPL meanwhile, calculating and collecting garbage, disturbs neither edges nor answers."""
+    positions = move(session)
+    stands = load(session, positions)
+    repl = session.board.emulator.repl()
+    repl.exec("import gc, framestep.boot as boot")
+    session.accept(RtGo())
+    turns = 0
+    while repl.eval("boot.controller.stage.running"):
+        assert repl.eval("sum(i * i for i in range(100))") == 328350
+        repl.exec("x = [bytearray(40) for _ in range(50)]\ngc.collect()")
+        turns += 1
+    assert turns >= 2
+    session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert_played(session, stands, positions)
+    assert repl.eval("boot.hal.failure") is None
+
+
+def test_nothing_is_allocated(session):
+    """Over a whole session the heap grows by no byte; what the REPL itself takes is measured first and taken off."""
+    positions = move(session)
+    repl = session.board.emulator.repl()
+    repl.exec("import gc")
+
+    def taken():
+        return repl.eval("gc.mem_alloc()")
+
+    def between(work):
+        """Bytes taken from before to after; garbage counts, as nothing is collected in between."""
+        repl.exec("gc.collect()\ngc.disable()")
+        before = taken()
+        work()
+        after = taken()
+        repl.exec("gc.enable()")
+        return after - before
+
+    def whole_session():
+        stands = load(session, positions)
+        session.accept(RtGo())
+        session.client.wait_event(RtEnd, 10)
+        session.run(0.1)
+        assert_played(session, stands, positions)
+        session.ask(MotorMove(1, int(positions[1][0]) - 500))
+        session.run(0.2)
+        session.refuse(Ack.ERR_RANGE, MotorMove(9, 2**30))
+        session.wait_idle()
+
+    whole_session()  # what is made at the first time of anything
+    own = between(lambda: session.run(2.0))
+    assert between(whole_session) == own
+
+
+def test_one_port():
+    """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives the REPL back."""
+    with EmulatedBoard({"ports": 1}) as board:
+        session = Session(board)
+        positions = move(session, (1, 2))
+        stands = load(session, positions)
+        session.accept(RtGo())
+        session.client.wait_event(RtEnd, 10)
+        session.run(0.1)
+        assert_played(session, stands, positions)
+        session.port.write(b"\r\x03")
+        board.run_until(board.now_ns + 300_000_000)
+        assert b">>> " in board.protocol.transmit()
