@@ -163,18 +163,18 @@ class Rp2Hal:
         if self._passes is None:
             return  # it waited in the scheduler when the passes ended
         try:
-            self._controller.poll(time.ticks_ms() & _WRAP)
+            self._controller.poll(time.ticks_ms() & _WRAP)  # type: ignore[union-attr]
         except KeyboardInterrupt:
             # Meant for a program that runs on the REPL, but it struck here; what was being done
             # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
-            self._controller.fail()
+            self._controller.fail()  # type: ignore[union-attr]
             print("framestep: Ctrl-C came in the middle of the controller's work; motors stop")
         except Exception as error:
             self.stop()
             self.failure = error
-            self._controller.give_up()
+            self._controller.give_up()  # type: ignore[union-attr]
             print("framestep: stopped by a fault in the firmware; a reset starts it again")
-            sys.print_exception(error)
+            sys.print_exception(error)  # type: ignore[attr-defined]
 
     def stop(self):
         """End the passes; the motors ramp down. The REPL is left as it was."""
