@@ -191,6 +191,8 @@ class ShootFrame(Operation):
                 reals.multiply(r, X, X, Y)
                 reals.put(r, Y, 2000, 0)
                 reals.divide(r, X, X, Y)
+                reals.put(r, Y, 1, -1)
+                reals.add(r, X, X, Y)
                 cut = reals.floor(r, X, HALF)
                 reals.add_word(shot.a, motor, shot.a, motor, cut)
                 reals.add_word(shot.b, motor, shot.b, motor, -cut)

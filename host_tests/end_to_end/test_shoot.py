@@ -1,0 +1,312 @@
+"""Go-motion on the host simulation: the window against the shutter's edges, speed, motors, refusals."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    BlurMotor,
+    MotorConfigure,
+    MotorMove,
+    MotorSetLimits,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtShootFrame,
+    RtShootFrame2,
+    RtUploadMoveBegin,
+    RtUploadMoveEnd,
+)
+from host_tests.end_to_end.realtime import ACCELERATION, FRAMES, MOVE, VELOCITY, edges, rig, upload
+from host_tests.end_to_end.session import assert_within, run_request
+
+FRAME = 10  # MOVE: 580 ± 30 for motor 1
+
+
+@pytest.fixture
+def ready():
+    session = rig()
+    upload(session)
+    return session
+
+
+def shoot(session, request):
+    """Prepare, go, wait for the one RT_END. Where the motors waited; when GO was, the shutter opened and closed."""
+    session.ready(request)
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    went = session.now
+    session.client.wait_event(RtEnd, 70)
+    ended = session.now
+    session.run(0.3)
+    assert not session.events(RtEnd) and not session.moving
+    (opened, on), (closed, off) = edges(session, "shutter")
+    (metered, meter_on), (unmetered, meter_off) = edges(session, "meter")
+    assert (on, off, meter_on, meter_off) == (1, 0, 1, 0)
+    assert metered == pytest.approx(went, abs=0.005) and unmetered == closed, "meter from GO to the end of the exposure"
+    assert ended >= closed + 0.999
+    return before, went, opened, closed
+
+
+def assert_window(session, motor, before, opened, closed, at_open, at_close, exact=True, duration=None):
+    """A motor passes its window, steps at_open to at_close, while the shutter is open, at constant speed.
+
+    exact: the ends are whole steps that the motor meets at the shutter's edges.
+    """
+    times, signs = session.steps(motor)
+    position = before[motor] + np.cumsum(signs)
+    inside = (times > opened + 1e-6) & (times < closed + 1e-6)
+    way = at_close - at_open
+    assert abs(inside.sum() - abs(way)) <= 1 and np.all(np.sign(signs[inside]) == np.sign(way))
+    if inside.sum() > 2:
+        gaps = np.diff(times[inside])
+        assert abs(gaps.max() / gaps.mean() - 1) < 0.005 and abs(gaps.min() / gaps.mean() - 1) < 0.005
+        assert gaps.mean() == pytest.approx((closed - opened) / abs(way), rel=0.005 + 1 / abs(way))
+        # where the motion is at the shutter's edges, to fractions of a step
+        speed = np.sign(way) / gaps.mean()
+        for edge, place in ((opened, at_open), (closed, at_close)):
+            nearest = np.argmin(np.abs(times - edge))
+            there = position[nearest] + (edge - times[nearest]) * speed
+            assert abs(there - place) <= 1.0
+            if exact:
+                assert abs((there - place) / speed) <= 100e-6
+    assert_within(times, signs, VELOCITY, ACCELERATION)
+
+
+# ---- SHOOT_FRAME -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exposure", [17, 100, 1000, 5000])
+@pytest.mark.parametrize("direction", [1, 0])
+@pytest.mark.parametrize("pair", [(100, 700), (300, -500), (0, 40)])
+def test_whole_window(ready, exposure, direction, pair):
+    """Field note 7.1: POS A to POS B in the exposure time, DIRECTION 0 turns them; 1.0 s run-up and run-out."""
+    if exposure == 17 and abs(pair[1] - pair[0]) > 300:
+        pair = (pair[0], pair[0] + (pair[1] - pair[0]) // 4)
+    request = RtShootFrame(FRAME, direction, exposure, 1000, [BlurMotor(1, *pair)])
+    before, went, opened, closed = shoot(ready, request)
+    a, b = pair if direction else pair[::-1]
+    assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
+    assert opened - went == pytest.approx(1.0, abs=0.006), "fixed, so that Dragonframe can time its shutter"
+    assert_window(ready, 1, before, opened, closed, a, b)
+    times, _ = ready.steps(1)
+    assert times[-1] - closed <= 1.0 + 1e-4
+    velocity = (b - a) / exposure * 1000
+    assert before[1] == pytest.approx(a - velocity / 2, abs=1) and ready.position(1) == pytest.approx(
+        b + velocity / 2, abs=1
+    )
+
+
+@pytest.mark.parametrize("blur", [1, 10, 333, 500, 999, 1000])
+@pytest.mark.parametrize("direction", [1, 0])
+def test_blur(ready, blur, direction):
+    """The middle `blur` of the way, by step."""
+    for a, b in ((0, 4000), (1000, -3001)):
+        before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, direction, 400, blur, [BlurMotor(1, a, b)]))
+        if not direction:
+            a, b = b, a
+        middle, half = (a + b) / 2, (b - a) * blur / 2000
+        assert_window(ready, 1, before, opened, closed, middle - half, middle + half, exact=False)
+
+
+def test_long_exposure(ready):
+    before, _, opened, closed = shoot(
+        ready, RtShootFrame(FRAME, 1, 60000, 500, [BlurMotor(1, 0, 12000), BlurMotor(2, 8, 0)])
+    )
+    assert closed - opened == pytest.approx(60, abs=2e-5)
+    assert_window(ready, 1, before, opened, closed, 3000, 9000)
+    # at a step in 15 s a microstep's time is only known to the kernel's resolution, some ten-thousandths of a step
+    assert_window(ready, 2, before, opened, closed, 6, 2, exact=False)
+
+
+def test_pairs_of_several_motors(ready):
+    before, _, opened, closed = shoot(
+        ready, RtShootFrame(FRAME, 1, 300, 1000, [BlurMotor(1, 10, 400), BlurMotor(2, 500, -20)])
+    )
+    assert_window(ready, 1, before, opened, closed, 10, 400)
+    assert_window(ready, 2, before, opened, closed, 500, -20)
+
+
+def test_only_motors_that_blur_move(ready):
+    """Field note 7.1: enabled and with the blur flag."""
+    ready.accept(MotorConfigure(1, 0x01), MotorConfigure(3, 0x03), MotorConfigure(4, 0x02), MotorConfigure(5, 0x03))
+    pairs = [BlurMotor(m, 0, 300) for m in (1, 2, 3, 4)]
+    before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 300, 1000, pairs))
+    assert ready.trace().motors == [2, 3]
+    assert_window(ready, 3, before, opened, closed, 0, 300)
+    # SHOOT_FRAME2: each motor that is named is part of the blur (spec), but a disabled one is not
+    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 300, 0, 360, pairs))
+    assert ready.trace().motors == [1, 2, 3]
+
+
+def test_without_motors(ready):
+    """No motor to move: the shutter opens all the same."""
+    ready.accept(MotorConfigure(1, 1), MotorConfigure(2, 1))
+    _, went, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 250, 500))
+    assert opened - went == pytest.approx(1.0, abs=0.006) and closed - opened == pytest.approx(0.25, abs=2e-5)
+    assert not ready.trace().motors
+    shoot(ready, RtShootFrame2(FRAME, 250, 0, 180))
+    assert not ready.trace().motors
+
+
+# ---- SHOOT_FRAME2 ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "angles", [(0, 360), (90, 270), (0, 180), (-90, 270), (90, 450), (-60, 400), (-300, -90), (400, 600)]
+)
+@pytest.mark.parametrize("exposure", [17, 400, 3000])
+def test_angles(ready, angles, exposure):
+    """Field note 7.2: A at 0°, B at 360°, OPEN to CLOSE is the exposure; the speed is constant while it is open."""
+    opens, closes = angles
+    a, b = (720, 0) if exposure == 400 else (0, 36) if exposure == 17 else (-360, 3600)
+    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, exposure, opens, closes, [BlurMotor(1, a, b)]))
+    assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
+    degree = (b - a) / 360
+    assert_window(ready, 1, before, opened, closed, a + opens * degree, a + closes * degree, exact=False)
+    # at A and at B, wherever the shutter is: constant speed as well, and on the step to the 100 µs
+    times, signs = ready.steps(1)
+    position = before[1] + np.cumsum(signs)
+    per_degree = (closed - opened) / (closes - opens)
+    at_a, at_b = opened - opens * per_degree, opened + (360 - opens) * per_degree
+    speed = degree / per_degree
+    inside = (times > at_a - 1e-4) & (times < at_b + 1e-4)
+    gaps = np.diff(times[inside])
+    assert np.abs(gaps * abs(speed) - 1).max() < 0.005
+    for moment, place in ((at_a, a), (at_b, b)):
+        nearest = np.argmin(np.abs(times - moment))
+        assert abs(position[nearest] + (moment - times[nearest]) * speed - place) <= 1.0
+        if opens >= 0 and closes <= 360:
+            assert abs(moment - times[nearest] + (position[nearest] - place) / speed) <= 100e-6
+
+
+@pytest.mark.parametrize("frame", [1, 2, 7, 24, 25])
+@pytest.mark.parametrize("kind", ["1", "1 backward", "2"])
+def test_window_from_the_path(ready, frame, kind):
+    """Field note 7.2: without pairs, A and B are where the path is half a frame before and after; 7.1 by analogy."""
+    if kind == "2":
+        request = RtShootFrame2(frame, 500, 0, 360)
+    else:
+        request = RtShootFrame(frame, int(kind == "1"), 500, 1000)
+    before, _, opened, closed = shoot(ready, request)
+    linear = MOVE[1][frame - 1]
+    half = -30 if kind == "1 backward" else 30
+    assert_window(ready, 1, before, opened, closed, linear - half, linear + half)
+    # the sine that motor 2 samples
+    at = (frame - 1) * 0.3
+    half = -0.15 if kind == "1 backward" else 0.15
+    a, b = (400 * np.sin(at + sign * half) for sign in (-1, 1))
+    times, signs = ready.steps(2)
+    position = before[2] + np.cumsum(signs)
+    for moment, place in ((opened, a), (closed, b)):
+        there = position[times <= moment][-1] if np.any(times <= moment) else before[2]
+        assert abs(there - place) <= (3 if 1 < frame < 25 else 6), "beyond the ends the path goes on straight"
+
+
+def test_pairs_and_path(ready):
+    """SHOOT_FRAME2 with a pair for one motor: the other blurs along the path."""
+    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 500, 0, 360, [BlurMotor(2, 0, 90)]))
+    assert_window(ready, 1, before, opened, closed, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30)
+    assert_window(ready, 2, before, opened, closed, 0, 90)
+
+
+# ---- refused ---------------------------------------------------------------------------------------------
+
+PAIR = [BlurMotor(1, 0, 400)]
+
+
+@pytest.mark.parametrize(
+    ("request_", "code"),
+    [
+        (RtShootFrame(0, 1, 500, 500, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(0, 500, 0, 180, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 0, 500, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 0, 0, 180, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 2**31, 0, 180, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 2, 500, 500, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 500, 0, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 500, 1001, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 500, 500, [BlurMotor(0, 0, 1)]), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 500, 500, [*PAIR, BlurMotor(9, 0, 1)]), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 500, 0, 180, [BlurMotor(255, 0, 1)]), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 500, 180, 180, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 500, 180, 0, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame(FRAME, 1, 17, 1000, PAIR), Ack.ERR_RANGE),  # 23 500 steps/s
+        (RtShootFrame(FRAME, 1, 500, 1000, [BlurMotor(1, -(2**31), 2**31 - 1)]), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 17, 0, 360, PAIR), Ack.ERR_RANGE),
+        (RtShootFrame2(FRAME, 60000, 0, 1, PAIR), Ack.ERR_RANGE),  # six hours from A to B
+    ],
+)
+def test_refused_for_its_numbers(ready, request_, code):
+    ready.forget()
+    ready.refuse(code, request_)
+    ready.run(0.2)
+    assert not ready.trace().signals and not ready.moving
+    ready.refuse(Ack.ERR_GENERAL, RtGo())
+
+
+@pytest.mark.parametrize(
+    "make", [lambda p: RtShootFrame(FRAME, 1, 500, 1000, p), lambda p: RtShootFrame2(FRAME, 500, 0, 360, p)]
+)
+def test_limits_in_the_way(ready, make):
+    """Run-up 0x17, run-out 0x18; 400 steps in 0.5 s need 400 for either."""
+    for lower, upper, code in (
+        (-399, 9000, Ack.ERR_PREROLL),
+        (-9000, 799, Ack.ERR_POSTROLL),
+        (-399, 799, Ack.ERR_PREROLL),
+        (10, 9000, Ack.ERR_PREROLL),
+        (-9000, 390, Ack.ERR_POSTROLL),
+    ):
+        ready.accept(MotorSetLimits(1, 1, lower, 1, upper))
+        ready.forget()
+        ready.refuse(code, make(PAIR))
+        ready.run(0.1)
+        assert not ready.trace().signals and not ready.moving
+    ready.accept(MotorSetLimits(1, 1, -400, 1, 800))
+    before, *_ = shoot(ready, make(PAIR))
+    assert before[1] == -400 and ready.position(1) == 800
+
+
+def test_an_open_shutter_outside_needs_more_way(ready):
+    """The speed is kept from the opening on: that lies outside the limits where A does not."""
+    ready.accept(MotorSetLimits(1, 1, -400, 1, 9000))
+    ready.accept(RtShootFrame2(FRAME, 500, 0, 360, PAIR))
+    ready.wait_idle()
+    ready.refuse(Ack.ERR_PREROLL, RtShootFrame2(FRAME, 625, -90, 360, PAIR))
+    ready.accept(MotorSetLimits(1, 1, -9000, 1, 800))
+    ready.refuse(Ack.ERR_POSTROLL, RtShootFrame2(FRAME, 625, 0, 450, PAIR))
+
+
+def test_too_steep(ready):
+    """800 steps/s within the 1.0 s of the run-up."""
+    ready.speed(1, VELOCITY, 790)
+    ready.refuse(Ack.ERR_PREROLL, RtShootFrame(FRAME, 1, 500, 1000, PAIR), RtShootFrame2(FRAME, 500, 0, 360, PAIR))
+    ready.speed(1, VELOCITY, 810)
+    ready.accept(RtShootFrame(FRAME, 1, 500, 1000, PAIR))
+
+
+def test_without_an_upload():
+    session = rig()
+    both = RtShootFrame(FRAME, 1, 500, 500, PAIR), RtShootFrame2(FRAME, 500, 0, 180, PAIR)
+    session.refuse(Ack.ERR_GENERAL, *both)
+    session.accept(RtUploadMoveBegin(1, 25))
+    session.refuse(Ack.ERR_GENERAL, *both)
+    session.accept(RtUploadMoveEnd())
+    session.accept(both[0])
+
+
+def test_refused_while_moving(ready):
+    both = RtShootFrame(FRAME, 1, 500, 500, PAIR), RtShootFrame2(FRAME, 500, 0, 180, PAIR)
+    ready.ask(MotorMove(7, 500))
+    ready.refuse(Ack.ERR_MOVING, *both)
+    ready.wait_idle()
+    ready.ready(both[0])
+    ready.accept(RtGo())
+    ready.refuse(Ack.ERR_MOVING, *both, RtGo(), RtPositionFrame(1), RtJogAll(24000, 3), run_request(24, 1, 5))
+    ready.client.wait_event(RtEnd, 10)
+    ready.accept(both[1])
