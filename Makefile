@@ -8,7 +8,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	bench plots emulator-measure clean
+	plots emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -59,10 +59,6 @@ types: setup ## types of the host tools, and of the board's code against MicroPy
 
 format: setup ## bring the source into ruff's form
 	@$(PYTHON_VENV) -m ruff check --fix --quiet; $(PYTHON_VENV) -m ruff format --quiet
-
-bench: setup node ## measure the firmware on the emulated board
-	@tools/micropython/build.sh rp2
-	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
 
 plots: setup ## draw docs/interpolation.svg again
 	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation $(ARGS)
