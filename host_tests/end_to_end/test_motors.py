@@ -142,8 +142,8 @@ def test_move(rig, target, velocity, acceleration):
     ramp = velocity / acceleration
     ideal = way / velocity + ramp if way >= velocity * ramp else 2 * (way / acceleration) ** 0.5
     first = (2 / acceleration) ** 0.5 if way > 1 else ideal  # the first step, from rest
-    # at either end, where it next to stands, a rounding of 4e-6 steps takes as long as this
-    rounding = 2 * (2 * 4e-6 / acceleration) ** 0.5
+    # at either end, where it next to stands, a rounding of 2e-5 steps takes as long as this
+    rounding = 2 * (2 * 2e-5 / acceleration) ** 0.5
     assert times[-1] - times[0] == pytest.approx(ideal - first, abs=1e-5 + rounding + 1e-5 * ideal)
 
 
