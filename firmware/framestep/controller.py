@@ -155,8 +155,7 @@ class Controller:
 
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
-        self.stage.stop()
-        self.stage.drop()
+        self.stage.leave()
         self.axes.stop(1, 0, True)
         self.io.safe()
         self.jogging = 0

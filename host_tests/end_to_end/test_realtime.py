@@ -634,3 +634,22 @@ def test_lost_host_while_it_waits():
             assert not session.moving and not session.events(RtEnd)
             session.refuse(Ack.ERR_GENERAL, RtGo())
             assert session.ask(MotorGetPosition())
+
+
+def test_lost_host_that_comes_back_at_once():
+    """While the motors still ramp down: the next host is not told of an end that it knows nothing of."""
+    session = loaded()
+    for motor in MOVE:
+        session.speed(motor, VELOCITY, 20_000)
+    session.ready(run_request(12, 1, FRAMES))
+    session.accept(RtGo())
+    session.run(1)
+    session.leave()
+    session.run(0.005)
+    session.come_back()
+    assert session.moving
+    session.run(1)
+    assert not session.events(RtEnd) and not session.moving
+    # the next run is told of as ever
+    go(session, run_request(12, 1, FRAMES))
+    to_the_end(session)

@@ -94,6 +94,7 @@ class Stage:
         self.move_time = 0  # thousandths of a scene frame
         self.ended = False  # RT_END is due
         self.unattended = False  # the next pass starts without a GO
+        self.forsaken = False  # whoever asked for the operation has gone
 
     # ---------------------------------------------------------------- what the controller asks
 
@@ -159,6 +160,7 @@ class Stage:
         self.move_time = frame * 1000
         self.state = POSITIONING
         self.unattended = False
+        self.forsaken = False
         self.ended = False
 
     def may_go(self):
@@ -211,6 +213,13 @@ class Stage:
         self.unattended = False
         self.state = ENDING
         return 0
+
+    def leave(self):
+        """The host has gone: as stop(), but the next host is not told of an end that it knows nothing of."""
+        self.stop()
+        self.drop()
+        self.forsaken = True
+        self.ended = False
 
     def drop(self):
         """Forget an operation that is prepared but has not begun."""
@@ -272,5 +281,5 @@ class Stage:
     def _end(self):
         self.state = IDLE
         self.unattended = False
-        if self.operation.tells_end:
+        if self.operation.tells_end and not self.forsaken:
             self.ended = True
