@@ -237,7 +237,7 @@ def test_distance(target, whole, fraction, low):
     segments.distance(r, 0, array("i", [0, target]), 1, cubic)
     ideal = target - coefficients(cubic)[0]
     size = abs(ideal)
-    bound = Fraction(1, 2**16) if size < 2**11 - 1 else Fraction(1, 2**9) if size < 2**21 - 1 else 1 + size / 2**28
+    bound = Fraction(1, 2**16) if size < 2**14 - 1 else Fraction(1, 2**9) if size < 2**21 - 1 else 1 + size / 2**28
     assert abs(r[0] * Fraction(2) ** r[1] - ideal) <= bound
 
 

@@ -23,16 +23,14 @@ def slopes(positions: Sequence[int] | np.ndarray, first: int, last: int, limits:
     of the play. limits: the motor's soft limits."""
     step = 1 if last >= first else -1
     window = array("i", [0] * path.WINDOW_WORDS)
+    bounds = array("i", (far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)))
     found = []
     for index in range(first, last + step, step):
         around = np.clip(np.arange(index - 2 * step, index + 3 * step, step), 0, len(positions) - 1)
         for word, frame in enumerate(around):
             window[path.FRAMES + word] = int(positions[frame])
-        window[path.LOWER], window[path.UPPER] = (
-            far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)
-        )
         before, after = (index, len(positions) - 1 - index)[::step]
-        found.append(path.slope(window, min(before, 2), min(after, 2)))
+        found.append(path.slope(window, bounds, before, after))
     return np.array(found) / path.TWELFTHS
 
 

@@ -41,6 +41,13 @@ TARGET = const(2)
 
 _PHYSICAL = const(3)  # the motor's own step for a target, with the play
 
+# Words of `planned`
+_PLACE = const(0)
+_OFFSET = const(1)
+_PLAY = const(2)
+
+_ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions; LOWER and UPPER
+
 _ALL_BITS = const(0x3FFFFFFF)
 _POSITION = const(7)  # stepper.POSITION, as a constant for the kernels below
 
@@ -60,6 +67,18 @@ def _set_cubic(cubic: ptr32, state: ptr32):
     cubic[6] = (a & 0xFFF) << 18
     cubic[7] = 0
     cubic[8] = 0
+
+
+@micropython.viper
+def _lead(planned: ptr32, limits: ptr32, targets, i: int):
+    """limits[_PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be."""
+    place = ptr32(targets)[i + 0]
+    if place > planned[_PLACE]:
+        planned[_OFFSET] = 0
+    elif place < planned[_PLACE]:
+        planned[_OFFSET] = 0 - planned[_PLAY]
+    planned[_PLACE] = place
+    limits[_PHYSICAL] = place + planned[_OFFSET]
 
 
 @micropython.viper
@@ -120,6 +139,8 @@ class Axis:
         self.marked = False  # the tick that is open has its start in `state`
         self.lower_enabled = False
         self.upper_enabled = False
+        self.bounds = array("i", [0] * 2)  # the soft limits that are enabled, the ends of the range for the others
+        self._bound()
         self.velocity = 0
         self.acceleration = 0
         self.left = 0  # ticks of the cubic's phase still to be queued
@@ -127,8 +148,9 @@ class Axis:
         self.more = False  # further phases will be appended: do not come to rest
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         self.place = array("i", [0])  # where the load is: what is reported and asked for
-        self.planned = array("i", [0])  # the place that the phases lead to
-        self.offset = 0  # from there to the motor's step: -backlash where the load is moved down
+        # The place that the phases lead to, from there to the motor's step (-backlash where the load is moved down),
+        # and the backlash
+        self.planned = array("i", [0] * 3)
         self.easing = False  # a stop within the jerk limit is under way
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
@@ -174,7 +196,12 @@ class Axis:
         reals.copy_word(self.limits, UPPER, source, i + 1)
         self.lower_enabled = lower_enabled
         self.upper_enabled = upper_enabled
+        self._bound()
         return True
+
+    def _bound(self):
+        reals.copy_word(self.bounds, 0, self.limits if self.lower_enabled else _ENDS, LOWER)
+        reals.copy_word(self.bounds, 1, self.limits if self.upper_enabled else _ENDS, UPPER)
 
     def clamp(self, target, i):
         """Hold target[i] within the enabled soft limits; a motor past one stays where it is at most."""
@@ -250,6 +277,7 @@ class Axis:
     def set_backlash(self, steps):
         """Steps of play, 0 … 10000. Only at rest."""
         self.backlash = steps
+        self.planned[_PLAY] = steps
 
     # ---------------------------------------------------------------- motion
 
@@ -272,7 +300,7 @@ class Axis:
         self.easing = False
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
-        self.offset = _gap(self.place, block)
+        self.planned[_OFFSET] = _gap(self.place, block)
 
     def travel(self, hal, target, i, share=10000):
         """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
@@ -290,28 +318,20 @@ class Axis:
             reals.multiply(r, SHARE_STEEP, STEEP, _X)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
-        self._lead(target, i)
+        _lead(self.planned, self.limits, target, i)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
         if not ramps.plan(self.phases, self.cubic, self.limits, _PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
-            return self.moving
+            if self.block[stepper.MODE] != stepper.RUN:
+                return self.moving
+            # It comes to rest there already, and prepare() has taken the end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
         self.feed(MOST, FIRST_TICKS)
         self.start(hal)
         return True
 
-    def _lead(self, target, i):
-        """limits[_PHYSICAL] = the motor's step for the place target[i], coming from where it is planned to be."""
-        side = _side(target, i, self.planned, 0)
-        if side > 0:
-            self.offset = 0
-        elif side < 0:
-            self.offset = -self.backlash
-        reals.copy_word(self.planned, 0, target, i)
-        reals.add_word(self.limits, _PHYSICAL, target, i, self.offset)
-
     def aim(self, duration, start, end, numbers, targets, i):
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
-        self._lead(targets, i)
+        _lead(self.planned, self.limits, targets, i)
         self.phases.aim(duration, start, end, numbers, self.limits, _PHYSICAL)
 
     def seek(self, hal):
@@ -409,14 +429,12 @@ class Axis:
             and enough > 0
             and (block[stepper.TAIL] - block[stepper.HEAD]) & _ALL_BITS < most
         ):
-            ticks = self.left
-            if ticks:
-                if ticks > segments.LONGEST:
-                    ticks = segments.LONGEST
-                segments.cut(cubic, block, ticks)
+            left = self.left
+            if left:
+                one = block[stepper.TAIL] - block[stepper.HEAD] + 1 if self.partner else most
+                ticks = segments.spin(cubic, block, left, one, enough)
                 if self.partner:
                     segments.mirror(block, self.partner.block, self.bases, self.turned)
-                segments.shift(cubic, ticks << 24, 6, 0)
                 self.left -= ticks
                 enough -= ticks
             elif not self._next():

@@ -19,8 +19,9 @@ Time in ticks of 1 ms, position in steps, along the direction of the motion. Not
 from array import array
 
 from framestep.motion import reals
+from framestep.motion.reals import combine, divide, double, put, split
 from framestep.motion.segments import G1, G2, G3, WHOLE, coefficient, distance, velocity
-from framestep.native import const
+from framestep.native import const, micropython, ptr32
 
 # Words of a phase
 KIND = const(0)
@@ -36,7 +37,11 @@ RAMP = const(0)
 AIM = const(1)
 ONWARD = const(2)
 
-_PIECE = const(4096)  # ticks of an AIM phase that rounding leaves within a thousandth of a step
+_PIECE = const(256)  # ticks of an AIM phase that rounding leaves within a ten-thousandth of a step
+
+# What _load() has done with a phase; 0: taken a part of it
+_TOOK = const(1)
+_TOOK_AIM = const(2)
 
 # Registers of the planner
 _V = const(0)  # velocity at the start, along the way
@@ -113,70 +118,86 @@ class Phases:
 
     def aim(self, duration, start, end, numbers, targets, i):
         """Append an AIM phase: registers of `numbers`, the step targets[i]."""
-        at = self.tail * PHASE_WORDS
-        words = self.words
-        words[at + KIND] = AIM
-        reals.fetch(words, at + DURATION, numbers, duration)
-        reals.fetch(words, at + START, numbers, start)
-        reals.fetch(words, at + SECOND, numbers, end)
-        reals.copy_word(words, at + TARGET, targets, i)
-        self.tail = (self.tail + 1) % PHASES
+        tail = self.tail
+        _put_aim(self.words, tail * PHASE_WORDS, numbers, duration, start, end, targets, i)
+        self.tail = (tail + 1) % PHASES
+
+
+@micropython.viper
+def _put_aim(words: ptr32, at: int, r: ptr32, duration: int, start: int, end: int, targets, i: int):
+    words[at + KIND] = AIM
+    words[at + DURATION] = r[duration + 0]
+    words[at + DURATION + 1] = r[duration + 1]
+    words[at + START] = r[start + 0]
+    words[at + START + 1] = r[start + 1]
+    words[at + SECOND] = r[end + 0]
+    words[at + SECOND + 1] = r[end + 1]
+    words[at + TARGET] = ptr32(targets)[i + 0]
 
 
 def load_phase(phases, cubic, whole, knot):
     """Take the next phase: set the cubic, whose position stays, and split its duration into whole
     ticks and a fraction in `whole`. Whether it aims, and if so the step in knot[0]."""
-    r = _scratch
-    words = phases.words
-    at = phases.head * PHASE_WORDS
-    kind = words[at + KIND]
-    reals.split(words, at + DURATION, whole)
+    head = phases.head
+    took = _load(phases.words, head * PHASE_WORDS, cubic, whole, knot, _scratch)
+    if took:
+        phases.head = (head + 1) % PHASES
+    return took == _TOOK_AIM
+
+
+@micropython.viper
+def _load(words, at: int, cubic, whole, knot, r) -> int:
+    w = ptr32(words)
+    out = ptr32(whole)
+    kind = w[at + KIND]
+    split(words, at + DURATION, whole)
     if kind == ONWARD:
         velocity(words, at + START, cubic, G1)
     else:
         coefficient(cubic, G1, words, at + START)
-    aims = False
     if kind == RAMP:
         coefficient(cubic, G2, words, at + SECOND)
         coefficient(cubic, G3, words, at + THIRD)
-    else:
-        reals.copy_word(knot, 0, words, at + TARGET)
-        # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T²
-        reals.fetch(r, _T, words, at + DURATION)
-        reals.fetch(r, _V, words, at + START)
-        reals.fetch(r, _C, words, at + SECOND)
-        if whole[0] == 0:
-            # Within a tick there is nothing to bend; where it ends is up to what follows.
-            reals.subtract(r, _X, _C, _V)
-            reals.divide(r, _X, _X, _T)
-            reals.double(r, _X, _X, -1)
-            coefficient(cubic, G2, r, _X)
-            coefficient(cubic, G3, r, _ZERO)
-            phases.head = (phases.head + 1) % PHASES
-            return True
-        distance(r, _S, words, at + TARGET, cubic)
-        reals.divide(r, _W, _S, _T)
-        reals.subtract(r, _X, _W, _V)  # mean - start
-        reals.subtract(r, _Y, _W, _C)  # mean - end
-        reals.add(r, _Z, _X, _Y)
-        reals.add(r, _X, _X, _Z)
-        reals.divide(r, _X, _X, _T)
+        return _TOOK
+    ptr32(knot)[0] = w[at + TARGET]
+    # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T²
+    s = ptr32(r)
+    s[_T] = w[at + DURATION]
+    s[_T + 1] = w[at + DURATION + 1]
+    s[_V] = w[at + START]
+    s[_V + 1] = w[at + START + 1]
+    s[_C] = w[at + SECOND]
+    s[_C + 1] = w[at + SECOND + 1]
+    if out[0] == 0:
+        # Within a tick there is nothing to bend; where it ends is up to what follows.
+        combine(r, _X, _C, _V, 1)
+        divide(r, _X, _X, _T)
+        double(r, _X, _X, -1)
         coefficient(cubic, G2, r, _X)
-        reals.negate(r, _Z, _Z)
-        reals.divide(r, _Z, _Z, _T)
-        reals.divide(r, _Z, _Z, _T)
-        coefficient(cubic, G3, r, _Z)
-        aims = whole[0] <= _PIECE
-        if not aims:
-            whole[0] >>= 1
-            whole[1] = 0
-            reals.put(r, _X, whole[0], 0)
-            reals.subtract(r, _T, _T, _X)
-            reals.fetch(words, at + DURATION, r, _T)
-            words[at + KIND] = ONWARD
-            return False
-    phases.head = (phases.head + 1) % PHASES
-    return aims
+        coefficient(cubic, G3, r, _ZERO)
+        return _TOOK_AIM
+    distance(r, _S, words, at + TARGET, cubic)
+    divide(r, _W, _S, _T)
+    combine(r, _X, _W, _V, 1)  # mean - start
+    combine(r, _Y, _W, _C, 1)  # mean - end
+    combine(r, _Z, _X, _Y, 0)
+    combine(r, _X, _X, _Z, 0)
+    divide(r, _X, _X, _T)
+    coefficient(cubic, G2, r, _X)
+    s[_Z] = 0 - s[_Z]
+    divide(r, _Z, _Z, _T)
+    divide(r, _Z, _Z, _T)
+    coefficient(cubic, G3, r, _Z)
+    if out[0] <= _PIECE:
+        return _TOOK_AIM
+    out[0] = out[0] >> 1
+    out[1] = 0
+    put(r, _X, out[0], 0)
+    combine(r, _T, _T, _X, 1)
+    w[at + DURATION] = s[_T]
+    w[at + DURATION + 1] = s[_T + 1]
+    w[at + KIND] = ONWARD
+    return 0
 
 
 def _ramp_time(to, difference):

@@ -88,7 +88,8 @@ def double(r: ptr32, to: int, a: int, powers: int):
 
 
 @micropython.viper
-def _sum(r: ptr32, to: int, a: int, b: int, minus: int):
+def combine(r: ptr32, to: int, a: int, b: int, minus: int):
+    """r[to] = r[a] + r[b], or r[a] - r[b] if minus is 1."""
     x = r[a + 0]
     e = r[a + 1]
     y = r[b + 0]
@@ -126,14 +127,16 @@ def _sum(r: ptr32, to: int, a: int, b: int, minus: int):
     r[to + 1] = e
 
 
-def add(r, to, a, b):
+@micropython.viper
+def add(r, to: int, a: int, b: int):
     """r[to] = r[a] + r[b]"""
-    _sum(r, to, a, b, 0)
+    combine(r, to, a, b, 0)
 
 
-def subtract(r, to, a, b):
+@micropython.viper
+def subtract(r, to: int, a: int, b: int):
     """r[to] = r[a] - r[b]"""
-    _sum(r, to, a, b, 1)
+    combine(r, to, a, b, 1)
 
 
 @micropython.viper
@@ -221,7 +224,7 @@ def root(r, to, a, spare):
         return
     _root(r, to, a)
     divide(r, spare, a, to)  # one step of Newton's method doubles the bits
-    _sum(r, to, to, spare, 0)
+    combine(r, to, to, spare, 0)
     double(r, to, to, -1)
 
 

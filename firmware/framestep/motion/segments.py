@@ -11,7 +11,7 @@ The kernel adds up displacements, so a segment gets the differences of the cubic
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
-from framestep.motion.stepper import POSITION, QUEUE, SEGMENTS, TAIL, WHOLE_SPAN
+from framestep.motion.stepper import HEAD, POSITION, QUEUE, SEGMENTS, TAIL, WHOLE_SPAN
 from framestep.native import const, micropython, ptr32
 
 # Words of a cubic
@@ -25,13 +25,14 @@ CUBIC_WORDS = const(9)
 LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the time to a new plan
 
 _TAIL = const(18)  # stepper.TAIL and the like, as constants for the kernels below
+_HEAD = const(17)
 _QUEUE = const(16)
 _POSITION = const(7)
 _WHOLE_SPAN = const(26)
 _SLOTS = const(15)
 _MASK = const(0x3FFFFFFF)
 
-if (TAIL, QUEUE, POSITION, WHOLE_SPAN, SEGMENTS) != (_TAIL, _QUEUE, _POSITION, _WHOLE_SPAN, _SLOTS + 1):
+if (TAIL, HEAD, QUEUE, POSITION, WHOLE_SPAN, SEGMENTS) != (_TAIL, _HEAD, _QUEUE, _POSITION, _WHOLE_SPAN, _SLOTS + 1):
     raise ValueError("segments.py and stepper.py disagree about the block")
 
 
@@ -103,6 +104,23 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     q[k + 6] = 0
     q[k + 7] = block[_WHOLE_SPAN]
     block[_TAIL] = (block[_TAIL] + 1) & _MASK
+
+
+@micropython.viper
+def spin(cubic, block, ticks: int, most: int, enough: int) -> int:
+    """Queue the next `ticks` of a cubic, as far as there are fewer than `most` segments in the queue and not yet
+    `enough` ticks more; how many ticks that made."""
+    b = ptr32(block)
+    left = ticks
+    while left > 0 and enough > 0 and (b[_TAIL] - b[_HEAD]) & _MASK < most:
+        n = left
+        if n > LONGEST:
+            n = LONGEST
+        cut(cubic, block, n)
+        shift(cubic, n << 24, 6, 0)
+        left -= n
+        enough -= n
+    return ticks - left
 
 
 @micropython.viper
@@ -239,7 +257,7 @@ def velocity(r: ptr32, to: int, cubic: ptr32, k: int):
 
 @micropython.viper
 def distance(r: ptr32, to: int, target, i: int, cubic: ptr32):
-    """r[to] = target[i] - position of the cubic: right to 2^-16 of a step below 2^11 steps, to 2^-9
+    """r[to] = target[i] - position of the cubic: right to 2^-16 of a step below 2^14 steps, to 2^-9
     below 2^21, then to one."""
     t = ptr32(target)
     x = t[i + 0]
@@ -250,12 +268,12 @@ def distance(r: ptr32, to: int, target, i: int, cubic: ptr32):
     if m < 0x20000000 and m > -0x20000000:
         m = m + m + (x & 1) - (y & 1)
         e = 0
-        if m < 0x200000 and m > -0x200000:
+        if m < 0x4000 and m > -0x4000:
+            m = (m << 16) - cubic[P]
+            e = -16
+        elif m < 0x200000 and m > -0x200000:
             m = (m << 9) - (cubic[P] >> 7)
             e = -9
-            if m < 0x100000 and m > -0x100000:
-                m = (m << 7) - (cubic[P] & 0x7F)
-                e = -16
     if m:
         while m > 0x3FFFFFFF or m < -0x3FFFFFFF:
             m = m >> 1

@@ -26,7 +26,6 @@ REGISTERS = const(64)
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
 _BATCH = const(32)  # frames checked at a time
-_NO_LIMITS = array("i", [-(1 << 31), (1 << 31) - 1])
 
 
 def speed(motor):
@@ -71,38 +70,34 @@ class Follower:
 
         index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
         """
+        after = self._look(motor, index, step)
+        if step < 0:
+            return path.slope(self.window, self.axes.axes[motor].bounds, after, index)
+        return path.slope(self.window, self.axes.axes[motor].bounds, index, after)
+
+    def _look(self, motor, index, step):
+        """Fill the window around a frame; how many frames there are behind it in the upload."""
         store = self.store
-        last = store.end - store.start
         window = self.window
         store.positions(motor, index - 2, 5, window, path.FRAMES)
-        before = index
-        after = last - index
         if step < 0:
             path.turn(window)
-            before = after
-            after = index
-        axis = self.axes[motor]
-        if axis.lower_enabled:
-            reals.copy_word(window, path.LOWER, axis.limits, motion.LOWER)
-        else:
-            reals.copy_word(window, path.LOWER, _NO_LIMITS, 0)
-        if axis.upper_enabled:
-            reals.copy_word(window, path.UPPER, axis.limits, motion.UPPER)
-        else:
-            reals.copy_word(window, path.UPPER, _NO_LIMITS, 1)
-        return path.slope(window, 2 if before > 2 else before, 2 if after > 2 else after)
+        return store.end - store.start - index
 
     def velocity(self, to, motor, index, step):
-        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick."""
-        r = self.numbers
-        reals.put(r, to, self.slope(motor, index, step), 0)
-        reals.multiply(r, to, to, SCALE)
+        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick. See slope()."""
+        after = self._look(motor, index, step)
+        bounds = self.axes.axes[motor].bounds
+        if step < 0:
+            path.velocity(self.numbers, to, self.window, bounds, after, index, SCALE)
+        else:
+            path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE)
 
-    def check(self, bits, begin, count, fps_milli):
+    def check(self, bits, begin, count, fps_milli, ramp=0):
         """Whether the motors can follow `count` frames from `begin` at that rate (field note 5.5).
 
-        OK, ERR_RANGE where one is asked for more than its velocity or acceleration, or the code
-        of a soft limit.
+        ramp: frames/s² with which that rate is come to on the way. OK, ERR_RANGE where one is asked for
+        more than its velocity or acceleration, or the code of a soft limit.
         """
         r = self.numbers
         words = self.words
@@ -118,6 +113,21 @@ class Follower:
             reals.put(r, X, axis.velocity, 0)
             reals.divide(r, X, X, Y)
             words[path.FASTEST] = reals.floor(r, X, HALF) + 1
+            words[path.RAMP] = 0
+            if ramp:
+                # within a frame no more than the rate itself is gathered: half its square
+                reals.multiply(r, X, Y, Y)
+                reals.double(r, X, X, -1)
+                reals.put(r, T, ramp, 0)
+                if reals.compare(r, X, T) < 0:
+                    reals.copy(r, T, X)
+                reals.put(r, X, axis.acceleration, 0)
+                reals.divide(r, X, X, T)
+                words[path.FASTEST] = min(words[path.FASTEST], reals.floor(r, X, HALF))
+                reals.divide(r, T, T, Y)
+                reals.divide(r, T, T, Y)
+                reals.double(r, T, T, 15)
+                words[path.RAMP] = reals.floor(r, T, HALF)
             reals.put(r, X, axis.acceleration, 0)
             reals.divide(r, X, X, Y)
             reals.divide(r, X, X, Y)

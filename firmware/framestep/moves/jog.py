@@ -14,6 +14,7 @@ from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 
+ACCELERATION = const(4)  # frames/s² (field note 6.10)
 _AHEAD = const(1)
 _BATCH = const(32)
 
@@ -68,7 +69,7 @@ class JogAll(Operation):
         else:
             at = self.at
         low = min(at, to)
-        code = self.follower.check(bits, low, max(at, to) - low + 1, fps_milli)
+        code = self.follower.check(bits, low, max(at, to) - low + 1, fps_milli, ACCELERATION)
         if code != OK:
             return code
         self._top(fps_milli)

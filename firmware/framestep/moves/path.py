@@ -10,24 +10,27 @@ Where a motor holds still on either side the velocity is 0, so it never leaves a
 (field note 5.6).
 """
 
+from framestep.motion.reals import multiply, put
 from framestep.native import const, micropython, ptr32
 
-# Words that slope() reads: five positions, frame -2 to frame 2, and what it may not pass
+# Words of a window: five positions, frame -2 to frame 2
 FRAMES = const(0)
-LOWER = const(5)
-UPPER = const(6)
-WINDOW_WORDS = const(7)
+WINDOW_WORDS = const(5)
+
+# Words of bounds: what slope() may not pass
+LOWER = const(0)
+UPPER = const(1)
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
 
 @micropython.viper
-def slope(window: ptr32, before: int, after: int) -> int:
+def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
     """Velocity at the middle frame of the window, in 1/12 step per frame.
 
-    before, after: how many frames of the move there are on either side, 0 to 2. Neighbours may
-    differ by 2^20 steps at most. LOWER and UPPER of the window are the soft limits; a turning
-    point so close to one that the curve would pass it gets the velocity 0.
+    before, after: how many frames of the move there are on either side; 2 are as good as more.
+    Neighbours may differ by 2^20 steps at most. bounds are the soft limits, or the ends of the
+    range; a turning point so close to one that the curve would pass it gets the velocity 0.
     """
     here = window[2]
     back = here - window[1]
@@ -77,11 +80,18 @@ def slope(window: ptr32, before: int, after: int) -> int:
         past = 0 - past
     past = (past * 4 + 323) // 324
     if back > 0:
-        if here > window[UPPER] - past:
+        if here > bounds[UPPER] - past:
             return 0
-    elif here < window[LOWER] + past:
+    elif here < bounds[LOWER] + past:
         return 0
     return s
+
+
+@micropython.viper
+def velocity(r, to: int, window, bounds, before: int, after: int, scale: int):
+    """r[to] = slope() times the real number r[scale]."""
+    put(r, to, int(slope(window, bounds, before, after)), 0)
+    multiply(r, to, to, scale)
 
 
 # Words of a check: the two frames before, how many of them there are, and what the motor allows
@@ -96,7 +106,8 @@ HIGH_SET = const(8)
 PLAY = const(9)  # steps of backlash
 LAST = const(10)  # the last frame's position, the motor's step for it less that
 OFFSET = const(11)
-CHECK_WORDS = const(12)
+RAMP = const(12)  # what of a step from frame to frame counts as a change of it, Q15: at most half
+CHECK_WORDS = const(13)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -145,8 +156,14 @@ def check(words: ptr32, values: ptr32, count: int) -> int:
             if step > fastest or step < 0 - fastest:
                 return TOO_FAST
             if seen > 1:
-                step = step - (b - a)
-                if step > steepest or step < 0 - steepest:
+                change = step - (b - a)
+                if change < 0:
+                    change = 0 - change
+                if words[RAMP]:
+                    if step < 0:
+                        step = 0 - step
+                    change += (step >> 5) * words[RAMP] >> 10
+                if change > steepest:
                     return TOO_FAST
         a = b
         b = p

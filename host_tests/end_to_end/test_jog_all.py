@@ -1,0 +1,277 @@
+"""JOG_ALL on the host simulation: along the path as one axis, frames as its unit (field note 6.10)."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    MotorConfigure,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorStop,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+)
+from host_tests.end_to_end.realtime import rig, upload
+from host_tests.end_to_end.session import assert_within, run_request
+
+FRAMES = 241
+K = np.arange(FRAMES)
+PATH = {1: 100 * K, 2: np.round(3000 * np.sin(K * 0.05)).astype(int)}
+PER_FRAME = 100
+ACCELERATION = 4.0  # frames/s²
+
+
+@pytest.fixture
+def standing():
+    """On frame 121 of 1 … 241, index 120."""
+    session = rig()
+    upload(session, PATH, frames=FRAMES)
+    session.accept(RtPositionFrame(121))
+    session.wait_idle()
+    session.forget()
+    return session
+
+
+def indices(session):
+    """The frame, as a fraction, that motor 1 stands on: it makes PER_FRAME steps from one to the next."""
+    return session.position(1) / PER_FRAME
+
+
+def assert_followed(session, start, fps):
+    """All edges since then lie on the path, one axis within its velocity and acceleration."""
+    times, signs = session.steps(1)
+    assert_within(times, signs, fps * PER_FRAME * 1.002, ACCELERATION * PER_FRAME, window=0.2)
+    frames = start + np.cumsum(signs) / PER_FRAME
+    at, turned = session.steps(2)
+    places = int(PATH[2][start]) + np.concatenate(([0], np.cumsum(turned)))
+    for time, frame in zip(times[frames == np.round(frames)], frames[frames == np.round(frames)], strict=True):
+        # the moment at which motor 1 makes the frame's step
+        near = places[np.searchsorted(at, time - 2e-5) : np.searchsorted(at, time + 2e-5) + 1]
+        assert np.abs(near - PATH[2][round(frame)]).min() <= 1, frame
+    assert not session.events(RtEnd), "JOG_ALL has no RT_END"
+
+
+def assert_on_frame(session, index):
+    assert indices(session) == index and session.position(2) == PATH[2][index]
+    assert session.ask_positions().move_time == (index + 1) * 1000
+
+
+def test_frame_by_frame(standing):
+    """To a neighbour: from rest to rest in a second, half of it up and half of it down."""
+    at = 120
+    for step in (1, 1, -1, -1, -1):
+        standing.accept(RtJogAll(24000, at + step + 1))
+        assert standing.moving == [1, 2]
+        begun = standing.now
+        standing.wait_idle()
+        at += step
+        assert_on_frame(standing, at)
+        times, _ = standing.steps(1)
+        assert times[-1] - begun == pytest.approx(1.0, abs=0.02)
+    assert_followed(standing, 120, 24)
+
+
+@pytest.mark.parametrize("fps", [0.2, 1, 6, 24])
+@pytest.mark.parametrize("way", [5, -60, 110])
+def test_at_speed(standing, fps, way):
+    if fps < 1 and abs(way) > 5:
+        way = 3 if way > 0 else -3
+    standing.accept(RtJogAll(round(fps * 1000), 121 + way))
+    begun = standing.now
+    standing.client.wait_idle(200, 0.05)
+    assert_on_frame(standing, 120 + way)
+    assert_followed(standing, 120, fps)
+    # as fast as the axis allows, but that the first and the last frame are a ramp each: twice as long as the others
+    top = min(fps, (ACCELERATION * abs(way)) ** 0.5)
+    ideal = abs(way) / top + top / ACCELERATION
+    times, _ = standing.steps(1)
+    assert times[-1] - begun <= ideal * 1.05 + max(2 / top, 0.2)
+
+
+@pytest.mark.parametrize("after", [0.3, 0.9, 2.0, 4.1])
+def test_reversed_on_the_way(standing, after):
+    """To somewhere behind: on to the first frame where it can end, then back."""
+    standing.accept(RtJogAll(12000, 200))
+    standing.run(after)
+    standing.accept(RtJogAll(12000, 60))
+    while standing.moving:
+        standing.run(0.05)
+    assert_on_frame(standing, 59)
+    assert_followed(standing, 120, 12)
+    _, signs = standing.steps(1)
+    assert np.count_nonzero(np.diff(signs)) == 1, "it turned once"
+    turn = 120 + signs[: np.flatnonzero(np.diff(signs))[0] + 1].sum() / PER_FRAME
+    assert turn == round(turn), "on a whole frame"
+
+
+def test_new_destinations_under_way(standing):
+    """Farther, nearer, beyond the turn and there again, and in every moment of a turn."""
+    rng = np.random.default_rng(7)
+    standing.accept(RtJogAll(12000, 160))
+    last = 160
+    for _ in range(12):
+        standing.run(rng.random() * 1.5)
+        last = int(rng.integers(20, 220))
+        standing.accept(RtJogAll(int(rng.integers(1, 13)) * 1000, last))
+    standing.client.wait_idle(200, 0.05)
+    standing.run(0.1)
+    assert_on_frame(standing, last - 1)
+    assert_followed(standing, 120, 12)
+
+
+@pytest.mark.parametrize("grain", range(8))
+def test_a_request_in_each_millisecond_of_a_turn(standing, grain):
+    """The moment in which it stands and is about to go back is no other than the rest."""
+    standing.accept(RtJogAll(12000, 130))
+    standing.run(0.3)
+    standing.accept(RtJogAll(12000, 115))
+    while standing.steps(1)[1][-1:].tolist() != [-1]:
+        before = standing.now
+        standing.run(0.001)
+        if (
+            standing.steps(1)[1].sum() in (PER_FRAME, 2 * PER_FRAME)
+            and before - standing.steps(1)[0][-1] > 0.0005 * grain
+        ):
+            standing.accept(RtJogAll(12000, (121, 122, 123, 118, 140, 119, 120, 124)[grain]))
+            break
+    standing.wait_idle()
+    assert indices(standing) == round(indices(standing))
+    assert indices(standing) + 1 in (121, 122, 123, 118, 140, 119, 120, 124, 115)
+    assert_followed(standing, 120, 12)
+
+
+def test_lower_and_higher_speed_under_way(standing):
+    """A new FPS is come to by the axis' acceleration, up or down."""
+    standing.accept(RtJogAll(10000, 200))
+    standing.run(3.5)
+    standing.accept(RtJogAll(2000, 200))
+    standing.run(3)
+    rate = np.count_nonzero(standing.steps(1)[0] > standing.now - 0.5) / 0.5 / PER_FRAME
+    assert rate == pytest.approx(2, rel=0.02)
+    standing.accept(RtJogAll(5000, 200))
+    standing.client.wait_idle(60, 0.05)
+    assert_on_frame(standing, 199)
+    assert_followed(standing, 120, 10)
+
+
+@pytest.mark.parametrize("fps", [0.2, 2, 12])
+@pytest.mark.parametrize("after", [0.02, 1.1, 3.3])
+@pytest.mark.parametrize("request_", [MotorStopAll(), MotorStop(2)])
+def test_stop_lands_on_a_frame(standing, fps, after, request_):
+    """Field note 6.10; a STOP of one motor stops the axis."""
+    standing.accept(RtJogAll(round(fps * 1000), 220))
+    standing.run(after)
+    standing.accept(request_)
+    standing.client.wait_idle(30, 0.1)
+    standing.run(0.05)
+    at = indices(standing)
+    assert at == round(at) and at >= 121
+    assert_on_frame(standing, round(at))
+    assert_followed(standing, 120, fps)
+    # it stands on a frame: it may go on from there, on its own
+    standing.accept(RtJogAll(12000, 121))
+    standing.client.wait_idle(60, 0.05)
+    assert_on_frame(standing, 120)
+
+
+def test_second_stop_all_is_hard(standing):
+    standing.accept(RtJogAll(20000, 220))
+    standing.run(4)
+    standing.accept(MotorStopAll(), MotorStopAll())
+    asked = standing.now
+    standing.run(0.3)
+    assert not standing.moving
+    times, _ = standing.steps(1)
+    assert times[-1] - asked < 0.02
+    standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 1))
+    assert not standing.events(RtEnd)
+
+
+def test_refused(standing):
+    """Numbers out of range, not on a frame, in a run; nothing moves."""
+    standing.refuse(Ack.ERR_RANGE, RtJogAll(24000, 0), RtJogAll(24000, FRAMES + 1), RtJogAll(0, 5))
+    standing.refuse(Ack.ERR_RANGE, RtJogAll(200001, 5), RtJogAll(2**32 - 1, 5), RtJogAll(24000, -(2**31)))
+    assert standing.ask(MotorMove(2, standing.position(2) + 1)) and standing.wait_idle() is None
+    standing.forget()
+    standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 121))
+    standing.run(0.2)
+    assert not standing.trace().motors
+    standing.ask(MotorMove(5, 2000))
+    standing.refuse(Ack.ERR_MOVING, RtJogAll(24000, 121))
+    standing.wait_idle()
+    standing.accept(RtPositionFrame(9))
+    standing.refuse(Ack.ERR_MOVING, RtJogAll(24000, 121))
+    standing.wait_idle()
+    standing.accept(RtJogAll(24000, 12))
+    standing.wait_idle()
+    standing.speed(2, 20000, 1_000_000)
+    standing.ready(run_request(24, 100, 110))
+    standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 12))
+    standing.accept(RtGo())
+    standing.refuse(Ack.ERR_MOVING, RtJogAll(24000, 121))
+
+
+def test_where_it_stands_is_found_by_positions(standing):
+    """On whatever frame, however it came there."""
+    standing.ask(MotorMove(1, int(PATH[1][77])))
+    standing.ask(MotorMove(2, int(PATH[2][77])))
+    standing.wait_idle()
+    standing.forget()
+    standing.accept(RtJogAll(12000, 80))
+    standing.wait_idle()
+    assert_on_frame(standing, 79)
+    assert_followed(standing, 77, 12)
+    standing.accept(MotorResetPosition(1, int(PATH[1][3])), MotorResetPosition(2, int(PATH[2][3])))
+    standing.accept(RtJogAll(12000, 1))
+    standing.wait_idle()
+    assert_on_frame(standing, 0)
+
+
+def test_there_already(standing):
+    standing.accept(RtJogAll(24000, 121))
+    assert not standing.moving
+    standing.run(0.2)
+    assert not standing.trace().motors and not standing.events(RtEnd)
+
+
+def test_too_fast_and_limits(standing):
+    """Nothing moves where a motor cannot follow or a limit lies on the way."""
+    standing.speed(1, 1000, 100_000)
+    standing.refuse(Ack.ERR_RANGE, RtJogAll(11000, 200))
+    standing.accept(MotorSetLimits(1, 0, 0, 1, 15_000))
+    standing.refuse(Ack.ERR_SOFT_UP, RtJogAll(9000, 200))
+    standing.accept(MotorSetLimits(1, 1, 11_000, 0, 0))
+    standing.refuse(Ack.ERR_SOFT_LOW, RtJogAll(9000, 20))
+    standing.run(0.2)
+    assert not standing.trace().motors
+    standing.accept(RtJogAll(9000, 131))
+    # and under way it goes on to where it was sent
+    standing.run(0.3)
+    standing.refuse(Ack.ERR_SOFT_LOW, RtJogAll(9000, 20))
+    standing.wait_idle()
+    assert_on_frame(standing, 130)
+
+
+def test_acceleration_of_the_motors(standing):
+    """A motor that cannot gather speed as the axis does, at 4 frames/s², is refused, not overtaxed."""
+    standing.speed(1, 20000, 390)
+    standing.refuse(Ack.ERR_RANGE, RtJogAll(12000, 200))
+    assert not standing.moving
+    standing.speed(1, 20000, 410)
+    standing.accept(RtJogAll(12000, 200))
+    standing.client.wait_idle(60, 0.05)
+    assert_within(*standing.steps(1), 1202, 410, window=0.2)
+
+
+def test_motors_without_a_part(standing):
+    standing.accept(MotorConfigure(2, 0))
+    standing.accept(RtJogAll(12000, 130))
+    standing.wait_idle()
+    assert standing.trace().motors == [1]
+    standing.accept(MotorConfigure(1, 0))
+    standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(12000, 121))

@@ -1,0 +1,394 @@
+"""An axis and all of them: settings, limits, starts and stops, what counts as moving, phases from outside."""
+
+from array import array
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from framestep.motion import axes as motion
+from framestep.motion import reals, segments, stepper
+from framestep.motion.axes import Axes
+from host_tests.motion.engine import LEAD, PER_TICK, PER_US, Bench
+from host_tests.motion.profiles import ONE
+
+LOWEST, HIGHEST = -(2**31), 2**31 - 1
+
+
+def word(value):
+    return array("i", [7, value])
+
+
+class Rig:
+    """Some axes on a bench."""
+
+    def __init__(self, motors=1, **options):
+        self.bench = Bench(motors, **options).settle()
+        self.axes = Axes(self.bench)
+
+    def __getitem__(self, motor):
+        return self.axes[motor]
+
+    def travel(self, motor, target, share=10_000):
+        return self.axes[motor].travel(self.bench, word(target), 1, share)
+
+    def run(self, ticks):
+        self.bench.run(ticks, self.axes.feed)
+
+    def to_rest(self, limit=20_000):
+        ticks = 0
+        while self.axes.moving:
+            self.run(1)
+            ticks += 1
+            assert ticks < limit
+        return ticks
+
+    def place(self, motor=0):
+        target = array("i", [0, 0])
+        self.axes[motor].position_to(target, 1)
+        assert target[1] == self.axes[motor].block[stepper.POSITION]
+        return target[1]
+
+
+# ---------------------------------------------------------------- settings
+
+
+@pytest.mark.parametrize(
+    "velocity, acceleration, is_velocity, is_acceleration",
+    [
+        (5000, 20_000, 5000, 20_000),
+        (1, 100, 10, 100),  # field note 4.1
+        (5000, 0, 5000, 2500),
+        (9, 0, 10, 5),
+        (500_000, 5_000_000, 500_000, 4_000_000),
+        (500_000, 1, 500_000, 1),
+    ],
+)
+def test_speeds(velocity, acceleration, is_velocity, is_acceleration):
+    rig = Rig()
+    axis = rig[0]
+    axis.set_speed(velocity, acceleration)
+    assert (axis.velocity, axis.acceleration) == (is_velocity, is_acceleration)
+    assert reals.value(axis.numbers, motion.TOP) == pytest.approx(is_velocity / 1e3)
+    assert reals.value(axis.numbers, motion.STEEP) == pytest.approx(is_acceleration / 1e6)
+    assert axis.block[stepper.BRAKE] == pytest.approx(is_acceleration / 1e6 * ONE, rel=1e-4, abs=1)
+
+
+@given(st.integers(1, motion.STEEPEST))
+def test_kernel_rate(acceleration):
+    assert motion.kernel_rate(acceleration) == pytest.approx(acceleration * 2**22 / 1e6, rel=2e-4, abs=1)
+    assert motion.kernel_rate(acceleration) >= 1
+
+
+def test_defaults():
+    """field note 4.1: before any SET_SPEED 5000 steps/s, 20000 steps/s²."""
+    axis = Rig()[0]
+    assert (axis.velocity, axis.acceleration) == (5000, 20_000)
+
+
+@given(st.integers(1, 2**30 - 1))
+def test_jerk(jerk):
+    axis = Axes(Bench())[0]
+    axis.set_jerk(jerk)
+    assert reals.value(axis.numbers, motion.JERK) == pytest.approx(jerk * 1000 / 1e9)
+    axis.set_jerk(0)
+    assert reals.sign(axis.numbers, motion.JERK) == 0
+
+
+# ---------------------------------------------------------------- limits
+
+
+@pytest.mark.parametrize(
+    "place, lower, upper, target, side",
+    [
+        (0, -100, 100, 100, 0),
+        (0, -100, 100, 101, 1),
+        (0, -100, 100, -101, -1),
+        (0, None, 100, LOWEST, 0),
+        (0, None, 100, HIGHEST, 1),
+        (0, -100, None, HIGHEST, 0),
+        (0, None, None, HIGHEST, 0),
+        # a motor past a limit may go toward the range, not further away (field note 4.3)
+        (150, -100, 100, 140, 0),
+        (150, -100, 100, 150, 0),
+        (150, -100, 100, 151, 1),
+        (150, -100, 100, -100, 0),
+        (150, -100, 100, -101, -1),
+        (-150, -100, 100, -140, 0),
+        (-150, -100, 100, -151, -1),
+        (HIGHEST, None, 100, HIGHEST - 1, 0),
+        (LOWEST, LOWEST, HIGHEST, HIGHEST, 0),
+    ],
+)
+def test_outside(place, lower, upper, target, side):
+    axis = Rig()[0]
+    axis.set_position(word(place), 1)
+    limits = array("i", [lower or 0, upper or 0])
+    assert axis.set_limits(lower is not None, upper is not None, limits, 0)
+    assert axis.outside(word(target), 1) == side
+
+
+def test_limits_that_cross():
+    axis = Rig()[0]
+    assert axis.set_limits(True, True, array("i", [-5, 5]), 0)
+    assert not axis.set_limits(True, True, array("i", [6, 5]), 0)
+    assert (axis.outside(word(6), 1), axis.outside(word(-6), 1)) == (1, -1)
+    assert axis.set_limits(True, False, array("i", [6, 5]), 0)
+
+
+@given(st.integers(-300, 300), st.integers(-300, 300))
+def test_clamp(place, target):
+    """Held within the limits; a motor past one may come back as far as it likes."""
+    axis = Axes(Bench())[0]
+    axis.set_position(word(place), 1)
+    axis.set_limits(True, True, array("i", [-100, 100]), 0)
+    held = word(target)
+    axis.clamp(held, 1)
+    assert axis.outside(held, 1) == 0
+    low, high = min(-100, place), max(100, place)
+    if low <= target <= high and not (place > 100 and target > place) and not (place < -100 and target < place):
+        assert held[1] == target
+    assert low <= held[1] <= high
+
+
+# ---------------------------------------------------------------- positions
+
+
+@pytest.mark.parametrize("place", [0, 1, -1, 2**30, -(2**30) - 1, HIGHEST, LOWEST])
+def test_set_position(place):
+    """Another number for where it stands: nothing moves, and a motion starts from there."""
+    rig = Rig()
+    rig.travel(0, 1000)
+    rig.to_rest()
+    rig[0].set_position(word(place), 1)
+    rig.run(10)
+    assert rig.place() == place
+    made = len(rig.bench.engines[0].rises)
+    back = place - 50 if place > 0 else place + 50
+    assert rig.travel(0, back)
+    rig.to_rest()
+    assert rig.place() == back
+    assert len(rig.bench.engines[0].rises) - made == 50
+
+
+# ---------------------------------------------------------------- moving
+
+
+def test_moving_from_the_request_to_the_last_pulse():
+    """field note 4.7."""
+    rig = Rig(2)
+    assert not rig.axes.moving
+    assert rig.travel(1, 300)
+    assert rig[1].moving and rig.axes.moving and rig.axes.moving_bits() == 2
+    rig.to_rest()
+    assert rig.axes.moving_bits() == 0
+    last = rig.bench.engines[1].rises[-1]
+    assert 0 < rig.bench.now - last < (LEAD + 2) * PER_TICK
+    assert rig.bench.engines[0].rises == []
+
+
+def test_nothing_to_do():
+    rig = Rig()
+    assert not rig.travel(0, 0)
+    assert not rig[0].moving
+    rig.run(5)
+    assert rig.bench.engines[0].rises == []
+
+
+def test_the_same_target_again_changes_nothing():
+    """A MOVE sent twice, or a JOG streamed: not later than without."""
+    times = []
+    for again in False, True:
+        rig = Rig(jitter_us=0)
+        rig.travel(0, 3000)
+        for _ in range(30):
+            rig.run(10)
+            if again:
+                rig.travel(0, 3000)
+        rig.to_rest()
+        assert rig.place() == 3000
+        times.append(rig.bench.engines[0].rises[-1] / PER_TICK)
+    assert times[1] == pytest.approx(times[0], abs=2)
+
+
+def test_heads_for():
+    rig = Rig()
+    axis = rig[0]
+    assert not axis.heads_for(word(500), 1, 10_000)
+    rig.travel(0, 500, 5000)
+    assert axis.heads_for(word(500), 1, 5000)
+    assert not axis.heads_for(word(500), 1, 10_000)
+    assert not axis.heads_for(word(501), 1, 5000)
+    rig.run(20)
+    assert axis.heads_for(word(500), 1, 5000)
+    axis.stop(rig.bench)
+    assert not axis.heads_for(word(500), 1, 5000)
+
+
+# ---------------------------------------------------------------- jogs
+
+
+@pytest.mark.parametrize("share, part", [(10_000, 1), (5000, 0.5), (777, 0.0777), (100, 0.01), (1, 0.01)])
+def test_shares(share, part):
+    """field note 4.2: velocity and acceleration scaled, with a small floor."""
+    rig = Rig(jitter_us=0)
+    rig[0].set_speed(50_000, 100_000)
+    rig.travel(0, 100_000, share)
+    rig.run(1500)
+    rises = np.array(rig.bench.engines[0].rises, dtype=float)
+    assert 1e6 * PER_US / np.diff(rises[-10:]).mean() == pytest.approx(50_000 * part, rel=1e-3)
+    # half a·t² at half the time of the ramp
+    t = 0.25
+    begun = (len(rises) and 121 * PER_TICK) + rig.bench.state[stepper.AHEAD]
+    assert np.count_nonzero(rises < begun + t * 1e6 * PER_US) == pytest.approx(
+        100_000 * part * t * t / 2, abs=2 + 12 * part
+    )
+
+
+def test_a_share_follows_the_settings():
+    """Settings changed between two jogs with the same share count for the second."""
+    rig = Rig()
+    rig.travel(0, 10_000, 5000)
+    rig.run(600)
+    rig[0].set_speed(1000, 20_000)
+    rig.travel(0, 20_000, 5000)
+    rig.run(600)
+    gaps = np.diff(rig.bench.engines[0].rises[-20:])
+    assert 1e6 * PER_US / gaps.mean() == pytest.approx(500, rel=1e-3)
+
+
+def test_a_jog_the_other_way_stops_first():
+    """field note 4.2: against the present direction it first ramps to a stop, then turns."""
+    rig = Rig()
+    rig[0].set_speed(20_000, 100_000)
+    rig.travel(0, HIGHEST)
+    rig.run(500)
+    rig.travel(0, LOWEST)
+    rig.run(500)
+    ways = rig.bench.engines[0].ways
+    assert np.count_nonzero(np.diff(ways)) == 1
+    rises = np.array(rig.bench.engines[0].rises, dtype=float)
+    assert (1e6 * PER_US / np.diff(rises)).max() < 20_100
+    rig[0].stop(rig.bench)
+    rig.to_rest()
+    assert rig.place() == sum(ways)
+
+
+# ---------------------------------------------------------------- several motors
+
+
+def test_stop_all_and_hard_stop():
+    rig = Rig(3)
+    for motor in range(3):
+        rig[motor].set_speed(20_000, 20_000)
+        rig.travel(motor, 100_000)
+    rig.run(1100)
+    rig.axes.stop()
+    soft = rig.to_rest()
+    assert soft == pytest.approx(1000, abs=8)
+    for motor in range(3):
+        rig.travel(motor, 0)
+    rig.run(1100)
+    rig.axes.stop()
+    rig.run(10)
+    rig.axes.stop(4)
+    assert rig.to_rest() == pytest.approx(250, abs=12)
+    assert rig.bench.state[stepper.FAULTS] == 0
+
+
+def test_release_starts_all_in_one_tick():
+    """Queued with prepare(), aim() and feed(), started by release(): the first pulses of all in step."""
+    rig = Rig(4)
+    numbers = array("i", [0] * 8)
+    reals.put(numbers, 0, 400, 0)  # ticks
+    targets = array("i", [1000, 1000, -1000, 1000])
+    for motor in range(4):
+        axis = rig[motor]
+        axis.prepare(rig.bench)
+        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+        axis.aim(0, 2, 2, numbers, targets, motor)
+        axis.feed()
+    rig.run(7)
+    assert not any(engine.rises for engine in rig.bench.engines)
+    rig.axes.release(0b1011)
+    rig.to_rest_of = rig.run(500)
+    rises = [np.array(rig.bench.engines[motor].rises) for motor in (0, 1, 3)]
+    assert np.ptp(rises, axis=0).max() / PER_US < 2.5
+    assert [rig.place(motor) for motor in range(4)] == [1000, 1000, 0, 1000]
+    assert rig[2].moving
+
+
+# ---------------------------------------------------------------- phases from outside, as a run appends them
+
+
+@pytest.mark.parametrize("period", ["41.70837", "33.3667", "7.3", "1.9", "0.4", "1000.25"])
+def test_phases_appended_on_the_way(period):
+    """A path through steps at times that are no ticks, appended one by one: exact at each, whatever the moment."""
+    rig = Rig(jitter_us=0)
+    axis = rig[0]
+    ticks = float(period)
+    count = 40 if ticks > 1 else 300
+    # a sine of whole steps, velocities by its derivative
+    wave = max(0.4 * count * ticks, 60.0)
+    size = min(0.02 * wave * wave, 20_000)
+
+    def step(k):
+        return round(size * (1 - np.cos(2 * np.pi * k * ticks / wave)) / 2)
+
+    def velocity(k):
+        return size * np.pi / wave * np.sin(2 * np.pi * k * ticks / wave)
+
+    numbers = array("i", [0] * 16)
+
+    def put(register, value):
+        m, e = np.frexp(value)
+        reals.put(numbers, register, round(m * 2**29), int(e) - 29)
+
+    axis.prepare(rig.bench)
+    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+    axis.more = True
+    put(0, ticks)
+    begun = rig.bench.due + rig.bench.state[stepper.AHEAD]
+    k = 0
+    started = False
+    while rig.axes.moving or not started:
+        while k < count and axis.phases.count() < 3:
+            put(2, velocity(k) if k else 0.0)
+            put(4, velocity(k + 1) if k + 1 < count else 0.0)
+            axis.aim(0, 2, 4, numbers, word(step(k + 1)), 1)
+            k += 1
+            axis.more = k < count
+        if not started:
+            axis.feed()
+            axis.start(rig.bench)
+            started = True
+        rig.run(1)
+        assert rig.bench.state[stepper.FAULTS] == 0
+    rises = np.array(rig.bench.engines[0].rises, dtype=float)
+    made = np.cumsum(rig.bench.engines[0].ways)
+    assert rig.place() == step(count)
+    for frame in range(1, count + 1):
+        at = begun + frame * ticks * PER_TICK
+        near = np.searchsorted(rises, [at - 20 * PER_US, at + 20 * PER_US])
+        places = [made[i - 1] if i else 0 for i in range(near[0], near[1] + 1)]
+        best = min(abs(place - step(frame)) for place in places)
+        assert best <= (1 if ticks > 1 else 2), f"frame {frame}"
+
+
+def test_an_axis_whose_feed_stops_faults():
+    rig = Rig()
+    rig[0].set_speed(10_000, 100_000)
+    rig.travel(0, 1_000_000)
+    rig.run(300)
+    rig.bench.run(900)
+    assert rig.bench.state[stepper.FAULTS] == stepper.FAULT_DRY
+    rises = np.array(rig.bench.engines[0].rises, dtype=float)
+    assert (1e6 * PER_US / np.diff(rises)).max() < 10_050
+    assert rig.place() == len(rises)
+
+
+def test_numbers_of_a_block_fit_its_kernels():
+    """Kernels in other modules name a block's words by constants of their own."""
+    assert segments._TAIL == stepper.TAIL and segments._QUEUE == stepper.QUEUE
+    assert motion._POSITION == stepper.POSITION

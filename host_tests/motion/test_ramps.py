@@ -1,0 +1,233 @@
+"""Motions as a main loop asks for them, whatever it asks: limits kept in every tick, and the end exact and in time."""
+
+from array import array
+from itertools import pairwise
+from math import sqrt
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from framestep.motion import stepper
+from framestep.motion.axes import SPLICE_TICKS, Axes
+from host_tests.motion.engine import LEAD, Bench
+from host_tests.motion.profiles import ONE
+
+TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"
+LONGEST_RUN = 30_000  # ticks
+
+
+class Motor:
+    """One axis on a bench, its profile watched tick by tick: `gone` are the steps it goes in each."""
+
+    def __init__(self, velocity, acceleration, jerk=0, place=0):
+        self.bench = Bench()
+        self.axes = Axes(self.bench)
+        self.axis = self.axes[0]
+        self.block = self.bench.block()
+        self.axis.set_position(array("i", [place]), 0)
+        self.start = place
+        self.axis.set_speed(velocity, acceleration)
+        self.axis.set_jerk(jerk)
+        self.bench.settle()
+        self.place = place
+        self.gone = [0.0]
+        self.bench.after_tick.append(self._watch)
+        self._prepare = self.axis.prepare
+        self.axis.prepare = self._prepare_and_look
+
+    def _watch(self):
+        block = self.block
+        assert block[stepper.FAULT] == 0
+        before, self.place = self.place, block[stepper.POSITION] + block[stepper.FRACTION] / ONE
+        # at rest a motor forgets the fraction of a step that a stop has left
+        self.gone.append(0.0 if block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE) else self.place - before)
+
+    def _prepare_and_look(self, hal):
+        """Takes down the state that a plan starts from, in steps and steps per tick."""
+        self._prepare(hal)
+        whole, fraction, v, a = self.axis.state[:4]
+        self.planned_from = whole + fraction / ONE, v / ONE - a / 2**28
+
+    def run(self, ticks):
+        self.bench.run(ticks, self.axes.feed)
+
+    def travel(self, target, share=10_000):
+        return self.axis.travel(self.bench, array("i", [0, target]), 1, share)
+
+    def to_rest(self, limit=LONGEST_RUN):
+        """Ticks until nothing moves any more."""
+        ticks = 0
+        while self.axis.moving:
+            self.run(1)
+            ticks += 1
+            assert ticks < limit, "the motion does not end"
+        return ticks
+
+    def check(self, velocity, acceleration):
+        """Everything that holds for any motion within these limits, in steps/s and steps/s²."""
+        steps = self.bench.engines[0]
+        assert self.start + steps.position == self.block[stepper.POSITION]
+        assert all(second > first for first, second in pairwise(steps.rises))
+        assert not steps.rises or steps.rises[-1] < self.bench.now
+        gone = [*self.gone, 0.0]
+        top = max(map(abs, gone)) * 1e3
+        assert top <= velocity * 1.0001 + 0.1, f"{top} steps/s"
+        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick shows. The last
+        # 256th of a step is not planned for, the motor just counts as there; no pulse comes of it.
+        changes = [
+            abs(way - before)
+            for before, way, after in zip(gone, gone[1:], [*gone[2:], 0.0], strict=False)
+            if after or abs(way) > 1 / 250
+        ]
+        steepest = max(changes, default=0) * 1e6
+        assert steepest <= acceleration * 1.01 + 500, f"{steepest} steps/s²"
+
+
+def shortest(way, v, velocity, acceleration):
+    """Ticks from a velocity v (steps per tick) to rest `way` steps on: numbers per tick, no jerk limit."""
+    if way < 0 or (way == 0 and v < 0):
+        way, v = -way, -v
+    to_stop = v * abs(v) / (2 * acceleration)
+    if v < 0 or to_stop > way:
+        # stop first, then come back or go on
+        return abs(v) / acceleration + shortest(way - to_stop, 0, velocity, acceleration)
+    if v > velocity:
+        slow = (v - velocity) / acceleration
+        left = way - (v * v - velocity * velocity) / (2 * acceleration)
+        if left < velocity * velocity / (2 * acceleration):
+            return v / acceleration + (way - to_stop) / velocity  # some way in between
+        return slow + left / velocity + velocity / (2 * acceleration)
+    peak = sqrt(acceleration * way + v * v / 2)
+    if peak <= velocity:
+        return (2 * peak - v) / acceleration
+    cruise = way - (2 * velocity * velocity - v * v) / (2 * acceleration)
+    return (2 * velocity - v) / acceleration + cruise / velocity
+
+
+@st.composite
+def speeds(draw):
+    """Velocity and acceleration in steps/s and steps/s², with ramps of half a second at most."""
+    velocity = round(10 ** draw(st.floats(1, 5.69)))
+    acceleration = round(10 ** draw(st.floats(2, 6.6)))
+    return velocity, max(acceleration, velocity * 2)
+
+
+@st.composite
+def ways(draw, velocity, acceleration):
+    """A distance with or without a cruise, or some steps."""
+    ramp = velocity * velocity // acceleration
+    size = draw(st.sampled_from([3, 50, ramp + 1, 2 * ramp + 1, ramp + velocity // 5 + 1]))
+    return draw(st.integers(-size, size))
+
+
+@st.composite
+def moves(draw):
+    velocity, acceleration = draw(speeds())
+    return velocity, acceleration, draw(ways(velocity, acceleration))
+
+
+@given(moves())
+@example((500_000, 4_000_000, 31_250))
+@example((10, 5, 1))
+@example((500_000, 250_000, -1_100_000))
+@example((1_000, 1_000_000, 10))
+def test_one_move(move):
+    """Rest to rest: exact, and as soon as velocity and acceleration allow."""
+    velocity, acceleration, way = move
+    motor = Motor(velocity, acceleration)
+    assert motor.travel(way) == (way != 0)
+    assert motor.axis.moving == (way != 0)
+    ticks = motor.to_rest()
+    assert motor.block[stepper.POSITION] == way
+    motor.check(velocity, acceleration)
+    theory = shortest(way, 0, velocity / 1e3, acceleration / 1e6) if way else 0
+    assert theory <= ticks <= theory + LEAD + 4
+    if way:
+        assert set(motor.bench.engines[0].ways) == {1 if way > 0 else -1}
+
+
+@st.composite
+def scripts(draw):
+    """Some requests at any moments, and a target in the end."""
+    velocity, acceleration = draw(speeds())
+    script = []
+    for _ in range(draw(st.integers(1, 6))):
+        what = draw(st.sampled_from([TRAVEL, TRAVEL, TRAVEL, STOP, PAUSE, SPEED]))
+        if what == TRAVEL:
+            share = draw(st.sampled_from([10_000, 10_000, 5_000, 2_000, 100, 1]))
+            script.append((TRAVEL, draw(ways(velocity, acceleration)), share))
+        elif what == STOP:
+            script.append((STOP, draw(st.sampled_from([1, 4])), 0))
+        elif what == SPEED:
+            script.append((SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1]))))
+        script.append((PAUSE, draw(st.sampled_from([0, 1, 1, 2, 3, 7, 11, 12, 13, 20, 40, 150, 400])), 0))
+    return velocity, acceleration, script, draw(ways(velocity, acceleration))
+
+
+def play(motor, velocity, acceleration, script):
+    """Goes through the requests; the steepest deceleration asked for, as a multiple of the setting."""
+    steepest = 1
+    for what, x, y in script:
+        if what == TRAVEL:
+            motor.travel(x, y)
+        elif what == STOP:
+            motor.axis.stop(motor.bench, x)
+            steepest = max(steepest, x)
+        elif what == SPEED:
+            motor.axis.set_speed(max(10, round(velocity * x)), max(1, round(acceleration * y)))
+        else:
+            motor.run(x)
+    return steepest
+
+
+@given(scripts())
+@settings(max_examples=200)
+def test_any_requests(case):
+    """Targets, stops and settings at any moment; in the end the motor stands on the last target, in due time."""
+    velocity, acceleration, script, target = case
+    motor = Motor(velocity, acceleration)
+    steepest = play(motor, velocity, acceleration, script)
+    motor.axis.set_speed(velocity, acceleration)
+    moves = motor.travel(target)
+    assert motor.axis.moving == moves
+    place, v = motor.planned_from
+    ticks = motor.to_rest()
+    assert motor.block[stepper.POSITION] == target
+    motor.check(velocity, min(acceleration * steepest, 4_000_000))
+    theory = shortest(target - place, v, velocity / 1e3, acceleration / 1e6)
+    assert ticks <= theory + SPLICE_TICKS + LEAD + 5 + 0.01 * theory
+
+
+@given(scripts(), st.sampled_from([1, 4]))
+def test_stop_at_any_moment(case, factor):
+    """From whatever motion: down to rest at once, by the deceleration asked for."""
+    velocity, acceleration, script, _ = case
+    motor = Motor(velocity, acceleration)
+    steepest = max(factor, play(motor, velocity, acceleration, script))
+    motor.axis.set_speed(velocity, acceleration)
+    speed = abs(motor.gone[-1])
+    motor.axis.stop(motor.bench, factor)
+    ticks = motor.to_rest()
+    motor.check(velocity, min(acceleration * steepest, 4_000_000))
+    rate = min(acceleration * factor, 4_000_000) / 1e6
+    assert ticks <= speed / rate * 1.001 + LEAD + 4
+    assert motor.block[stepper.FRACTION] == 0
+
+
+OTHERS = st.lists(st.tuples(st.integers(1, 300), st.integers(-3000, 3000)), max_size=3)
+
+
+@given(moves(), st.integers(1, 1_000_000), OTHERS)
+def test_jerk_limited(move, jerk, others):
+    """With a limit of the jerk in 1000 steps/s³: the same, and the acceleration comes and goes gradually."""
+    velocity, acceleration, way = move
+    if velocity / 1e3 / jerk * 1e6 > 3e6:  # ramps of minutes
+        jerk = max(jerk, round(velocity / 1e3))
+    motor = Motor(velocity, acceleration, jerk)
+    for ticks, target in others:
+        motor.travel(target)
+        motor.run(ticks)
+    motor.travel(way)
+    motor.to_rest()
+    assert motor.block[stepper.POSITION] == way
+    motor.check(velocity, acceleration * 1.1)
