@@ -6,7 +6,9 @@ import random
 import numpy as np
 import pytest
 
+from framestep.hal import host
 from framestep_tools.payloads import (
+    LAST_SECTION,
     Ack,
     Dmx,
     MotorConfigure,
@@ -21,11 +23,18 @@ from framestep_tools.payloads import (
     RtShootFrame,
     RtShootFrame2,
     RtStopLoop,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
 )
 from host_tests.end_to_end.realtime import (
     ACCELERATION,
     FRAMES,
     LEVELS,
+    MASK,
     MOVE,
     TRIGGERS,
     VELOCITY,
@@ -41,7 +50,7 @@ from host_tests.end_to_end.realtime import (
     turning,
     upload,
 )
-from host_tests.end_to_end.session import assert_within, run_request
+from host_tests.end_to_end.session import assert_within, run_request, state
 
 PING_PONG, LOOP, VIDEO, STILLS = 0x01, 0x02, 0x10, 0x20
 ALL_OFF = ("shutter", "meter", "gio1", "gio2", "gio3", "gio4")
@@ -257,6 +266,46 @@ def test_lights_in_a_loop(flags):
         times = frame_times(verdict, 24)
         assert_levels(session, times, frames)
         assert_triggers(session, times, frames)
+
+
+def uploaded(session):
+    """All that is kept, without what a section on its way in is worked with."""
+    found = state(session)
+    found[".moves.cues._words"] = found[".moves.cues._words"][: 9 * 4]
+    return found
+
+
+def test_no_room_for_more_lights_and_triggers(monkeypatch):
+    """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept, and played."""
+    monkeypatch.setattr(host, "UPLOAD_BYTES", 192 * 8 * 5)  # 40 changes, 5 frames with triggers
+    session = rig()
+    session.accept(RtUploadMoveBegin(1, FRAMES))
+    session.accept(RtUploadMoveAxis(1, LAST_SECTION, MOVE[1]))
+    restless = np.where(np.arange(FRAMES) % 2, 250, 20)
+    session.accept(RtUploadMoveDmx(17, LAST_SECTION, restless))  # a change with each frame
+    session.accept(RtUploadMoveDmx(300, LAST_SECTION, LEVELS[300]))  # 4 more
+    kept = uploaded(session)
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(5, LAST_SECTION, restless[:12]))
+    assert uploaded(session) == kept
+    session.accept(RtUploadMoveDmx(5, LAST_SECTION, restless[:11]))
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(6, LAST_SECTION, [1]))
+    triggers = [Trigger(frame, on) for frame, on in TRIGGERS.items()]
+    assert len(triggers) == 6
+    kept = uploaded(session)
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers))
+    assert uploaded(session) == kept
+    session.accept(RtUploadMoveTriggers(MASK, triggers[:5]))
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers[5:]))
+    session.accept(RtUploadMoveEnd())
+    before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1))
+    to_the_end(session)
+    verdict = judge_pass(session, 0, session.now, before, {1: MOVE[1]}, 24)
+    times = frame_times(verdict, 24)
+    for channel, row in {17: restless, 300: LEVELS[300], 5: [*restless[:11], *[20] * 14]}.items():
+        assert_held(session, f"dmx{channel}", row, times)
+    for bit in range(3):
+        on = [dict(list(TRIGGERS.items())[:5]).get(frame, 0) >> bit & 1 for frame in range(FRAMES)]
+        assert_held(session, f"gio{bit + 1}", on, times)
 
 
 def test_lights_left_alone():

@@ -1,0 +1,169 @@
+"""What is answered to each message in each state of the real-time operations: the table that docs/realtime.md shows.
+
+python -m host_tests.end_to_end.realtime_answers > docs/realtime.md
+"""
+
+from framestep_tools.payloads import (
+    BlurMotor,
+    Dmx,
+    GioCam,
+    GioIn,
+    GioOut,
+    Hi,
+    MotorConfigure,
+    MotorGetPosition,
+    MotorHardStop,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorSetSpeed,
+    MotorStatus,
+    MotorStop,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtRunMove,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    SetVirtAimPoint,
+    Trigger,
+    VirtGetPosition,
+    VirtJog,
+    VirtJogOnLine,
+    VirtMove,
+    VirtStop,
+)
+
+# Columns: a state and what it is
+STATES = {
+    "empty": "nothing is uploaded, all at rest",
+    "upload": "between UPLOAD_MOVE_BEGIN and UPLOAD_MOVE_END",
+    "idle": "a move is uploaded, nothing prepared, all at rest",
+    "move": "the same while a motor moves: by MOVE, JOG or POSITION_FRAME",
+    "way": "RUN_MOVE, SHOOT_FRAME or SHOOT_FRAME2 acknowledged, motors on their way to where it begins",
+    "ready": "the motors are there, GO is awaited",
+    "run": "a RUN_MOVE runs",
+    "back": "a loop goes back to its start",
+    "stop": "a RUN_MOVE ramps down after STOP or STOP_ALL",
+    "shoot": "a SHOOT_FRAME or SHOOT_FRAME2 runs",
+    "jog": "a JOG_ALL runs, or lands after STOP or STOP_ALL",
+    "estop": "a move is uploaded, the E-stop is held",
+}
+
+# Response codes: the last two digits; OK stands for 0x0010 and for an answer with data
+#                                      empty upload idle move way ready run back stop shoot jog estop
+_ALWAYS = "OK OK OK OK OK OK OK OK OK OK OK OK"
+_NEVER = "13 13 13 13 13 13 13 13 13 13 13 13"
+_NO_VIRTUALS = "15 15 15 15 15 15 15 15 15 15 15 15"
+_RUN = RtRunMove(24000, 5, 20, 500, 500)
+
+# Rows: name in the table, request, answers in the order of STATES
+ANSWERS = (
+    ("HI", Hi(), _ALWAYS),
+    ("MOTOR_STATUS", MotorStatus(), _ALWAYS),
+    ("MOTOR_GET_POSITION", MotorGetPosition(), _ALWAYS),
+    ("DMX", Dmx(0, 5, [9]), _ALWAYS),
+    ("GIO_OUT", GioOut(0), _ALWAYS),
+    ("GIO_IN", GioIn(), _ALWAYS),
+    ("GIO_CAM", GioCam(0), _ALWAYS),
+    ("MOTOR_SET_SPEED", MotorSetSpeed(1, 20000, 100000), _ALWAYS),
+    ("MOTOR_SET_LIMITS", MotorSetLimits(1, 0, 0, 0, 0), _ALWAYS),
+    ("MOTOR_CONFIGURE", MotorConfigure(1, 3), "OK OK OK OK OK OK 12 12 12 12 12 OK"),
+    ("MOTOR_MOVE, MOTOR_JOG: a motor that has a part", MotorMove(1, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
+    ("", MotorJog(1, 5000, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
+    ("MOTOR_MOVE, MOTOR_JOG: another one", MotorMove(8, 50), "OK OK OK OK OK OK OK OK OK OK OK 15"),
+    ("", MotorJog(8, 5000, 50), "OK OK OK OK OK OK OK OK OK OK OK 15"),
+    ("MOTOR_STOP", MotorStop(1), _ALWAYS),
+    ("MOTOR_STOP_ALL", MotorStopAll(), _ALWAYS),
+    ("MOTOR_RESET_POSITION: a motor that moves", MotorResetPosition(1, 7), "-- -- -- 12 12 -- 12 12 12 12 12 --"),
+    ("MOTOR_RESET_POSITION: a motor at rest", MotorResetPosition(8, 7), "OK OK OK OK OK OK 12 12 12 12 12 OK"),
+    ("RT_UPLOAD_MOVE_BEGIN", RtUploadMoveBegin(1, 9), "OK OK OK OK OK OK 12 12 12 12 12 OK"),
+    ("RT_UPLOAD_MOVE_AXIS", RtUploadMoveAxis(1, 0, [5]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
+    ("RT_UPLOAD_MOVE_DMX", RtUploadMoveDmx(7, 0, [5]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
+    ("RT_UPLOAD_MOVE_TRIGGERS", RtUploadMoveTriggers(1, [Trigger(0, 1)]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
+    ("RT_UPLOAD_MOVE_END", RtUploadMoveEnd(), "15 OK OK OK OK OK 12 12 12 12 12 OK"),
+    ("RT_POSITION_FRAME", RtPositionFrame(3), "15 15 OK OK OK OK 12 12 12 12 12 15"),
+    ("RT_RUN_MOVE", _RUN, "15 15 OK 12 12 OK 12 12 12 12 12 15"),
+    ("RT_SHOOT_FRAME", RtShootFrame(9, 1, 200, 500), "15 15 OK 12 12 OK 12 12 12 12 12 15"),
+    ("RT_SHOOT_FRAME2", RtShootFrame2(9, 200, 0, 180, [BlurMotor(1, 0, 50)]), "15 15 OK 12 12 OK 12 12 12 12 12 15"),
+    ("RT_GO", RtGo(), "15 15 15 15 16 OK 12 12 12 12 12 15"),
+    ("RT_STOP_LOOP", RtStopLoop(), "15 15 15 15 15 15 OK OK OK 15 15 15"),
+    ("RT_JOG_ALL", RtJogAll(12000, 9), "15 15 OK 12 12 16 12 12 12 12 OK 15"),
+    ("VIRT_MOVE and the other virtual requests but VIRT_CONFIG", VirtMove(1, 100), _NO_VIRTUALS),
+    ("", VirtStop(1), _NO_VIRTUALS),
+    ("", VirtJog(1, 5000, 100), _NO_VIRTUALS),
+    ("", VirtJogOnLine(0, 100), _NO_VIRTUALS),
+    ("", VirtGetPosition(), _NO_VIRTUALS),
+    ("", SetVirtAimPoint(1, 0, 0, 0), _NO_VIRTUALS),
+    ("MOTOR_HARD_STOP, RT_END: for the device to send", MotorHardStop(), _NEVER),
+    ("", RtEnd(), _NEVER),
+)
+
+_NOTES = """\
+Codes are the last two digits of a response code: 12 ERR_MOVING, 13 ERR_UNSUPPORTED, 15 ERR_GENERAL, 16
+ERR_NOT_IN_POSITION; OK is 0x0010 or an answer with data. No virtual axes are configured; a device that has none
+answers 13 there. "--": the motor at rest is meant there, in the next row. The payload is one that is in range; what is
+out of range is answered 14, 17, 18, 20 to 23 where the table says OK. A motor has a part in an operation if it has
+uploaded positions (or is named in SHOOT_FRAME) and is enabled and not under live control.
+
+What follows an OK:
+
+* While motors are on their way, MOVE and JOG turn a motor away from where the operation begins: GO then answers 16
+  until it is back there. POSITION_FRAME and UPLOAD_MOVE_BEGIN drop what is prepared (GO: 15), RUN_MOVE and
+  SHOOT_FRAME replace it once all are at rest. JOG_ALL is taken in `ready` only where the motors happen to stand on an
+  uploaded frame.
+* STOP of a motor that has a part, and STOP_ALL, end a prepared or running operation by ramps; RT_END follows once all
+  stand, exactly once for RUN_MOVE and SHOOT_FRAME, never for JOG_ALL, which lands on a whole frame instead. A second
+  STOP_ALL within a second stops harder, JOG_ALL as well, wherever that is. A lost host stops everything without
+  RT_END.
+* STOP_LOOP lets the pass under way be the last. On the way back to a loop's start none follows any more.
+* MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, pauses between
+  passes included, and those of a motor on its way from the acknowledgement until it stands: where it is zero, GO,
+  RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are taken.
+
+What lights and triggers take: the board keeps changes, not frames. A channel takes one entry at its first level, one
+for each frame at which its level differs from the frame before, and one for each gap between sections; a frame with
+triggers takes one. Of the memory for uploads there is one entry for levels in every 192 bytes, one for triggers in
+every 1536; the rest holds positions. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing:
+the upload stays as it was, can be ended without it and run.
+"""
+
+_DIAGRAM = """\
+                 prepare              all there               GO
+    idle --------------------> way -------------> ready -------------> run, shoot, jog
+     ^                          |                   |                   |   |     ^
+     |                          | stop              | stop         stop |   | end | another pass
+     |                          v                   v                   v   v     |
+     +---- RT_END, at rest --- stop <---------------+-------------------+  back --+
+     +---- RT_END ------------------------------------------------------------+
+"""
+
+
+def expected(state):
+    """[(request, answer)] in a state."""
+    column = list(STATES).index(state)
+    return [(request, answers.split()[column]) for _, request, answers in ANSWERS]
+
+
+def page():
+    """docs/realtime.md."""
+    lines = ["# Real-time operations: states and answers", ""]
+    lines += ["This page is made by `host_tests/end_to_end/realtime_answers.py`; tests hold the firmware to it.", ""]
+    lines += [_DIAGRAM, "| state | |", "|---|---|"]
+    lines += [f"| `{state}` | {meaning} |" for state, meaning in STATES.items()]
+    lines += ["", "| message | " + " | ".join(STATES) + " |", "|---" * (len(STATES) + 1) + "|"]
+    lines += [f"| {name} | " + " | ".join(answers.split()) + " |" for name, _, answers in ANSWERS if name]
+    return "\n".join([*lines, "", _NOTES])
+
+
+if __name__ == "__main__":
+    print(page(), end="")

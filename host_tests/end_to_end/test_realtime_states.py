@@ -1,0 +1,305 @@
+"""Each message in each state of the real-time operations, and MOTOR_STATUS through all of them."""
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.files import ROOT
+from framestep_tools.payloads import (
+    Ack,
+    Dmx,
+    GioCam,
+    GioIn,
+    GioOut,
+    Hi,
+    MotorGetPosition,
+    MotorJog,
+    MotorMove,
+    MotorSetLimits,
+    MotorStatus,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+    RtUploadMoveBegin,
+)
+from host_tests.end_to_end import realtime_answers
+from host_tests.end_to_end.realtime import FRAMES, loaded, rig
+from host_tests.end_to_end.session import run_request
+
+CODES = {
+    "OK": Ack.OK,
+    "12": Ack.ERR_MOVING,
+    "13": Ack.ERR_UNSUPPORTED,
+    "15": Ack.ERR_GENERAL,
+    "16": Ack.ERR_NOT_IN_POSITION,
+}
+SLOW = 2000, 4000  # so that a state lasts for all the messages
+# What no state minds
+QUESTIONS = {r.TYPE for r in (Hi, MotorStatus, MotorGetPosition, Dmx, GioOut, GioIn, GioCam, MotorSetLimits)}
+
+
+def slow(session):
+    for motor in (1, 2):
+        session.speed(motor, *SLOW)
+
+
+def enter(state):
+    """A session in that state."""
+    session = rig() if state in ("empty", "upload") else loaded(estop="no" if state == "estop" else "none")
+    if state == "upload":
+        session.accept(RtUploadMoveBegin(1, 9))
+    elif state == "idle":
+        session.accept(RtPositionFrame(2))
+        session.wait_idle()
+    elif state == "move":
+        slow(session)
+        session.accept(MotorMove(1, 9000))
+    elif state == "way":
+        session.accept(MotorMove(1, 9000))
+        session.wait_idle()
+        session.accept(run_request(24, 1, FRAMES))
+        session.run(0.005)
+    elif state in ("ready", "run", "stop"):
+        session.ready(run_request(24, 1, FRAMES))
+        if state != "ready":
+            session.accept(RtGo())
+            session.run(0.6)
+        if state == "stop":
+            slow(session)
+            session.accept(MotorStopAll())
+    elif state == "back":
+        session.ready(run_request(24, 1, 7, flags=2))
+        slow(session)
+        session.accept(RtGo())
+        controller = session.board._board.controller
+        while not (controller.stage.running and controller.stage.state == 1):
+            session.run(0.01)
+    elif state == "shoot":
+        session.ready(RtShootFrame(9, 1, 400, 500))
+        session.accept(RtGo())
+        session.run(0.9)
+    elif state == "jog":
+        session.accept(RtPositionFrame(2))
+        session.wait_idle()
+        session.accept(RtJogAll(6000, 20))
+        session.run(0.3)
+    elif state == "estop":
+        session.board._board.set_input("estop", 0)
+        session.run(0.05)
+    return session
+
+
+def code_of(session, request, answer):
+    """What the table says, where the device has what it is about."""
+    virtual = 0x0200 <= request.TYPE < 0x0300
+    if virtual and request.TYPE not in session.board._board.controller.handlers:
+        return Ack.ERR_UNSUPPORTED
+    return CODES[answer]
+
+
+def inside(session):
+    """What a refusal may not change."""
+    moves = session.board._board.controller.moves
+    return moves.stage.state, moves.stage.operation, moves.stage.running, moves.store.state, moves.run.looping
+
+
+@pytest.mark.parametrize("state", realtime_answers.STATES)
+def test_refusals_and_questions(state):
+    """In a row, in one session: neither refusals nor questions nor settings change the state."""
+    session = enter(state)
+    was = inside(session)
+    for request, answer in realtime_answers.expected(state):
+        if answer not in ("OK", "--") or request.TYPE in QUESTIONS:
+            assert session.code(request) == code_of(session, request, answer), (state, request)
+            assert inside(session) == was, (state, request)
+
+
+@pytest.mark.parametrize("state", realtime_answers.STATES)
+def test_accepted(state):
+    """Each in a session of its own; whatever it starts comes to its end."""
+    for request, answer in realtime_answers.expected(state):
+        if answer != "OK":
+            continue
+        if request.TYPE in QUESTIONS:
+            continue  # as test_refusals_and_questions has it
+        session = enter(state)
+        before = inside(session)
+        assert session.code(request) == Ack.OK, (state, request)
+        session.accept(MotorStopAll(), MotorStopAll())
+        session.run(1.5)
+        assert not session.moving, (state, request)
+        if state in ("run", "back", "stop", "shoot"):
+            assert len(session.events(RtEnd)) == 1, (state, request)
+        elif state in ("empty", "upload", "idle", "move", "estop", "jog"):
+            prepared = request.TYPE in (0x0111, 0x0112, 0x0115)
+            assert len(session.events(RtEnd)) == prepared, (state, request)
+        assert before[0] or not inside(session)[0]
+
+
+def test_landing():
+    """A JOG_ALL that lands is one that runs."""
+    for request, answer in realtime_answers.expected("jog"):
+        session = enter("jog")
+        session.accept(MotorStopAll())
+        session.run(0.1)
+        if answer != "--" and request.TYPE != 0x0033:
+            assert session.code(request) == code_of(session, request, answer), request
+
+
+def test_every_message_is_in_the_table():
+    asked = {request.TYPE for _, request, _ in realtime_answers.ANSWERS}
+    assert asked >= set(m.REQUESTS) - {m.MSG_VIRT_CONFIG}
+    assert all(len(answers.split()) == len(realtime_answers.STATES) for _, _, answers in realtime_answers.ANSWERS)
+
+
+def test_page():
+    """docs/realtime.md is what the table says."""
+    page = (ROOT / "docs" / "realtime.md").read_text()
+    assert page == realtime_answers.page(), "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
+
+
+# ---- MOTOR_STATUS (field note 4.7) -------------------------------------------------------------------------
+
+
+class Poll:
+    """Asks for MOTOR_STATUS about every millisecond; all answers with their times."""
+
+    def __init__(self, session):
+        self.session = session
+        self.told = []  # (from when the answer holds at the latest, until when at the earliest, bits)
+
+    def once(self):
+        asked = self.session.now
+        bits = self.session.ask(MotorStatus()).motor_bits
+        self.told.append((asked, self.session.now, bits))
+        return bits
+
+    def until_zero(self, seconds=30):
+        end = self.session.now + seconds
+        while self.once():
+            assert self.session.now < end
+
+    def for_seconds(self, seconds):
+        end = self.session.now + seconds
+        while self.session.now < end:
+            self.once()
+
+    def check(self):
+        """No edge of a motor while its bit was 0: neither before an answer with 0 nor between two of them."""
+        for motor in range(1, 9):
+            times, _ = self.session.steps(motor)
+            for (_, told, bits), (asked, _, later) in zip(self.told, self.told[1:], strict=False):
+                if not (bits | later) >> (motor - 1) & 1:
+                    within = (times > told + 1e-6) & (times < asked - 1e-6)
+                    assert not within.any(), (motor, times[within][0])
+
+
+@pytest.fixture
+def polled():
+    session = loaded()
+    session.forget()
+    return session, Poll(session)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        run_request(24, 1, FRAMES, 300, 200),
+        run_request(24, FRAMES, 1, 0, 0, sync_dmx=1),
+        run_request(24, 7, 7, 200, 0),
+        RtShootFrame(9, 1, 300, 500),
+        RtShootFrame2(9, 300, -90, 400),
+    ],
+)
+def test_wait_for_zero_then_go(polled, request_):
+    """The bits are set from the acknowledgement on; where they are zero GO is taken, and after it the next request."""
+    session, poll = polled
+    for _ in range(2):
+        session.accept(request_)
+        assert poll.once(), "set from the moment of the acknowledgement"
+        poll.until_zero()
+        session.accept(RtGo())
+        assert poll.once()
+        poll.until_zero()
+        session.client.take_event(RtEnd)
+        session.accept(RtPositionFrame(3))
+        poll.until_zero()
+        session.accept(MotorMove(1, -200))
+        assert poll.once() == 1
+        poll.until_zero()
+    poll.check()
+
+
+@pytest.mark.parametrize("flags", [1, 2])
+@pytest.mark.parametrize("pre", [0, 200])
+def test_no_zero_in_a_loop(polled, flags, pre):
+    """Neither at the turns nor on the way back; and zero means that RT_END has come or is next."""
+    session, poll = polled
+    session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
+    poll.until_zero()
+    session.accept(RtGo())
+    begun = len(poll.told)
+    poll.for_seconds(3)
+    assert all(bits & 0b11 == 0b11 for _, _, bits in poll.told[begun:])
+    session.accept(RtStopLoop())
+    poll.until_zero()
+    session.run(0.005)
+    assert len(session.events(RtEnd)) == 1
+    session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
+    poll.check()
+
+
+def test_status_of_holds_and_waits(polled):
+    """A motor that holds still within a run, or waits for its run-up, counts as moving: it is about to."""
+    session, poll = polled
+    session.accept(RtShootFrame2(9, 1000, 90, 270))
+    poll.until_zero()
+    session.accept(RtGo())
+    begun = len(poll.told)
+    poll.for_seconds(3)
+    assert all(bits == 0b11 for _, _, bits in poll.told[begun:])
+    poll.until_zero()
+    assert session.client.take_event(RtEnd)
+    poll.check()
+
+
+def test_status_of_jogs_and_stops(polled):
+    session, poll = polled
+    session.accept(RtPositionFrame(2))
+    poll.until_zero()
+    session.accept(RtJogAll(12000, 20))
+    poll.for_seconds(0.7)
+    session.accept(RtJogAll(12000, 4))
+    assert poll.once()
+    poll.until_zero()
+    session.accept(RtJogAll(12000, 20))
+    poll.for_seconds(0.4)
+    session.accept(MotorStopAll())
+    poll.until_zero()
+    session.accept(RtJogAll(12000, 1))
+    poll.for_seconds(0.3)
+    session.accept(MotorStopAll(), MotorStopAll())
+    poll.until_zero()
+    session.accept(run_request(24, 1, FRAMES))
+    poll.for_seconds(0.01)
+    session.accept(MotorStopAll())
+    poll.until_zero()
+    session.accept(run_request(24, 1, FRAMES))
+    poll.until_zero()
+    session.accept(RtGo())
+    poll.for_seconds(0.7)
+    session.accept(MotorStopAll())
+    poll.until_zero()
+    session.accept(run_request(24, 1, FRAMES))
+    poll.until_zero()
+    session.accept(MotorJog(2, 8000, 500))
+    assert poll.once() == 2
+    session.accept(MotorStopAll())
+    poll.until_zero()
+    poll.check()
+    assert np.all([len(session.steps(m)[0]) for m in (1, 2)])
