@@ -275,3 +275,28 @@ def test_motors_without_a_part(standing):
     assert standing.trace().motors == [1]
     standing.accept(MotorConfigure(1, 0))
     standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(12000, 121))
+
+
+def test_limit_switches():
+    """Refused where it would begin by going on into a limit, however long the motor stands still before that."""
+    session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
+    held = np.clip(20 * (K - 150), 0, None)  # holds until frame 151
+    upload(session, {**PATH, 3: held}, frames=FRAMES)
+    session.accept(MotorSetLimits(3, 0, 0, 0, 0, 1), RtPositionFrame(121))
+    session.wait_idle()
+    session.board._board.set_input(22, 0)
+    session.run(0.05)
+    session.forget()
+    session.refuse(Ack.ERR_HARD_UP, RtJogAll(9000, 200), RtJogAll(9000, 152))
+    session.accept(RtJogAll(9000, 121), RtJogAll(9000, 151))  # not that far
+    session.wait_idle()
+    session.accept(RtJogAll(9000, 20))
+    session.wait_idle()
+    assert session.position(1) == 1900 and session.made(3) == 0
+    session.accept(MotorSetLimits(3, 0, 0, 0, 0, 0x81))
+    session.accept(RtJogAll(9000, 155))
+    session.wait_idle()
+    session.refuse(Ack.ERR_HARD_LOW, RtJogAll(9000, 20))
+    session.accept(RtJogAll(9000, 160))
+    session.wait_idle()
+    assert session.position(3) == held[159]

@@ -180,6 +180,14 @@ class Safety:
         """OK, or why a motor (from 0) may not go to target[i] from where it is: ERR_HARD_UP or ERR_HARD_LOW."""
         if self.words[_ACTIVE] == 0:
             return m.OK
+        self.axes[motor].position_to(self._place, 0)
+        ends = self.ends(motor) & _way(target, i, self._place)
+        if ends == 0:
+            return m.OK
+        return m.ERR_HARD_UP if ends == 1 else m.ERR_HARD_LOW
+
+    def ends(self, motor):
+        """Ends at which a motor (from 0) or one coupled to it stands in a limit: bit 0 the upper, bit 1 the lower."""
         axis = self.axes[motor]
         ends = _ends(self.words, motor)
         if axis.partner:
@@ -187,11 +195,7 @@ class Safety:
             if axis.turned:
                 others = others >> 1 | (others & 1) << 1
             ends |= others
-        axis.position_to(self._place, 0)
-        ends &= _way(target, i, self._place)
-        if ends == 0:
-            return m.OK
-        return m.ERR_HARD_UP if ends == 1 else m.ERR_HARD_LOW
+        return ends
 
     def _number(self, axis):
         for i in range(self.axes.count):

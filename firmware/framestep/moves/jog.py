@@ -70,6 +70,8 @@ class JogAll(Operation):
             at = self.at
         low = min(at, to)
         code = self.follower.check(bits, low, max(at, to) - low + 1, fps_milli, ACCELERATION)
+        if code == OK and not under_way:
+            code = self._barred(bits, at, to)
         if code != OK:
             return code
         self._top(fps_milli)
@@ -167,6 +169,25 @@ class JogAll(Operation):
                 if not self.follower.axes[motor].stands_on(place, 0):
                     return False
         return True
+
+    def _barred(self, bits, at, to):
+        """OK, or why a motor may not leave the frame with index `at` toward `to`: straight into a limit switch."""
+        safety = self.stage.safety
+        step = 1 if to > at else -1
+        for motor in range(self.follower.count):
+            if bits >> motor & 1 and safety.ends(motor):
+                axis = self.follower.axes[motor]
+                index = at
+                while index != to:
+                    index += step
+                    self.store.position(motor, index, self.places, motor)
+                    if not axis.stands_on(self.places, motor):
+                        # the first frame that lies elsewhere tells which way it goes
+                        code = safety.bars(motor, self.places, motor)
+                        if code != OK:
+                            return code
+                        break
+        return OK
 
     # ---------------------------------------------------------------- the motion
 
