@@ -8,7 +8,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	plots emulator-measure clean
+	plots bench emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -62,6 +62,9 @@ format: setup ## bring the source into ruff's form
 
 plots: setup ## draw docs/interpolation.svg again
 	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation $(ARGS)
+
+bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
+	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)

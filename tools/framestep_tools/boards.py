@@ -6,7 +6,7 @@ fast it goes. What `Board.edges` hands out is in no particular order but complet
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -169,28 +169,39 @@ class EmulatedBoard:
     """The firmware as a board gets it, on an emulated one: nothing is patched.
 
     `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port and there is no
-    REPL channel. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like.
+    REPL channel. `frozen`: the firmware with the code in it instead of copied files. `args` go to the emulator (its
+    --help). `emulator` is the framestep_emulator.Emulator, for pins, loads and the like, `pins` the pin map.
     """
 
     slice_ns = 4_000_000
 
-    def __init__(self, rig: Mapping[str, Any] | None = None, trace: bool = True, flash: str | None = None, pins="pico"):
+    def __init__(
+        self,
+        rig: Mapping[str, Any] | None = None,
+        trace: bool = True,
+        flash: str | None = None,
+        pins: str = "pico",
+        frozen: bool = False,
+        args: Sequence[str] = (),
+    ):
         from framestep_emulator import Emulator
 
+        from . import builds
         from .files import board_files
 
         rig = dict(rig or {})
-        files = board_files()
+        files = {} if frozen else board_files()
         if rig:
             files["/rig.json"] = json.dumps(rig).encode()
         single = rig.get("ports") == 1
-        self.emulator = Emulator(files=files, flash=flash).start()
+        firmware = builds.frozen() if frozen else None
+        self.emulator = Emulator(firmware, files=files, flash=flash, args=args).start()
         try:
-            self._pins = load_board(pins)
+            self.pins = load_board(pins)
             inverted = [i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)]
-            self._decoder = PinDecoder(self._pins, inverted)
+            self._decoder = PinDecoder(self.pins, inverted)
             if trace:
-                self.emulator.trace_start(self._pins.pins)
+                self.emulator.trace_start(self.pins.pins)
             self._tracing = trace
             if not single:
                 self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)

@@ -162,6 +162,22 @@ class Trace:
         return cls({signal: _sorted(np.array(rows, np.int64)) for signal, rows in grouped.items()})
 
     @classmethod
+    def from_records(cls, records: np.ndarray, board: BoardPins) -> "Trace":
+        """Make a trace of all records of pin levels of a run (see PinDecoder), much faster than edge by edge."""
+        signals = {}
+        for pin, name in board.levels.items():
+            mine = records[records["pin"] == pin]
+            signals[name] = mine["t"].astype(np.int64), mine["level"].astype(np.int64)
+        for motor, (step, direction) in enumerate(zip(board.step, board.dir, strict=True), 1):
+            mine = records[records["pin"] == step][1:]  # the first one is the level before
+            times = mine["t"][mine["level"] == 1].astype(np.int64)
+            turns = records[records["pin"] == direction]
+            level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(np.int64)
+            if len(times):
+                signals[f"m{motor}"] = times, 2 * level - 1
+        return cls(signals)
+
+    @classmethod
     def read(cls, path: str | os.PathLike) -> "Trace":
         """Read a CSV file; TraceError if it is not a trace."""
         with open(path) as file:

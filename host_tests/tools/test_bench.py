@@ -1,0 +1,84 @@
+"""The bench's own parts: its keys, its goals, its table, and that a worse figure is told from a better one."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from framestep_tools import bench
+from framestep_tools.reference import Reference
+from framestep_tools.trace import PinDecoder, Trace, load_board
+
+KEYS = [
+    "steps_per_s_8",
+    "steps_per_s_1",
+    "edge_error_steady_us",
+    "edge_error_ramp_us",
+    "frame_error_us",
+    "tick_us_8",
+    "cpu_load_8_percent",
+    "upload_frames_8",
+    "rx_bytes_per_s",
+    "rx_bytes_per_s_single_port",
+    "reply_ms_median",
+    "reply_ms_max",
+    "heap_bytes_per_hour",
+]
+
+
+def test_keys():
+    assert [figure.key for figure in bench.FIGURES] == KEYS
+    assert all(figure.how and figure.unit for figure in bench.FIGURES)
+
+
+@pytest.mark.parametrize(
+    "key, good, bad", [("steps_per_s_8", 350_000, 349_999), ("tick_us_8", 60, 60.1), ("heap_bytes_per_hour", 0, 1)]
+)
+def test_goals(key, good, bad):
+    figure = {figure.key: figure for figure in bench.FIGURES}[key]
+    assert figure.reached(good) is True and figure.reached(bad) is False
+
+
+@pytest.mark.parametrize("explain", [False, True])
+def test_table(explain):
+    figures = dict.fromkeys(KEYS, 1.0) | {"upload_frames_8": 12_345, "tick_us_8": 61.25}
+    out = io.StringIO()
+    Console(file=out, width=200).print(bench.table(figures, figures | {"tick_us_8": 51.0}, explain))
+    rows = {row.split("│")[1].strip(): row for row in out.getvalue().splitlines() if "│" in row}
+    assert set(KEYS) <= rows.keys()
+    for part in ("≤ 60", "61.2", "51", "µs", "missed"):
+        assert part in rows["tick_us_8"]
+    assert "≥ 10 000" in rows["upload_frames_8"] and "12 345" in rows["upload_frames_8"]
+    assert ("gc.mem_alloc" in out.getvalue()) == explain
+
+
+def test_mixed_move():
+    """Ramps of 100 000 steps/s² and each of the velocities held exactly; whole steps are what disturbs the ramps."""
+    moves = bench.mixed_move()
+    path = Reference(moves, bench.FPS * 1000, bench.ROLL_MS, bench.ROLL_MS)
+    for motor, rate in enumerate(bench.STEADY_RATES, 1):
+        assert abs(path.velocity(motor, np.array([1.2]))[0]) == pytest.approx(rate, rel=1e-12)
+        assert path.acceleration(motor, np.array([1.2]))[0] == pytest.approx(0, abs=1e-4)
+        if rate > 20_000:
+            early = np.abs(path.acceleration(motor, np.arange(0.045, rate / bench.RAMP - 0.1, 0.001)))
+            assert np.abs(early - bench.RAMP).max() < 0.03 * bench.RAMP
+            assert abs(path.velocity(motor, np.array([2.399]))[0]) == pytest.approx(bench.RAMP * 0.001)
+
+
+def test_trace_from_records():
+    """The fast way gives the trace that goes edge by edge."""
+    board = load_board()
+    random = np.random.default_rng(3)
+    level = dict.fromkeys(board.pins, 0)
+    rows = [(1000, pin, 0) for pin in board.pins]
+    for t in range(2000, 40_000, 10):
+        pin = int(random.choice(board.pins))
+        level[pin] ^= 1
+        rows.append((t, pin, level[pin]))
+    records = np.array(rows, [("t", "u8"), ("pin", "u1"), ("level", "u1")])
+    fast, slow = Trace.from_records(records, board), Trace.from_edges(PinDecoder(board).feed(records))
+    assert fast.signals.keys() == slow.signals.keys()
+    for signal, (times, values) in slow.signals.items():
+        assert np.array_equal(fast.signals[signal][0], times)
+        assert np.array_equal(fast.signals[signal][1], values)
