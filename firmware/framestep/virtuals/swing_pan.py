@@ -1,0 +1,49 @@
+"""Type 2, Swing-Pan: the pan head on an arm that swings keeps its heading.
+
+Axes: SWING, PAN; the other four have no motor. vPan = pan + swing (field note 9.4); no lengths are known, so the five
+other virtual numbers are 0 and ignored. inverse() leaves the swing where JOINT says it is and turns the pan.
+The message gives no positions: step 0 of either motor counts as 0 degrees. Every vPan can be reached.
+"""
+
+from framestep.motion import reals
+from framestep.protocol import messages as m
+from framestep.virtuals import geometry as g
+
+_VPAN = g.POSE + 6
+_SWING = g.JOINT
+_PAN = g.JOINT + 2
+
+
+class Geometry(g.Rig):
+    joints = 2
+    main = b"\x00\x00\x00\x00\x02\x00\x00"
+
+    def configure(self, reader, present):
+        if reader.length != 17:
+            return m.ERR_UNSUPPORTED
+        motors = len(present)
+        swing = reader.i32(1)
+        pan = reader.i32(9)
+        if swing < 1 or swing > motors or pan < 1 or pan > motors or swing == pan:
+            return m.ERR_RANGE
+        if reader.i32(5) == 0 or reader.i32(13) == 0:
+            return m.ERR_RANGE
+        r = self.r
+        for i in range(g.REGISTERS):
+            r[i] = 0
+        for i in range(g.AXES):
+            self.motor[i] = 0
+            self.start[i] = 0
+        self.motor[0] = swing
+        self.motor[1] = pan
+        self.number(reader, 5, g.PER_UNIT, 1000)
+        self.number(reader, 13, g.PER_UNIT + 2, 1000)
+        return self.locate(present)
+
+    def inverse(self):
+        reals.subtract(self.r, _PAN, _VPAN, _SWING)
+        return 0
+
+    def forward(self):
+        reals.add(self.r, _VPAN, _PAN, _SWING)
+        return 0
