@@ -11,10 +11,12 @@ Angles are degrees.
 """
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+
+Numbers = Sequence[float] | np.ndarray
 
 BOOM_SWING_TRACK, SWING_PAN, Y_SWING_TRACK, X_Y_Z = 1, 2, 3, 4
 NAMES = {
@@ -59,12 +61,12 @@ def line_direction(axis: int, pan: float, tilt: float, roll: float) -> np.ndarra
     return _TO_WORLD @ rotation(pan, tilt, roll) @ _TO_WORLD.T @ local
 
 
-def world(pose: ArrayLike) -> np.ndarray:
+def world(pose: Numbers) -> np.ndarray:
     """X, Y, Z of a pose."""
     return np.array([pose[1], pose[2], pose[0]], float)
 
 
-def aim(place: ArrayLike, point: ArrayLike, safe: float = 0.0) -> tuple[float, float]:
+def aim(place: Numbers, point: Numbers, safe: float = 0.0) -> tuple[float, float]:
     """Pan and tilt from a place to an aim point, both X, Y, Z; Unreachable within `safe`, a vertical cylinder."""
     x, y, z = np.asarray(point, float) - np.asarray(place, float)
     level = float(np.hypot(x, z))
@@ -110,7 +112,7 @@ class Rig:
         """World vector from where the camera's axes meet to the nodal point."""
         return _TO_WORLD @ rotation(pan, tilt, roll) @ np.array(self.nodal, float)
 
-    def forward(self, joints: ArrayLike) -> np.ndarray:
+    def forward(self, joints: Numbers) -> np.ndarray:
         """The pose for joints in units and degrees. Swing-pan has a vPan only."""
         q = np.asarray(joints, float)
         if self.kind == SWING_PAN:
@@ -132,7 +134,7 @@ class Rig:
             return self.length + self.extension, first
         return self.length * np.cos(np.radians(first)) + self.extension, self.length * np.sin(np.radians(first))
 
-    def inverse(self, pose: ArrayLike, near: ArrayLike | None = None) -> np.ndarray:
+    def inverse(self, pose: Numbers, near: Numbers | None = None) -> np.ndarray:
         """Joints for a pose. near: joints of before; the swing stays on their side, swing-pan's where it is."""
         p = np.asarray(pose, float)
         old = np.zeros(len(self.axes)) if near is None else np.asarray(near, float)
@@ -154,7 +156,7 @@ class Rig:
         swing = 180.0 * half + (-1.0) ** half * np.degrees(np.arcsin(x / reach))
         return np.array([first, swing, z + reach * np.cos(np.radians(swing)), p[3] - swing, p[4], p[5]])
 
-    def steps(self, joints: ArrayLike) -> np.ndarray:
+    def steps(self, joints: Numbers) -> np.ndarray:
         """Steps of the motors of the axes, 0 where there is none; Unreachable where the boom is off its table."""
         out = np.array(
             [
@@ -168,7 +170,7 @@ class Rig:
             out[0] = np.interp(joints[0], TABLE_ANGLES, self.table)
         return out
 
-    def joints(self, steps: ArrayLike) -> np.ndarray:
+    def joints(self, steps: Numbers) -> np.ndarray:
         """The other way."""
         out = np.array(
             [
