@@ -1,0 +1,181 @@
+"""Real-time operations of the firmware on the emulated board, judged from its pins."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.payloads import (
+    BlurMotor,
+    Dmx,
+    HardStop,
+    MotorConfigure,
+    MotorStopAll,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+)
+from host_tests.end_to_end.realtime import (
+    ACCELERATION,
+    MOVE,
+    VELOCITY,
+    Levels,
+    changes,
+    frame_times,
+    judge_pass,
+    passes_told,
+    turning,
+    upload,
+)
+from host_tests.end_to_end.session import Session, deceleration, run_request
+from host_tests.end_to_end.test_shoot import assert_window, shoot
+
+FPS = 24
+TRIGGERS = {0: 0b01, 3: 0b11, 5: 0b10}
+START_S = 0.05  # in which the phases are planned after GO
+
+
+def levels_sent(session, channel):
+    """[(time, level)] of a channel in the DMX frames sent since the last call; a break is a gap of 0.1 ms or more."""
+    data = session.board.emulator.uart_read(0)[0]
+    found, slot, last = [], -1000, data[0][0]  # what is read begins anywhere in a frame
+    for ns, value in data:
+        slot = 0 if ns - last > 150_000 else slot + 1
+        last = ns
+        if slot == channel:
+            found.append((ns * 1e-9, value))
+    return found
+
+
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard() as board:
+        session = Session(board)
+        for motor in MOVE:
+            session.speed(motor, VELOCITY, ACCELERATION)
+            session.accept(MotorConfigure(motor, 0x03))
+        board.emulator.uart_start(0)
+        upload(session, triggers=TRIGGERS, mask=0b11)
+        yield session
+        assert not session.events(HardStop)
+
+
+def test_shoot_frames(session):
+    """Both kinds: constant speed, window's ends within a step and 100 µs of the shutter; by pairs and path."""
+    before, _, opened, closed = shoot(session, RtShootFrame2(10, 400, 90, 270, [BlurMotor(2, 0, 720)]), START_S)
+    assert closed - opened == pytest.approx(0.4, abs=3e-5)
+    assert_window(session, 2, before, opened, closed, 180, 540)
+    middle = int(MOVE[1][9])
+    assert_window(session, 1, before, opened, closed, middle - 15, middle + 15)
+    before, _, opened, closed = shoot(session, RtShootFrame(10, 0, 125, 600, [BlurMotor(1, -100, 400)]), START_S)
+    assert closed - opened == pytest.approx(0.125, abs=3e-5)
+    assert_window(session, 1, before, opened, closed, 300, 0)
+
+
+def test_loop_bloop_video_and_two_stops(session):
+    """A pass and a half; bloop by pin and channel; a camera started and stopped; a hard stop after a soft one."""
+    session.speed(1, VELOCITY, 4000)  # so that there is time for the second STOP_ALL
+    session.accept(Dmx(0, 5, [33]))
+    run = run_request(FPS, 1, 9, 500, 500, flags=0x12, bloop_outputs=0b10, bloop_channel=5, bloop_ms=120)
+    session.ready(run)
+    before = session.positions
+    session.forget()
+    session.board.emulator.uart_read(0)
+    session.accept(RtGo())
+    session.client.wait_event(Positions, 5)
+    while len(passes_told(session)) < 2 or len(passes_told(session)[1]) < 3:
+        session.run(0.02)
+    session.accept(MotorStopAll())
+    stopped = session.now
+    session.run(0.05)
+    session.accept(MotorStopAll())
+    again = session.now
+    session.client.wait_event(RtEnd, 5)
+    session.run(0.3)
+    assert not session.events(RtEnd) and not session.moving
+    # both passes go over their frames
+    first, second = passes_told(session)[:2]
+    assert [frame for _, frame in first] == list(range(2, 10)) and second[0][1] == 2
+    begin = first[0][0] - 1 / FPS
+    positions = {m: steps[:9] for m, steps in MOVE.items()}
+    verdict = judge_pass(session, begin - 0.25, first[-1][0] + 0.25, before, positions, FPS)
+    starts = verdict.origin_ns * 1e-9
+    # both ramps of the stop
+    times, signs = session.steps(1)
+    soft = (times > stopped + 0.004) & (times < again + 0.001)
+    slope = np.polyfit(times[soft][1:], 1 / np.diff(times[soft]), 1)[0]
+    assert slope == pytest.approx(-4000, rel=0.2)
+    assert deceleration(times, signs, again + 0.004) == pytest.approx(4 * 4000, rel=0.1)
+    assert session.positions[1] == before[1] + signs.sum()
+    # bloop
+    (on, _), (off, level) = changes(session, "gio2")
+    assert (on, off, level) == (pytest.approx(starts, abs=0.001), pytest.approx(starts + 0.12, abs=0.001), 0)
+    lights = levels_sent(session, 5)
+    (lit, dark) = [t for (_, old), (t, new) in itertools.pairwise(lights) if old != new]
+    assert {level for _, level in lights} == {33, 255} and lights[-1][1] == 33
+    assert starts - 0.001 < lit < starts + 0.06 and starts + 0.12 - 0.001 < dark < starts + 0.18
+    # a pulse of 100 ms of both lines at the start and at the stop
+    for signal in ("shutter", "meter"):
+        pulses = changes(session, signal)
+        assert [v for _, v in pulses] == [1, 0, 1, 0]
+        assert pulses[0][0] == pytest.approx(starts, abs=0.001)
+        assert pulses[1][0] - pulses[0][0] == pytest.approx(0.1, abs=0.001)
+        assert pulses[2][0] == pytest.approx(stopped, abs=0.02)
+        assert pulses[3][0] - pulses[2][0] == pytest.approx(0.1, abs=0.005)
+    session.speed(1, VELOCITY, ACCELERATION)
+
+
+def test_ping_pong(session):
+    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each on its frames."""
+    more = {"flags": 0x21, "open_angle": 90, "close_angle": 270, "sync_dmx": 1}
+    session.ready(run_request(FPS, 1, 9, 200, 200, **more))
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    session.run(0.2 + 2 * (8 / FPS + 0.4) + 0.1)
+    session.accept(RtStopLoop())
+    session.client.wait_event(RtEnd, 5)
+    session.run(0.3)
+    assert not session.events(RtEnd) and not session.moving
+    told = passes_told(session)
+    assert [(p[0][1], p[-1][1]) for p in told] == [(2, 9), (8, 1), (2, 9)]
+    openings = [t for t, v in changes(session, "shutter") if v]
+    assert len(openings) == 27 and changes(session, "shutter")[-1][1] == 0
+    for i, p in enumerate(told):
+        frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
+        positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
+        verdict = judge_pass(session, p[0][0] - 1 / FPS - 0.1, p[-1][0] + 0.1, before, positions, FPS)
+        times = frame_times(verdict, FPS, 9)
+        assert np.abs(openings[9 * i : 9 * i + 9] - (times + 0.25 / FPS)).max() < 0.001
+        for bit in (0, 1):
+            level = Levels(session, f"gio{bit + 1}")
+            for time, frame in zip(times, frames - 1, strict=True):
+                assert level(time + 0.001) == level(time + 1 / FPS - 0.001) == TRIGGERS.get(int(frame), 0) >> bit & 1
+
+
+def test_jog_all(session):
+    """Along the path, STOP lands on a whole frame; motor 1 makes 60 steps from one to the next."""
+    session.accept(RtPositionFrame(3))
+    session.wait_idle()
+    session.forget()
+    session.accept(RtJogAll(6000, 24))
+    session.run(1.3)
+    session.accept(MotorStopAll())
+    session.wait_idle()
+    times, signs = session.steps(1)
+    frame = 3 + signs.sum() / 60
+    assert frame == round(frame) and 6 < frame < 20
+    assert session.positions[1] == MOVE[1][round(frame) - 1] and session.positions[2] == MOVE[2][round(frame) - 1]
+    # the other motor is where the path has it whenever this one is on a frame
+    at, turned = session.steps(2)
+    places = MOVE[2][2] + np.concatenate(([0], np.cumsum(turned)))
+    for k in range(60, len(times) + 1, 60):
+        near = places[np.searchsorted(at, times[k - 1] - 3e-5) : np.searchsorted(at, times[k - 1] + 3e-5) + 1]
+        assert np.abs(near - MOVE[2][2 + k // 60]).min() <= 1
+    assert not session.events(RtEnd)
