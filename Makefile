@@ -5,10 +5,11 @@ PYTHON_VENV := $(CACHE)/venv/bin/python
 PYTEST := $(PYTHON_VENV) -m pytest -q -n auto --dist loadfile
 LAYERS := runtime board emulator
 ARGS ?=
+BOARD ?= pico
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	plots bench emulator-measure clean
+	plots bench flash emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +34,9 @@ sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp
 emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
 	@tools/micropython/build.sh rp2
 	@$(PYTHON_VENV) -m framestep_tools.emu $(ARGS)
+
+flash: setup ## put framestep on a board on USB that has MicroPython: BOARD=pico, PORT=/dev/ttyACM0 if there are several
+	@$(PYTHON_VENV) -m framestep_tools.flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
 
 test: lint types node micropython ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)

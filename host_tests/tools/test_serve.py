@@ -10,10 +10,11 @@ import pytest
 import serial
 
 from framestep_tools import serve
-from framestep_tools.boards import LockstepPort, RigFileError, read_rig
+from framestep_tools.boards import LockstepPort, read_rig
 from framestep_tools.client import Client, NoAnswer
 from framestep_tools.errors import ToolError
 from framestep_tools.payloads import DeviceInfo, Hi
+from framestep_tools.rig_file import RigFileError
 from framestep_tools.serve import Pace, PtyLink, Server, TcpLink, parse_address, parse_speed
 from framestep_tools.trace import Trace
 from framestep_tools.wire import FrameDecoder, encode
@@ -345,6 +346,10 @@ def test_rig_files(tmp_path):
     other.write_text("[]")
     assert read_rig(None) == {}
     assert read_rig(good) == {"ports": 1}
-    for path, text in ((bad, "is no JSON"), (other, "expected an object"), (tmp_path / "none", "cannot read")):
+    for path, text in (
+        (bad, "not valid JSON in line 1"),
+        (other, "expected an object"),
+        (tmp_path / "none", "cannot read"),
+    ):
         with pytest.raises(RigFileError, match=text):
             read_rig(path)

@@ -11,29 +11,16 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 from .errors import ToolError
+from .rig_file import read
 from .trace import Edge, PinDecoder, load_board
 
 _LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
 
 
-class RigFileError(ToolError):
-    """A rig file that cannot be read; what its settings mean is checked by the controller."""
-
-
 def read_rig(path: str | Path | None) -> dict[str, Any]:
-    """The settings in a rig file, {} for none; RigFileError if it holds no JSON object."""
-    if path is None:
-        return {}
-    try:
-        rig = json.loads(Path(path).read_text())
-    except OSError as error:
-        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}") from None
-    except ValueError as error:
-        raise RigFileError(f"{path} is no JSON: {error}") from None
-    if not isinstance(rig, dict):
-        raise RigFileError(f"{path}: expected an object of settings, found {type(rig).__name__}")
-    return rig
+    """The settings in a rig file, {} for none. What they mean is checked by the controller."""
+    return {} if path is None else read(path)
 
 
 class Channel(Protocol):

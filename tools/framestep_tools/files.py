@@ -15,8 +15,10 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from .constants import fold
+from .errors import ToolError
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
@@ -27,6 +29,9 @@ _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _HOST_ONLY = {"framestep/hal/host.py"}
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
+
+
+_PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 
 
 class CompileError(Exception):
@@ -63,9 +68,26 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
     return cached.read_bytes()
 
 
+def board_names() -> list[str]:
+    """The boards that there are."""
+    return sorted(path.parent.name for path in (ROOT / "boards").glob("*/board.json"))
+
+
+def board_data(board: str) -> dict[str, Any]:
+    """The data of boards/<board>/board.json; ToolError for a board that there is not."""
+    if board not in board_names():
+        raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
+    return json.loads((ROOT / "boards" / board / "board.json").read_text())
+
+
+def march(chip: str) -> str:
+    """The architecture of mpy-cross for a board's chip."""
+    return _PROCESSORS[chip]
+
+
 def board_module(board: str) -> str:
     """Source of framestep/board.py: the data of boards/<board>/board.json."""
-    data = json.loads((ROOT / "boards" / board / "board.json").read_text())
+    data = board_data(board)
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
 
 

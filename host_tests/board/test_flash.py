@@ -1,0 +1,135 @@
+"""`make flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one board for all, in order."""
+
+import os
+import re
+import signal
+import subprocess
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_emulator.image import read_image
+from framestep_tools import cli
+from framestep_tools.client import Client
+from framestep_tools.files import ROOT, board_files
+from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
+
+RIG = b'{"name": "my crane"}'
+HELLO = re.compile(r"my crane on \S+, firmware [\d.]+: 8 motors, .* \d{3,} frames")
+FILE_SYSTEM = 640 * 1024  # where it begins in the flash
+PATIENCE_S = 300
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A board with MicroPython and a rig file, and the paths of its two ports."""
+    with Emulator(files={"/rig.json": RIG}, lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+        emu.wait_usb()
+        yield SimpleNamespace(emu=emu, repl=repl, protocol=protocol, folder=tmp_path_factory.mktemp("flash"))
+
+
+def command(bench):
+    return ["make", "-s", "flash", "BOARD=pico", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
+
+
+def flash(bench, status=0):
+    """What `make flash` prints, standard error too."""
+    done = subprocess.run(
+        command(bench), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=PATIENCE_S
+    )
+    assert bool(done.returncode) == bool(status), done.stdout
+    return done.stdout
+
+
+def files(bench):
+    """What lies on the board's file system."""
+    dump = bench.folder / "flash.bin"
+    bench.emu.cmd("flash_dump", file=str(dump))
+    return read_image(dump.read_bytes()[FILE_SYSTEM:])
+
+
+def copied(text):
+    return [int(n) for n in re.findall(r"copying \d+/(\d+) ", text)]
+
+
+def test_interrupted_half_way_the_next_run_repairs_it(bench):
+    process = subprocess.Popen(command(bench), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    for line in process.stdout:
+        if line.startswith("copying 20/"):
+            break
+    time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    begun = bench.emu.ns
+    bench.emu.reset()  # a power cycle: it comes up as plain MicroPython
+    bench.emu.wait_usb(after=begun, ports=1, ms=PATIENCE_S * 1000)
+    assert "/main.py" not in files(bench)
+
+    said = flash(bench)
+    wanted = board_files()
+    numbers = copied(said)
+    assert numbers and numbers[0] <= len(wanted) - 19, "what had been copied is not copied again"
+    assert HELLO.search(said.splitlines()[-1]), said
+    found = files(bench)
+    assert found.pop("/rig.json") == RIG
+    found.pop("/lib/framestep/files.json")
+    assert found == wanted
+
+
+def test_the_second_time_there_is_nothing_to_copy(bench):
+    said = flash(bench)
+    assert f"all {len(board_files())} files are there already" in said and not copied(said)
+    assert HELLO.search(said.splitlines()[-1]), said
+
+
+def test_refused_while_something_moves(bench):
+    before = files(bench)
+    with Client.open(bench.protocol, timeout_s=20) as client:
+        client.request(MotorSetSpeed(1, 100, 10_000))
+        client.request(MotorMove(1, 1_000_000))
+        said = flash(bench, status=1)
+        assert "motors move, or a run is prepared; nothing has been changed" in said
+        assert client.request(MotorStatus()).moving == [1], "and the motion goes on"
+        client.request(MotorStopAll())
+        client.wait_idle()
+    assert files(bench) == before
+
+
+def edit(bench, monkeypatch, capsys, old, new, status=0):
+    """`framestep rig edit` with an editor that replaces text, and nothing to answer questions with."""
+    monkeypatch.setenv("EDITOR", f"sed -i 's/{old}/{new}/'")
+    monkeypatch.delenv("VISUAL", raising=False)
+    monkeypatch.setattr("builtins.input", lambda question: "n")
+    assert cli.app.status(["rig", "edit", "--port", bench.repl, "--protocol", bench.protocol]) == status
+    return "".join(capsys.readouterr())
+
+
+def test_rig_edit(bench, monkeypatch, capsys):
+    """Changed, wrong, unchanged; the protocol moves to the REPL's port and back."""
+    assert "nothing has been changed" in edit(bench, monkeypatch, capsys, "crane", "crane")
+    assert files(bench)["/rig.json"] == RIG
+    said = edit(bench, monkeypatch, capsys, "my crane", 'my crane", "ports": 3, "x": "', status=1)
+    assert "rig.json: x: no such setting" in said and "as it was; the draft is" in said
+    assert files(bench)["/rig.json"] == RIG
+    said = edit(bench, monkeypatch, capsys, '"my crane"', '"small", "ports": 1')
+    assert re.search(f"small on {bench.repl}, firmware", said)
+    assert files(bench)["/rig.json"] == b'{"name": "small", "ports": 1}'
+
+
+def test_one_port(bench, monkeypatch, capsys):
+    """Where Ctrl-C ends the controller, it is asked before whether anything moves."""
+    with Client.open(bench.repl, timeout_s=20) as client:
+        client.request(MotorSetSpeed(1, 100, 10_000))
+        client.request(MotorMove(1, 1_000_000))
+        assert "motors move (1); nothing has been changed" in flash(bench, status=1)
+        assert client.request(MotorStatus()).moving == [1], "and the motion goes on"
+        client.request(MotorStopAll())
+        client.wait_idle()
+    assert "nothing has been changed" in edit(bench, monkeypatch, capsys, "small", "small")
+    with Client.open(bench.repl, timeout_s=20) as client:
+        assert client.request(Hi()).name == "small", "the controller is there again"
+    said = edit(bench, monkeypatch, capsys, "1", "2")
+    assert re.search(f"small on {bench.protocol}, firmware", said)

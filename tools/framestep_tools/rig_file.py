@@ -1,0 +1,145 @@
+"""`framestep rig`: check a rig file as the board does, and edit the one that is on a board.
+
+The settings' meaning is judged by framestep.rig, the very code that the board runs.
+"""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from framestep import rig
+
+from .errors import ToolError
+
+if TYPE_CHECKING:
+    from .device import Device
+
+
+class RigFileError(ToolError):
+    """A rig file with a mistake, or that cannot be read: the key, what was found, what is allowed."""
+
+
+def parse(content: bytes, name: str) -> dict[str, Any]:
+    """The settings in a rig file's content; RigFileError with the line if it is no JSON object."""
+
+    def constant(word: str) -> None:
+        raise ValueError(f"{word} is no JSON")
+
+    try:
+        settings = json.loads(content.decode(), parse_constant=constant)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise RigFileError(f"{name}: not valid JSON in {where} ({error.msg})") from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise RigFileError(
+            f"{name}: expected is UTF-8, found byte 0x{content[error.start]:02X} in line {line}"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise RigFileError(f"{name}: not valid JSON ({error})") from None
+    if not isinstance(settings, dict):
+        raise RigFileError(f"{name}: expected an object of settings, found {type(settings).__name__}")
+    return settings
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """The settings in a file, not checked; RigFileError if it cannot be read."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}") from None
+    return parse(content, str(path))
+
+
+def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
+    """The rig that these settings make of a board with this data; RigFileError, as the board says it, for a mistake."""
+    try:
+        return rig.Rig(settings, board)
+    except rig.RigError as error:
+        raise RigFileError(f"{name}: {error}") from None
+
+
+# ---- editing
+
+
+def run_editor(path: Path) -> None:
+    """Let the user edit a file, with $VISUAL, $EDITOR or vi; ToolError if that fails."""
+    command = shlex.split(os.environ.get("VISUAL") or os.environ.get("EDITOR") or "vi")
+    try:
+        status = subprocess.run([*command, str(path)]).returncode
+    except OSError as error:
+        raise ToolError(f"cannot start the editor {command[0]} ({error.strerror}): set EDITOR") from None
+    if status != 0:
+        raise ToolError(f"the editor {command[0]} ended with status {status}")
+
+
+def ask_again(mistake: str) -> bool:
+    """Tell the user what is wrong; whether to edit once more."""
+    print(mistake, flush=True)
+    try:
+        return input("Edit it again? [Y/n] ").strip().lower() in ("", "y", "yes")
+    except EOFError:
+        return False
+
+
+def edit_until_right(
+    path: Path, board: Mapping[str, Any], editor: Callable[[Path], None], again: Callable[[str], bool]
+) -> bytes | None:
+    """Let `editor` change a file until it is right, and give back its new content; None if it stays as it was.
+
+    A mistake is given to `again`, which says whether to edit once more; RigFileError if not.
+    """
+    before = path.read_bytes()
+    while True:
+        editor(path)
+        new = path.read_bytes()
+        if new == before:
+            return None
+        try:
+            check(parse(new, path.name), board, path.name)
+            return new
+        except RigFileError as error:
+            if not again(str(error)):
+                raise
+
+
+def edit(device: "Device", protocol: str | None) -> None:
+    """Fetch the rig file of a board (not connected yet), let the user edit it, put it back, restart.
+
+    When it does not get there the board's file is as it was, and the draft stays.
+    """
+    from .device import RIG_FILE
+    from .restart import greeting, hello
+
+    with device:
+        board = device.board()
+        content = device.read(RIG_FILE)
+        alone = device.state.runs and not device.state.background
+        if alone:  # getting to the REPL has ended the controller, whose port it is
+            device.restart()
+    if alone:
+        hello(device.path, protocol, 1)
+    folder = Path(tempfile.mkdtemp(prefix="framestep-"))
+    draft = folder / "rig.json"
+    draft.write_bytes(b"{}\n" if content is None else content)
+    try:
+        new = edit_until_right(draft, board, run_editor, ask_again)
+        if new is None:
+            print("nothing has been changed")
+            shutil.rmtree(folder)
+            return
+        with device:
+            device.halt()
+            device.replace(RIG_FILE, new)
+            device.restart()
+    except (ToolError, KeyboardInterrupt) as error:
+        said = f"{error}\n" if isinstance(error, ToolError) else ""
+        raise ToolError(f"{said}the board's rig file is as it was; the draft is {draft}") from None
+    shutil.rmtree(folder)
+    print(greeting(*hello(device.path, protocol, check(parse(new, RIG_FILE), board, RIG_FILE).ports)))
