@@ -5,12 +5,12 @@ One pass of the main loop is poll(). Nothing in it allocates.
 
 from array import array
 
-from framestep.hal import TROUBLE_LOST_COMMAND
 from framestep.io.requests import Io
 from framestep.io.safety import Safety
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
+from framestep.motion.positions import STEPS
 from framestep.moves.requests import Moves
 from framestep.native import const
 from framestep.protocol import messages as m
@@ -43,6 +43,7 @@ class Controller:
         self.reader = FrameReader()
         self.writer = FrameWriter(2 * m.LARGEST_FRAME)
         self.axes = Axes(hal)
+        self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
         self.io = Io(hal, rig, self.reader, self.writer, self.safety)
         self.count = hal.motors
@@ -84,6 +85,7 @@ class Controller:
             m.MSG_MOTOR_CONFIGURE: self._configure,
             m.MSG_MOTOR_SET_SPEED: self._set_speed,
             m.MSG_MOTOR_SET_LIMITS: self._set_limits,
+            m.MSG_CONDITION: self._condition,
         }
         self.handlers.update(self.moves.handlers)
         self.handlers.update(self.io.handlers)
@@ -201,8 +203,16 @@ class Controller:
     def _watch(self):
         """Faults of the tick kernel and of the engine."""
         kernel = self.axes.kernel.state
-        if kernel[stepper.FAULTS] or self.hal.trouble() & TROUBLE_LOST_COMMAND:
+        lost = self.hal.trouble()
+        if lost or kernel[stepper.FAULTS]:
             kernel[stepper.FAULTS] = 0
+            for motor in range(self.count):
+                block = self.axes[motor].block
+                if block[stepper.FAULT] & stepper.FAULT_LATE:
+                    lost |= 1 << motor  # its pulses broke off in motion, which it may not have followed
+                block[stepper.FAULT] = 0
+            if lost:
+                self.positions.lose(lost, STEPS)
             self.fail()
 
     # ---------------------------------------------------------------- reports
@@ -280,6 +290,21 @@ class Controller:
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
         writer.u32(self.axes.moving_bits() | self.stage.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
+        writer.end()
+        return 0
+
+    def _condition(self):
+        """framestep's own: CONDITION_ bits 0, then state and reason of each motor's position (motion/positions.py)."""
+        writer = self.writer
+        positions = self.positions
+        writer.begin(m.MSG_CONDITION, self.reader)
+        bits = m.CONDITION_BROKEN if self.broken else 0
+        if self.safety.tripped:
+            bits |= m.CONDITION_ESTOP
+        writer.u32(bits)
+        for i in range(self.count):
+            writer.u8(positions.states[i])
+            writer.u8(positions.reasons[i])
         writer.end()
         return 0
 
@@ -385,6 +410,7 @@ class Controller:
         if axis.moving or self.stage.running:
             return m.ERR_MOVING
         self.reader.word_to(1, self.words, 0)
+        self.positions.know(motor)
         axis.set_position(self.words, 0)
         self.say_position = True
         return m.OK
@@ -446,6 +472,7 @@ class Controller:
         else:
             self.powered &= ~bit
             self.hal.enable(motor, False)
+            self.positions.release(motor)
         self._exclude()
         return m.OK
 

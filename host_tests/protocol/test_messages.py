@@ -37,11 +37,12 @@ LENGTHS = {
     0x0205: {0},
     0x0206: {3},
     0x0207: {13},
+    0x4600: {0},  # framestep's own
 }
 
 
 def test_payload_lengths_of_every_type():
-    for kind in [*range(0x0400), 0x8001, 0xFFFF]:
+    for kind in [*range(0x0400), *range(0x4500, 0x4800), 0x8001, 0xFFFF]:
         assert known(kind) == (kind in LENGTHS)
         assert {n for n in range(200) if payload_fits(kind, n)} == LENGTHS.get(kind, set()), hex(kind)
 

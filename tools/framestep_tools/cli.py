@@ -13,12 +13,16 @@ from typing import Annotated
 
 import typer
 
+from framestep import words
+from framestep.motion.positions import LOST
+
 from . import rig_file
-from .client import Client, Event
+from .client import Client, Event, RequestRefused
 from .errors import Command, ToolError
 from .files import board_data
 from .move_file import read_move
 from .payloads import (
+    GetCondition,
     Hi,
     MotorGetPosition,
     MotorJog,
@@ -69,8 +73,22 @@ def status(device: Url) -> None:
         )
         moving = client.request(MotorStatus())
         positions = client.request(MotorGetPosition())
-    for motor, steps in enumerate(positions.steps, 1):
-        print(f"motor {motor}: {steps}{', moving' if motor in moving.moving else ''}")
+        try:
+            condition = client.request(GetCondition())
+        except RequestRefused:
+            condition = None
+    trust = [""] * info.motors
+    if condition:
+        trust = [f", {words.trust(each.state, each.reason)}" for each in condition.positions]
+    for motor, (steps, how) in enumerate(zip(positions.steps, trust, strict=False), 1):
+        print(f"motor {motor}: {steps}{', moving' if motor in moving.moving else ''}{how}")
+    if condition is None:
+        print("this device does not tell how far its positions can be trusted")
+        return
+    for line in words.conditions(condition.bits):
+        print(line)
+    if any(each.state == LOST for each in condition.positions):
+        print(words.LIMITS_COUNT)
 
 
 @app.command()

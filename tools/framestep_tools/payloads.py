@@ -255,6 +255,23 @@ class HardStop(Payload):
 
 
 @dataclass(frozen=True)
+class Trust(Payload):
+    """How far a motor's position can be trusted: numbers of framestep.motion.positions."""
+
+    state: U8
+    reason: U8
+
+
+@dataclass(frozen=True)
+class Condition(Payload):
+    """What the specification has no message for: CONDITION_ bits, and how far each position can be trusted."""
+
+    TYPE = messages.MSG_CONDITION
+    bits: U32
+    positions: Annotated[Sequence[Trust], Trust] = ()
+
+
+@dataclass(frozen=True)
 class VirtPositions(Payload):
     """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec: MSG_VIRT_GET_POSITION)."""
 
@@ -319,6 +336,13 @@ class MotorStatus(Request[Status]):
     """Ask what moves."""
 
     TYPE = messages.MSG_MOTOR_STATUS
+
+
+@dataclass(frozen=True)
+class GetCondition(Request[Condition]):
+    """Ask what the specification has no message for; only framestep answers."""
+
+    TYPE = messages.MSG_CONDITION
 
 
 @dataclass(frozen=True)
@@ -691,7 +715,19 @@ def _table(*classes: type[Payload]) -> dict[int, type[Payload]]:
 
 REQUESTS: dict[int, type[Payload]] = _table(*Request.__subclasses__())
 # What comes without the acknowledgement flag, asked for or not
-REPORTS = _table(DeviceInfo, InputLevels, Status, Moving, Positions, HardStop, VirtPositions, VirtAimPoint, RtEnd, RtGo)
+REPORTS = _table(
+    DeviceInfo,
+    InputLevels,
+    Status,
+    Moving,
+    Positions,
+    HardStop,
+    Condition,
+    VirtPositions,
+    VirtAimPoint,
+    RtEnd,
+    RtGo,
+)
 TYPE_NAMES = {
     value: name.removeprefix("MSG_")
     for name, value in vars(messages).items()

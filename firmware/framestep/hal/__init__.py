@@ -8,7 +8,7 @@
     irq_off() -> x    keep the tick away; irq_on(x) lets it come again. For some microseconds only
     ticks_ms()        milliseconds modulo 2^30
     enable(motor, on) the driver's enable pin
-    trouble() -> int  TROUBLE_ bits since the last call: what the engine has to say
+    trouble() -> int  motors of which a pulse command was lost since the last call, so steps are missing: a bit each
     idle()            nothing to do: wait for the next interrupt
 
     board             the board's data: boards/<board>/board.json as a dictionary
@@ -34,10 +34,6 @@ and dmx is one with
 
 Nothing here allocates after start().
 """
-
-from framestep.native import const
-
-TROUBLE_LOST_COMMAND = const(1)  # a pulse command found its FIFO full: steps are lost
 
 
 class NoDmx:

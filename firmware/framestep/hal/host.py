@@ -7,7 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
-from framestep.hal import TROUBLE_LOST_COMMAND, NoDmx
+from framestep.hal import NoDmx
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel
@@ -165,7 +165,7 @@ class HostHal:
             map_device(_Register(lambda mask: self.drive(0, mask))),
         )
         self.engines = []
-        self._lost = 0  # commands, until the last call of trouble()
+        self._lost = [0] * motors  # commands, until the last call of trouble()
         for i in range(motors):
             settings = rig.motor(i)
             width = max(0, min(15, round(settings["pulse_us"] * CLOCK_HZ / 1e6 / 32 - 34 / 32)))
@@ -250,10 +250,8 @@ class HostHal:
                 self._handler(None)
 
     def trouble(self):
-        lost = sum(engine.lost for engine in self.engines)
-        news = TROUBLE_LOST_COMMAND if lost > self._lost else 0
-        self._lost = lost
-        return news
+        before, self._lost = self._lost, [engine.lost for engine in self.engines]
+        return sum(1 << i for i, lost in enumerate(self._lost) if lost > before[i])
 
     def idle(self):
         pass

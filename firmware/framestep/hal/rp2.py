@@ -11,7 +11,7 @@ import time
 import machine
 from machine import Pin, Timer
 
-from framestep.hal import TROUBLE_LOST_COMMAND, NoDmx
+from framestep.hal import NoDmx
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
@@ -139,7 +139,7 @@ class Rp2Hal:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
 
     def trouble(self):
-        return TROUBLE_LOST_COMMAND if lost_commands(self.motors) else 0
+        return lost_commands(self.motors)
 
     # ---------------------------------------------------------------- running a controller
 

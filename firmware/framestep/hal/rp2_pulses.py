@@ -74,8 +74,9 @@ class PulseEngine:
 
 @micropython.viper
 def lost_commands(motors: int) -> int:
-    """Whether a command has found its FIFO full since the last call: steps are lost."""
+    """Motors of which a command has found its FIFO full since the last call, one bit each."""
     lost = 0
+    bit = 0
     block = 0x502
     block <<= 20  # 0x50200000, which as a constant would be an object
     while motors > 0:
@@ -83,7 +84,8 @@ def lost_commands(motors: int) -> int:
         over = fdebug[_FDEBUG] & _TX_OVER
         if over:
             fdebug[_FDEBUG] = over
-            lost = 1
+            lost |= over >> 16 << bit
         block += 0x100000
+        bit += 4
         motors -= 4
     return lost

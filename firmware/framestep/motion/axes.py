@@ -10,6 +10,7 @@ handed over as (array, index). Nothing allocates after construction.
 from array import array
 
 from framestep.motion import ramps, reals, segments, stepper
+from framestep.motion.positions import Positions
 from framestep.native import const, micropython, ptr32
 
 TICKS_PER_SECOND = const(1000)
@@ -126,7 +127,8 @@ def kernel_rate(acceleration):
 class Axis:
     """One motor."""
 
-    def __init__(self, kernel, motor):
+    def __init__(self, kernel, motor, positions):
+        self.positions = positions
         self.block = kernel.blocks[motor]
         self.state = array("i", [0] * 5)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
@@ -282,7 +284,12 @@ class Axis:
     # ---------------------------------------------------------------- motion
 
     def prepare(self, hal):
-        """Make the cubic the state that a new plan starts from, and drop what was planned."""
+        """Make the cubic the state that a new plan starts from, and drop what was planned.
+
+        Everything that moves begins here.
+        """
+        if self.positions.settled:
+            self.positions.touch()
         block = self.block
         irq = hal.irq_off()
         if self.partner:
@@ -508,7 +515,8 @@ class Axes:
         self.hal = hal
         self.kernel = hal.kernel
         self.count = hal.kernel.motors
-        self.axes = [Axis(hal.kernel, i) for i in range(self.count)]
+        self.positions = Positions(self.count)
+        self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.loose = []  # those with backlash
 
     def __getitem__(self, motor):

@@ -57,6 +57,9 @@ MSG_VIRT_GET_POSITION = const(0x0205)
 MSG_VIRT_JOG_ON_LINE = const(0x0206)
 MSG_VIRT_AIM_POINT = const(0x0207)
 
+# framestep's own, for `framestep status`; Dragonframe does not send it, other devices answer ERR_UNSUPPORTED
+MSG_CONDITION = const(0x4600)
+
 # -- Response codes (spec: MSG_FLAG_ACK)
 
 OK = const(0x0010)
@@ -132,6 +135,9 @@ VIRT_MOTOR_PAN = const(4)
 VIRT_MOTOR_TILT = const(5)
 VIRT_MOTOR_ROLL = const(6)
 
+CONDITION_BROKEN = const(0x01)  # the rig file has a mistake, nothing moves
+CONDITION_ESTOP = const(0x02)  # the E-stop is held
+
 LINE_X = const(0)
 LINE_Y = const(1)
 LINE_Z = const(2)
@@ -187,6 +193,7 @@ REQUESTS = {
     MSG_VIRT_GET_POSITION: (0, 0),
     MSG_VIRT_JOG_ON_LINE: (3, 0),
     MSG_VIRT_AIM_POINT: (13, 0),
+    MSG_CONDITION: (0, 0),
 }
 
 

@@ -1,0 +1,43 @@
+"""Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
+
+from framestep.motion.positions import BEFORE, BROKEN_OFF, DRIVER_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
+from framestep.protocol.messages import CONDITION_BROKEN, CONDITION_ESTOP
+
+STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
+REASONS = {
+    UNSET: "not set since power-up",
+    STEPS: "steps were not made",
+    BROKEN_OFF: "power or the firmware went while motors moved",
+    BEFORE: "lost before the power went",
+    RESTORED: "as remembered from before power-up",
+    DRIVER_OFF: "the driver has been off since it was set",
+    SET: "set by the host",
+}
+CONDITIONS = {
+    CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",
+    CONDITION_ESTOP: "the E-stop is held",
+}
+LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
+
+
+def trust(state, reason):
+    """Such as "lost: not set since power-up"."""
+    return "%s: %s" % (STATES.get(state, "state %d" % state), REASONS.get(reason, "reason %d" % reason))
+
+
+def conditions(bits):
+    """A line for each of the CONDITION_ bits of MSG_CONDITION."""
+    return [CONDITIONS[bit] for bit in sorted(CONDITIONS) if bits & bit]
+
+
+def positions(controller):
+    """A line per motor: where it is and how far that can be trusted; one more where that is not far."""
+    found = controller.positions
+    lines = []
+    for motor in range(found.count):
+        axis = controller.axes[motor]
+        axis.refresh()
+        lines.append("motor %d: %d, %s" % (motor + 1, axis.place[0], trust(found.states[motor], found.reasons[motor])))
+    if LOST in found.states:
+        lines.append(LIMITS_COUNT)
+    return lines

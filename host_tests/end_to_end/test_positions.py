@@ -1,0 +1,155 @@
+"""Which positions can be trusted: known, held, lost, what makes them so, and how it is told."""
+
+import pytest
+
+from framestep import words
+from framestep.motion.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNSET
+from framestep.protocol import messages as m
+from framestep_tools import cli
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client
+from framestep_tools.payloads import (
+    Ack,
+    GetCondition,
+    HardStop,
+    MotorConfigure,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorStopAll,
+    Trust,
+)
+from host_tests.end_to_end.session import simulated
+
+NOT_SET = Trust(LOST, UNSET)
+IS_SET = Trust(KNOWN, SET)
+MISSING = Trust(LOST, STEPS)
+
+
+def trust(session, *motors):
+    found = session.ask(GetCondition()).positions
+    assert len(found) == session.motors
+    return [found[motor - 1] for motor in motors]
+
+
+@pytest.fixture
+def moving():
+    """Motors 1 and 2 cruise, 3 stands, their positions set; 4 moves without."""
+    session = simulated({"estop": "nc", "limits": [{"high": 22, "contact": "no"}]})
+    session.board._board.set_input("estop", 0)
+    session.run(0.05)
+    session.accept(*(MotorResetPosition(motor, 100 * motor) for motor in (1, 2, 3)))
+    session.accept(*(MotorMove(motor, 50_000) for motor in (1, 2, 4)))
+    session.run(0.5)
+    session.forget()
+    return session
+
+
+def at_rest_afterwards(session):
+    """All stand after a fault that the host was told of."""
+    assert {message for _, message in session.events(HardStop)} == {HardStop(100)}
+    session.wait_idle()
+
+
+def test_set_and_moved(moving):
+    assert trust(moving, 1, 2, 3, 4, 5) == [IS_SET, IS_SET, IS_SET, NOT_SET, NOT_SET]
+    moving.accept(MotorStopAll())
+    moving.wait_idle()
+    assert trust(moving, 1, 4) == [IS_SET, NOT_SET]
+    moving.accept(MotorResetPosition(4, 0))
+    assert trust(moving, 4) == [IS_SET]
+
+
+def test_a_driver_that_was_off(moving):
+    moving.accept(MotorStopAll())
+    moving.wait_idle()
+    moving.accept(*(MotorConfigure(motor, 0) for motor in (1, 4)), MotorConfigure(1, m.MOTOR_ENABLED))
+    assert trust(moving, 1, 2, 4) == [Trust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
+    moving.accept(MotorMove(1, 0))
+    moving.wait_idle()
+    assert trust(moving, 1) == [Trust(HELD, DRIVER_OFF)]
+    moving.accept(MotorResetPosition(1, 0))
+    assert trust(moving, 1) == [IS_SET]
+
+
+def test_a_command_that_finds_its_fifo_full(moving):
+    engine = moving.board._board.hal.engines[1]
+    before = moving.positions
+    moving.forget()
+    engine.waiting[:] = [engine.clock() + 150_000] * 8  # none of which is fetched for 1.2 ms
+    moving.run(0.05)
+    at_rest_afterwards(moving)
+    assert trust(moving, 1, 2, 3, 4) == [IS_SET, MISSING, IS_SET, NOT_SET]
+    assert moving.position(2) - before[2] == moving.position(1) - before[1]
+    assert moving.made(2) <= moving.made(1) - 3
+    moving.accept(MotorMove(2, 0))
+    moving.wait_idle()
+    assert trust(moving, 2) == [MISSING]
+    moving.accept(MotorResetPosition(2, 0))
+    assert trust(moving, 2) == [IS_SET]
+
+
+def test_pulses_that_broke_off(moving):
+    moving.board._board.next_tick += 10_000_000
+    moving.run(0.05)
+    at_rest_afterwards(moving)
+    assert trust(moving, 1, 2, 3, 4) == [MISSING, MISSING, IS_SET, MISSING]
+
+
+def test_stops_that_lose_nothing(moving):
+    """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is counted."""
+    axes = moving.board._board.controller.axes
+    feed, axes.feed = axes.feed, lambda: None
+    moving.run(2)
+    axes.feed = feed
+    at_rest_afterwards(moving)
+    moving.accept(MotorSetLimits(2, 0, 0, 0, 0, 1))
+    for stop in ("estop", 22, None):
+        moving.accept(*(MotorMove(motor, 0 if stop == "estop" else 30_000) for motor in (1, 2)))
+        moving.run(0.3)
+        if stop is None:
+            moving.leave()
+            moving.run(2)
+            moving.come_back()
+        else:
+            level = 1 if stop == "estop" else 0
+            moving.board._board.set_input(stop, level)
+            moving.run(0.1)
+            moving.board._board.set_input(stop, 1 - level)
+        moving.wait_idle()
+    assert trust(moving, 1, 2, 3) == [IS_SET] * 3
+
+
+def test_soft_limits_count_from_a_lost_position(moving):
+    moving.accept(MotorSetLimits(5, 1, -100, 1, 100))
+    moving.refuse(Ack.ERR_SOFT_UP, MotorMove(5, 101))
+    assert trust(moving, 5) == [NOT_SET]
+
+
+def test_the_repl_says_so_in_words(moving):
+    lines = words.positions(moving.board._board.controller)
+    place = moving.position(1)
+    assert lines[0] == f"motor 1: {place}, known: set by the host"
+    assert lines[4] == "motor 5: 0, lost: not set since power-up"
+    assert lines[8] == words.LIMITS_COUNT and len(lines) == 9
+
+
+def test_the_status_command_says_so(monkeypatch, capsys):
+    board = SimulatedBoard({"estop": "nc"}, motors=2)
+    monkeypatch.setattr(cli.Client, "open", lambda device: Client(LockstepPort(board)))
+    with Client.open("x") as client:
+        client.request(MotorResetPosition(1, -7))
+    assert cli.app.status(["status", "x"]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "motor 1: -7, known: set by the host",
+        "motor 2: 0, lost: not set since power-up",
+        "the E-stop is held",
+        "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it",
+    ]
+    board._board.controller.handlers.pop(m.MSG_CONDITION)  # as another device has it
+    assert cli.app.status(["status", "x"]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "motor 1: -7",
+        "motor 2: 0",
+        "this device does not tell how far its positions can be trusted",
+    ]
