@@ -59,6 +59,12 @@ for channel in range(1, 37):
 store.finish()
 store.seek(10, lights)
 print("steps", step(11, False), step(10, True))
+store.begin(100)
+for channel in range(3, 513, 16):
+    levels(channel, 100)
+store.finish()
+store.seek(10, lights)
+print("apart", step(11, False), step(10, True))
 """
 
 
@@ -95,3 +101,4 @@ def test_times(emulator):
     assert -2500 < measured["refused"][0] < 0
     assert 0 < measured["again"][0] < 12_000
     assert all(0 < us < 500 for us in measured["steps"])
+    assert all(0 < us < 700 for us in measured["apart"]), "32 channels, none beside another"

@@ -49,13 +49,19 @@ def test_frames_never_sent_hold_the_level_before_and_the_first_ones_the_first():
     assert answers(*lines, "PLAY 0 7")[-1] == "1=4;;1=6;;;1=7;;"
 
 
-def test_neighbouring_channels_are_set_together_and_others_left_alone():
+def test_channels_are_set_together_and_others_left_alone():
     calls = []
 
     class Lights:
         def put(self, channel, source, at, count):
             calls.append((channel, bytes(source[at : at + count])))
 
+        def put_marked(self, first, last, source, marks):
+            calls.append({c: source[c] for c in range(first, last + 1) if marks[c] & MARK})
+            for channel in range(first, last + 1):
+                marks[channel] &= ~MARK
+
+    from framestep.io.lights import MARK
     from framestep.moves.cues import CueStore
     from framestep.protocol.frames import FrameReader
 
@@ -71,10 +77,10 @@ def test_neighbouring_channels_are_set_together_and_others_left_alone():
     assert calls == [(1, b"\1\1"), (4, b"\1"), (511, b"\1\1")]
     del calls[:]
     store.step(1, False, Lights())
-    assert calls == [(1, b"\2\3"), (4, b"\4"), (512, b"\5")]
+    assert calls == [{1: 2, 2: 3, 4: 4, 512: 5}]
     del calls[:]
     store.step(0, True, Lights())
-    assert calls == [(1, b"\1\1"), (4, b"\1"), (512, b"\1")]
+    assert calls == [{1: 1, 2: 1, 4: 1, 512: 1}]
 
 
 def test_a_full_store_keeps_what_it_has():

@@ -15,7 +15,7 @@ Lines on standard input, each answered by one line:
 import sys
 from array import array
 
-from framestep.io.lights import Lights
+from framestep.io.lights import MARK, Lights
 from framestep.moves.cues import CueStore
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION, MSG_RT_UPLOAD_MOVE_DMX
@@ -46,6 +46,16 @@ class Recorder:
             self.channels[n + i] = channel + i
             self.values[n + i] = source[at + i]
         self.count = n + count
+
+    def put_marked(self, first, last, source, marks):
+        n = self.count
+        for channel in range(first, last + 1):
+            if marks[channel] & MARK:
+                self.channels[n] = channel
+                self.values[n] = source[channel]
+                n += 1
+        self.count = n
+        self.lights.put_marked(first, last, source, marks)
 
     def text(self):
         set_ = [f"{self.channels[i]}={self.values[i]}" for i in range(self.count)]

@@ -35,6 +35,7 @@ _READY = const(2)
 _FRAME_SHIFT = const(10)
 _CHANNEL_BITS = const(0x3FE)
 _GAP = const(1)
+_MARKED = const(3)  # a channel that has data, and io.lights.MARK
 # State of a channel: a level, plus this in a gap; -1, which has the bit too, before its first change
 _UNSENT = const(0x100)
 
@@ -359,7 +360,7 @@ class CueStore:
 
     def __init__(self, changes=4096, triggers=512):
         """Room for `changes` changes of level (6 bytes each) and `triggers` frames with triggers (8 bytes each)."""
-        self._used = bytearray(CHANNELS + 1)  # by channel: 1 if it has data
+        self._used = bytearray(CHANNELS + 1)  # by channel: 1 if it has data, _MARKED while a step sets it
         self._levels = bytearray(CHANNELS + 1)  # by channel: on their way to the lights
         self._words = array("i", [0] * _WORDS)
         self.take(changes, triggers)
@@ -537,6 +538,7 @@ class CueStore:
         if word[_STATE] != _READY:
             return
         levels = self._levels
+        used = self._used
         keys = self._keys
         if backward:
             index += 1
@@ -545,22 +547,21 @@ class CueStore:
         key = ptr32(keys)
         value = ptr16(self._values)
         level = ptr8(levels)
-        first = 1
+        marks = ptr8(used)
+        first = 0
         channel = 0
         while i < changes and key[i] >> _FRAME_SHIFT == index:
             old = value[i] & 0xFF
             new = value[i] >> 8
             if old != new:
-                tag = (key[i] & _CHANNEL_BITS) >> 1
-                if tag != channel:
-                    if channel:
-                        lights.put(first, levels, first, channel - first + 1)
-                    first = tag + 1
-                channel = tag + 1
+                channel = ((key[i] & _CHANNEL_BITS) >> 1) + 1
+                if first == 0:
+                    first = channel
                 level[channel] = old if backward else new
+                marks[channel] = _MARKED
             i += 1
         if channel:
-            lights.put(first, levels, first, channel - first + 1)
+            lights.put_marked(first, channel, levels, used)
 
     @micropython.viper
     def trigger_mask_to(self, words, k: int):
