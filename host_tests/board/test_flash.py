@@ -4,6 +4,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_emulator.image import read_image
-from framestep_tools import cli
+from framestep_tools import cli, dist
 from framestep_tools.client import Client
 from framestep_tools.files import ROOT, board_files
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
@@ -133,3 +134,20 @@ def test_one_port(bench, monkeypatch, capsys):
         assert client.request(Hi()).name == "small", "the controller is there again"
     said = edit(bench, monkeypatch, capsys, "1", "2")
     assert re.search(f"small on {bench.protocol}, firmware", said)
+
+
+def test_installed_by_mip(tmp_path):
+    """`make dist`, then mpremote mip install of the folder's package.json, then a reset: framestep answers."""
+    dist.write(tmp_path / "dist")
+    with Emulator(lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+        emu.wait_usb()
+        mpremote = [sys.executable, "-m", "mpremote", "connect", repl]
+        package = tmp_path / "dist" / "armv6m" / "package.json"
+        done = subprocess.run([*mpremote, "mip", "install", str(package)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert files(SimpleNamespace(emu=emu, folder=tmp_path)) == board_files()
+        begun = emu.ns
+        subprocess.run([*mpremote, "reset"], check=True, capture_output=True)
+        emu.wait_usb(after=begun, ports=2, ms=PATIENCE_S * 1000)
+        with Client.open(protocol, timeout_s=20) as client:
+            assert client.request(Hi()).motors == 8

@@ -1,0 +1,51 @@
+"""`make dist`: framestep as packages for `mpremote mip install`, in build/dist.
+
+A folder for each processor, with the .mpy files that boards with it share, in `boards` those that differ, and a package
+per board: <board>.json. package.json is that of the plain board (Raspberry Pi Pico, Pico 2).
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+from framestep.controller import VERSION
+
+from .files import ROOT, board_data, board_files, board_names, march, write_tree
+
+DIST = ROOT / "build" / "dist"
+_PLAIN = ("pico", "pico2")
+_BOARD = "/lib/framestep/board.mpy"
+_LIB = "/lib/"
+
+
+def packages() -> dict[str, bytes]:
+    """{path below build/dist: content} of everything."""
+    made: dict[str, bytes] = {}
+    for board in board_names():
+        processor = march(board_data(board)["chip"])
+        urls = []
+        for path, content in board_files(processor, board).items():
+            # mip installs into /lib; main.py belongs beside it
+            target = path.removeprefix(_LIB) if path.startswith(_LIB) else f"..{path}"
+            source = f"boards/{board}.mpy" if path == _BOARD else Path(target).as_posix().removeprefix("../")
+            made[f"{processor}/{source}"] = content
+            urls.append([target, source])
+        package = json.dumps({"urls": urls, "version": ".".join(map(str, VERSION))}, indent=1).encode() + b"\n"
+        made[f"{processor}/{board}.json"] = package
+        if board in _PLAIN:
+            made[f"{processor}/package.json"] = package
+    return made
+
+
+def write(folder: Path) -> None:
+    """Write them; what was there before goes."""
+    if folder.exists():
+        shutil.rmtree(folder)
+    write_tree(folder, packages())
+
+
+if __name__ == "__main__":
+    write(DIST)
+    for folder in sorted(DIST.iterdir()):
+        names = ", ".join(sorted(path.name for path in folder.glob("*.json")))
+        print(f"{folder.relative_to(ROOT)}: {len(list(folder.rglob('*.mpy')))} .mpy files; {names}")
