@@ -34,7 +34,7 @@ def _settings(board):
     from framestep import rig
 
     found, mistake = rig.load(board=board)
-    settings = Settings(found, len(board["step"]))
+    settings = Settings(found, len(found.board["step"]))
     del sys.modules["framestep.rig"]
     del framestep.rig
     return settings, mistake
@@ -53,7 +53,7 @@ def start():
     from framestep.controller import Controller
     from framestep.hal.rp2 import Rp2Hal
 
-    hal = Rp2Hal(BOARD, settings)
+    hal = Rp2Hal(settings.board, settings)
     controller = Controller(hal, settings, broken=mistake is not None)
     hal.start()
     controller.moves.take_memory()

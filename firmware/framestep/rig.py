@@ -12,9 +12,10 @@ SETTINGS = {
     "jog_timeout_ms": (int, 0, 60000, 500, "ms", "a jog ends when no further one comes for so long; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
+    "motor_count": (int, 0, 12, 0, "", "how many motors; the others' pins are free then. 0: all that the board has"),
     "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
-    "outputs": (list, 0, 16, None, "", "general outputs 1, 2, …; without it the first half of the board's GIO pins"),
-    "inputs": (list, 0, 16, None, "", "general inputs 1, 2, …; without it the second half of the board's GIO pins"),
+    "outputs": (list, 0, 16, None, "", "general outputs 1, 2, …; without it those of the board, on its page"),
+    "inputs": (list, 0, 16, None, "", "general inputs 1, 2, …; without it those of the board, on its page"),
     "limits": (list, 0, 12, [], "", "limit switch sets 1, 2, … that SET_LIMITS assigns to motors"),
     "estop": (
         str,
@@ -76,7 +77,7 @@ LIMIT_SETTINGS = {
 }
 
 # keys of a board's data whose pins are taken whatever the rig file says
-_BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter")
+_BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper")
 _HIGHEST_PIN = {"rp2040": 29}
 
 
@@ -134,6 +135,39 @@ def _read_list(settings, found, where):
     return [_read(settings, item, "%s[%d]." % (where, i + 1)) for i, item in enumerate(found)]
 
 
+def _pins(value):
+    """The pins in an entry of a board's data: one, a list, or those of a serial line."""
+    if isinstance(value, dict):
+        return [value["tx"], value["rx"]]
+    return value if isinstance(value, list) else [value]
+
+
+def fitted(board, count=0, drivers=False):
+    """The board's data for `count` motors (0: all), and for `drivers` that are set up over their serial line.
+
+    What is `freed` or comes `with_drivers` is in force where no motor in use has its pins.
+    """
+    board = dict(board)
+    freed = board.pop("freed", {})
+    changes = [freed, board.pop("with_drivers", {})]
+    for key in ("step", "dir", "enable"):
+        if count and isinstance(board.get(key), list):
+            board[key] = board[key][:count]
+    if "step" in board:
+        board["motors"] = len(board["step"])
+    taken = board.get("step", []) + board.get("dir", [])
+    for change in changes[: 2 if drivers else 1]:
+        for key in change:
+            value = change[key]
+            if key == "gio":
+                value = [pin for pin in value if pin not in taken]
+            if not value or [pin for pin in _pins(value) if pin in taken]:
+                board.pop(key, None)
+            else:
+                board[key] = value
+    return board
+
+
 def _board_pins(board, dmx):
     """{pin: what the board has it for}."""
     taken = {}
@@ -149,13 +183,16 @@ def _board_pins(board, dmx):
 
 class Rig:
     """The settings in force. `motor(i)` gives those of motor i (from 0) as a dictionary; `outputs`, `inputs` and
-    `limits` are lists of such, with the pins of `board` where the file does not say which."""
+    `limits` are lists of such, with the board's pins where the file does not say which. `board` is the board's data
+    as these settings have it (see fitted)."""
 
     def __init__(self, found=None, board=None):
         """From what the file holds (parsed JSON) for the board with this data; RigError for a mistake."""
         settings = _read(SETTINGS, {} if found is None else found, "")
         self.motors = _read_list(MOTOR_SETTINGS, settings["motors"], "motors")
-        self._assign_pins(settings, {} if board is None else board)
+        self.board = fitted({} if board is None else board, settings["motor_count"])
+        self._count_motors(settings, len((board or {}).get("step", ())))
+        self._assign_pins(settings, self.board)
         self.settings = settings
         self.name = settings["name"].encode()
         self.wide = 1 if settings["dialect"] == "dmc-lite" else 0
@@ -171,6 +208,13 @@ class Rig:
         self.dmx_mark_us = settings["dmx_mark_us"]
         self.dmx_ramp_ms = settings["dmx_ramp_ms"]
 
+    def _count_motors(self, settings, most):
+        if most and settings["motor_count"] > most:
+            raise RigError("motor_count: found %d, this board has %d motors" % (settings["motor_count"], most))
+        count = self.board.get("motors", 0)
+        if count and len(self.motors) > count:
+            raise RigError("motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count))
+
     def _assign_pins(self, settings, board):
         """Which pin is for what; each for one thing only."""
         taken = _board_pins(board, settings["dmx"])
@@ -179,11 +223,17 @@ class Rig:
         if settings["estop"] != "none" and board and "estop" not in board:
             raise RigError('estop: found "%s", but this board has no E-stop pin; allowed is "none"' % settings["estop"])
 
-        def claim(pin, what):
+        drives = board.get("outputs", [])  # a transistor's input
+        switches = board.get("stops", []) + board.get("inputs", [])
+
+        def claim(pin, what, others=drives):
             if pin > highest:
                 raise RigError("%s: found %d, allowed is a pin from 0 to %d" % (what, pin, highest))
             if pin in taken:
                 raise RigError("%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin]))
+            if pin in others:
+                kind = "output" if others is drives else "input"
+                raise RigError("%s: found %d, which is wired as an %s on this board" % (what, pin, kind))
             taken[pin] = what
 
         self.limits = _read_list(LIMIT_SETTINGS, settings["limits"], "limits")
@@ -195,10 +245,12 @@ class Rig:
         for key, table in (("outputs", OUTPUT_SETTINGS), ("inputs", INPUT_SETTINGS)):
             lists.append(None if settings[key] is None else _read_list(table, settings[key], key))
             for i, item in enumerate(lists[-1] or []):
-                claim(item["pin"], "%s[%d].pin" % (key, i + 1))
+                claim(item["pin"], "%s[%d].pin" % (key, i + 1), switches if key == "outputs" else drives)
         pins = board.get("gio", [])
         half = len(pins) // 2
-        for k, (table, mine) in enumerate(((OUTPUT_SETTINGS, pins[:half]), (INPUT_SETTINGS, pins[half:]))):
+        outputs = drives + pins[:half]
+        inputs = pins[half:] + board.get("inputs", [])
+        for k, (table, mine) in enumerate(((OUTPUT_SETTINGS, outputs), (INPUT_SETTINGS, inputs))):
             if lists[k] is None:
                 lists[k] = [_read(table, {"pin": pin}, "") for pin in mine if pin not in taken]
         self.outputs, self.inputs = lists

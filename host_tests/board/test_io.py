@@ -37,7 +37,7 @@ class Wire:
 
     def __init__(self, board):
         self.emulator = board.emulator
-        self.pins = board._pins.pins
+        self.pins = board.pins.pins
         self.emulator.trace_start([*self.pins, DMX_PIN])
         self.emulator.trace_read()
 

@@ -49,6 +49,44 @@ def test_limits_take_pins_from_the_defaults():
     assert [i["pin"] for i in rig.inputs] == [28]
 
 
+SKR_PICO = json.loads((ROOT / "boards/skr_pico/board.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"motor_count": 5}, "motor_count: found 5, this board has 4 motors"),
+        ({"motors": [{}] * 5}, "motors: found 5, allowed is a list of at most 4 here"),
+        ({"motor_count": 1, "motors": [{}, {}]}, "motors: found 2, allowed is a list of at most 1 here"),
+        ({"outputs": [{"pin": 4}]}, "outputs[1].pin: found 4, which is wired as an input on this board"),
+        ({"inputs": [{"pin": 23}]}, "inputs[1].pin: found 23, which is wired as an output on this board"),
+        ({"limits": [{"low": 20}]}, "limits[1].low: found 20, which is wired as an output on this board"),
+        ({"inputs": [{"pin": 27}]}, "inputs[1].pin: found 27, which is the board's jumper already"),
+        ({"inputs": [{"pin": 12}]}, "inputs[1].pin: found 12, which is the board's enable 1 already"),
+    ],
+)
+def test_mistakes_on_a_board_with_sockets(settings, text):
+    with pytest.raises(RigError) as error:
+        Rig(settings, SKR_PICO)
+    assert text in str(error.value)
+
+
+def test_outputs_and_inputs_of_a_board_with_sockets():
+    rig = Rig({}, SKR_PICO)
+    assert [o["pin"] for o in rig.outputs] == [20, 21, 23]
+    assert [i["pin"] for i in rig.inputs] == [22]
+    rig = Rig({"limits": [{"low": 4, "high": 3}], "outputs": [{"pin": 29}], "inputs": [{"pin": 25}]}, SKR_PICO)
+    assert rig.limits[0]["low"] == 4 and rig.outputs[0]["pin"] == 29 and rig.inputs[0]["pin"] == 25
+
+
+def test_fewer_motors_leave_pins_for_other_things():
+    rig = Rig({"motor_count": 7, "outputs": [{"pin": 16}], "inputs": [{"pin": 17}]}, BOARD)
+    assert rig.board["step"] == BOARD["step"][:7] and rig.board["motors"] == 7
+    assert rig.outputs[0]["pin"] == 16
+    rig = Rig({"motor_count": 2, "inputs": [{"pin": 14}]}, SKR_PICO)
+    assert rig.board["enable"] == [12, 7]
+
+
 def test_dmx_frees_its_pins():
     rig = Rig({"dmx": False, "inputs": [{"pin": 0}, {"pin": 1}]}, BOARD)
     assert [i["pin"] for i in rig.inputs] == [0, 1]

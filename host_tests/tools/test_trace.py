@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from framestep_tools.errors import ToolError
 from framestep_tools.files import ROOT
 from framestep_tools.trace import HEADER, PinDecoder, Trace, TraceError, TraceWriter, load_board
 
@@ -39,7 +40,7 @@ def test_the_pico_is_wired_as_documented():
 
 
 def test_an_unknown_board_is_named():
-    with pytest.raises(TraceError, match=r"no board 'nano': there are .*pico"):
+    with pytest.raises(ToolError, match=r"no board 'nano': there are .*pico"):
         load_board("nano")
 
 

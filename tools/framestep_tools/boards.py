@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 from .errors import ToolError
+from .files import board_data
 from .rig_file import read
 from .trace import Edge, PinDecoder, load_board
 
@@ -65,16 +66,16 @@ class Board(Protocol):
 
 
 class SimulatedBoard:
-    """The controller on the host HAL."""
+    """The controller on the host HAL, with the pins of a board in boards/. motors: how many, whatever the board has."""
 
     slice_ns = 1_000_000
     protocol: Channel
     repl: Channel | None = None
 
-    def __init__(self, rig: Mapping[str, Any] | None = None, motors: int = 8):
+    def __init__(self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"):
         from framestep.hal.host import HostBoard
 
-        self._board = HostBoard(rig=dict(rig) if rig else None, motors=motors)
+        self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board))
         self._edges: list[Edge] = []
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append((time_ns, signal, value))
         self._out = bytearray()
@@ -157,7 +158,8 @@ class EmulatedBoard:
 
     `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port and there is no
     REPL channel. `frozen`: the firmware with the code in it instead of copied files. `args` go to the emulator (its
-    --help). `emulator` is the framestep_emulator.Emulator, for pins, loads and the like, `pins` the pin map.
+    --help). `board` is a folder in boards/: the firmware gets that one's pins. `emulator` is the
+    framestep_emulator.Emulator, for pins, loads and the like, `pins` the pin map.
     """
 
     slice_ns = 4_000_000
@@ -167,7 +169,7 @@ class EmulatedBoard:
         rig: Mapping[str, Any] | None = None,
         trace: bool = True,
         flash: str | None = None,
-        pins: str = "pico",
+        board: str = "pico",
         frozen: bool = False,
         args: Sequence[str] = (),
     ):
@@ -177,14 +179,14 @@ class EmulatedBoard:
         from .files import board_files
 
         rig = dict(rig or {})
-        files = {} if frozen else board_files()
+        files = {} if frozen else board_files(board=board)
         if rig:
             files["/rig.json"] = json.dumps(rig).encode()
         single = rig.get("ports") == 1
-        firmware = builds.frozen() if frozen else None
+        firmware = builds.frozen(board) if frozen else None
         self.emulator = Emulator(firmware, files=files, flash=flash, args=args).start()
         try:
-            self.pins = load_board(pins)
+            self.pins = load_board(board, rig)
             inverted = [i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)]
             self._decoder = PinDecoder(self.pins, inverted)
             if trace:

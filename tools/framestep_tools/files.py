@@ -86,8 +86,9 @@ def march(chip: str) -> str:
 
 
 def board_module(board: str) -> str:
-    """Source of framestep/board.py: the data of boards/<board>/board.json."""
+    """Source of framestep/board.py: the data of boards/<board>/board.json, but for what is for its page."""
     data = board_data(board)
+    data.pop("page", None)
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
 
 

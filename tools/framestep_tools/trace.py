@@ -4,23 +4,25 @@ A trace is CSV with the header `time_ns,signal,value`, written as it happens and
 
     m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting direction
     dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
-    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise
+    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each motor has its own)
 
 Times are nanoseconds of the board's own (virtual) time.
 """
 
 import heapq
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
+from framestep.hal.host import pin_names
+from framestep.rig import Rig
+
 from .errors import ToolError
-from .files import ROOT
+from .files import board_data
 
 HEADER = "time_ns,signal,value"
 _ROW = np.dtype([("time_ns", "i8"), ("signal", "U12"), ("value", "i4")])
@@ -50,20 +52,23 @@ class BoardPins:
         return sorted((*self.step, *self.levels))
 
 
-def load_board(name: str = "pico") -> BoardPins:
-    """Read the pin map of a board by the name of its folder in boards/; TraceError if there is none."""
-    path = ROOT / "boards" / name / "board.json"
+def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
+    """Read the pin map of a board by the name of its folder in boards/, as it is with this rig file's settings;
+    ToolError if there is none, RigError for a mistake in the rig file."""
+    data = board_data(name)
     try:
-        board = json.loads(path.read_text())
+        board = Rig(dict(rig) if rig else None, data).board
         levels = {pin: f"dir{i}" for i, pin in enumerate(board["dir"], 1)}
-        levels |= {board[key]: key for key in ("enable", "estop", "shutter", "meter") if key in board}
-        levels |= {pin: f"gio{i}" for i, pin in enumerate(board.get("gio", []), 1)}
+        enable = board["enable"]
+        levels |= (
+            {pin: f"enable{i}" for i, pin in enumerate(enable, 1)} if isinstance(enable, list) else {enable: "enable"}
+        )
+        levels |= pin_names(board)
         return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
-    except FileNotFoundError:
-        known = ", ".join(sorted(p.parent.name for p in path.parent.parent.glob("*/board.json")))
-        raise TraceError(f"no board {name!r}: there are {known or 'none'}") from None
-    except (KeyError, ValueError) as error:
-        raise TraceError(f"{path}: expected lists of pins for step and dir, stumbled on {error}") from error
+    except (KeyError, TypeError) as error:
+        raise TraceError(
+            f"boards/{name}/board.json: expected pins for step, dir, enable, stumbled on {error}"
+        ) from error
 
 
 class PinDecoder:

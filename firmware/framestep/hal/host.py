@@ -36,6 +36,14 @@ BOARD = {
 }
 
 
+def pin_names(board):
+    """{pin: name} of a board's inputs and outputs, as traces have them."""
+    names = {board[key]: key for key in ("estop", "shutter", "meter") if key in board}
+    for key, name in (("gio", "gio"), ("outputs", "out"), ("inputs", "in"), ("stops", "stop")):
+        names.update({pin: "%s%d" % (name, i) for i, pin in enumerate(board.get(key, []), 1)})
+    return names
+
+
 class PulseModel:
     """The pulse engine of one motor: commands in, edges out, times in cycles.
 
@@ -150,9 +158,8 @@ class HostHal:
         self.upload_bytes = UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
-        self.board = BOARD
-        self.names = {BOARD[key]: key for key in ("estop", "shutter", "meter")}
-        self.names.update({pin: "gio%d" % i for i, pin in enumerate(BOARD["gio"], 1)})
+        self.board = rig.board
+        self.names = pin_names(rig.board)
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
         self._watched = 0
@@ -265,12 +272,13 @@ class HostHal:
 class HostBoard:
     """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
 
-    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it.
+    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
+    the board has.
     """
 
-    def __init__(self, rig=None, motors=8):
-        self.rig = Rig(rig, BOARD)
-        self.hal = HostHal(motors, self.rig)
+    def __init__(self, rig=None, motors=None, board=BOARD):
+        self.rig = Rig(rig, board)
+        self.hal = HostHal(motors or self.rig.board["motors"], self.rig)
         self.controller = Controller(self.hal, self.rig)
         self.controller.moves.take_memory()
         self.next_tick = TICK_DELAY_NS

@@ -1,0 +1,3 @@
+// The name that the REPL shows, and what framestep's image leaves of the flash for files
+#define MICROPY_HW_BOARD_NAME "Raspberry Pi Pico with framestep"
+#define MICROPY_HW_FLASH_STORAGE_BYTES (1408 * 1024)

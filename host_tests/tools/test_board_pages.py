@@ -1,0 +1,100 @@
+"""Every board's data is sound, its page and drawing are made from it, and its example rig file is valid."""
+
+import copy
+
+import pytest
+
+from framestep.rig import Rig, fitted
+from framestep_tools import board_pages
+from framestep_tools.files import ROOT, board_data, board_files, board_names, march
+from framestep_tools.rig_file import read
+
+BOARDS = board_names()
+
+
+def test_the_boards_that_there_are():
+    assert BOARDS == ["fysetc_erb", "pico", "pico2", "skr_pico"]
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_data_is_sound(name):
+    assert board_pages.complaints(board_data(name)) == []
+
+
+def change(name, **entries):
+    return copy.deepcopy(board_data(name)) | entries
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"),
+    [
+        (change("pico", estop=2), "1 motors: pin 2 is used 2 times"),
+        (change("pico", meter=30), "there is no pin 30"),
+        (change("pico", motors=7), "motors: 7, but step, dir and enable list [8]"),
+        (change("pico2", chip="rp2040"), "motors: 12, but the chip has 8 state machines"),
+        (change("pico", chip="esp32"), "chip: esp32 is none of rp2040, rp2350"),
+        (change("pico", dmx={"uart": 1, "tx": 0, "rx": 1}), "pins 0, 1 are not TX and RX of UART1"),
+        (change("pico", with_drivers={"drivers": {"uart": 0, "tx": 28, "rx": 29, "address": [0]}}), "the same UART"),
+        (change("pico", with_drivers={"drivers": {"uart": 1, "tx": 20, "rx": 21, "address": [0]}}), "pin 20 is used 2"),
+        (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [0, 0]}), "addresses [0, 0]"),
+        (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [4]}), "addresses [4]"),
+        (change("skr_pico", leds=[1]), "leds: no such entry"),
+    ],
+)
+def test_a_mistake_is_found(data, complaint):
+    assert any(complaint in text for text in board_pages.complaints(data)), board_pages.complaints(data)
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_page_and_drawing_are_up_to_date(name):
+    for path, text in board_pages.page(name).items():
+        assert path.read_text() == text, "run python -m framestep_tools.board_pages"
+
+
+def test_changed_data_shows(monkeypatch):
+    monkeypatch.setattr(board_pages, "board_data", lambda name: change(name, estop=29))
+    for path, text in board_pages.page("skr_pico").items():
+        assert path.read_text() != text
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_folder_is_complete(name):
+    folder = ROOT / "boards" / name
+    assert "not yet tried on hardware" in (folder / "README.md").read_text().lower()
+    chip = board_data(name)["chip"]
+    cmake = (folder / "mpconfigboard.cmake").read_text()
+    assert f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")' in cmake
+    assert "${MICROPY_BOARD_DIR}/manifest.py" in cmake
+    header = (folder / "mpconfigboard.h").read_text()
+    assert f'"{board_data(name)["name"]} with framestep"' in header
+    assert "MICROPY_HW_FLASH_STORAGE_BYTES" in header
+    assert (folder / "manifest.py").read_text() == 'include("../manifest.py")\n'
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_example_rig_file_is_valid(name):
+    settings = read(ROOT / "boards" / name / "rig.json")
+    rig = Rig(settings, board_data(name))
+    assert rig.name.decode() == settings["name"] and rig.estop == "nc"
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_firmware_compiles_for_the_processor(name):
+    files = board_files(march(board_data(name)["chip"]), name)
+    assert files["/lib/framestep/hal/rp2_pulses.mpy"][0] == ord("M")
+    assert board_data(name)["name"].encode() in files["/lib/framestep/board.mpy"]
+    assert b"header" not in files["/lib/framestep/board.mpy"]  # what is for the page stays off the board
+
+
+def test_motors_free_pins():
+    """A Pico 2 with fewer motors has what a Pico has."""
+    pico2, pico = board_data("pico2"), board_data("pico")
+    assert not {"dmx", "shutter", "meter", "gio"} & set(fitted(pico2))
+    ten = fitted(pico2, 10)
+    assert (ten["shutter"], ten["meter"], ten["dmx"]["tx"]) == (20, 21, 0) and "gio" not in ten
+    for drivers in (False, True):
+        eight, wanted = fitted(pico2, 8, drivers), fitted(pico, 8, drivers)
+        same = wanted.keys() - {"name", "chip", "page"}
+        assert {key: eight[key] for key in same} == {key: wanted[key] for key in same}
+    # the UART's pins step motor 11
+    assert "drivers" not in fitted(pico2, 11, True) and "drivers" in fitted(pico2, 10, True)

@@ -1,0 +1,279 @@
+"""A board's page: the table of its pins and the drawing, made from boards/<board>/board.json; and a check of that data.
+
+python -m framestep_tools.board_pages          put them into every boards/<board>
+"""
+
+import html
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from framestep.rig import fitted
+
+from .files import ROOT, board_data, board_names
+
+BEGIN = "<!-- pins: made by python -m framestep_tools.board_pages -->\n"
+END = "<!-- end of pins -->"
+_ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can tell apart
+
+# state machines (one steps a motor), pins; the pins that each UART can have as TX and RX
+# (RP2040 datasheet 1.4.3 and 3.1, RP2350 datasheet 1.2.3 and 11.1: the same pins for function F2)
+CHIPS = {"rp2040": (8, 30), "rp2350": (12, 30)}
+UART_PINS = {
+    0: ({0, 12, 16, 28}, {1, 13, 17, 29}),
+    1: ({4, 8, 20, 24}, {5, 9, 21, 25}),
+}
+_KEYS = {
+    *("name", "chip", "motors", "step", "dir", "enable", "estop", "shutter", "meter", "dmx", "drivers", "gio"),
+    *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
+}
+
+
+class Use(NamedTuple):
+    """What a pin is for, and what to wire to it."""
+
+    pin: int
+    kind: str  # what is drawn alike
+    what: str
+    wire: str
+
+
+def uses(board: Mapping[str, Any]) -> list[Use]:
+    """Every pin that is spoken for, in the order of the table. board: data as framestep.rig.fitted gives it."""
+    found = list(_motors(board))
+    if isinstance(board["enable"], int):
+        found.append(Use(board["enable"], "motor", "enable of all drivers", "EN of every driver"))
+    for key, kind, what, wire in (
+        ("estop", "stop", "E-stop", "button to GND, closed while all is well"),
+        ("shutter", "camera", "camera shutter", "optocoupler of the release cable"),
+        ("meter", "camera", "camera meter", "the same, half pressed"),
+    ):
+        if key in board:
+            found.append(Use(board[key], kind, what, wire))
+    found += [
+        Use(pin, "stop", f"stop input {i}", "limit switch to GND") for i, pin in enumerate(board.get("stops", []), 1)
+    ]
+    line = board.get("dmx")
+    if line:
+        found.append(Use(line["tx"], "serial", "DMX", "DI of a MAX485"))
+        found.append(Use(line["rx"], "serial", "taken by the UART of DMX", "nothing"))
+    line = board.get("drivers")
+    if line:
+        on_board = "sockets" in board.get("page", {})
+        found.append(Use(line["tx"], "serial", "TMC2209 UART TX", "on the board" if on_board else "1 kΩ to PDN_UART"))
+        found.append(Use(line["rx"], "serial", "TMC2209 UART RX", "on the board" if on_board else "PDN_UART"))
+    pins = board.get("gio", [])
+    outputs = board.get("outputs", []) + pins[: len(pins) // 2]
+    inputs = pins[len(pins) // 2 :] + board.get("inputs", [])
+    for i, pin in enumerate(outputs, 1):
+        wire = "low-side transistor, load to +" if pin not in pins else "3.3 V logic, a few mA"
+        found.append(Use(pin, "gio", f"general output {i}", wire))
+    found += [Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)]
+    for key, what, wire in (
+        ("led", "LED", "on the board"),
+        ("rgb", "RGB LED", "not used"),
+        ("jumper", "jumper", "to GND at power-up: main.py is skipped"),
+    ):
+        if key in board:
+            found.append(Use(board[key], "board", what, wire))
+    return found
+
+
+def _motors(board: Mapping[str, Any]) -> Iterator[Use]:
+    sockets = board.get("page", {}).get("sockets")
+    address = board.get("drivers", {}).get("address", [])
+    for i, (step, direction) in enumerate(zip(board["step"], board["dir"], strict=True)):
+        own = f"driver {i + 1}" if sockets is None else f"socket {sockets[i]}"
+        if i < len(address):
+            own += f", address {address[i]}"
+        yield Use(step, "motor", f"motor {i + 1} step", f"STEP of {own}" if sockets is None else own)
+        yield Use(direction, "motor", f"motor {i + 1} direction", f"DIR of {own}" if sockets is None else own)
+        if isinstance(board["enable"], list):
+            yield Use(board["enable"][i], "motor", f"motor {i + 1} enable", own)
+
+
+# ---- the check -----------------------------------------------------------------------------------
+
+
+def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every state that settings can bring a board's data into: (its name, the data)."""
+    for count in range(1, board["motors"] + 1):
+        for drivers in (False, True):
+            yield f"{count} motors{', drivers' if drivers else ''}", fitted(dict(board), count, drivers)
+
+
+def complaints(board: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a board's data, in words; nothing if it is sound."""
+    found = [f"{key}: no such entry" for key in board if key not in _KEYS]
+    if board["chip"] not in CHIPS:
+        return [*found, f"chip: {board['chip']} is none of {', '.join(CHIPS)}"]
+    engines, pins = CHIPS[board["chip"]]
+    lengths = {len(board[key]) for key in ("step", "dir", "enable") if isinstance(board[key], list)}
+    if lengths != {board["motors"]}:
+        return [*found, f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}"]
+    if board["motors"] > engines:
+        found.append(f"motors: {board['motors']}, but the chip has {engines} state machines")
+    for state, data in fits(board):
+        counts = Counter(use.pin for use in uses(data))
+        found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
+        found += [f"{state}: there is no pin {pin}" for pin in counts if pin not in range(pins)]
+        lines = [data[key] for key in ("dmx", "drivers") if key in data]
+        for line in lines:
+            tx, rx = UART_PINS[line["uart"]]
+            if line["tx"] not in tx or line["rx"] not in rx:
+                found.append(f"{state}: pins {line['tx']}, {line['rx']} are not TX and RX of UART{line['uart']}")
+        if len({line["uart"] for line in lines}) < len(lines):
+            found.append(f"{state}: DMX and drivers on the same UART")
+    for place in (board, board.get("with_drivers", {})):
+        address = place.get("drivers", {}).get("address", [])
+        if len(set(address)) < len(address) or not set(address) <= set(range(_ADDRESSES)):
+            found.append(f"drivers: addresses {address} are not different ones from 0 to {_ADDRESSES - 1}")
+    return list(dict.fromkeys(found))
+
+
+# ---- the table -----------------------------------------------------------------------------------
+
+
+def _rows(board: Mapping[str, Any], found: list[Use]) -> list[str]:
+    labels = board.get("page", {}).get("labels", {})
+    rows = ["| pin | use | wire to |", "|---|---|---|"]
+    for use in found:
+        label = labels.get(str(use.pin))
+        rows.append(f"| GPIO {use.pin}{f' ({label})' if label else ''} | {use.what} | {use.wire} |")
+    return rows
+
+
+def table(board: Mapping[str, Any]) -> str:
+    """The pins as Markdown: as they are without a rig file, then what settings change."""
+    plain = uses(fitted(dict(board)))
+    lines = _rows(board, plain)
+    for variant in board.get("page", {}).get("variants", []):
+        data = fitted(dict(board), variant.get("motor_count", 0), variant.get("drivers", False))
+        lines += ["", f"{variant['title']}:", "", *_rows(board, [use for use in uses(data) if use not in plain])]
+    return "\n".join(lines) + "\n"
+
+
+# ---- the drawing ---------------------------------------------------------------------------------
+
+_ROW = 24
+_COLOURS = {
+    "motor": "#1f6fb4",
+    "stop": "#c0392b",
+    "camera": "#8e44ad",
+    "serial": "#b9770e",
+    "gio": "#1e8449",
+    "board": "#566573",
+}
+_LEFT, _RIGHT = 380, 600  # edges of the board
+_WIDTH = 980
+_TOP = 70
+
+
+class _Row(NamedTuple):
+    label: str  # of the pin
+    number: str  # of the place in the header
+    use: Use | None
+
+
+def _columns(board: Mapping[str, Any], found: list[Use]) -> tuple[list[_Row], list[_Row]]:
+    by_pin = {use.pin: use for use in found}
+    page = board.get("page", {})
+    if "header" in page:
+        left, right = page["header"]
+        rows = []
+        for side, numbers in ((left, range(1, 21)), (right, range(40, 20, -1))):
+            rows.append(
+                [
+                    _Row(
+                        f"GP{name}" if name.isdigit() else name,
+                        str(n),
+                        by_pin.get(int(name)) if name.isdigit() else None,
+                    )
+                    for name, n in zip(side, numbers, strict=True)
+                ]
+            )
+        return rows[0], rows[1]
+    labels = page.get("labels", {})
+    everything = [_Row(labels.get(str(use.pin), ""), f"GPIO {use.pin}", use) for use in found]
+    return (
+        [row for row in everything if row.use and row.use.kind == "motor"],
+        [row for row in everything if row.use and row.use.kind != "motor"],
+    )
+
+
+def _text(x: float, y: float, text: str, anchor: str = "start", **style: str) -> str:
+    attributes = "".join(f' {key.replace("_", "-")}="{value}"' for key, value in style.items())
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}"{attributes}>{html.escape(text)}</text>'
+
+
+def drawing(board: Mapping[str, Any]) -> str:
+    """The board with its pins, what each is for, and what to wire to it, as SVG."""
+    data = fitted(dict(board))
+    columns = _columns(board, uses(data))
+    height = _TOP + _ROW * max(map(len, columns)) + 60
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}"'
+        ' font-family="sans-serif" font-size="12">',
+        f'<rect width="{_WIDTH}" height="{height}" fill="#ffffff"/>',
+        _text(_WIDTH / 2, 26, board["name"], "middle", font_size="18", font_weight="bold"),
+        _text(_WIDTH / 2, 44, "drawn from its data; not tried on hardware", "middle", fill="#566573"),
+        f'<rect x="{_LEFT}" y="{_TOP - 14}" width="{_RIGHT - _LEFT}" height="{height - _TOP - 44}"'
+        ' rx="10" fill="#eef3ee" stroke="#2c3e50" stroke-width="2"/>',
+    ]
+    for side, column in zip((-1, 1), columns, strict=True):
+        edge = _LEFT if side < 0 else _RIGHT
+        anchor, inner = ("end", "start") if side < 0 else ("start", "end")
+        for i, row in enumerate(column):
+            y = _TOP + _ROW * i + 4
+            parts.append(
+                _text(
+                    edge - 14 * side,
+                    y + 4,
+                    f"{row.number} {row.label}".strip() if side < 0 else f"{row.label} {row.number}".strip(),
+                    inner,
+                    fill="#2c3e50",
+                )
+            )
+            colour = _COLOURS[row.use.kind] if row.use else "#b0b8bd"
+            parts.append(f'<circle cx="{edge}" cy="{y}" r="5" fill="{colour}"/>')
+            if row.use is None:
+                continue
+            end = edge + 34 * side
+            parts.append(f'<path d="M{edge + 5 * side} {y}H{end}" stroke="{colour}" stroke-width="2"/>')
+            text = f"{row.use.what}: {row.use.wire}"
+            parts.append(_text(end + 5 * side, y + 4, text, anchor, fill=colour))
+    legend = (
+        ("motor", "motors"),
+        ("stop", "stops"),
+        ("camera", "camera"),
+        ("serial", "serial lines"),
+        ("gio", "general inputs and outputs"),
+        ("board", "on the board"),
+    )
+    x = 60
+    for kind, word in legend:
+        parts.append(f'<circle cx="{x}" cy="{height - 24}" r="5" fill="{_COLOURS[kind]}"/>')
+        parts.append(_text(x + 10, height - 20, word, fill="#2c3e50"))
+        x += 40 + 8 * len(word)
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+# ---- the files -----------------------------------------------------------------------------------
+
+
+def page(name: str) -> dict[Path, str]:
+    """{file: text} of a board's page as they ought to be."""
+    board = board_data(name)
+    folder = ROOT / "boards" / name
+    before, rest = (folder / "README.md").read_text().split(BEGIN)
+    return {
+        folder / "README.md": before + BEGIN + table(board) + END + rest.split(END, 1)[1],
+        folder / "wiring.svg": drawing(board),
+    }
+
+
+if __name__ == "__main__":
+    for board_name in board_names():
+        for file, content in page(board_name).items():
+            file.write_text(content)
