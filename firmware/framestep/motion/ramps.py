@@ -208,7 +208,7 @@ def _ramp_time(to, difference):
         reals.multiply(r, _Y, _X, _A)
         if reals.compare(r, difference, _Y) < 0:
             reals.divide(r, _X, difference, _J)
-            reals.root(r, to, _X, _SPARE)
+            reals.root(r, to, _X)
             reals.double(r, to, to, 1)
             return
         reals.divide(r, _Y, difference, _A)
@@ -253,7 +253,7 @@ def _push_ramp(phases, start, end, last, turned, targets, i):
         reals.multiply(r, _X, _T1, _T1)
         reals.divide(r, _Z, _D, _J)
         reals.subtract(r, _X, _X, _Z)
-        reals.root(r, _Y, _X, _SPARE)
+        reals.root(r, _Y, _X)
         reals.add(r, _T1, _T1, _Y)
         reals.divide(r, _T1, _Z, _T1)
     if reals.sign(r, _J) <= 0 or reals.compare(r, _T1, _FEW) < 0:
@@ -423,7 +423,7 @@ def _cruise():
     reals.multiply(r, _Y, _V, _V)
     reals.double(r, _Y, _Y, -1)
     reals.add(r, _X, _X, _Y)
-    reals.root(r, _C, _X, _SPARE)
+    reals.root(r, _C, _X)
     if reals.compare(r, _C, _TOP) > 0:
         reals.copy(r, _C, _TOP)
     elif reals.compare(r, _C, _V) < 0:
@@ -474,7 +474,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     else:
         reals.add(r, _D, _V, _X)
         reals.divide(r, _X, _D, _J)
-        reals.root(r, _T1, _X, _SPARE)
+        reals.root(r, _T1, _X)
         reals.divide(r, _X, _A, _J)
         if reals.compare(r, _T1, _X) > 0:
             reals.copy(r, _T1, _X)

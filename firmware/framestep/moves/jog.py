@@ -24,7 +24,6 @@ _TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
 _RATE = const(40)  # velocity at the last frame queued
 _NEXT = const(42)
 _SLOWEST = const(44)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
-_SPARE = const(46)
 _SCALE = const(48)
 
 
@@ -215,12 +214,12 @@ class JogAll(Operation):
         reals.multiply(r, Y, Y, _TWICE)
         if reals.compare(r, X, Y) > 0:
             reals.copy(r, X, Y)
-        reals.root(r, _NEXT, X, _SPARE)
+        reals.root(r, _NEXT, X)
         if reals.compare(r, _NEXT, _TOP) > 0:
             # A top that has been lowered on the way is come down to as steeply as anything else.
             reals.multiply(r, X, _RATE, _RATE)
             reals.subtract(r, X, X, _TWICE)
-            reals.root(r, _NEXT, X, _SPARE)
+            reals.root(r, _NEXT, X)
             if reals.compare(r, _NEXT, _TOP) < 0:
                 reals.copy(r, _NEXT, _TOP)
         # one frame at the mean of the two velocities
