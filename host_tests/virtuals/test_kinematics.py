@@ -1,21 +1,28 @@
-"""Each type against the double-precision reference."""
+"""Each type against the double-precision reference, over the whole reach of a rig."""
+
+import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from framestep.protocol import messages
 from framestep_tools import virtual_reference as reference
-from framestep_tools.virtual_reference import Axis, Rig
+from framestep_tools.virtual_reference import Axis, Rig, Unreachable
 from host_tests.virtuals.boards import Board, Refused
 
 ANGLE = st.floats(-400, 400)
-NODAL = st.tuples(*[st.integers(-300_000, 300_000).map(lambda n: n / 1000)] * 3)
+MILLI = st.integers(-300_000, 300_000).map(lambda n: n / 1000)
+NODAL = st.tuples(MILLI, MILLI, MILLI)
+HEAD = (Axis(4, 2000, 12.5, -900), Axis(5, 2000), Axis(6, 500))
 
 
 def near(got, wanted, atol):
     np.testing.assert_allclose(got[: len(wanted)], wanted, rtol=0, atol=atol)
+
+
+# ---------------------------------------------------------------- X-Y-Z, swing-pan
 
 
 @given(
@@ -25,9 +32,7 @@ def near(got, wanted, atol):
     home=st.integers(-2_000_000_000, 2_000_000_000),
 )
 def test_x_y_z(nodal, place, angles, home):
-    linear = Axis(1, 1000, home / 100000, 77)
-    axes = (linear, Axis(2), Axis(3), Axis(4, 2000, 12.5, -900), Axis(5, 2000), Axis(6, 500))
-    rig = Rig(reference.X_Y_Z, axes, nodal=nodal)
+    rig = Rig(reference.X_Y_Z, (Axis(1, 1000, home / 100000, 77), Axis(2), Axis(3), *HEAD), nodal=nodal)
     board = Board.of(rig)
     near(board.pose(), rig.forward(rig.joints([77, 0, 0, -900, 0, 0])), 1e-4)
     joints = (*place, *angles)
@@ -47,26 +52,238 @@ def test_swing_pan(swing, pan, wanted):
     near(board.steps(), rig.steps(rig.inverse([0, 0, 0, wanted, 0, 0], joints)), 0.01)
 
 
-def test_refused_configurations_change_nothing():
-    good = Rig(reference.X_Y_Z, tuple(Axis(i + 1, 1000 + i, 3.5) for i in range(6)), nodal=(1, 2, 3), safe=100)
-    board = Board.of(good)
-    before = board.r.tolist(), bytes(board.geometry.motor), board.geometry.start.tolist()
-    payload = bytearray(good.payload())
-    for at, byte, code in (
-        (1, 9, messages.ERR_RANGE),  # no such motor
-        (4, 0x80, messages.ERR_RANGE),
-        (13, 1, messages.ERR_RANGE),  # the first motor again
-        (5, 0, messages.ERR_RANGE),  # no steps per unit
-    ):
-        bad = bytearray(payload)
-        if byte == 0:
-            bad[at : at + 4] = bytes(4)
+# ---------------------------------------------------------------- arms
+
+
+@st.composite
+def arms(draw):
+    """An arm, with a table or without, and joints within its reach: up to ±89 degrees, several turns of the swing."""
+    kind = draw(st.sampled_from([reference.BOOM_SWING_TRACK, reference.Y_SWING_TRACK]))
+    length = draw(st.integers(200_000, 5_000_000)) / 1000
+    extension = draw(st.integers(-100_000, 1_000_000)) / 1000
+    table = None
+    first = Axis(1, 1234.567, 3.25, 1000)
+    if kind == reference.Y_SWING_TRACK:
+        up = draw(st.floats(-2000, 2000))
+    elif draw(st.booleans()):
+        up = draw(st.floats(-60, 60))
+        steps = draw(st.lists(st.integers(500, 3000), min_size=120, max_size=120))
+        table = np.cumsum([draw(st.integers(-200_000, 0)), *steps])
+        table = tuple(int(n) for n in table * draw(st.sampled_from([1, -1])))
+        first = Axis(1, 1, 0.0, table[60])
+    else:
+        up = draw(st.floats(-89, 89))
+    assume(kind == reference.Y_SWING_TRACK or length * math.cos(math.radians(up)) + extension > 1)
+    axes = (first, Axis(2, 2000, round(draw(ANGLE), 5), 5), Axis(3, 1000, -55.5, 10**6), *HEAD)
+    rig = Rig(kind, axes, length, extension, draw(NODAL), table)
+    swing = draw(st.floats(-89, 89)) + 180 * draw(st.integers(-3, 3))
+    joints = np.array([up, swing, draw(st.floats(-20000, 20000)), draw(ANGLE), draw(ANGLE), draw(ANGLE)])
+    return rig, joints
+
+
+@given(arms())
+def test_forward_and_back(case):
+    """inverse() of forward() is where the arm was, and each is what double precision says."""
+    rig, joints = case
+    board = Board.of(rig)
+    steps = np.round(rig.steps(joints))
+    joints = rig.joints(steps)
+    pose = board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, steps, strict=True)})
+    near(pose, rig.forward(joints), 2e-4)
+    back = board.inverse(rig.forward(joints))
+    # near ±90 degrees a place says little about an angle: as much as it may be wrong in a 30-bit number
+    blur = np.array([1e-5, 2e-6, 1e-4, 2e-6, 1e-6, 1e-6])
+    arm = rig.length + max(rig.extension, 0)
+    lift = 1 / math.cos(math.radians(joints[0])) if rig.kind == reference.BOOM_SWING_TRACK else 1
+    reach, _ = rig._arm(joints[0])
+    side = arm / reach * lift / abs(math.cos(math.radians(joints[1])))
+    assert (np.abs(back - joints) <= blur * [lift, side, 1 + side / 30, side, 1, 1]).all(), back - joints
+
+
+@given(arms(), st.tuples(*[st.floats(-2, 2)] * 3))
+@example((Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78), np.zeros(6)), (0, 0, 1.1))
+def test_what_is_out_of_reach(case, way):
+    """Where the reference finds no joints, nor does the board; where they are a degree away from that it does."""
+    rig, joints = case
+    board = Board.of(rig)
+    board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(joints), strict=True)})
+    pose = rig.forward(joints)
+    pose[:3] += np.array(way) * rig.length
+    try:
+        wanted = rig.inverse(pose, joints)
+        rig.steps(wanted)
+    except Unreachable:
+        with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+            board.inverse(pose)
+            board.steps()
+        return
+    side = abs(math.cos(math.radians(wanted[1])))
+    up = abs(math.cos(math.radians(wanted[0]))) if rig.kind == reference.BOOM_SWING_TRACK else 1
+    if min(side, up) < 1 / 64.1:
+        with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+            board.inverse(pose)
+    elif min(side, up) > 1 / 63.9:
+        board.inverse(pose)
+
+
+def test_along_a_path_no_joint_jumps():
+    """Swing and pan of an arm behind its column, beyond a turn, follow a line from one side to the other."""
+    rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 800, 200, (10, 20, 30))
+    board = Board.of(rig)
+    start = np.array([20.0, 545.0, 3000.0, -600.0, 10.0, 5.0])
+    first = rig.steps(start).round()
+    board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, first, strict=True)})
+    pose = rig.forward(rig.joints(first))
+    last = rig.joints(first)
+    for x in np.linspace(pose[1], -900, 300):
+        pose[1] = x
+        joints = np.array(board.inverse(pose))
+        assert np.abs(joints - last).max() < 20
+        near(joints, rig.inverse(pose, start), 1e-4)
+        last = joints
+    assert last[1] > 580
+
+
+# ---------------------------------------------------------------- worked values, singular poses
+
+
+def test_worked_values():
+    """Field note 9.9: length 857.7, extension 78, vNS +100 moves the track by -5.8494 (-5.84949)."""
+    rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78)
+    board = Board.of(rig)
+    pose = board.forward([0, 0, 0, 0, 0, 0])
+    assert pose[0] == pytest.approx(-935.7, abs=1e-5)
+    pose[2] += 100
+    assert board.inverse(pose)[2] == pytest.approx(-5.84949, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        [0, 0, 857.7, 0, 0, 0],  # boom at 90 degrees
+        [0, 0, -857.7, 0, 0, 0],
+        [0, 0, 900, 0, 0, 0],
+        [0, 935.7, 0, 0, 0, 0],  # swing at 90 degrees
+        [0, -935.7, 0, 0, 0, 0],
+        [0, 1000, 0, 0, 0, 0],
+        [0, 500, 800, 0, 0, 0],  # the raised boom reaches 387 to the side
+    ],
+)
+def test_singular_and_beyond(pose):
+    board = Board.of(Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78))
+    with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+        board.inverse(pose)
+
+
+def test_a_camera_over_the_column_is_of_no_use():
+    """An extension that points back: raised to 80 degrees the camera is behind the arm's column."""
+    rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 500, -100)
+    board = Board.of(rig)
+    board.forward([70, 10, 0, 0, 0, 0])
+    with pytest.raises(Refused):
+        board.forward([80, 10, 0, 0, 0, 0])
+    with pytest.raises(Refused):
+        board.forward([90, 10, 0, 0, 0, 0])
+    with pytest.raises(Refused):
+        board.inverse([0, 0, 499, 0, 0, 0])
+
+
+# ---------------------------------------------------------------- boom table, axes without a motor
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_boom_table(sign):
+    table = tuple(sign * (1000 * k + 3 * k * k) for k in range(-60, 61))
+    rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78, table=table)
+    board = Board.of(rig)
+    for angle in (-60, -59.75, -0.5, 0, 30.25, 59.999, 60):
+        board.inverse(rig.forward([angle, 0, 0, 0, 0, 0]))
+        near(board.steps(), rig.steps([angle, 0, 0, 0, 0, 0]), 0.05)
+    for step in (table[0], table[0] + 1, table[0] - 1, 0, 1, -1, 12345, table[1], table[119], table[120]):
+        if min(table) <= step <= max(table):
+            board.locate({1: step})
+            assert board.inverse(board.pose())[0] == pytest.approx(rig.joints([step, 0, 0, 0, 0, 0])[0], abs=1e-6)
         else:
-            bad[at] = byte
-        with pytest.raises(Refused, match=str(code)):
-            board.configure(bytes(bad))
-        assert before == (board.r.tolist(), bytes(board.geometry.motor), board.geometry.start.tolist())
-    for length in (1, 84, 86, 88, 90, 93):
-        with pytest.raises(Refused, match=str(messages.ERR_UNSUPPORTED)):
-            board.configure(bytes(payload + payload)[:length])
-    assert before == (board.r.tolist(), bytes(board.geometry.motor), board.geometry.start.tolist())
+            with pytest.raises(Refused):
+                board.locate({1: step})
+    board.locate({1: 0})
+    board.inverse(rig.forward([60.01, 0, 0, 0, 0, 0]))
+    with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+        board.steps()
+
+
+def test_an_axis_without_a_motor_stays():
+    axes = (Axis(1), Axis(2), Axis(0, 0, 250.0), Axis(3), Axis(0, 0, -7.5), Axis(0, 0, 0.0))
+    rig = Rig(1, axes, 500, 100)
+    board = Board.of(rig)
+    near(board.pose(), [250 - 600, 0, 0, 0, -7.5, 0], 1e-4)
+    board.inverse(rig.forward([10, 20, 250, 30, -7.5, 0]))
+    near(board.steps(), [10000, 20000, 0, 30000, 0, 0], 0.01)
+    for other in ([10, 20, 250.01, 30, -7.5, 0], [10, 20, 250, 30, -7, 0], [10, 20, 250, 30, -7.5, 1]):
+        with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+            board.inverse(rig.forward(other))
+
+
+# ---------------------------------------------------------------- VIRT_CONFIG
+
+FULL = {
+    1: Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 500, 100, (1, 2, 3), tuple(range(-600, 610, 10)), 50),
+    2: Rig(2, (Axis(1), Axis(2))),
+    3: Rig(3, (Axis(1), Axis(2), Axis(3), *HEAD), 500, 100, (1, 2, 3), safe=50),
+    4: Rig(4, (Axis(1), Axis(2), Axis(3), *HEAD), nodal=(1, 2, 3), safe=50),
+}
+
+
+def word(payload, at, value):
+    return payload[:at] + value.to_bytes(4, "little", signed=True) + payload[at + 4 :]
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4])
+def test_refused_configurations_change_nothing(kind):
+    board = Board.of(FULL[kind])
+    payload = FULL[kind].payload()
+    stride = 8 if kind == 2 else 12
+
+    def held():
+        table = board.geometry.table.tolist() if kind == 1 else None
+        return board.r[:60].tolist(), bytes(board.geometry.motor), board.geometry.start.tolist(), table
+
+    before = held()
+    bad = [
+        word(payload, 1, 9),
+        word(payload, 1, -1),
+        word(payload, 1, 2**31 - 1),
+        word(payload, 1 + stride, 1),
+        word(payload, 5, 0),
+    ]
+    if kind in (1, 3):
+        bad += [word(payload, 73, -100_000)]
+    if kind == 1:
+        bad += [word(payload, 73, 0), word(payload, 93, 10), word(payload, 93 + 480, 590), word(payload, 93 + 240, 10)]
+    if kind == 2:
+        bad += [word(payload, 1, 0)]
+    for changed in bad:
+        with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+            board.configure(changed)
+        assert held() == before
+    good = {1: {93, 97, 577, 581}, 2: {17}, 3: {93, 97}, 4: {85, 89}}[kind]
+    for length in range(1, 600):
+        if length not in good:
+            with pytest.raises(Refused, match=str(messages.ERR_UNSUPPORTED)):
+                board.configure((payload * 40)[:length])
+    assert held() == before
+
+
+def test_each_length_is_read_as_what_it_is():
+    from framestep.motion import reals
+    from framestep.virtuals import geometry as g
+
+    for kind in (1, 3, 4):
+        for table in (None, FULL[kind].table):
+            for safe in (None, 123.25):
+                rig = Rig(kind, FULL[kind].axes, 500, 100, (1, 2, 3), table, safe)
+                board = Board.of(rig)
+                assert reals.value(board.r, g.SAFE) == (safe or 0)
+                assert [reals.value(board.r, g.NODAL + i) for i in (0, 2, 4)] == [1, 2, 3]
+                board.inverse(rig.forward([10, 20, 30, 40, 50, 60]))
+                near(board.steps(), rig.steps([10, 20, 30, 40, 50, 60]), 0.01)

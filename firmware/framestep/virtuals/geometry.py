@@ -28,15 +28,15 @@ LENGTH = const(48)
 EXTENSION = const(50)
 NODAL = const(52)  # three: right, forward and up in the camera's frame
 SAFE = const(58)  # safe distance, 0 for none
-PLACE = const(60)  # three: EW, NS, track of the point in which the camera's axes meet
-OFFSET = const(66)  # three: EW, NS, track from there to the nodal point
-T = const(72)  # what a function needs for itself
-REGISTERS = const(92)
-
-_S = const(82)
-_C = const(84)
-_X = const(86)
-_Y = const(88)
+AIM = const(60)  # three: aim point, X, Y, Z
+PLACE = const(66)  # three: EW, NS, track of the point in which the camera's axes meet
+OFFSET = const(72)  # three: EW, NS, track from there to the nodal point
+T = const(78)  # four numbers that a type or a function needs for itself
+_S = const(86)
+_C = const(88)
+_X = const(90)
+_Y = const(92)
+REGISTERS = const(94)
 
 _PAN = const(6)  # from POSE or JOINT on
 _TILT = const(8)
@@ -79,6 +79,11 @@ def _scaled(r: ptr32, a: int, start, i: int, out, j: int) -> int:
     return 1
 
 
+def place(r, a, start, i, out, j):
+    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a], all steps. A code."""
+    return 0 if _scaled(r, a, start, i, out, j) else m.ERR_RANGE
+
+
 def turn(r, x, y, angle):
     """Turn (r[x], r[y]) by r[angle] degrees, from x toward y."""
     trig.sines(r, _S, _C, angle)
@@ -88,6 +93,32 @@ def turn(r, x, y, angle):
     reals.multiply(r, x, x, _S)
     reals.add(r, y, y, x)
     reals.subtract(r, x, _X, _Y)
+
+
+def _to_world(r, v):
+    """v, v + 2, v + 4: from right, up, forward of the camera at POSE to EW, NS, track.
+
+    Rz(pan)·Rx(tilt)·Ry(roll) in a frame with x to the right, y forward and z up, of which the world has Y = z and
+    Z = -y (field note 9.4). Positive pan turns left, positive tilt looks up.
+    """
+    turn(r, v + 2, v, POSE + _ROLL)
+    turn(r, v + 4, v + 2, POSE + _TILT)
+    turn(r, v, v + 4, POSE + _PAN)
+    reals.negate(r, v + 4, v + 4)
+
+
+def camera_axis(r, axis, to):
+    """r[to], r[to + 2], r[to + 4] = the direction, as vTrack, vEW, vNS, of an axis of the camera at POSE.
+
+    axis: 0 X to its right, 1 Y up, 2 Z backward from where it looks (field note 9.6).
+    """
+    for i in range(3):
+        reals.put(r, OFFSET + 2 * i, 0, 0)
+    reals.put(r, OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
+    _to_world(r, OFFSET)
+    reals.copy(r, to, OFFSET + 4)
+    reals.copy(r, to + 2, OFFSET)
+    reals.copy(r, to + 4, OFFSET + 2)
 
 
 class Rig:
@@ -115,8 +146,8 @@ class Rig:
     def configure(self, reader, present):
         """Take a VIRT_CONFIG; present: array('i') with the motors' steps now, motor 1 first.
 
-        0; ERR_UNSUPPORTED for a length that the type does not have; ERR_RANGE for a number that cannot be, or where
-        the rig stands in a pose of no use. Unless it is 0 all stays as it was. Afterwards POSE is where the rig is.
+        0; ERR_UNSUPPORTED for a length that the type does not have; ERR_RANGE for a number that cannot be. Unless it
+        is 0 all stays as it was. Afterwards POSE is where the rig stands, which may be out of inverse()'s reach.
         """
         numbers = self._numbers(reader.length)
         if numbers < 0:
@@ -151,7 +182,8 @@ class Rig:
         if rest == 4 or rest == 488:  # 484 are the boom table
             self.number(reader, reader.length - 4, SAFE, 1000)
         self._adopt(reader)
-        return self.locate(present)
+        self.locate(present)
+        return 0
 
     def _numbers(self, length):
         """How many numbers follow the triples in a payload of this length; -1 if it is none of this type."""
@@ -192,9 +224,7 @@ class Rig:
         r = self.r
         reals.subtract(r, _X, JOINT + 2 * i, HOME + 2 * i)
         reals.multiply(r, _X, _X, PER_UNIT + 2 * i)
-        if _scaled(r, _X, self.start, i, out, j):
-            return 0
-        return m.ERR_RANGE
+        return place(r, _X, self.start, i, out, j)
 
     def joint(self, i, steps, j):
         """JOINT of axis i from the step steps[j]. A code."""
@@ -205,16 +235,18 @@ class Rig:
         return 0
 
     def locate(self, present):
-        """JOINT and POSE from the motors' steps; inverse() keeps to the side of the rig that these are on. A code."""
+        """JOINT and POSE from the motors' steps; inverse() keeps to the side of the rig that these are on. A code.
+
+        With ERR_RANGE the numbers are there, but the rig is not where inverse() leads to.
+        """
+        code = 0
         for i in range(AXES):
             if self.motor[i]:
-                code = self.joint(i, present, self.motor[i] - 1)
-                if code:
-                    return code
+                code |= self.joint(i, present, self.motor[i] - 1)
             else:
                 reals.copy(self.r, JOINT + 2 * i, HOME + 2 * i)
         self._choose()
-        return self.forward()
+        return code | self.forward()
 
     def _choose(self):
         """Decide on the branch of inverse() by JOINT."""
@@ -243,32 +275,28 @@ class Rig:
         return 0
 
     def forward(self):
-        """POSE for the JOINTs. A code; with ERR_RANGE POSE is of no use."""
+        """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back from."""
         r = self.r
         reals.copy(r, POSE + _PAN, JOINT + _PAN)
         reals.copy(r, POSE + _TILT, JOINT + _TILT)
         reals.copy(r, POSE + _ROLL, JOINT + _ROLL)
-        if not self._stand():
-            return m.ERR_RANGE
+        code = 0 if self._stand() else m.ERR_RANGE
         self.nodal()
         reals.add(r, POSE + 2, PLACE, OFFSET)
         reals.add(r, POSE + 4, PLACE + 2, OFFSET + 2)
         reals.add(r, POSE, PLACE + 4, OFFSET + 4)
-        return 0
+        return code
 
     def _reach(self):
         """The first three JOINTs from PLACE, and what they do to the pan; False where the rig cannot reach."""
         raise NotImplementedError
 
     def _stand(self):
-        """PLACE from the first three JOINTs, and vPan; False in a pose of no use."""
+        """PLACE from the first three JOINTs, and vPan; False where inverse() does not lead back."""
         raise NotImplementedError
 
     def nodal(self):
-        """OFFSET from the angles of POSE: Rz(pan)·Rx(tilt)·Ry(roll) of NODAL.
-
-        The formula's frame has x to the right, y forward and z up; the world has Z = -y and Y = z (field note 9.4).
-        """
+        """OFFSET from NODAL and the angles of POSE."""
         r = self.r
         if not self._offset:
             for i in range(6):
@@ -277,7 +305,4 @@ class Rig:
         reals.copy(r, OFFSET, NODAL)
         reals.copy(r, OFFSET + 2, NODAL + 4)
         reals.copy(r, OFFSET + 4, NODAL + 2)
-        turn(r, OFFSET + 2, OFFSET, POSE + _ROLL)
-        turn(r, OFFSET + 4, OFFSET + 2, POSE + _TILT)
-        turn(r, OFFSET, OFFSET + 4, POSE + _PAN)
-        reals.negate(r, OFFSET + 4, OFFSET + 4)
+        _to_world(r, OFFSET)

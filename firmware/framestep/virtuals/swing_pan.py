@@ -6,12 +6,13 @@ The message gives no positions: step 0 of either motor counts as 0 degrees. Ever
 """
 
 from framestep.motion import reals
+from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
 
-_VPAN = g.POSE + 6
-_SWING = g.JOINT
-_PAN = g.JOINT + 2
+_VPAN = const(g.POSE + 6)
+_SWING = const(g.JOINT)
+_PAN = const(g.JOINT + 2)
 
 
 class Geometry(g.Rig):
@@ -29,7 +30,7 @@ class Geometry(g.Rig):
         if reader.i32(5) == 0 or reader.i32(13) == 0:
             return m.ERR_RANGE
         r = self.r
-        for i in range(g.REGISTERS):
+        for i in range(g.AIM):
             r[i] = 0
         for i in range(g.AXES):
             self.motor[i] = 0
@@ -38,7 +39,8 @@ class Geometry(g.Rig):
         self.motor[1] = pan
         self.number(reader, 5, g.PER_UNIT, 1000)
         self.number(reader, 13, g.PER_UNIT + 2, 1000)
-        return self.locate(present)
+        self.locate(present)
+        return 0
 
     def inverse(self):
         reals.subtract(self.r, _PAN, _VPAN, _SWING)

@@ -1,0 +1,37 @@
+"""Type 3, Y-Swing-Track: a level arm on a column that goes up and down, on a track; pan, tilt and roll at its end.
+
+Axes: Y, SWING, TRACK, PAN, TILT, ROLL. reach = length + extension, vNS = Y, the rest as arm.py says.
+The layout of the message and this reading are inferred from type 1 (field note 9.3).
+"""
+
+from framestep.motion import reals
+from framestep.protocol import messages as m
+from framestep.virtuals import arm
+from framestep.virtuals import geometry as g
+
+
+class Geometry(arm.Arm):
+    def _numbers(self, length):
+        return 5 if length == 93 or length == 97 else -1
+
+    def _check(self, reader, present):
+        r = self.r
+        self.number(reader, 73, g.T, 1000)
+        self.number(reader, 77, g.T + 2, 1000)
+        reals.add(r, g.T, g.T, g.T + 2)
+        if reals.sign(r, g.T) <= 0:
+            return m.ERR_RANGE
+        return super()._check(reader, present)
+
+    def _reach(self):
+        r = self.r
+        reals.copy(r, g.JOINT, g.PLACE + 2)
+        reals.add(r, arm.REACH, g.LENGTH, g.EXTENSION)
+        return self._swing()
+
+    def _stand(self):
+        r = self.r
+        reals.copy(r, g.PLACE + 2, g.JOINT)
+        reals.add(r, arm.REACH, g.LENGTH, g.EXTENSION)
+        self._swung()
+        return True
