@@ -15,6 +15,7 @@ from framestep.moves.requests import Moves
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
+from framestep.virtuals import NoVirtuals
 
 VERSION = (0, 1, 0)
 CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
@@ -71,6 +72,7 @@ class Controller:
         # what is to be sent unasked, kept until there is room
         self.say_hi = False
         self.say_position = False
+        self.say_virtual = False
         self.say_end = False
         self.say_hard_stop = -1
         self.handlers = {
@@ -89,6 +91,12 @@ class Controller:
         }
         self.handlers.update(self.moves.handlers)
         self.handlers.update(self.io.handlers)
+        self.virtuals = NoVirtuals()
+        if rig.virtuals:
+            from framestep.virtuals.requests import Virtuals
+
+            self.virtuals = Virtuals(self)
+        self.handlers.update(self.virtuals.handlers)
 
     # ---------------------------------------------------------------- the main loop
 
@@ -100,6 +108,7 @@ class Controller:
             self._halt()
         if self.jogging:
             self._jogs()
+        self.virtuals.poll(now)
         self.axes.feed()
         if self.moves.poll(now):
             self.say_position = True
@@ -158,7 +167,8 @@ class Controller:
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         self.stage.leave()
-        self.axes.stop(1, 0, True)
+        self.virtuals.stop()
+        self.axes.stop(1, self.virtuals.engaged, True)
         self.io.safe()
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
@@ -167,6 +177,7 @@ class Controller:
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
         self.io.safe()
         self.stage.stop()
+        self.virtuals.halt()
         self.axes.stop()
 
     def give_up(self):
@@ -189,11 +200,14 @@ class Controller:
         if self.safety.tripped:
             self.jogging = 0
             self.stage.stop(factor)
+            self.virtuals.halt(factor)
             self.axes.stop(factor)
             self.io.safe()
             return
         bits = self.safety.struck_motors()
         self.jogging &= ~bits
+        if self.virtuals.engaged & bits:
+            self.virtuals.halt()
         for motor in range(self.count):
             if bits >> motor & 1:
                 if self.stage.takes(motor):
@@ -232,7 +246,7 @@ class Controller:
             self.say_end = True
         self.io.report(self.was_open)
         if not self.was_open:
-            self.say_position = self.say_end = False
+            self.say_position = self.say_virtual = self.say_end = False
             return
         if self.say_hi and self._send_hi(None):
             self.say_hi = False
@@ -244,6 +258,9 @@ class Controller:
         if self.say_position and self._send_positions(None):
             self.say_position = False
             self.report_at = self.now
+            self.say_virtual = self.virtuals.configured
+        if self.say_virtual and self.virtuals.send_positions(None):
+            self.say_virtual = False  # field note 9.8
         if self.say_end and not self.say_position:
             self.writer.begin(m.MSG_RT_END, None)
             if self.writer.end():
@@ -262,7 +279,7 @@ class Controller:
         writer.u8(self.io.gio.inputs.count)
         writer.u8(len(self.rig.limits))
         writer.u32(self.moves.upload_frames)
-        writer.u32(CAPABILITIES)
+        writer.u32(CAPABILITIES | self.virtuals.capabilities)
         writer.u16(m.PROTOCOL_VERSION)
         return writer.end()
 
@@ -288,7 +305,7 @@ class Controller:
     def _status(self):
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(self.axes.moving_bits() | self.stage.engaged)
+        writer.u32(self.axes.moving_bits() | self.stage.engaged | self.virtuals.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0
@@ -323,7 +340,7 @@ class Controller:
         """OK, or why the motor may not be moved on its own now."""
         if self.broken or self.safety.tripped:
             return m.ERR_GENERAL
-        if self.stage.running and self.stage.takes(motor):
+        if self.stage.running and self.stage.takes(motor) or self.virtuals.engaged >> motor & 1:
             return m.ERR_MOVING
         if not self.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
             return m.ERR_GENERAL
@@ -388,6 +405,8 @@ class Controller:
         self.jogging &= ~(1 << motor)
         if self.stage.busy and self.stage.takes(motor):
             self.stage.stop(land=True)
+        elif self.virtuals.engaged >> motor & 1:
+            self.virtuals.stop()
         else:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
@@ -399,6 +418,11 @@ class Controller:
         self.stop_at = self.now
         self.jogging = 0
         landing = self.stage.stop(factor, factor == 1)
+        if factor == 1:
+            self.virtuals.stop()
+            landing |= self.virtuals.engaged
+        else:
+            self.virtuals.halt(factor)
         self.axes.stop(factor, landing, factor == 1)
         return m.OK
 
@@ -407,7 +431,7 @@ class Controller:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or self.stage.running:
+        if axis.moving or self.stage.running or self.virtuals.engaged >> motor & 1:
             return m.ERR_MOVING
         self.reader.word_to(1, self.words, 0)
         self.positions.know(motor)

@@ -13,6 +13,14 @@ SETTINGS = {
     "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "", "how many motors; the others' pins are free then. 0: all that the board has"),
+    "virtuals": (
+        int,
+        0,
+        124,
+        40,
+        "",
+        "virtual axes, a sum: 4 boom-swing-track, 8 swing-pan, 16 Y-swing-track, 32 X-Y-Z, 64 aim; 0 saves memory",
+    ),
     "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
     "outputs": (list, 0, 16, None, "", "general outputs 1, 2, …; without it those of the board, on its page"),
     "inputs": (list, 0, 16, None, "", "general inputs 1, 2, …; without it those of the board, on its page"),
@@ -207,6 +215,7 @@ class Rig:
         self.dmx_break_us = settings["dmx_break_us"]
         self.dmx_mark_us = settings["dmx_mark_us"]
         self.dmx_ramp_ms = settings["dmx_ramp_ms"]
+        self.virtuals = settings["virtuals"] & ~3  # capabilities: bits of HI
 
     def _count_motors(self, settings, most):
         if most and settings["motor_count"] > most:

@@ -184,11 +184,11 @@ def test_settle(cubic):
     assert list(cubic) == [whole, 0, 0, 0, 0, 0, 0, 0, 0]
 
 
-@given(st.integers(-(2**31), 2**31 - 1), cubics())
-def test_snap(step, cubic):
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 65535), cubics())
+def test_snap(step, part, cubic):
     before = coefficients(cubic)
-    segments.snap(cubic, array("i", [step]))
-    assert coefficients(cubic) == [step, *before[1:]]
+    segments.snap(cubic, array("i", [step, part]))
+    assert coefficients(cubic) == [step + Fraction(part, 65536), *before[1:]]
 
 
 @given(st.integers(-(2**30) + 1, 2**30 - 1), st.integers(-75, -17), st.sampled_from([segments.G1, segments.G2]))

@@ -159,15 +159,15 @@ def script():
     ]
 
 
-def replay(say):
-    """Play the script; say(text) for each piece of output and at the end for the positions."""
+def replay(say, played=None):
+    """Play a script; say(text) for each piece of output and at the end for the positions."""
     motors = 8
     hal = Hal(motors)
     controller = Controller(hal, Rig(board=BOARD))
     controller.moves.take_memory()
     port = hal.port
     ms = 0
-    for wait, data in script():
+    for wait, data in played or script():
         port.incoming[: len(data)] = data
         port.begin, port.end = 0, len(data)
         for _ in range(wait):

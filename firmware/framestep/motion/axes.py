@@ -83,6 +83,13 @@ def _lead(planned: ptr32, limits: ptr32, targets, i: int):
 
 
 @micropython.viper
+def _replan(planned: ptr32, cut: ptr32, places, i: int):
+    """Take places[i], for which the motor's step is cut[0], for the place where it is planned to be."""
+    planned[_PLACE] = ptr32(places)[i + 0]
+    planned[_OFFSET] = cut[0] - planned[_PLACE]
+
+
+@micropython.viper
 def _side(a, i: int, b, j: int) -> int:
     """The sign of a[i] - b[j]."""
     x = ptr32(a)
@@ -136,7 +143,8 @@ class Axis:
         self.limits = array("i", [0] * 4)
         self.phases = ramps.Phases()
         self.whole = array("i", [0] * 2)
-        self.knot = array("i", [0])  # the step that the phase under way ends on
+        self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
+        self.cut = array("i", [0] * 2)  # the same where trim() has cut the queue
         self.aimed = False
         self.marked = False  # the tick that is open has its start in `state`
         self.lower_enabled = False
@@ -336,10 +344,34 @@ class Axis:
         self.start(hal)
         return True
 
-    def aim(self, duration, start, end, numbers, targets, i):
+    def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
         _lead(self.planned, self.limits, targets, i)
-        self.phases.aim(duration, start, end, numbers, self.limits, _PHYSICAL)
+        self.phases.aim(duration, start, end, numbers, self.limits, _PHYSICAL, part)
+
+    def trim(self, ticks, put):
+        """Whether what is queued can be cut off at the end of a phase, `ticks` from now; if `put`, cut it off there.
+
+        With interrupts off. Only among AIM phases of whole ticks. What is to follow is for resume().
+        """
+        if not stepper.trim(self.block, ticks, put, self.cut):
+            return False
+        if put and self.partner:
+            stepper.trim(self.partner.block, ticks, put, self.state)
+        return True
+
+    def resume(self, places, i):
+        """After trim(): go on from there with further phases. places[i]: the whole step of the place that it is."""
+        self.phases.clear()
+        self.left = 0
+        self.part = 0
+        self.marked = False
+        reals.copy_word(self.knot, 0, self.cut, 0)
+        self.knot[1] = self.cut[1]
+        _replan(self.planned, self.cut, places, i)
+        self.aimed = True
+        self.more = True
+        self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
 
     def seek(self, hal):
         """At rest: go on to a target that turning round on the way has missed by the play."""

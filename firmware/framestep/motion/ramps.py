@@ -4,7 +4,7 @@ A phase is a stretch of a motor's motion with one cubic. Its duration is a real 
 need not end on a tick. Kinds:
 
     RAMP    G2 and G3 given (half the acceleration, a sixth of the jerk); ends where that leads
-    AIM     the cubic that reaches a given step at a given velocity when the phase ends
+    AIM     the cubic that reaches a given place at a given velocity when the phase ends
     ONWARD  what is left of an AIM phase: a long one is taken in pieces, each aimed anew
 
 A plan is at most: ramp to a stop (where the target lies behind), ramp to the cruising velocity,
@@ -29,7 +29,7 @@ TARGET = const(1)  # AIM: the step
 DURATION = const(2)
 START = const(4)  # velocity at the start
 SECOND = const(6)  # RAMP: G2. AIM: velocity at the end
-THIRD = const(8)  # RAMP: G3
+THIRD = const(8)  # RAMP: G3. AIM: in its first word what the place is beyond the step, Q16
 PHASE_WORDS = const(10)
 PHASES = const(16)  # in the ring of a motor
 
@@ -116,10 +116,11 @@ class Phases:
         """Phases ahead."""
         return (self.tail - self.head) % PHASES
 
-    def aim(self, duration, start, end, numbers, targets, i):
-        """Append an AIM phase: registers of `numbers`, the step targets[i]."""
+    def aim(self, duration, start, end, numbers, targets, i, part=0):
+        """Append an AIM phase: registers of `numbers`, the step targets[i] and `part` of one more (Q16)."""
         tail = self.tail
         _put_aim(self.words, tail * PHASE_WORDS, numbers, duration, start, end, targets, i)
+        self.words[tail * PHASE_WORDS + THIRD] = part
         self.tail = (tail + 1) % PHASES
 
 
@@ -137,7 +138,7 @@ def _put_aim(words: ptr32, at: int, r: ptr32, duration: int, start: int, end: in
 
 def load_phase(phases, cubic, whole, knot):
     """Take the next phase: set the cubic, whose position stays, and split its duration into whole
-    ticks and a fraction in `whole`. Whether it aims, and if so the step in knot[0]."""
+    ticks and a fraction in `whole`. Whether it aims, and if so where to in `knot`: step, Q16 of one."""
     head = phases.head
     took = _load(phases.words, head * PHASE_WORDS, cubic, whole, knot, _scratch)
     if took:
@@ -160,6 +161,7 @@ def _load(words, at: int, cubic, whole, knot, r) -> int:
         coefficient(cubic, G3, words, at + THIRD)
         return _TOOK
     ptr32(knot)[0] = w[at + TARGET]
+    ptr32(knot)[1] = w[at + THIRD]
     # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T²
     s = ptr32(r)
     s[_T] = w[at + DURATION]
@@ -177,6 +179,9 @@ def _load(words, at: int, cubic, whole, knot, r) -> int:
         coefficient(cubic, G3, r, _ZERO)
         return _TOOK_AIM
     distance(r, _S, words, at + TARGET, cubic)
+    if w[at + THIRD]:
+        put(r, _X, w[at + THIRD], -16)
+        combine(r, _S, _S, _X, 0)
     divide(r, _W, _S, _T)
     combine(r, _X, _W, _V, 1)  # mean - start
     combine(r, _Y, _W, _C, 1)  # mean - end

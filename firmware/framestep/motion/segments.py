@@ -192,9 +192,9 @@ def mirror(block: ptr32, other: ptr32, bases: ptr32, turned: int):
 
 @micropython.viper
 def snap(cubic: ptr32, at: ptr32):
-    """Put a cubic on the step at[0] exactly; it has come there but for rounding."""
+    """Put a cubic on the step at[0] and at[1] (Q16) of one more exactly; it has come there but for rounding."""
     cubic[WHOLE] = at[0]
-    cubic[P] = 0
+    cubic[P] = at[1]
     cubic[P + 1] = 0
 
 

@@ -638,6 +638,29 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
 
 
 @micropython.viper
+def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
+    """Whether a segment in a motor's queue begins `ticks` from now: its place in out[0] and (Q16) out[1].
+
+    put: drop it, and what follows it. To be called with interrupts off.
+    """
+    n = ticks - m[LEFT]
+    head = m[HEAD]
+    while n > 0 and head != m[TAIL]:
+        q = ptr32(m[QUEUE])
+        n -= q[(head & (SEGMENTS - 1)) << 3]
+        head = (head + 1) & _WRAP
+    if n or head == m[TAIL]:
+        return 0
+    q = ptr32(m[QUEUE])
+    k = (head & (SEGMENTS - 1)) << 3
+    out[0] = q[k + 1]
+    out[1] = q[k + 2] >> 6
+    if put:
+        m[TAIL] = head
+    return 1
+
+
+@micropython.viper
 def halt(m: ptr32, rate: int):
     """Make a motor slow down by `rate` (Q22 steps per tick²) from the next tick on.
 

@@ -117,7 +117,7 @@ class Moves:
 
     def _position_frame(self):
         code = self.controller.may_move_all()
-        if code == m.OK and self.stage.running:
+        if code == m.OK and (self.stage.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.stage.go_to_frame(self.reader.i32(0), self.places)

@@ -1,0 +1,777 @@
+"""Motion along a line in virtual space: all motors of a rig at once, as one point that runs along the line.
+
+A line is POSE = BASE + s·WAY, s from 0 on; `place` says for an s where every motor has to stand. A point moves along
+s with one trapezoid: from knot to knot, SPAN ticks apart, its velocity changes as far as its limits and the way that
+is left allow. Between two knots every motor follows a cubic (AIM phases, motion/ramps.py) with the exact positions at
+both ends; its velocity there is the point's velocity times the slope of the motor's step over s, from the knots on
+either side.
+
+Limits. What the motors can do is turned into limits of the point by surveying the line in cells of two halves. The
+differences d1, d2 of a motor's steps and the second difference dd = d2 - d1 bound its slope and its bend in the
+cell; a cell in which they change too much is halved. With F and G the greatest slope and bend, v and a those
+of the point: F·v <= velocity, F·a + G·v² <= acceleration; half of the acceleration at most is given to the bend.
+A move is surveyed whole before it starts, and has one v and one a. A jog has no end that is known: it is surveyed
+some cells ahead, each with its own v and a, and never goes faster than it can stop within what has been surveyed.
+
+Knots lie on whole ticks and a SPAN is one segment, so the queues of all motors can be cut at the same knot and
+planned anew from there: that is how a point in motion is stopped on its line.
+
+Time in ticks, positions of motors in steps, s in units or degrees. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.motion import axes as motion
+from framestep.motion import reals, stepper
+from framestep.motion.reals import combine, multiply, put
+from framestep.native import const, micropython, ptr32
+from framestep.protocol import messages as m
+from framestep.virtuals.geometry import AXES, POSE, REGISTERS
+
+# States
+IDLE = const(0)
+STARTING = const(1)  # the first knots are being planned
+MOVING = const(2)
+HALTED = const(3)  # the motors ramp down by themselves
+
+# Registers, after those of the geometry
+BASE = const(REGISTERS)  # six: the pose at s = 0
+WAY = const(REGISTERS + 12)  # six: what s adds to it
+OFFSETS = const(REGISTERS + 24)  # pan and tilt less the direction of the aim point
+END = const(REGISTERS + 28)  # s at which the line ends, or the survey of a jog
+TOP = const(REGISTERS + 30)  # limits of the point
+STEEP = const(REGISTERS + 32)
+HALF_CELL = const(REGISTERS + 34)
+_S = const(REGISTERS + 36)  # where the knot planned last lies, and its velocity
+_V = const(REGISTERS + 38)
+_T = const(REGISTERS + 40)  # ticks from the knot before to it
+_LAST_T = const(REGISTERS + 42)
+_LEFT = const(REGISTERS + 44)
+_NEXT = const(REGISTERS + 46)
+_A = const(REGISTERS + 48)
+_P = const(REGISTERS + 50)
+_Q = const(REGISTERS + 52)
+_X = const(REGISTERS + 54)
+_Y = const(REGISTERS + 56)
+_Z = const(REGISTERS + 58)
+_W = const(REGISTERS + 60)
+_ZERO = const(REGISTERS + 62)
+_SPAN = const(REGISTERS + 64)
+_AT = const(REGISTERS + 66)
+FIRST_FREE = const(REGISTERS + 68)
+
+SPAN = const(32)  # ticks from knot to knot: one segment
+_BEGIN = const(4)  # knots queued before anything moves
+_AHEAD_TICKS = const(256)  # to plan ahead
+_SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
+_NOTICE = const(30)  # ticks from a request to the first knot that it may change
+_KNOTS = const(16)  # remembered
+
+_ROW = const(12)  # words of the places of all motors: step and Q16 fraction of each
+_ROWS = const(16)  # of knots; then those of the survey
+_SURVEY = const(192)  # _ROW * _ROWS
+
+# The survey
+_CELLS = const(8)  # of a whole line, before any is halved
+_WHOLE_CELL = const(1024)  # its size, in parts that may be halved nine times
+_MOST_CELLS = const(96)
+_SIXTEENTHS = const(4)  # of a step, as shift
+_NOISE = const(4)  # sixteenths of a second difference that are rounding
+_SMALL_BEND = const(32)  # sixteenths that make no difference
+_MARGIN = const(10320)  # what the motors can do is taken for 10000 / 10320 of it: 3 % for what a survey cannot see
+
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x20000000)
+
+# Words per motor of `bounds`
+_LOW = const(0)
+_HIGH = const(1)
+_CODE_LOW = const(2)
+_CODE_HIGH = const(3)
+
+
+@micropython.viper
+def along(r, to: int, base: int, way: int, s: int, spare: int):
+    """Six numbers: r[to] = r[base] + r[way]·r[s]"""
+    k = 0
+    while k < 12:
+        multiply(r, spare, way + k, s)
+        combine(r, to + k, base + k, spare, 0)
+        k += 2
+
+
+@micropython.viper
+def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) -> int:
+    """The code of the bound that a motor passes in a cell with these rows at its start, middle and end, or 0."""
+    i = 0
+    while i < AXES:
+        if motor[i + 0]:
+            k = 4 * i
+            middle = rows[b + 0] + (rows[b + 1] >> 15)
+            end = rows[c + 0] + (rows[c + 1] >> 15)
+            d = middle - rows[a + 0]
+            e = end - middle
+            least = middle
+            most = middle
+            # at a turning point the curve may go a little farther than the middle of the cell
+            if d > 0 and e < 0:
+                most += ((d - e) >> 3) + 1
+            if d < 0 and e > 0:
+                least -= ((e - d) >> 3) + 1
+            if end < least:
+                least = end
+            if end > most:
+                most = end
+            if most > bounds[k + _HIGH]:
+                return bounds[k + _CODE_HIGH]
+            if least < bounds[k + _LOW]:
+                return bounds[k + _CODE_LOW]
+        a += 2
+        b += 2
+        c += 2
+        i += 1
+    return 0
+
+
+_SMOOTH = const(0)
+_BENT = const(1)  # the cell is to be halved
+_FAR = const(2)  # farther than can be counted
+
+
+@micropython.viper
+def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, greatest: ptr32, level: int) -> int:
+    """Take a cell into `curve`: per axis the greatest slope and bend so far, in sixteenths of a step per half cell of
+    level 0, and per its square. greatest: the slopes alone, to judge a bend by. level: how often the cell is halved."""
+    turn = 0
+    while turn < 2:
+        i = 0
+        while i < AXES:
+            if motor[i + 0]:
+                k = 2 * i
+                x = rows[a + k]
+                y = rows[b + k]
+                z = rows[c + k]
+                d = (y >> 1) - (x >> 1)
+                e = (z >> 1) - (y >> 1)
+                if d > 0x1000000 or d < -0x1000000 or e > 0x1000000 or e < -0x1000000:
+                    return _FAR
+                d = ((y - x) << 4) + ((rows[b + k + 1] - rows[a + k + 1]) >> 12)
+                e = ((z - y) << 4) + ((rows[c + k + 1] - rows[b + k + 1]) >> 12)
+                bend = e - d
+                if bend < 0:
+                    bend = 0 - bend
+                if d < 0:
+                    d = 0 - d
+                if e < 0:
+                    e = 0 - e
+                if e > d:
+                    d = e
+                bend -= _NOISE
+                if bend < 0:
+                    bend = 0
+                # a parabola's slope at the end of the cell, and what a cubic adds to its bend there
+                d += (bend >> 1) + 1
+                more = bend // ((d >> 3) + 1)
+                if more > 8:
+                    more = 8
+                more = bend + (bend >> 1) * more
+                if d >> (29 - level) or more >> (29 - 2 * level):
+                    return _FAR
+                d = d << level
+                more = more << (2 * level)
+                if turn:
+                    if curve[k + 0] < d:
+                        curve[k] = d
+                    if curve[k + 1] < more:
+                        curve[k + 1] = more
+                    if greatest[i + 0] < d:
+                        greatest[i] = d
+                else:
+                    if greatest[i + 0] > d:
+                        d = greatest[i + 0]
+                    if bend > _SMALL_BEND and bend > d >> (3 + level):
+                        return _BENT
+            i += 1
+        turn += 1
+    return _SMOOTH
+
+
+@micropython.viper
+def _velocity(r, to: int, rows, a: int, b: int, c: int, before: int, after: int, spare: int):
+    """r[to] = (q(b) - q(a))·r[before] + (q(c) - q(b))·r[after], q being the place in a row."""
+    q = ptr32(rows)
+    put(r, to, ((q[b + 0] - q[a + 0]) << 16) + q[b + 1] - q[a + 1], -16)
+    multiply(r, to, to, before)
+    put(r, spare, ((q[c + 0] - q[b + 0]) << 16) + q[c + 1] - q[b + 1], -16)
+    multiply(r, spare, spare, after)
+    combine(r, to, to, spare, 0)
+
+
+@micropython.viper
+def _aimed(out: ptr32, rows: ptr32, k: int, r: ptr32, v: int) -> int:
+    """The place in rows[k], half a step further on in the direction of the motion: out[0], and its fraction (Q16).
+
+    A step is made when the motor reaches it, so in motion it would lag by half a step on average. Near a standstill
+    nothing is added: there it would be a step to and fro.
+    """
+    mantissa = r[v + 0]
+    e = 0 - r[v + 1] - 21  # half a step from 2^-6 steps per tick on: Q16 times 2^5
+    lead = 0
+    if e < 8:
+        if mantissa:
+            lead = (mantissa >> 31) * 0x10000 + 0x8000
+    else:
+        if e > 31:
+            e = 31
+        lead = mantissa >> e
+        if lead > 0x8000:
+            lead = 0x8000
+        if lead < -0x8000:
+            lead = -0x8000
+    lead += rows[k + 1]
+    out[0] = rows[k + 0] + (lead >> 16)
+    return lead & 0xFFFF
+
+
+@micropython.viper
+def _nearest(out: ptr32, rows: ptr32, k: int):
+    """out[0] = the step nearest to the place in rows[k]."""
+    out[0] = rows[k + 0] + (rows[k + 1] >> 15)
+
+
+@micropython.viper
+def _hold(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> int:
+    t = ptr32(target)[j + 0]
+    if t > present[motor + 0]:
+        if t < bounds[k + _HIGH]:
+            bounds[k + _HIGH] = t
+        return 1
+    if t < present[motor + 0]:
+        if t > bounds[k + _LOW]:
+            bounds[k + _LOW] = t
+        return -1
+    return 0
+
+
+@micropython.viper
+def _near(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
+    """Whether the place in rows[k] is within a step of where the motor is."""
+    d = (rows[k + 0] >> 2) - (present[motor + 0] >> 2)
+    if d > 1 or d < -1:
+        return 0
+    d = ((rows[k + 0] - present[motor + 0]) << 16) + rows[k + 1]
+    if d > 0x10000 or d < -0x10000:
+        return 0
+    return 1
+
+
+class Motion:
+    """Runs one line at a time. r: array('i') of FIRST_FREE words, which the geometries share."""
+
+    def __init__(self, axes, safety, r):
+        self.axes = axes
+        self.safety = safety
+        self.r = r
+        self.rig = None  # the Geometry configured
+        self.guide = None  # of a jog: surveys the line ahead of the point
+        self.state = IDLE
+        self.bits = 0  # motors of the rig
+        self.motor = array("i", [0] * AXES)  # of each axis of the rig, from 1; 0 for none
+        self.rows = array("i", [0] * (_SURVEY + 3 * _ROW))
+        self.speeds = array("i", [0] * (_ROW * _KNOTS))  # of the motors at each knot: reals
+        self.marks = array("i", [0] * (4 * _KNOTS))  # s and velocity of the point at each knot: reals
+        self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
+        self.curve = array("i", [0] * (2 * AXES))
+        self.greatest = array("i", [0] * AXES)
+        self.bounds = array("i", [0] * (4 * AXES))
+        self.word = array("i", [0] * 2)
+        self.present = array("i", [0] * axes.count)
+        self.knot = 0  # the last knot that has been placed
+        self.queued = 0  # the last one that a phase leads to
+        self.tick = 0  # in which the motion has begun
+        self.closed = True  # no further knots come
+        self.stopping = False
+        reals.put(r, _ZERO, 0, 0)
+
+    # ---------------------------------------------------------------- what requests ask
+
+    @property
+    def engaged(self):
+        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
+        return self.bits if self.state else 0
+
+    def adopt(self, rig):
+        """Make a configured geometry the rig, or none. At rest."""
+        self.rig = rig
+        self.bits = 0
+        for i in range(AXES):
+            self.motor[i] = rig.motor[i] if rig else 0
+            if self.motor[i]:
+                self.bits |= 1 << (self.motor[i] - 1)
+
+    def locate(self):
+        """POSE and JOINT of where the motors are. A code."""
+        for i in range(self.axes.count):
+            self.axes[i].position_to(self.present, i)
+        return self.rig.locate(self.present)
+
+    def lay(self):
+        """Begin a line where the rig stands: BASE is its pose, WAY is 0 and to be filled in. A code."""
+        code = self.locate()
+        if code:
+            return code
+        r = self.r
+        for k in range(0, 2 * AXES, 2):
+            reals.copy(r, BASE + k, POSE + k)
+            reals.put(r, WAY + k, 0, 0)
+        self._bound()
+        self.guide = None
+        # what the rig says of this pose must be where it stands: there may be two ways to take it
+        code = self.place(_ZERO, _SURVEY)
+        if code:
+            return code
+        for i in range(AXES):
+            if self.motor[i] and not _near(self.rows, _SURVEY + 2 * i, self.present, self.motor[i] - 1):
+                return m.ERR_RANGE
+        return 0
+
+    def _bound(self):
+        """What no motor may pass: its soft limits, and where it stands in a limit switch."""
+        bounds = self.bounds
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor < 0:
+                continue
+            axis = self.axes[motor]
+            ends = self.safety.ends(motor)
+            side = axis.beyond(self.present, motor)
+            k = 4 * i
+            bounds[k + _CODE_LOW] = m.ERR_HARD_LOW if ends & 2 else m.ERR_SOFT_LOW
+            bounds[k + _CODE_HIGH] = m.ERR_HARD_UP if ends & 1 else m.ERR_SOFT_UP
+            # a motor that is past a limit may come back (field note 4.3)
+            if ends & 2 or side < 0:
+                reals.copy_word(bounds, k + _LOW, self.present, motor)
+            else:
+                reals.copy_word(bounds, k + _LOW, axis.bounds, 0)
+            if ends & 1 or side > 0:
+                reals.copy_word(bounds, k + _HIGH, self.present, motor)
+            else:
+                reals.copy_word(bounds, k + _HIGH, axis.bounds, 1)
+
+    def bound(self, i, target, j):
+        """Let axis i go no farther than the step target[j], on which side it may be; -1, 0 or 1 tells which."""
+        return _hold(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)
+
+    # ---------------------------------------------------------------- places on the line
+
+    def place(self, s, row):
+        """Where the motors stand at r[s], into rows[row …]. A code."""
+        rig = self.rig
+        along(self.r, POSE, BASE, WAY, s, _X)
+        code = rig.inverse()
+        if code:
+            return code
+        rows = self.rows
+        for i in range(AXES):
+            if self.motor[i]:
+                code = rig.steps(i, rows, row)
+                if code:
+                    return code
+            row += 2
+        return 0
+
+    # ---------------------------------------------------------------- the survey
+
+    def survey(self):
+        """Whether the motors can follow the line from 0 to END: a code. If so TOP and STEEP are set."""
+        r = self.r
+        reals.double(r, HALF_CELL, END, -4)
+        self.clear()
+        self.greatest_clear()
+        a = _SURVEY
+        b = _SURVEY + _ROW
+        c = _SURVEY + 2 * _ROW
+        at = 0
+        size = _WHOLE_CELL
+        level = 0
+        left = _MOST_CELLS
+        code = self._sample(size, c)
+        while not code:
+            code = self._sample(at + size // 2, b)
+            if code:
+                break
+            found = self.measure(a, b, c, level)
+            left -= 1
+            if found == _BENT and size > 2 and left:
+                b, c = c, b
+                size //= 2
+                level += 1
+                continue
+            if found != _SMOOTH:
+                return m.ERR_RANGE  # too near to a pose in which a motor would have to be infinitely fast
+            code = _inside(self.rows, a, b, c, self.bounds, self.motor)
+            if code:
+                return code
+            at += size
+            if at == _CELLS * _WHOLE_CELL:
+                self.rates(10000)
+                return 0
+            a, c = c, a
+            if level and at % (2 * size) == 0:
+                size *= 2
+                level -= 1
+            code = self._sample(at + size, c)
+        return code
+
+    def clear(self):
+        """Forget the slopes and bends of the cells measured."""
+        for i in range(2 * AXES):
+            self.curve[i] = 0
+
+    def greatest_clear(self):
+        for i in range(AXES):
+            self.greatest[i] = 0
+
+    def measure(self, a, b, c, level):
+        """See _measure."""
+        return _measure(self.rows, a, b, c, self.motor, self.curve, self.greatest, level)
+
+    def inside(self, a, b, c):
+        """See _inside."""
+        return _inside(self.rows, a, b, c, self.bounds, self.motor)
+
+    def _sample(self, part, row):
+        """place() at a part of the line in 8192nds."""
+        r = self.r
+        reals.put(r, _AT, part, -13)
+        reals.multiply(r, _AT, _AT, END)
+        return self.place(_AT, row)
+
+    def rates(self, share):
+        """TOP and STEEP from `curve`: with `share` ten-thousandths of what the motors can do."""
+        r = self.r
+        curve = self.curve
+        first = True
+        bent = False
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                numbers = self.axes[motor].numbers
+                reals.put(r, _P, curve[2 * i], -_SIXTEENTHS)
+                reals.fetch(r, _X, numbers, motion.TOP)
+                reals.divide(r, _X, _X, _P)
+                if first or reals.compare(r, _X, TOP) < 0:
+                    reals.copy(r, TOP, _X)
+                    first = False
+                if curve[2 * i + 1]:
+                    # v² = A / 2G
+                    reals.put(r, _P, curve[2 * i + 1], 1 - _SIXTEENTHS)
+                    reals.fetch(r, _X, numbers, motion.STEEP)
+                    reals.divide(r, _X, _X, _P)
+                    if not bent or reals.compare(r, _X, _Q) < 0:
+                        reals.copy(r, _Q, _X)
+                        bent = True
+        if bent:
+            reals.root(r, _Y, _Q)
+            if reals.compare(r, _Y, TOP) < 0:
+                reals.copy(r, TOP, _Y)
+        reals.multiply(r, _Q, TOP, TOP)
+        first = True
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                # a = (A - G·v²) / F
+                reals.fetch(r, _X, self.axes[motor].numbers, motion.STEEP)
+                reals.put(r, _P, curve[2 * i + 1], -_SIXTEENTHS)
+                reals.multiply(r, _P, _P, _Q)
+                reals.subtract(r, _X, _X, _P)
+                reals.put(r, _P, curve[2 * i], -_SIXTEENTHS)
+                reals.divide(r, _X, _X, _P)
+                if first or reals.compare(r, _X, STEEP) < 0:
+                    reals.copy(r, STEEP, _X)
+                    first = False
+        reals.put(r, _P, share, 0)
+        reals.multiply(r, _P, _P, HALF_CELL)
+        reals.put(r, _X, _MARGIN, 0)
+        reals.divide(r, _P, _P, _X)
+        reals.multiply(r, TOP, TOP, _P)
+        reals.multiply(r, STEEP, STEEP, _P)
+
+    # ---------------------------------------------------------------- the motion
+
+    def begin(self):
+        """Start along the line that has been surveyed, or with the guide of a jog."""
+        hal = self.axes.hal
+        r = self.r
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                axis = self.axes[motor]
+                axis.prepare(hal)
+                axis.more = True
+                axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+                reals.copy_word(self.rows, 2 * i, self.present, motor)
+                self.rows[2 * i + 1] = 0
+                reals.fetch(self.speeds, 2 * i, r, _ZERO)
+        reals.put(r, _S, 0, 0)
+        reals.put(r, _V, 0, 0)
+        self._note(0)
+        self.times[0] = 0
+        self.knot = 0
+        self.queued = 0
+        self.closed = False
+        self.stopping = False
+        self.state = STARTING
+
+    def stop(self):
+        """Slow down along the line, as steeply as its motors allow."""
+        if self.state == STARTING:
+            self.halt()
+        elif self.state == MOVING and not self.stopping:
+            if not self._cut():
+                if not self.closed:
+                    self.halt()
+                return
+            self.stopping = True
+            self._plan()
+            self._plan()
+
+    def halt(self, factor=1):
+        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        if self.state:
+            for i in range(AXES):
+                if self.motor[i]:
+                    self.axes[self.motor[i] - 1].stop(self.axes.hal, factor)
+            self.state = HALTED
+            self.closed = True
+
+    def poll(self):
+        """One pass: plan ahead."""
+        state = self.state
+        if state == IDLE:
+            return
+        if state == STARTING:
+            if self.guide:
+                self.guide.extend()
+            self._plan()
+            if self.closed or self.queued >= _BEGIN:
+                self._release()
+            return
+        if state == MOVING and not self.closed:
+            ahead = self.times[self.queued % _KNOTS] - self._elapsed()
+            if self.guide and ahead > _SCARCE_TICKS and self.guide.extend():
+                return
+            if ahead < _AHEAD_TICKS:
+                self._plan()
+        elif not self.axes.moving_bits() & self.bits:
+            self.state = IDLE
+
+    def _elapsed(self):
+        """Ticks of the motion that have been done."""
+        return (self.axes.kernel.state[stepper.TICKS] - self.tick + 1) & _WRAP
+
+    def _release(self):
+        """All motors start in the same tick."""
+        axes = self.axes
+        axes.feed()
+        irq = axes.hal.irq_off()
+        self.tick = (axes.kernel.state[stepper.TICKS] + 1) & _WRAP
+        axes.release(self.bits)
+        axes.hal.irq_on(irq)
+        self.state = MOVING
+
+    # ---------------------------------------------------------------- knots
+
+    def _note(self, knot):
+        """Remember s and velocity of a knot."""
+        k = 4 * (knot % _KNOTS)
+        reals.fetch(self.marks, k, self.r, _S)
+        reals.fetch(self.marks, k + 2, self.r, _V)
+
+    def _plan(self):
+        """Place the next knot, and queue the phases to the one before it, which it takes to know the velocity there."""
+        if self.closed:
+            return
+        r = self.r
+        knot = self.knot
+        if not self._advance():
+            return
+        knot += 1
+        following = _ROW * (knot % _KNOTS)
+        if self.place(_S, following):
+            self.halt()  # the survey has said that it can be reached
+            return
+        self._note(knot)
+        self.times[knot % _KNOTS] = self.times[(knot - 1) % _KNOTS] + reals.floor(r, _T, _HALF)
+        self.knot = knot
+        if self.queued < knot - 1:
+            self._queue(knot - 1)
+        if reals.sign(r, _V) == 0:
+            self._finish(knot)
+
+    def _queue(self, knot):
+        """Append the phase to a knot that has one on either side."""
+        r = self.r
+        marks = self.marks
+        rows = self.rows
+        before = (knot - 1) % _KNOTS
+        here = knot % _KNOTS
+        after = (knot + 1) % _KNOTS
+        # velocity · the slope of the parabola through the three
+        reals.fetch(r, _X, marks, 4 * before)
+        reals.fetch(r, _Y, marks, 4 * here)
+        reals.fetch(r, _Z, marks, 4 * after)
+        reals.subtract(r, _X, _Y, _X)
+        reals.subtract(r, _Z, _Z, _Y)
+        reals.fetch(r, _W, marks, 4 * here + 2)
+        reals.add(r, _Y, _X, _Z)
+        if reals.sign(r, _X) > 0 and reals.sign(r, _Z) > 0:
+            reals.divide(r, _W, _W, _Y)
+            reals.divide(r, _Y, _Z, _X)
+            reals.multiply(r, _P, _W, _Y)
+            reals.divide(r, _Y, _X, _Z)
+            reals.multiply(r, _Q, _W, _Y)
+        else:
+            reals.put(r, _P, 0, 0)
+            reals.put(r, _Q, 0, 0)
+        reals.put(r, _LAST_T, self.times[here] - self.times[before], 0)
+        for i in range(AXES):
+            if self.motor[i]:
+                k = 2 * i
+                _velocity(r, _W, rows, _ROW * before + k, _ROW * here + k, _ROW * after + k, _P, _Q, _Y)
+                part = _aimed(self.word, rows, _ROW * here + k, r, _W)
+                reals.fetch(r, _X, self.speeds, _ROW * before + k)
+                reals.fetch(self.speeds, _ROW * here + k, r, _W)
+                self.axes[self.motor[i] - 1].aim(_LAST_T, _X, _W, r, self.word, 0, part)
+        self.queued = knot
+
+    def _finish(self, knot):
+        """Append the phase to the knot at which everything comes to rest."""
+        r = self.r
+        for i in range(AXES):
+            if self.motor[i]:
+                axis = self.axes[self.motor[i] - 1]
+                reals.fetch(r, _X, self.speeds, _ROW * ((knot - 1) % _KNOTS) + 2 * i)
+                _nearest(self.word, self.rows, _ROW * (knot % _KNOTS) + 2 * i)
+                axis.aim(_T, _X, _ZERO, r, self.word, 0)
+                axis.more = False
+        self.queued = knot
+        self.closed = True
+
+    def _advance(self):
+        """s and velocity of the next knot in _S and _V, the ticks to it in _T. False: it cannot be told yet."""
+        r = self.r
+        if self.stopping:
+            if self.guide:
+                self.guide.look()
+            reals.put(r, _T, SPAN, 0)
+            reals.multiply(r, _NEXT, STEEP, _T)
+            reals.subtract(r, _NEXT, _V, _NEXT)
+            if reals.sign(r, _NEXT) <= 0:
+                reals.divide(r, _T, _V, STEEP)
+                reals.put(r, _NEXT, 0, 0)
+            self._step()
+            return True
+        if self.guide:
+            if not self.guide.look():
+                return False
+        else:
+            reals.subtract(r, _LEFT, END, _S)
+        span = SPAN
+        if reals.sign(r, _V):
+            # what a ramp of constant deceleration to the end would take
+            reals.divide(r, _T, _LEFT, _V)
+            reals.double(r, _T, _T, 1)
+            ticks = reals.floor(r, _T, _HALF)
+            if ticks < SPAN:
+                if self.guide and not self.guide.closed:
+                    return False
+                reals.subtract(r, _X, END, _S)
+                if reals.sign(r, _X) <= 0 or reals.sign(r, _T) <= 0:
+                    reals.put(r, _T, 1, 0)
+                reals.copy(r, _S, END)
+                reals.put(r, _V, 0, 0)
+                return True
+            if ticks < 2 * SPAN:
+                span = ticks // 2 + 1
+        elif reals.sign(r, _LEFT) <= 0:
+            reals.put(r, _T, 1, 0)
+            reals.copy(r, _S, END)
+            return self.guide is None or self.guide.closed
+        reals.put(r, _T, span, 0)
+        # as steep as it may, to the greatest velocity, but not above the one from which it can stop at the end:
+        # (V + v)·T/2 + v²/2a = LEFT
+        reals.multiply(r, _X, STEEP, _T)
+        reals.add(r, _NEXT, _V, _X)
+        if reals.compare(r, _NEXT, TOP) > 0:
+            reals.subtract(r, _NEXT, _V, _X)
+            if reals.compare(r, _NEXT, TOP) < 0:
+                reals.copy(r, _NEXT, TOP)
+        reals.double(r, _X, _T, -1)
+        reals.multiply(r, _Y, _X, _X)
+        reals.double(r, _Z, _LEFT, 1)
+        reals.multiply(r, _W, _V, _T)
+        reals.subtract(r, _Z, _Z, _W)
+        reals.divide(r, _Z, _Z, STEEP)
+        reals.add(r, _Y, _Y, _Z)
+        reals.root(r, _Z, _Y)
+        reals.subtract(r, _Z, _Z, _X)
+        reals.multiply(r, _Z, _Z, STEEP)
+        if reals.compare(r, _Z, _NEXT) < 0:
+            if reals.sign(r, _Z) <= 0:
+                return False  # only where a survey is still under way
+            reals.copy(r, _NEXT, _Z)
+        self._step()
+        return True
+
+    def _step(self):
+        """_S and _V a time _T on, the velocity being _NEXT then."""
+        r = self.r
+        reals.add(r, _X, _V, _NEXT)
+        reals.multiply(r, _X, _X, _T)
+        reals.double(r, _X, _X, -1)
+        reals.add(r, _S, _S, _X)
+        reals.copy(r, _V, _NEXT)
+
+    # ---------------------------------------------------------------- changing the plan
+
+    def _cut(self):
+        """Forget what is planned from the first knot on that is far enough ahead. False where there is none."""
+        axes = self.axes
+        for i in range(AXES):
+            if self.motor[i]:
+                axes[self.motor[i] - 1].feed()
+        last = self.knot - 1 if self.closed else self.queued
+        knot = max(self.knot - _KNOTS + 2, 1)
+        irq = axes.hal.irq_off()
+        now = self._elapsed()
+        while knot <= last and self.times[knot % _KNOTS] - now < _NOTICE:
+            knot += 1
+        found = knot <= last
+        if found and not (knot == self.queued and not self.closed):
+            ticks = self.times[knot % _KNOTS] - now
+            for i in range(AXES):
+                if self.motor[i] and not axes[self.motor[i] - 1].trim(ticks, 0):
+                    found = False
+            if found:
+                for i in range(AXES):
+                    if self.motor[i]:
+                        axes[self.motor[i] - 1].trim(ticks, 1)
+        axes.hal.irq_on(irq)
+        if not found:
+            return False
+        r = self.r
+        reals.fetch(r, _S, self.marks, 4 * (knot % _KNOTS))
+        reals.fetch(r, _V, self.marks, 4 * (knot % _KNOTS) + 2)
+        if knot != self.queued or self.closed:
+            for i in range(AXES):
+                if self.motor[i]:
+                    k = 2 * i
+                    row = _ROW * (knot % _KNOTS) + k
+                    reals.fetch(r, _W, self.speeds, row)
+                    _aimed(self.word, self.rows, row, r, _W)
+                    axes[self.motor[i] - 1].resume(self.word, 0)
+        self.knot = knot
+        self.queued = knot
+        self.closed = False
+        return True

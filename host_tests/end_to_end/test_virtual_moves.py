@@ -1,0 +1,257 @@
+"""VIRT_CONFIG, VIRT_MOVE, VIRT_STOP and VIRT_GET_POSITION end to end on the host simulation."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.payloads import (
+    Ack,
+    Hi,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorStop,
+    MotorStopAll,
+    Positions,
+    RtPositionFrame,
+    VirtConfig,
+    VirtGetPosition,
+    VirtMove,
+    VirtPositions,
+    VirtStop,
+)
+from framestep_tools.virtual_reference import Axis, Rig
+from host_tests.end_to_end.session import simulated
+from host_tests.end_to_end.virtual import UNIT, assert_straight, configured, joints
+
+XYZ = Rig(4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0))))
+NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
+RIGS = {"x-y-z": XYZ, "x-y-z with a nodal offset": NODAL}
+MOVES = [
+    ("x-y-z", m.VIRT_MOTOR_EW, 22.5),
+    ("x-y-z", m.VIRT_MOTOR_TRACK, -14.0),
+    ("x-y-z", m.VIRT_MOTOR_ROLL, 0.5),
+    ("x-y-z with a nodal offset", m.VIRT_MOTOR_PAN, 70.0),
+    ("x-y-z with a nodal offset", m.VIRT_MOTOR_TILT, -25.0),
+]
+
+
+def pose_of(p):
+    return np.array([p.track, p.east_west, p.north_south, p.pan, p.tilt, p.roll]) / 100000
+
+
+def pose(session):
+    return pose_of(session.ask(VirtGetPosition()))
+
+
+@pytest.mark.parametrize(("name", "number", "length"), MOVES)
+def test_a_move_is_straight(name, number, length):
+    rig = RIGS[name]
+    session = configured(rig)
+    before = session.positions
+    start = rig.forward(joints(rig, np.array([before[n] for n in sorted(before)])))
+    np.testing.assert_allclose(pose(session), start, atol=1e-5)
+    target = start[number - 1] + length
+    session.forget()
+    session.accept(VirtMove(number, round(target * 100000)))
+    assert session.moving == [a.motor for a in rig.axes], "the moving bits are set by the acknowledgement"
+    session.wait_idle()
+    way = UNIT[number] * np.sign(length)
+    track, s = assert_straight(rig, session, before, way, abs(length))
+    track.limits(20_000, 50_000)
+    # one ramp up, one ramp down
+    assert (np.diff(s) >= -0.0021).all()
+    expected = rig.steps(rig.inverse(start + length * UNIT[number], joints(rig, track.places[0])))
+    after = session.positions
+    assert [after[a.motor] for a in rig.axes] == np.round(expected).tolist()
+    np.testing.assert_allclose(pose(session), start + length * UNIT[number], atol=0.002)
+
+
+def test_a_stop_stays_on_the_line():
+    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, the host's leaving. Of another axis: nothing."""
+    session = configured(NODAL)
+    for stop in (VirtStop(m.VIRT_MOTOR_PAN), MotorStop(1), MotorStopAll(), None):
+        session.run(1.1)  # no second STOP_ALL
+        before = session.positions
+        session.forget()
+        session.accept(VirtMove(m.VIRT_MOTOR_PAN, 60 * 100000 if before[4] < 30_000 else 0))
+        session.run(0.7)
+        session.accept(VirtStop(m.VIRT_MOTOR_EW))
+        asked = session.now
+        if stop:
+            session.accept(stop)
+        else:
+            session.leave()
+        session.run(1.5)
+        if not stop:
+            session.come_back()
+        assert session.moving == []
+        track, s = assert_straight(NODAL, session, before, UNIT[4] * (1 if before[4] < 30_000 else -1), 65.0)
+        assert 5 < s[-1] < 50
+        # some hundredths of a second until it slows down, and then as steeply as the motors can
+        peak = np.diff(s).max() * 1000
+        assert track.end - asked < 0.15 + peak / 30
+
+
+def test_a_second_stop_all_lets_each_motor_ramp_down_by_itself():
+    session = configured(XYZ)
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 100 * 100000))
+    session.run(0.8)
+    session.accept(MotorStopAll(), MotorStopAll())
+    asked = session.now
+    session.run(0.5)
+    assert session.moving == []
+    assert session.steps(1)[0][-1] - asked < 0.05 + 20_000 / 50_000 / 4
+    # and it goes on from there
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 0))
+    session.wait_idle()
+    assert session.position(1) == -10_000
+
+
+def test_capabilities_and_their_mask():
+    assert simulated().ask(Hi()).capabilities & 0x7C == 40
+    session = simulated({"virtuals": m.CAP_X_Y_Z})
+    assert session.ask(Hi()).capabilities & 0x7C == m.CAP_X_Y_Z
+    session.refuse(Ack.ERR_UNSUPPORTED, VirtConfig.unpack(Rig(2, (Axis(1), Axis(2))).payload()))
+    session.accept(VirtConfig.unpack(XYZ.payload()))
+    session = simulated({"virtuals": 0})
+    assert session.ask(Hi()).capabilities & 0x7C == 0
+    session.refuse(Ack.ERR_UNSUPPORTED, VirtConfig(0), VirtGetPosition(), VirtMove(1, 0), VirtStop(1))
+
+
+def test_without_a_configuration():
+    session = simulated()
+    requests = VirtGetPosition(), VirtMove(1, 0), VirtStop(1)
+    session.refuse(Ack.ERR_GENERAL, *requests)
+    session.accept(VirtConfig.unpack(XYZ.payload()))
+    session.accept(VirtGetPosition(), VirtStop(1))
+    session.accept(VirtConfig(0))
+    session.refuse(Ack.ERR_GENERAL, *requests)
+
+
+def test_positions_are_told_beside_those_of_the_motors():
+    """Field note 9.8; and they are those of the motors, whatever has moved them."""
+    session = configured(XYZ)
+    session.ask(MotorMove(2, 3000))
+    session.wait_idle()
+    motors, virtuals = session.events(Positions), session.events(VirtPositions)
+    assert len(motors) == len(virtuals) >= 3
+    for (_, place), (_, pose) in zip(motors, virtuals, strict=True):
+        assert pose.north_south == pytest.approx(-2_000_000 + place.steps[1] * 100, abs=150 * 100)
+    assert virtuals[-1][1].north_south == -1_700_000
+    assert session.code(MotorResetPosition(2, 0)) == Ack.OK
+    session.run(0.1)
+    assert pose_of(session.events(VirtPositions)[-1][1])[2] == pytest.approx(-20)
+    session.accept(VirtConfig(0))
+    session.forget()
+    session.ask(MotorMove(2, 0))
+    session.wait_idle()
+    assert not session.events(VirtPositions)
+
+
+def test_a_refused_configuration_leaves_the_old_one():
+    session = configured(XYZ)
+    old = session.ask(VirtGetPosition())
+    good = bytearray(XYZ.payload())
+
+    def changed(at, value):
+        data = bytearray(good)
+        struct.pack_into("<i", data, at, value)
+        return bytes(data)
+
+    for code, payload in [
+        (Ack.ERR_RANGE, b"\5"),
+        (Ack.ERR_RANGE, b"\0\0"),
+        (Ack.ERR_UNSUPPORTED, bytes(good[:-1])),
+        (Ack.ERR_UNSUPPORTED, bytes(good) + b"\0"),
+        (Ack.ERR_RANGE, changed(1, 9)),
+        (Ack.ERR_RANGE, changed(1, -1)),
+        (Ack.ERR_RANGE, changed(1, 2)),
+        (Ack.ERR_RANGE, changed(5, 0)),
+    ]:
+        answer = session.answer_to(m.MSG_VIRT_CONFIG, payload)
+        assert answer.is_ack and Ack.unpack(answer.payload) == code, payload.hex()
+        assert session.ask(VirtGetPosition()) == old
+    session.accept(MotorConfigure(7, 0))
+    answer = session.answer_to(m.MSG_VIRT_CONFIG, changed(1, 7))
+    assert Ack.unpack(answer.payload) == Ack.ERR_RANGE, "disabled"
+    session.accept(VirtMove(1, 302 * 100000))
+    session.wait_idle()
+    assert session.position(3) == 2000
+
+
+def test_what_is_refused_while_something_moves():
+    session = configured(XYZ)
+    session.ask(MotorMove(8, 100_000))  # no part of the rig
+    session.accept(VirtMove(1, 305 * 100000))
+    config = VirtConfig.unpack(XYZ.payload())
+    refused = (
+        config, VirtConfig(0), VirtMove(2, 0), MotorMove(3, 0), MotorJog(1, 100, 0), MotorResetPosition(6, 0),
+        MotorConfigure(2, 0),
+    )  # fmt: skip
+    session.refuse(Ack.ERR_MOVING, *refused)
+    session.run(0.2)
+    session.refuse(Ack.ERR_MOVING, *refused)
+    session.upload({1: [0, 0, 0]})
+    session.refuse(Ack.ERR_MOVING, RtPositionFrame(1))
+    session.run(2)
+    assert session.moving == [8]
+    assert session.position(3) == 5000
+    session.accept(config)
+    session.ask(MotorMove(1, 5000))
+    session.refuse(Ack.ERR_MOVING, config, VirtConfig(0), VirtMove(1, 0))
+    session.wait_idle()
+    session.accept(VirtMove(1, 0), VirtStop(1))
+
+
+def limits(low=None, high=None, motor=1):
+    return MotorSetLimits(motor, low is not None, low or 0, high is not None, high or 0, 0)
+
+
+def test_soft_limits_on_the_way():
+    """Any motor anywhere on the path: refused before anything moves. One that is past its limit may come back."""
+    session = configured(NODAL)
+    session.accept(limits(-500, 500))
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 1) * 100000)))
+    session.refuse(Ack.ERR_SOFT_LOW, VirtMove(2, round((pose(session)[1] - 1) * 100000)))
+    # turning the camera by its nodal point moves the carriage to one side and back
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(4, round((pose(session)[3] + 180) * 100000)))
+    session.run(0.5)
+    assert session.made(1) == 0 and session.moving == []
+    session.accept(limits(-500, -200))
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 0.01) * 100000)))
+    session.accept(VirtMove(2, round((pose(session)[1] - 0.1) * 100000)))
+    session.wait_idle()
+    assert session.position(1) == -100
+
+
+def test_a_motor_in_a_limit_switch():
+    session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}]})
+    board = session.board._board
+    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(2, 0, 0, 0, 0, 1))
+    board.set_input(22, 0)
+    session.run(0.05)
+    session.refuse(Ack.ERR_HARD_UP, VirtMove(3, -19 * 100000))
+    session.accept(VirtMove(3, -21 * 100000))
+    session.wait_idle()
+    assert session.position(2) == -1000
+
+
+@pytest.mark.parametrize("number", [0, 7, 255])
+def test_virtual_axes_that_there_are_not(number):
+    session = configured(XYZ)
+    session.refuse(Ack.ERR_RANGE, VirtMove(number, 0), VirtStop(number))
+
+
+def test_an_axis_without_a_motor():
+    """It stays where it is: what needs it is out of reach."""
+    rig = Rig(4, (*XYZ.axes[:4], Axis(0, 1000.0, -3.0), Axis(0)))
+    session = configured(rig)
+    session.refuse(Ack.ERR_RANGE, VirtMove(5, 0), VirtMove(6, 100000))
+    session.accept(VirtMove(4, 6 * 100000))
+    session.wait_idle()
+    assert session.position(4) == 1000

@@ -1,0 +1,29 @@
+"""Virtual axes as machine code on 32 bits, the heap locked: they do byte by byte what they do on CPython."""
+
+import sys
+from pathlib import Path
+
+from framestep_tools.wire import FrameDecoder
+
+HERE = Path(__file__).parent
+
+
+def said(monkeypatch):
+    monkeypatch.syspath_prepend(str(HERE))
+    import virtual_replay
+
+    lines = []
+    virtual_replay.replay(lines.append)
+    for name in ("virtual_replay", "session_replay"):
+        sys.modules.pop(name, None)
+    return lines
+
+
+def test_both_runtimes_say_the_same(unix32f, monkeypatch):
+    output = unix32f.run("from virtual_replay import replay\nreplay(print)\n", path=[HERE], heap="400k")
+    lines = said(monkeypatch)
+    assert output.split("\n")[:-1] == lines
+    # and what they say is of a session in which things happen
+    frames = [f for line in lines[:-1] for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))]
+    assert len({f.payload for f in frames if f.type == 0x205}) > 20
+    assert lines[-1].split()[3] != "0"
