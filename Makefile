@@ -9,7 +9,7 @@ BOARD ?= pico
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	plots bench flash dist emulator-measure clean
+	plots bench flash image dist emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -37,6 +37,9 @@ emu: setup node ## the controller on the emulated board, on a pseudo-terminal; A
 
 flash: setup ## put framestep on a board on USB that has MicroPython: BOARD=pico, PORT=/dev/ttyACM0 if there are several
 	@$(PYTHON_VENV) -m framestep_tools.flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
+
+image: setup ## MicroPython with framestep in it as build/BOARD.uf2, to be dragged onto a board; MICROPYTHON=path of a checkout
+	@$(PYTHON_VENV) -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)
 	@$(PYTHON_VENV) -m framestep_tools.dist

@@ -1,12 +1,15 @@
 """Where the builds of MicroPython lie, made by tools/micropython/build.sh when they are missing."""
 
+import fcntl
 import hashlib
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from framestep_tools.files import CACHE, ROOT, board_files
+from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_data, board_files, march
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -14,6 +17,8 @@ _PRODUCTS = {
     "unix32": "build/unix32/micropython",
     "unix64": "build/unix64/micropython",
 }
+IMAGE_MAIN = FIRMWARE / "image_main.py"
+_UF2_FAMILIES = {"rp2040": "0xe48bff56", "rp2350": "0xe48bff59"}  # RP2350: ARM, secure (RP2350 datasheet, 5.5.3)
 
 
 class BuildError(Exception):
@@ -38,34 +43,65 @@ def micropython(target: str) -> Path:
     return product
 
 
-def frozen(board: str = "pico") -> Path:
-    """Firmware with everything that a board gets in it, main.py too; made anew when a source has changed.
+@contextmanager
+def _locked(file: Path) -> Iterator[None]:
+    """One process at a time; others wait."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with open(file, "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
-    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board would get copied.
-    """
-    files = {name.removeprefix("/lib"): data for name, data in board_files(board=board).items()}
-    folder = CACHE / "frozen" / board
-    manifest = folder / "manifest.py"
-    files["/manifest.py"] = b'freeze("modules")\n'
-    stamp, digest = folder / "stamp", hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
-    product = (
-        CACHE / "build" / f"rp2-{hashlib.sha256(str(manifest.resolve()).encode()).hexdigest()[:8]}" / "firmware.bin"
-    )
-    if product.exists() and stamp.exists() and stamp.read_text() == digest:
-        return product
-    stamp.unlink(missing_ok=True)
-    kept = set()
+
+def _put(folder: Path, files: dict[str, bytes]) -> None:
+    """Make these the files in a folder; those that are the same are not touched."""
     for name, data in files.items():
-        path = folder / ("" if name == "/manifest.py" else "modules") / name.lstrip("/")
-        kept.add(path)
+        path = folder / name
         if not path.exists() or path.read_bytes() != data:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
     for path in folder.rglob("*"):
-        if path.is_file() and path not in kept:
+        if path.is_file() and path.relative_to(folder).as_posix() not in files:
             path.unlink()
-    _run("tools/micropython/build.sh", "rp2", FROZEN=str(manifest))
-    stamp.write_text(digest)
+
+
+def image_files(board: str) -> dict[str, bytes]:
+    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for main.py."""
+    made = board_files(march(board_data(board)["chip"]), board)
+    files = {name.removeprefix("/lib/"): data for name, data in made.items()}
+    del files["/main.py"]
+    return files | {"main.py": IMAGE_MAIN.read_bytes()}
+
+
+def frozen(board: str = "pico", checkout: str | None = None) -> Path:
+    """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has changed.
+
+    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board would get copied.
+    `checkout`: the MicroPython to build, if not Debian's. Two processes may call this at once.
+    """
+    files = image_files(board)
+    folder = ROOT / "boards" / board
+    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py")}
+    digest = hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
+    name = (
+        board if checkout is None else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
+    )
+    build, modules = CACHE / "build" / f"image-{name}", CACHE / "frozen" / name
+    product, stamp = build / "firmware.bin", build / "stamp"
+    with _locked(CACHE / "frozen" / f"{name}.lock"):
+        if checkout is None and product.exists() and stamp.exists() and stamp.read_text() == digest:
+            return product
+        stamp.unlink(missing_ok=True)
+        _put(modules, files)
+        _run(
+            "tools/micropython/build.sh",
+            "image",
+            BOARD_DIR=str(folder),
+            FRAMESTEP=str(modules),
+            IMAGE=str(build),
+            UF2_FAMILY=_UF2_FAMILIES[board_data(board)["chip"]],
+            MICROPYTHON=os.path.abspath(checkout) if checkout else "",
+        )
+        stamp.write_text(digest)
     return product
 
 

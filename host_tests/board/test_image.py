@@ -1,0 +1,58 @@
+"""`make image`: the UF2 boots on the emulated board and is framestep, with a user's files counting."""
+
+import struct
+import subprocess
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_tools.client import Client
+from framestep_tools.files import ROOT, board_data
+from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
+
+FLASH = 0x1000_0000
+RP2040 = 0xE48BFF56
+BLOCK = 512
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory):
+    """What a board's boot ROM makes of the UF2 (github.com/microsoft/uf2): an image from the start of the flash."""
+    subprocess.run(["make", "-s", "image", "BOARD=pico"], cwd=ROOT, check=True)
+    uf2 = (ROOT / "build" / "pico.uf2").read_bytes()
+    image, count = bytearray(), len(uf2) // BLOCK
+    assert len(uf2) == count * BLOCK
+    for number in range(count):
+        block = uf2[number * BLOCK : (number + 1) * BLOCK]
+        magic, second, flags, address, size, index, blocks, family = struct.unpack_from("<8I", block)
+        assert (magic, second, struct.unpack_from("<I", block, BLOCK - 4)[0]) == (0x0A324655, 0x9E5D5157, 0x0AB16F30)
+        assert flags == 0x2000 and family == RP2040, "the boot ROM takes only blocks of its own family"
+        assert (address, size, index, blocks) == (FLASH + len(image), 256, number, count)
+        image += block[32 : 32 + size]
+    path = tmp_path_factory.mktemp("image") / "firmware.bin"
+    path.write_bytes(image)
+    return path
+
+
+def test_it_boots(firmware):
+    """A drag onto the board is all: framestep runs, the user's rig file counts, motors move."""
+    with Emulator(firmware, files={"/rig.json": '{"name": "my crane"}'}) as emu:
+        emu.wait_usb(10_000, ports=2)
+        with Client(emu.serial(1)) as client:
+            info = client.request(Hi())
+            assert (info.name, info.motors) == ("my crane", 8)
+            client.request(MotorMove(1, 500))
+            client.wait_idle()
+            assert client.request(MotorGetPosition()).steps[0] == 500
+        repl = emu.repl()
+        assert not repl.eval("__import__('framestep').__file__").startswith("/lib")
+        assert board_data("pico")["name"] in repl.eval("__import__('sys').implementation._machine")
+
+
+def test_a_main_py_on_the_board_goes_first(firmware):
+    files = {"/main.py": "print('mine')\nname = __name__\n"}
+    with Emulator(firmware, files=files) as emu:
+        emu.wait_usb(10_000, ports=1)
+        repl = emu.repl()
+        assert repl.eval("name") == "__main__"
+        assert repl.eval("'framestep.boot' in __import__('sys').modules") is False

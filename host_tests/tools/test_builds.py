@@ -1,0 +1,28 @@
+"""Builds are made once, by whoever comes first."""
+
+import subprocess
+import sys
+
+
+def test_two_builds_at_once_are_one(tmp_path):
+    """Two processes that need the image wait for each other (here with a build that only notes when it runs)."""
+    log = tmp_path / "log"
+    script = f"""
+import time
+from pathlib import Path
+from framestep_tools import builds
+builds.CACHE = Path({str(tmp_path)!r})
+builds.image_files = lambda board: {{"a.mpy": b"1"}}
+def run(*command, **environment):
+    with open({str(log)!r}, "a") as f: f.write("begin\\n")
+    time.sleep(0.5)
+    Path(environment["IMAGE"]).mkdir(parents=True, exist_ok=True)
+    Path(environment["IMAGE"], "firmware.bin").write_bytes(b"")
+    with open({str(log)!r}, "a") as f: f.write("end\\n")
+builds._run = run
+print(builds.frozen("pico"))
+"""
+    both = [subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    made = [process.communicate(timeout=60)[0] for process in both]
+    assert made[0] == made[1] != ""
+    assert log.read_text() == "begin\nend\n", "the second one finds it made"

@@ -1,0 +1,35 @@
+"""`make image`: build/<board>.uf2, MicroPython with framestep in it, to be dragged onto a board."""
+
+import shutil
+from typing import Annotated
+
+import typer
+
+from .builds import BuildError, frozen
+from .errors import Command
+from .files import ROOT, CompileError, board_data
+
+app = Command("image", expected=(BuildError, CompileError))
+
+
+@app.command()
+def main(
+    board: Annotated[str, typer.Option(help="a folder of boards/")] = "pico",
+    micropython: Annotated[
+        str | None, typer.Option(help="a checkout of MicroPython, 1.26 or newer, to build; without it Debian's sources")
+    ] = None,
+) -> None:
+    """Build the image of a board."""
+    name = board_data(board)["name"]
+    made = ROOT / "build" / f"{board}.uf2"
+    made.parent.mkdir(exist_ok=True)
+    print(f"building for the {name} (some minutes the first time)", flush=True)
+    shutil.copyfile(frozen(board, micropython).with_suffix(".uf2"), made)
+    print(
+        f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: hold BOOTSEL while plugging in the {name}, and "
+        "drop the file onto the drive that appears; rig.json on the board stays"
+    )
+
+
+if __name__ == "__main__":
+    app()
