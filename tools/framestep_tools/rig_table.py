@@ -1,13 +1,13 @@
-"""The table of the rig file's settings in README.md, made from the code that reads the file.
+"""The table of the rig file's settings in docs/rig-file.md, made from the code that reads the file.
 
-python -m framestep_tools.rig_table          put it into README.md
+python -m framestep_tools.rig_table          put it there
 """
 
 from framestep import rig
 
 from .files import ROOT
 
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "rig-file.md"
 BEGIN = "<!-- rig table: made by python -m framestep_tools.rig_table -->\n"
 END = "<!-- end of rig table -->"
 
@@ -46,10 +46,10 @@ def table() -> str:
 
 
 def updated(text: str) -> str:
-    """README's text with the present table in it."""
+    """The page's text with the present table in it."""
     before, rest = text.split(BEGIN)
     return before + BEGIN + table() + END + rest.split(END, 1)[1]
 
 
 if __name__ == "__main__":
-    README.write_text(updated(README.read_text()))
+    PAGE.write_text(updated(PAGE.read_text()))
