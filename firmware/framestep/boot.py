@@ -45,8 +45,10 @@ def start():
     global hal, controller
     gc.threshold(_DENSE)
     from framestep.board import BOARD
+    from framestep.hal.rp2_pins import drivers_off  # at once: while the rest is loaded they would float
 
     settings, mistake = _settings(BOARD)
+    drivers_off(settings.board, settings)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")
@@ -54,6 +56,8 @@ def start():
     from framestep.hal.rp2 import Rp2Hal
 
     hal = Rp2Hal(settings.board, settings)
+    if hal.watchdog.barked:
+        print("framestep: the watchdog has started the board: the firmware hung while motors moved")
     controller = Controller(hal, settings, broken=mistake is not None)
     hal.start()
     controller.moves.take_memory()

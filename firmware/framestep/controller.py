@@ -7,6 +7,7 @@ from array import array
 
 from framestep.io.requests import Io
 from framestep.io.safety import Safety
+from framestep.io.watchdog import LOOK_MS, Watchdog
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
@@ -46,6 +47,7 @@ class Controller:
         self.axes = Axes(hal)
         self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
+        self.watchdog = Watchdog(hal, self.writer)
         self.io = Io(hal, rig, self.reader, self.writer, self.safety)
         self.count = hal.motors
         for i in range(self.count):
@@ -74,7 +76,7 @@ class Controller:
         self.say_position = False
         self.say_virtual = False
         self.say_end = False
-        self.say_hard_stop = -1
+        self.say_hard_stop = m.HARD_STOP_FAULT if hal.watchdog.barked else -1
         self.handlers = {
             m.MSG_HI: self._hi,
             m.MSG_MOTOR_STATUS: self._status,
@@ -115,6 +117,9 @@ class Controller:
         self._watch()
         self._report()
         self.port.send(self.writer)
+        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
+            if self.watchdog.look(now, self.was_moving, self.was_open):
+                self._host_lost()
         return busy
 
     def _listen(self):
@@ -310,15 +315,23 @@ class Controller:
         writer.end()
         return 0
 
+    def condition(self):
+        """CONDITION_ bits; framestep.words says them in words."""
+        bits = 0
+        if self.broken:
+            bits |= m.CONDITION_BROKEN
+        if self.safety.tripped:
+            bits |= m.CONDITION_ESTOP
+        if self.hal.watchdog.barked:
+            bits |= m.CONDITION_BARKED
+        return bits
+
     def _condition(self):
         """framestep's own: CONDITION_ bits 0, then state and reason of each motor's position (motion/positions.py)."""
         writer = self.writer
         positions = self.positions
         writer.begin(m.MSG_CONDITION, self.reader)
-        bits = m.CONDITION_BROKEN if self.broken else 0
-        if self.safety.tripped:
-            bits |= m.CONDITION_ESTOP
-        writer.u32(bits)
+        writer.u32(self.condition())
         for i in range(self.count):
             writer.u8(positions.states[i])
             writer.u8(positions.reasons[i])

@@ -35,6 +35,7 @@ SETTINGS = {
     ),
     "shutter_on": (str, ("high", "low"), None, "high", "", "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "", "level of the meter output while it is on"),
+    "watchdog": (bool, None, None, True, "", "starts the board again if the firmware hangs while a motor moves"),
     "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
     "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
     "dmx_mark_us": (int, 12, 1000, 20, "µs", "length of the mark after break"),
@@ -211,6 +212,7 @@ class Rig:
         self.estop = settings["estop"]
         self.shutter_on = settings["shutter_on"]
         self.meter_on = settings["meter_on"]
+        self.watchdog = settings["watchdog"]
         self.dmx = settings["dmx"]
         self.dmx_break_us = settings["dmx_break_us"]
         self.dmx_mark_us = settings["dmx_mark_us"]

@@ -1,7 +1,7 @@
 """Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
 from framestep.motion.positions import BEFORE, BROKEN_OFF, DRIVER_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
-from framestep.protocol.messages import CONDITION_BROKEN, CONDITION_ESTOP
+from framestep.protocol.messages import CONDITION_BARKED, CONDITION_BROKEN, CONDITION_ESTOP
 
 STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
 REASONS = {
@@ -16,6 +16,7 @@ REASONS = {
 CONDITIONS = {
     CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",
     CONDITION_ESTOP: "the E-stop is held",
+    CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
 }
 LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
 

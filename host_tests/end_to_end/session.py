@@ -26,6 +26,7 @@ from framestep_tools.wire import FrameDecoder, encode
 
 DIALECTS = ("spec", "dmc-lite")
 SETTLE_S = 0.05  # after the last report, until the last edges are out
+BOOT_S = 10  # a board with one port is there before it has loaded its code
 
 
 class Session:
@@ -41,7 +42,7 @@ class Session:
         self.port = LockstepPort(board)
         self.client = Client(self.port)
         self._edges = []
-        self.client.wait_event(DeviceInfo)  # field note 1.5
+        self.client.wait_event(DeviceInfo, BOOT_S)  # field note 1.5
 
     # ---- the host's end
 

@@ -9,7 +9,7 @@ import struct
 from array import array
 
 from framestep.controller import Controller
-from framestep.hal import NoDmx
+from framestep.hal import NoDmx, NoWatchdog
 from framestep.motion.stepper import POSITION, StepKernel
 from framestep.native import CPYTHON, addressof
 from framestep.rig import Rig
@@ -58,6 +58,7 @@ class Hal:
         self.upload_bytes = 16384
         self.port = Port()
         self.dmx = NoDmx()
+        self.watchdog = NoWatchdog()
         self.clock = array("i", [0])
         self.sink = array("i", [0] * 4)
         self.kernel = StepKernel(motors, CYCLES, addressof(self.clock))

@@ -18,6 +18,7 @@
     levels() -> bits  of the pins that are high, others than inputs as well
     watch(bits, handler)  call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot
     dmx               what puts light levels on a wire (below)
+    watchdog          what starts the board again when it is not fed (below)
 
 and a port is one with
 
@@ -32,8 +33,30 @@ and dmx is one with
     channels          how many, 512, or 0 where there is no DMX
     show(lights)      once a pass: send the levels of an io.lights.Lights on if any has changed
 
+and watchdog is one with
+
+    barked            whether it has started the board this time
+    arm(ms)           from now on it is to be fed within so many milliseconds
+    feed()
+    disarm()
+
 Nothing here allocates after start().
 """
+
+
+class NoWatchdog:
+    """For boards without a watchdog, and for rigs that do without."""
+
+    barked = False
+
+    def arm(self, ms):
+        pass
+
+    def feed(self):
+        pass
+
+    def disarm(self):
+        pass
 
 
 class NoDmx:

@@ -7,7 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
-from framestep.hal import NoDmx
+from framestep.hal import NoDmx, NoWatchdog
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel
@@ -139,6 +139,26 @@ class HostDmx:
                 self.hal.tell("dmx%d" % channel, level)
 
 
+class HostWatchdog:
+    """Keeps the time by which it is to be fed. barked: as if it had started the board."""
+
+    def __init__(self, hal, barked=False):
+        self.hal = hal
+        self.barked = barked
+        self.strikes_at = None  # ns
+        self._ms = 0
+
+    def arm(self, ms):
+        self._ms = ms
+        self.feed()
+
+    def feed(self):
+        self.strikes_at = self.hal.now_ns + self._ms * 1_000_000
+
+    def disarm(self):
+        self.strikes_at = None
+
+
 class _Register:
     """A register that raises or lowers the pins of a mask, for the tick's cues."""
 
@@ -152,7 +172,7 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig):
+    def __init__(self, motors, rig, barked=False):
         self.motors = motors
         self.now_ns = 0
         self.upload_bytes = UPLOAD_BYTES
@@ -165,6 +185,7 @@ class HostHal:
         self._watched = 0
         self._handler = None
         self.dmx = HostDmx(self) if rig.dmx else NoDmx()
+        self.watchdog = HostWatchdog(self, barked) if rig.watchdog else NoWatchdog()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
         self.kernel.outputs(
@@ -273,12 +294,12 @@ class HostBoard:
     """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
 
     rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
-    the board has.
+    the board has. barked: as if the watchdog had started the board.
     """
 
-    def __init__(self, rig=None, motors=None, board=BOARD):
+    def __init__(self, rig=None, motors=None, board=BOARD, barked=False):
         self.rig = Rig(rig, board)
-        self.hal = HostHal(motors or self.rig.board["motors"], self.rig)
+        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked)
         self.controller = Controller(self.hal, self.rig)
         self.controller.moves.take_memory()
         self.next_tick = TICK_DELAY_NS

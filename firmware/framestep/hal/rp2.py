@@ -11,8 +11,8 @@ import time
 import machine
 from machine import Pin, Timer
 
-from framestep.hal import NoDmx
-from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, levels
+from framestep.hal import NoDmx, NoWatchdog
+from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
 from framestep.native import const
@@ -49,12 +49,11 @@ class Rp2Hal:
         # Drivers stay off until a motor is to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
-        enable = board["enable"]
-        self._shared = not isinstance(enable, list)
-        pins = [enable] if self._shared else enable
-        self._enable_pins = [Pin(pin, Pin.OUT, value=1 - self._on_level[i]) for i, pin in enumerate(pins)]
+        self._shared = not isinstance(board["enable"], list)
+        self._enable_pins = drivers_off(board, rig)
         self.board = board
         self.dmx = self._make_dmx(board.get("dmx"), rig)
+        self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
         self._ticker = None
@@ -71,6 +70,11 @@ class Rp2Hal:
         dmx = Dmx(wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us, "RP2350" in sys.implementation._machine)
         dmx.start()
         return dmx
+
+    def _make_watchdog(self):
+        from framestep.hal.rp2_watchdog import Watchdog
+
+        return Watchdog()
 
     def _make_port(self, ports):
         if ports == 2:
@@ -177,7 +181,8 @@ class Rp2Hal:
             sys.print_exception(error)  # type: ignore[attr-defined]
 
     def stop(self):
-        """End the passes; the motors ramp down. The REPL is left as it was."""
+        """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""
+        self.watchdog.disarm()
         if self._passes:
             self._passes.deinit()
             self._passes = None

@@ -5,6 +5,8 @@ Only pins 0 to 29, which fit a small integer.
 
 import sys
 
+from machine import Pin
+
 from framestep.native import const, micropython, ptr32
 
 _GPIO_IN = const(1)  # words from the start of SIO
@@ -40,3 +42,10 @@ def levels() -> int:
     sio = 0xD00
     sio <<= 20
     return ptr32(sio)[_GPIO_IN] & 0x3FFFFFFF
+
+
+def drivers_off(board, rig):
+    """Switch all drivers off; their enable pins."""
+    enable = board["enable"]
+    pins = enable if isinstance(enable, list) else [enable]
+    return [Pin(pin, Pin.OUT, value=0 if rig.motor(i)["enable_high"] else 1) for i, pin in enumerate(pins)]

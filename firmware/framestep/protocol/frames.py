@@ -33,6 +33,7 @@ _END = const(1)  # end of the last finished frame
 _PUT = const(2)  # where the next byte goes
 _LIMIT = const(3)  # size of the buffer
 _FULL = const(4)  # 1 when a byte of this frame found no room
+_TAKEN = const(5)  # bytes taken so far, modulo 2^30
 
 _D = const(0x44)
 _F = const(0x46)
@@ -380,12 +381,17 @@ class FrameWriter:
         if size < LARGEST_FRAME:
             raise ValueError("a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
         self._buffer = bytearray(size)
-        self._state = array("i", (0, 0, 0, size, 1))
+        self._state = array("i", (0, 0, 0, size, 1, 0))
 
     @property
     def pending(self):
         """Bytes of finished frames that wait to be taken."""
         return self._state[_END] - self._state[_TAKE]
+
+    @property
+    def taken(self):
+        """Bytes taken so far, modulo 2^30."""
+        return self._state[_TAKEN]
 
     def room(self):
         """The largest payload that a frame begun now could have, bytes; below 0 when not even an empty one fits."""
@@ -459,6 +465,7 @@ class FrameWriter:
         if count > 0:
             copy_bytes(to, 0, self._buffer, at, count)
             state[_TAKE] = at + count
+            state[_TAKEN] = (state[_TAKEN] + count) & 0x3FFFFFFF
         return count
 
     def clear(self):

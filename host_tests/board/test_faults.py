@@ -1,0 +1,219 @@
+"""What goes wrong on the emulated board: every edge until the motors stand, the outputs, and what the host is told.
+
+E-stop and limit switches in motion and an exception in the main loop are in test_io.py.
+"""
+
+import numpy as np
+import pytest
+
+from framestep.io.watchdog import TIMEOUT_MS
+from framestep.motion.positions import KNOWN, LOST, SET, STEPS, UNSET
+from framestep.protocol import messages as m
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.payloads import (
+    DeviceInfo,
+    GetCondition,
+    GioCam,
+    GioOut,
+    HardStop,
+    MotorMove,
+    MotorResetPosition,
+    RtEnd,
+    RtGo,
+    Trust,
+)
+from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
+
+VELOCITY, ACCELERATION = 10_000, 50_000
+OUTPUT, SAFE_ON, SHUTTER, ENABLE = 26, 22, 20, 18
+RIG = {"outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}]}
+HANG = """
+from framestep.io import gio
+import framestep.boot as b
+def hang():
+    while True:
+        pass
+b.controller.axes.feed = hang
+"""
+RAISE = """
+import framestep.boot as b
+def handler():
+    raise ValueError("in a handler")
+b.controller.handlers[0x21] = handler
+"""
+# Waits of 2 ms each, more of them than the FIFO holds; in one go, as a loop would let other code in
+OVERFLOW = f"""
+import machine, framestep.boot as b
+fifo = b.hal.engine.fifo(4)
+{"machine.mem32[fifo] = 0xFFFFC01;" * 12}
+"""
+
+
+def session():
+    found = Session(EmulatedBoard(RIG), reply_s=0.1)
+    for motor in (1, 2, 3):
+        found.speed(motor, VELOCITY, ACCELERATION)
+        found.accept(MotorResetPosition(motor, 0))
+    return found
+
+
+def levels(found):
+    return [found.board.emulator.pin(pin) for pin in (OUTPUT, SAFE_ON, SHUTTER)]
+
+
+def start(found, *moves):
+    """Outputs on, motors on their way. Where they stood."""
+    before = found.positions
+    found.forget()
+    found.accept(GioOut(1), GioCam(m.GIO_CAM_SHUTTER), *moves)
+    found.run(0.4)
+    assert levels(found) == [1, 0, 1]
+    return before
+
+
+def away(found):
+    """Moves of motors 1 and 2 that take seconds."""
+    return MotorMove(1, found.position(1) + 30_000), MotorMove(2, found.position(2) - 30_000)
+
+
+def ramped_down(found, motor, before, failed, within):
+    """The motor came to rest after the fault at its own deceleration, inside its limits, and no step is missing."""
+    times, signs = found.steps(motor)
+    assert 0 < times[-1] - failed < within
+    assert_within(times, signs, VELOCITY * 1.001, ACCELERATION)
+    assert deceleration(times, signs, times[-1] - 0.15) == pytest.approx(ACCELERATION, rel=0.1)
+    return before[motor] + int(signs.sum())
+
+
+def starts_again(found):
+    """After a reset: the board comes up, the host opens its port and is greeted."""
+    emulator = found.board.emulator
+    emulator.wait_usb(after=emulator.ns, ports=2)
+    found.leave()
+    found.board.run_until(emulator.ns + 10_000_000)
+    found.client.events.clear()
+    found.come_back()
+    found.client.wait_event(DeviceInfo)
+
+
+def trust(found):
+    return [(each.state, each.reason) for each in found.ask(GetCondition()).positions]
+
+
+@pytest.fixture(scope="module")
+def rig():
+    """Moved by one test after the other; each leaves it at rest."""
+    found = session()
+    with found.board:
+        yield found
+
+
+def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
+    path = np.cumsum(np.minimum(40 * np.arange(60), 240)).tolist()  # 5760 steps/s from the seventh frame on
+    rig.upload({1: path, 2: [-place for place in path]})
+    rig.ready(run_request(end=len(path), pre=200))
+    before = rig.positions
+    rig.forget()
+    rig.accept(GioOut(1), GioCam(m.GIO_CAM_SHUTTER), RtGo())
+    rig.run(1.2)
+    failed = rig.now
+    rig.leave()
+    rig.board.run_until(rig.board.now_ns + 600_000_000)
+    assert levels(rig) == [0, 1, 0]
+    stands = [ramped_down(rig, motor, before, failed, 0.2) for motor in (1, 2)]
+    edges = len(rig.steps(1)[0])
+    rig.come_back()
+    rig.client.wait_event(DeviceInfo)
+    rig.run(0.3)
+    assert [rig.position(1), rig.position(2)] == stands
+    assert len(rig.steps(1)[0]) == edges and not rig.events(RtEnd) and not rig.moving
+    assert trust(rig)[:4] == [(KNOWN, SET)] * 3 + [(LOST, UNSET)]
+
+
+def test_a_queue_that_is_not_filled_in_time(rig):
+    """The main loop has other things to do for a second and a half, and comes back."""
+    before = start(rig, *away(rig))
+    repl = rig.board.emulator.repl()
+    repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda: None")
+    watched = "print(machine.mem32[0x40058000] >> 30 & 1)"  # ENABLE of the watchdog's CTRL, RP2040 datasheet 4.7.6
+    assert repl.exec("import machine\n" + watched) == "1\n"
+    failed = rig.now
+    rig.run(1)
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert levels(rig) == [0, 1, 0] and not rig.moving
+    for motor in (1, 2):
+        assert ramped_down(rig, motor, before, failed, 0.8) == rig.position(motor)
+    assert repl.exec(watched) == "0\n"
+    repl.exec("del b.controller.axes.feed")
+    rig.forget()
+    rig.run(0.3)
+    assert not rig.made(1) and not rig.made(2)
+    assert trust(rig)[:3] == [(KNOWN, SET)] * 3
+
+
+def test_a_command_that_finds_its_fifo_full(rig):
+    """Of motor 5, which stands: its position is lost, all others ramp down and keep theirs."""
+    before = start(rig, *away(rig))
+    failed = rig.now
+    rig.board.emulator.repl().exec(OVERFLOW)
+    rig.run(0.5)
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert levels(rig) == [0, 1, 0]
+    for motor in (1, 2):
+        assert ramped_down(rig, motor, before, failed, 0.5) == rig.position(motor)
+    assert trust(rig)[:6] == [(KNOWN, SET)] * 3 + [(LOST, UNSET), (LOST, STEPS), (LOST, UNSET)]
+    assert not rig.made(5)
+    rig.forget()
+
+
+def test_an_exception_inside_a_handler(rig):
+    """Ends the passes; a power cycle starts the board again."""
+    before = start(rig, *away(rig))
+    emulator = rig.board.emulator
+    emulator.repl().exec(RAISE)
+    failed = rig.now
+    rig.client.send(GioOut(0))
+    rig.run(0.6)
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert levels(rig) == [0, 1, 0]
+    for motor in (1, 2):
+        ramped_down(rig, motor, before, failed, 0.5)
+    assert "in a handler" in emulator.repl().eval("str(b.hal.failure)")
+    edges = len(rig.steps(1)[0])
+    rig.run(0.3)
+    assert len(rig.steps(1)[0]) == edges
+    emulator.reset()
+    starts_again(rig)
+    rig.accept(MotorMove(1, 100))
+    rig.wait_idle()
+
+
+def test_a_main_loop_that_hangs(rig):
+    """The queues run dry and the tick ramps the motors down; then the watchdog starts the board again."""
+    for motor in (1, 2):
+        rig.speed(motor, VELOCITY, ACCELERATION)
+        rig.accept(MotorResetPosition(motor, 0))
+    rig.forget()
+    before = start(rig, MotorMove(1, 30_000), MotorMove(2, -30_000))
+    emulator = rig.board.emulator
+    assert emulator.pin(ENABLE) == 0
+    emulator.events(clear=True)
+    # the watchdog's time cut short, to spare this computer some
+    emulator.repl().start(f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 4})\n" + HANG)
+    failed = rig.now
+    emulator.wait_event("reset", TIMEOUT_MS)
+    reset = emulator.ns * 1e-9
+    assert reset - failed == pytest.approx(TIMEOUT_MS / 4000, abs=0.2)
+    starts_again(rig)
+    rig.run(0.5)
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert levels(rig) == [0, 1, 0] and emulator.pin(ENABLE) == 1
+    for motor in (1, 2):
+        ramped_down(rig, motor, before, failed, 0.8)
+    assert np.all(rig.steps(1)[0] < reset)
+    condition = rig.ask(GetCondition())
+    assert condition.bits == m.CONDITION_BARKED
+    assert set(condition.positions) == {Trust(LOST, UNSET)}
+    assert "watchdog" in emulator.repl().exec(
+        "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"
+    )
