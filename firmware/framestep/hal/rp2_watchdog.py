@@ -32,7 +32,7 @@ class Watchdog:
         self._wdt = None
 
     def arm(self, ms):
-        self._wdt = machine.WDT(0, ms)
+        self._wdt = machine.WDT(id=0, timeout=ms)
 
     def feed(self):
         self._wdt.feed()  # type: ignore[union-attr]
