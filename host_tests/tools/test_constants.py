@@ -124,3 +124,11 @@ def test_the_core_folds_line_by_line():
     texts = folded({}, hide=True)
     for name, path in sources().items():
         assert len(texts[name].decode().splitlines()) == len(path.read_text().splitlines()), name
+
+
+def test_bytes_of_numbers_become_a_literal():
+    user = folded_one(
+        "from a import codes as c\nfrom framestep.native import const\n_A = const(2)\n"
+        "x = bytes(\n    (c.OK, _A + 1)\n    + (c.OK + _A, 255)\n)\ny = bytes((1, z))\n"
+    )
+    assert user.splitlines()[3:] == [r"x = b'\x10\x03\x12\xff'", "", "", "", "y = bytes((1, z))"]

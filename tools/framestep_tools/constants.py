@@ -3,7 +3,8 @@
 MicroPython's compiler replaces a `const()` by its number within its own module only. Elsewhere `messages.OK` is two
 look-ups in dictionaries, and each constant is a name and a dictionary entry in the board's memory: some 30 bytes.
 `fold` does for all modules together what the compiler does for one, and hides the constants from it (a name with
-an underscore, which it keeps nowhere). Lines stay where they are, so that tracebacks are right.
+an underscore, which it keeps nowhere). Lines stay where they are, so that tracebacks are right. Where they are put
+together to bytes, `bytes((A, 1) + (B, 2))`, that becomes a literal too: the board would keep the tuples beside it.
 
 Only names that a module gives once, at its top level, as `NAME = const(...)`, are constants.
 """
@@ -191,6 +192,38 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
             _shorten(edits, node, {*foreign, *(folded - needed)})
+    return _with_bytes(edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()})
+
+
+def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
+    """The text with bytes((...)) of known numbers as literals."""
+
+    def numbers(node: ast.expr) -> list[int]:
+        match node:
+            case ast.Tuple(elts=elements):
+                return [number(element) for element in elements]
+            case ast.BinOp(left=left, op=ast.Add(), right=right):
+                return numbers(left) + numbers(right)
+        raise LookupError
+
+    def number(node: ast.expr) -> int:
+        match node:
+            case ast.Constant(value=int(value)):
+                return value
+            case ast.Name(id=name):
+                return constants[name]
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](number(left), number(right))
+        raise LookupError
+
+    edits = _Edits(text)
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.Call(func=ast.Name(id="bytes"), args=[argument]):
+                try:
+                    edits.replace(node, repr(bytes(numbers(argument))))
+                except LookupError:
+                    continue
     return edits.text()
 
 

@@ -4,12 +4,38 @@ from framestep.motion import reals
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
-from framestep.virtuals import trig
+from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, DIVIDE, END, MULTIPLY, ROOT, SUBTRACT, compute
 
 _X = const(g.T)
 _Y = const(g.T + 2)
 _Z = const(g.T + 4)
 _LEVEL = const(g.T + 6)
+_PAN = const(g.T + 8)
+_TILT = const(g.T + 10)
+_TURN = const(g.T + 12)
+_HALF = const(g.T + 14)
+
+_DISTANCE = bytes(
+    (SUBTRACT, _X, g.POSE + 2, g.AIM)  # to the left
+    + (SUBTRACT, _Y, g.AIM + 2, g.POSE + 4)  # up
+    + (SUBTRACT, _Z, g.POSE, g.AIM + 4)  # forward
+    + (MULTIPLY, _LEVEL, _X, _X)
+    + (MULTIPLY, _TILT, _Z, _Z)
+    + (ADD, _LEVEL, _LEVEL, _TILT)
+    + (ROOT, _LEVEL, _LEVEL, 0)
+    + (ABOVE, 0, _LEVEL, g.ZERO)
+    + (END, 0, 0, 0)
+)
+
+# and by how many turns the pan of POSE is away
+_DIRECTION = bytes(
+    (ANGLE, _TILT, _Y, _LEVEL)
+    + (ANGLE, _PAN, _X, _Z)
+    + (SUBTRACT, _X, g.POSE + g.PAN, _PAN)
+    + (DIVIDE, _X, _X, _TURN)
+    + (ADD, _X, _X, _HALF)
+    + (END, 0, 0, 0)
+)
 
 
 def direction(r, pan, tilt):
@@ -18,24 +44,13 @@ def direction(r, pan, tilt):
     0, or ERR_AIM_COD where the point is nearer than SAFE, measured level (a vertical cylinder, field note 9.7), or
     straight above or below.
     """
-    reals.subtract(r, _X, g.POSE + 2, g.AIM)
-    reals.subtract(r, _Y, g.AIM + 2, g.POSE + 4)
-    reals.subtract(r, _Z, g.POSE, g.AIM + 4)
-    reals.multiply(r, _LEVEL, _X, _X)
-    reals.multiply(r, tilt, _Z, _Z)
-    reals.add(r, _LEVEL, _LEVEL, tilt)
-    reals.root(r, _LEVEL, _LEVEL)
-    if reals.sign(r, _LEVEL) == 0 or reals.compare(r, _LEVEL, g.SAFE) < 0:
+    if not compute(r, _DISTANCE) or reals.compare(r, _LEVEL, g.SAFE) < 0:
         return m.ERR_AIM_COD
-    trig.angle(r, tilt, _Y, _LEVEL)
-    trig.angle(r, _LEVEL, _X, _Z)
-    # turns between it and the pan there is
-    reals.put(r, _X, 360, 0)
-    reals.subtract(r, _Y, g.POSE + 6, _LEVEL)
-    reals.divide(r, _Y, _Y, _X)
-    reals.put(r, _Z, 1, -1)
-    reals.add(r, _Y, _Y, _Z)
-    turns = reals.floor(r, _Y, 0xFFFF)
-    reals.put(r, _X, 360 * turns, 0)
-    reals.add(r, pan, _LEVEL, _X)
+    reals.put(r, _TURN, 360, 0)
+    reals.put(r, _HALF, 1, -1)
+    compute(r, _DIRECTION)
+    reals.copy(r, tilt, _TILT)
+    reals.put(r, _X, reals.floor(r, _X, 0x7FFFFF), 0)
+    reals.multiply(r, _X, _X, _TURN)
+    reals.add(r, pan, _PAN, _X)
     return 0

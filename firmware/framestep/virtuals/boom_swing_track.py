@@ -2,7 +2,7 @@
 
 Axes: BOOM, SWING, TRACK, PAN, TILT, ROLL; boom angle 0 is level. height = length·sin(boom), reach = length·cos(boom)
 + extension (the extension stays level), vNS = height (field note 9.4), the rest as arm.py says. The boom is on the side
-of the column that it points to: it goes to 89.1 degrees up and down, and its reach stays above 0.
+of the column that it points to: it goes to 88.2 degrees up and down, and its reach stays above 0.
 
 The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's steps per degree and
 position of the boom are not used then.
@@ -13,18 +13,18 @@ from array import array
 from framestep.motion import reals
 from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
-from framestep.virtuals import arm, trig
+from framestep.virtuals import arm
 from framestep.virtuals import geometry as g
+from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SINES, SUBTRACT
 
 _BOOM = const(g.JOINT)
-_X = const(g.T + 2)
-_Y = const(g.T + 4)
+_LEVEL = const(g.T + 6)  # length·cos(boom)
 
 _LENGTH_AT = const(73)  # in the payload
 _TABLE_AT = const(93)
 _ENTRIES = const(121)
 _LOWEST = const(60)  # degrees below level of the first
-_ROUNDING = const(-18)  # 2^-18 degrees: so far beyond its ends the table goes, as an angle from inverse() may be
+_ROUNDING = const(64)  # in degrees Q23: so far beyond the table's ends an angle from inverse() may be
 
 
 @micropython.viper
@@ -70,7 +70,60 @@ def _stretch(table: ptr32, steps, j: int) -> int:
     return low
 
 
+@micropython.viper
+def _entry(r: ptr32, boom: int) -> int:
+    """The entry below the angle r[boom], 0 to 119, or -1 off the table."""
+    value = r[boom + 0]
+    s = 0 - r[boom + 1] - 23
+    if s < 0 and value:  # 64 degrees and more
+        return -1
+    if s > 30:
+        s = 30
+    if s > 0:
+        value = value >> s
+    value = value + 0x1E000000  # 60 degrees in Q23
+    if value < -_ROUNDING or value > 0x3C000000 + _ROUNDING:
+        return -1
+    if value < 0:
+        return 0
+    if value >= 0x3C000000:
+        return 119
+    return value >> 23
+
+
 class Geometry(arm.Arm):
+    _inverse = (
+        g.FROM_POSE
+        + bytes(
+            # √(length² − NS²)
+            (SUBTRACT, _LEVEL, g.LENGTH, g.PLACE + 2)
+            + (ADD, g.X, g.LENGTH, g.PLACE + 2)
+            + (MULTIPLY, _LEVEL, _LEVEL, g.X)
+            + (ROOT, _LEVEL, _LEVEL, 0)
+            + (MULTIPLY, g.X, g.LENGTH, arm.NARROW)
+            + (ABOVE, 0, _LEVEL, g.X)
+            + (ANGLE, _BOOM, g.PLACE + 2, _LEVEL)
+            + (ADD, arm.REACH, _LEVEL, g.EXTENSION)
+            + (ABOVE, 0, arm.REACH, g.ZERO)
+        )
+        + arm.SWUNG
+    )
+    _forward = (
+        g.ANGLES
+        + bytes(
+            (SINES, g.X, _BOOM, g.Y)
+            + (MULTIPLY, g.PLACE + 2, g.LENGTH, g.X)
+            + (MULTIPLY, _LEVEL, g.LENGTH, g.Y)
+            + (ADD, arm.REACH, _LEVEL, g.EXTENSION)
+        )
+        + arm.SWING_OUT
+        + bytes(
+            (ABOVE, 0, g.Y, arm.NARROW)  #
+            + (ABOVE, 0, arm.REACH, g.ZERO)
+            + (END, 0, 0, 0)
+        )
+    )
+
     def __init__(self, r):
         super().__init__(r)
         self.table = array("i", [0] * _ENTRIES)
@@ -101,28 +154,24 @@ class Geometry(arm.Arm):
             for k in range(_ENTRIES):
                 reader.word_to(_TABLE_AT + 4 * k, self.table, k)
 
-    def steps(self, i, out, j):
-        if i or not self._tabled:
-            return super().steps(i, out, j)
+    def _bend(self, out, j):
+        """The boom's place by its table."""
+        if not self._tabled:
+            return 0
         r = self.r
-        reals.put(r, _X, _LOWEST, 0)
-        reals.add(r, _X, _X, _BOOM)
-        reals.put(r, _Y, 1, _ROUNDING)
-        reals.add(r, _X, _X, _Y)
-        if reals.sign(r, _X) < 0:
-            return m.ERR_RANGE
-        reals.double(r, _Y, _Y, 1)
-        reals.subtract(r, _X, _X, _Y)
-        k = reals.floor(r, _X, 0x7FFF)
-        if k > 119:
-            return m.ERR_RANGE
+        k = _entry(r, _BOOM)
         if k < 0:
-            k = 0
-        reals.put(r, _Y, k - _LOWEST, 0)
-        reals.subtract(r, _X, _BOOM, _Y)
-        reals.put_difference(r, _Y, self.table, k + 1, self.table, k)
-        reals.multiply(r, _X, _X, _Y)
-        return g.place(r, _X, self.table, k, out, j)
+            return m.ERR_RANGE
+        reals.put(r, g.X, k - _LOWEST, 0)
+        reals.subtract(r, g.X, _BOOM, g.X)
+        reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
+        reals.multiply(r, g.X, g.X, g.Y)
+        return 0 if g.places(r, g.X, self.table, k, out, j, 1) else m.ERR_RANGE
+
+    def steps(self, i, out, j):
+        if i == 0 and self._tabled:
+            return self._bend(out, j)
+        return super().steps(i, out, j)
 
     def joint(self, i, steps, j):
         if i or not self._tabled:
@@ -133,28 +182,9 @@ class Geometry(arm.Arm):
         if k < 0 or k > 119:
             code = m.ERR_RANGE
             k = 0 if k < 0 else 119
-        reals.put_difference(r, _X, steps, j, self.table, k)
-        reals.put_difference(r, _Y, self.table, k + 1, self.table, k)
-        reals.divide(r, _X, _X, _Y)
-        reals.put(r, _Y, k - _LOWEST, 0)
-        reals.add(r, _BOOM, _X, _Y)
+        reals.put_difference(r, g.X, steps, j, self.table, k)
+        reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
+        reals.divide(r, g.X, g.X, g.Y)
+        reals.put(r, g.Y, k - _LOWEST, 0)
+        reals.add(r, _BOOM, g.X, g.Y)
         return code
-
-    def _reach(self):
-        r = self.r
-        if not arm.leg(r, _Y, g.LENGTH, g.PLACE + 2):
-            return False
-        trig.angle(r, _BOOM, g.PLACE + 2, _Y)
-        reals.add(r, arm.REACH, _Y, g.EXTENSION)
-        return self._swing()
-
-    def _stand(self):
-        r = self.r
-        trig.sines(r, _X, _Y, _BOOM)
-        reals.multiply(r, g.PLACE + 2, g.LENGTH, _X)
-        reals.multiply(r, arm.REACH, g.LENGTH, _Y)
-        reals.add(r, arm.REACH, arm.REACH, g.EXTENSION)
-        reals.put(r, _X, 1, arm.NARROW)
-        level = reals.compare(r, _Y, _X) > 0  # before _swung() takes these registers
-        self._swung()
-        return level and reals.sign(r, arm.REACH) > 0

@@ -14,7 +14,7 @@ from array import array
 from framestep.motion import reals
 from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
-from framestep.virtuals import trig
+from framestep.virtuals.formulas import ADD, COPY, END, MULTIPLY, NEGATE, SINES, SUBTRACT, compute
 
 AXES = const(6)
 
@@ -31,12 +31,12 @@ SAFE = const(58)  # safe distance, 0 for none
 AIM = const(60)  # three: aim point, X, Y, Z
 PLACE = const(66)  # three: EW, NS, track of the point in which the camera's axes meet
 OFFSET = const(72)  # three: EW, NS, track from there to the nodal point
-T = const(78)  # four numbers that a type or a function needs for itself
-_S = const(86)
-_C = const(88)
-_X = const(90)
-_Y = const(92)
-REGISTERS = const(94)
+ZERO = const(78)
+T = const(80)  # eight numbers for whatever a function needs
+X = const(96)
+Y = const(98)
+OWN = const(100)  # four numbers that a type keeps
+REGISTERS = const(108)
 
 _PAN = const(6)  # from POSE or JOINT on
 _TILT = const(8)
@@ -47,64 +47,126 @@ _SLACK = const(-12)  # 2^-12 units: how near to its place an axis without a moto
 _word = array("i", [0, 0])  # one from a payload, and 0
 
 
+# The angles' registers, from POSE or JOINT on
+PAN = const(6)
+TILT = const(8)
+ROLL = const(10)
+
+# OFFSET from right, up and forward of the camera at POSE to EW, NS and track: Rz(pan)·Rx(tilt)·Ry(roll) in a frame with
+# x to the right, y forward and z up, of which the world has Y = z and Z = -y (field note 9.4). Positive pan turns left,
+# positive tilt looks up. First the roll turns up to the right, then the tilt forward up, then the pan right forward.
+_TURN = bytes(
+    (SINES, T, POSE + ROLL, T + 2)
+    + (MULTIPLY, X, OFFSET + 2, T + 2)
+    + (MULTIPLY, Y, OFFSET, T)
+    + (MULTIPLY, OFFSET + 2, OFFSET + 2, T)
+    + (MULTIPLY, OFFSET, OFFSET, T + 2)
+    + (ADD, OFFSET, OFFSET, OFFSET + 2)
+    + (SUBTRACT, OFFSET + 2, X, Y)
+    + (SINES, T, POSE + TILT, T + 2)
+    + (MULTIPLY, X, OFFSET + 4, T + 2)
+    + (MULTIPLY, Y, OFFSET + 2, T)
+    + (MULTIPLY, OFFSET + 4, OFFSET + 4, T)
+    + (MULTIPLY, OFFSET + 2, OFFSET + 2, T + 2)
+    + (ADD, OFFSET + 2, OFFSET + 2, OFFSET + 4)
+    + (SUBTRACT, OFFSET + 4, X, Y)
+    + (SINES, T, POSE + PAN, T + 2)
+    + (MULTIPLY, X, OFFSET, T + 2)
+    + (MULTIPLY, Y, OFFSET + 4, T)
+    + (MULTIPLY, OFFSET, OFFSET, T)
+    + (MULTIPLY, OFFSET + 4, OFFSET + 4, T + 2)
+    + (ADD, OFFSET + 4, OFFSET + 4, OFFSET)
+    + (SUBTRACT, OFFSET, X, Y)
+    + (NEGATE, OFFSET + 4, OFFSET + 4, 0)
+    + (END, 0, 0, 0)
+)
+
+_NODAL = (
+    bytes(
+        (COPY, OFFSET, NODAL, 0)  # right
+        + (COPY, OFFSET + 2, NODAL + 4, 0)  # up
+        + (COPY, OFFSET + 4, NODAL + 2, 0)  # forward
+    )
+    + _TURN
+)
+
+# With OFFSET known: where the camera's axes meet, and its angles; the first part of every inverse()
+FROM_POSE = bytes(
+    (SUBTRACT, PLACE, POSE + 2, OFFSET)
+    + (SUBTRACT, PLACE + 2, POSE + 4, OFFSET + 2)
+    + (SUBTRACT, PLACE + 4, POSE, OFFSET + 4)
+    + (COPY, JOINT + PAN, POSE + PAN, 0)
+    + (COPY, JOINT + TILT, POSE + TILT, 0)
+    + (COPY, JOINT + ROLL, POSE + ROLL, 0)
+)
+
+# The other way round: the first part of every forward(), and the last
+ANGLES = bytes(
+    (COPY, POSE + PAN, JOINT + PAN, 0) + (COPY, POSE + TILT, JOINT + TILT, 0) + (COPY, POSE + ROLL, JOINT + ROLL, 0)
+)
+_TO_POSE = bytes(
+    (ADD, POSE + 2, PLACE, OFFSET)
+    + (ADD, POSE + 4, PLACE + 2, OFFSET + 2)
+    + (ADD, POSE, PLACE + 4, OFFSET + 4)
+    + (END, 0, 0, 0)
+)
+
+# T to T + 10: how many steps each axis is from its place at VIRT_CONFIG
+_STEPS = bytes(
+    (SUBTRACT, T, JOINT, HOME)
+    + (MULTIPLY, T, T, PER_UNIT)
+    + (SUBTRACT, T + 2, JOINT + 2, HOME + 2)
+    + (MULTIPLY, T + 2, T + 2, PER_UNIT + 2)
+    + (SUBTRACT, T + 4, JOINT + 4, HOME + 4)
+    + (MULTIPLY, T + 4, T + 4, PER_UNIT + 4)
+    + (SUBTRACT, T + 6, JOINT + 6, HOME + 6)
+    + (MULTIPLY, T + 6, T + 6, PER_UNIT + 6)
+    + (SUBTRACT, T + 8, JOINT + 8, HOME + 8)
+    + (MULTIPLY, T + 8, T + 8, PER_UNIT + 8)
+    + (SUBTRACT, T + 10, JOINT + 10, HOME + 10)
+    + (MULTIPLY, T + 10, T + 10, PER_UNIT + 10)
+    + (END, 0, 0, 0)
+)
+
+
 @micropython.viper
-def _scaled(r: ptr32, a: int, start, i: int, out, j: int) -> int:
-    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a]; 0 if that is no int32."""
-    value = r[a + 0]
-    s = 0 - r[a + 1]
-    if s < -1:
-        return 0
+def places(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
+    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a], all steps; and so on for `count` numbers.
+
+    0 if one of them is no int32, else 1.
+    """
     base = ptr32(start)
     place = ptr32(out)
-    if s > 16:
-        # to the nearest 65536th
-        n = s - 16
-        if n > 31:
-            n = 31
-            value = 0
-        value = (value + (1 << (n - 1))) >> n
-        s = 16
-    whole = value
-    rest = 0
-    if s < 0:
-        whole = value << 1
-    elif s:
-        whole = value >> s
-        rest = (value - (whole << s)) << (16 - s)
-    half = (base[i + 0] >> 1) + (whole >> 1) + (base[i + 0] & whole & 1)
-    if half > 0x3FFFFFFF or half < -0x40000000:
-        return 0
-    place[j] = base[i + 0] + whole
-    place[j + 1] = rest
+    end = j + count + count
+    while j < end:
+        value = r[a + 0]
+        s = 0 - r[a + 1]
+        if s < -1:
+            return 0
+        if s > 16:
+            # to the nearest 65536th
+            s -= 16
+            if s > 31:
+                s = 31
+                value = 0
+            value = (value + (1 << (s - 1))) >> s
+            s = 16
+        whole = value
+        rest = 0
+        if s < 0:
+            whole = value << 1
+        elif s:
+            whole = value >> s
+            rest = (value - (whole << s)) << (16 - s)
+        half = (base[i + 0] >> 1) + (whole >> 1) + (base[i + 0] & whole & 1)
+        if half > 0x3FFFFFFF or half < -0x40000000:
+            return 0
+        place[j + 0] = base[i + 0] + whole
+        place[j + 1] = rest
+        a += 2
+        i += 1
+        j += 2
     return 1
-
-
-def place(r, a, start, i, out, j):
-    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a], all steps. A code."""
-    return 0 if _scaled(r, a, start, i, out, j) else m.ERR_RANGE
-
-
-def turn(r, x, y, angle):
-    """Turn (r[x], r[y]) by r[angle] degrees, from x toward y."""
-    trig.sines(r, _S, _C, angle)
-    reals.multiply(r, _X, x, _C)
-    reals.multiply(r, _Y, y, _S)
-    reals.multiply(r, y, y, _C)
-    reals.multiply(r, x, x, _S)
-    reals.add(r, y, y, x)
-    reals.subtract(r, x, _X, _Y)
-
-
-def _to_world(r, v):
-    """v, v + 2, v + 4: from right, up, forward of the camera at POSE to EW, NS, track.
-
-    Rz(pan)·Rx(tilt)·Ry(roll) in a frame with x to the right, y forward and z up, of which the world has Y = z and
-    Z = -y (field note 9.4). Positive pan turns left, positive tilt looks up.
-    """
-    turn(r, v + 2, v, POSE + _ROLL)
-    turn(r, v + 4, v + 2, POSE + _TILT)
-    turn(r, v, v + 4, POSE + _PAN)
-    reals.negate(r, v + 4, v + 4)
 
 
 def camera_axis(r, axis, to):
@@ -112,13 +174,15 @@ def camera_axis(r, axis, to):
 
     axis: 0 X to its right, 1 Y up, 2 Z backward from where it looks (field note 9.6).
     """
-    for i in range(3):
-        reals.put(r, OFFSET + 2 * i, 0, 0)
+    for i in range(0, 6, 2):
+        reals.copy(r, OFFSET + i, ZERO)
     reals.put(r, OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
-    _to_world(r, OFFSET)
+    compute(r, _TURN)
     reals.copy(r, to, OFFSET + 4)
     reals.copy(r, to + 2, OFFSET)
     reals.copy(r, to + 4, OFFSET + 2)
+    for i in range(0, 6, 2):
+        reals.copy(r, OFFSET + i, ZERO)
 
 
 class Rig:
@@ -128,11 +192,15 @@ class Rig:
     joints: how many axes the type has. main: of the virtual axes 1 to 6, the axis whose steps a jog's destination is in
     (field note 9.6), plus 1; 0 for a virtual axis that the type does not have.
 
-    Where a method gives back a code, it is 0, or ERR_RANGE for what the rig cannot reach.
+    Where a method gives back a code, it is 0, or ERR_RANGE for what the rig cannot reach. A type gives two formulas
+    (formulas.py): _inverse from POSE and OFFSET to JOINT, where ABOVE refuses what cannot be reached; _forward from
+    JOINT to PLACE and the angles of POSE, which computes all of them before an ABOVE.
     """
 
     joints = AXES
     main = b""
+    _inverse = b""
+    _forward = b""
 
     def __init__(self, r):
         self.r = r
@@ -173,6 +241,8 @@ class Rig:
             self.number(reader, at + 4, EXTENSION, 1000)
             at += 8
         self._offset = False
+        for i in range(6):
+            r[OFFSET + i] = 0
         for i in range(3):
             self.number(reader, at + 4 * i, NODAL + 2 * i, 1000)
             if reals.sign(r, NODAL + 2 * i):
@@ -211,27 +281,39 @@ class Rig:
         r = self.r
         reader.word_to(at, _word, 0)
         reals.put_difference(r, to, _word, 0, _word, 1)
-        reals.put(r, _S, scale, 0)
-        reals.divide(r, to, to, _S)
+        reals.put(r, X, scale, 0)
+        reals.divide(r, to, to, X)
 
     # ---------------------------------------------------------------- steps
 
-    def steps(self, i, out, j):
-        """out[j] = the whole step and out[j + 1] = the fraction in Q16 at which axis i stands at JOINT. A code.
+    def places(self, out, j):
+        """out[j + 2i], out[j + 2i + 1] = whole step and Q16 fraction at which axis i stands at JOINT. A code.
 
-        out: array('i'). Of an axis without a motor: 0.
+        out: array('i'), 12 words of it. For an axis without a motor: 0.
         """
         r = self.r
-        reals.subtract(r, _X, JOINT + 2 * i, HOME + 2 * i)
-        reals.multiply(r, _X, _X, PER_UNIT + 2 * i)
-        return place(r, _X, self.start, i, out, j)
+        compute(r, _STEPS)
+        if not places(r, T, self.start, 0, out, j, AXES):
+            return m.ERR_RANGE
+        return self._bend(out, j)
+
+    def _bend(self, out, j):
+        """What a type has to change of places()."""
+        return 0
+
+    def steps(self, i, out, j):
+        """out[j] and out[j + 1] as in places(), for axis i alone. A code."""
+        r = self.r
+        reals.subtract(r, X, JOINT + 2 * i, HOME + 2 * i)
+        reals.multiply(r, X, X, PER_UNIT + 2 * i)
+        return 0 if places(r, X, self.start, i, out, j, 1) else m.ERR_RANGE
 
     def joint(self, i, steps, j):
         """JOINT of axis i from the step steps[j]. A code."""
         r = self.r
-        reals.put_difference(r, _X, steps, j, self.start, i)
-        reals.divide(r, _X, _X, PER_UNIT + 2 * i)
-        reals.add(r, JOINT + 2 * i, HOME + 2 * i, _X)
+        reals.put_difference(r, X, steps, j, self.start, i)
+        reals.divide(r, X, X, PER_UNIT + 2 * i)
+        reals.add(r, JOINT + 2 * i, HOME + 2 * i, X)
         return 0
 
     def locate(self, present):
@@ -256,20 +338,15 @@ class Rig:
     def inverse(self):
         """JOINT for the POSE. A code; with ERR_RANGE JOINT is of no use."""
         r = self.r
-        self.nodal()
-        reals.subtract(r, PLACE, POSE + 2, OFFSET)
-        reals.subtract(r, PLACE + 2, POSE + 4, OFFSET + 2)
-        reals.subtract(r, PLACE + 4, POSE, OFFSET + 4)
-        reals.copy(r, JOINT + _PAN, POSE + _PAN)
-        reals.copy(r, JOINT + _TILT, POSE + _TILT)
-        reals.copy(r, JOINT + _ROLL, POSE + _ROLL)
-        if not self._reach():
+        if self._offset:
+            compute(r, _NODAL)
+        if not compute(r, self._inverse):
             return m.ERR_RANGE
         if self._absent:
             for i in range(AXES):
                 if self.motor[i] == 0:
-                    reals.subtract(r, _X, JOINT + 2 * i, HOME + 2 * i)
-                    if reals.sign(r, _X) and r[_X + 1] + 30 > _SLACK:
+                    reals.subtract(r, X, JOINT + 2 * i, HOME + 2 * i)
+                    if reals.sign(r, X) and r[X + 1] + 30 > _SLACK:
                         return m.ERR_RANGE
                     reals.copy(r, JOINT + 2 * i, HOME + 2 * i)
         return 0
@@ -277,32 +354,8 @@ class Rig:
     def forward(self):
         """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back from."""
         r = self.r
-        reals.copy(r, POSE + _PAN, JOINT + _PAN)
-        reals.copy(r, POSE + _TILT, JOINT + _TILT)
-        reals.copy(r, POSE + _ROLL, JOINT + _ROLL)
-        code = 0 if self._stand() else m.ERR_RANGE
-        self.nodal()
-        reals.add(r, POSE + 2, PLACE, OFFSET)
-        reals.add(r, POSE + 4, PLACE + 2, OFFSET + 2)
-        reals.add(r, POSE, PLACE + 4, OFFSET + 4)
+        code = 0 if compute(r, self._forward) else m.ERR_RANGE
+        if self._offset:
+            compute(r, _NODAL)
+        compute(r, _TO_POSE)
         return code
-
-    def _reach(self):
-        """The first three JOINTs from PLACE, and what they do to the pan; False where the rig cannot reach."""
-        raise NotImplementedError
-
-    def _stand(self):
-        """PLACE from the first three JOINTs, and vPan; False where inverse() does not lead back."""
-        raise NotImplementedError
-
-    def nodal(self):
-        """OFFSET from NODAL and the angles of POSE."""
-        r = self.r
-        if not self._offset:
-            for i in range(6):
-                r[OFFSET + i] = 0
-            return
-        reals.copy(r, OFFSET, NODAL)
-        reals.copy(r, OFFSET + 2, NODAL + 4)
-        reals.copy(r, OFFSET + 4, NODAL + 2)
-        _to_world(r, OFFSET)

@@ -4,22 +4,24 @@ Axes: X, Y, Z, PAN, TILT, ROLL. vEW = X, vNS = Y, vTrack = Z; angles are themsel
 The layout of the message and this reading are inferred from type 1 (field note 9.3). Every pose can be reached.
 """
 
-from framestep.motion import reals
 from framestep.virtuals import geometry as g
+from framestep.virtuals.formulas import COPY, END
 
 
 class Geometry(g.Rig):
     main = b"\x00\x03\x01\x02\x04\x05\x06"
+    _inverse = g.FROM_POSE + bytes(
+        (COPY, g.JOINT, g.PLACE, 0)
+        + (COPY, g.JOINT + 2, g.PLACE + 2, 0)
+        + (COPY, g.JOINT + 4, g.PLACE + 4, 0)
+        + (END, 0, 0, 0)
+    )
+    _forward = g.ANGLES + bytes(
+        (COPY, g.PLACE, g.JOINT, 0)
+        + (COPY, g.PLACE + 2, g.JOINT + 2, 0)
+        + (COPY, g.PLACE + 4, g.JOINT + 4, 0)
+        + (END, 0, 0, 0)
+    )
 
     def _numbers(self, length):
         return 3 if length == 85 or length == 89 else -1
-
-    def _reach(self):
-        for i in range(0, 6, 2):
-            reals.copy(self.r, g.JOINT + i, g.PLACE + i)
-        return True
-
-    def _stand(self):
-        for i in range(0, 6, 2):
-            reals.copy(self.r, g.PLACE + i, g.JOINT + i)
-        return True

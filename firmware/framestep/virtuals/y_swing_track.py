@@ -8,9 +8,28 @@ from framestep.motion import reals
 from framestep.protocol import messages as m
 from framestep.virtuals import arm
 from framestep.virtuals import geometry as g
+from framestep.virtuals.formulas import ADD, COPY, END
 
 
 class Geometry(arm.Arm):
+    _inverse = (
+        g.FROM_POSE
+        + bytes(
+            (COPY, g.JOINT, g.PLACE + 2, 0)  #
+            + (ADD, arm.REACH, g.LENGTH, g.EXTENSION)
+        )
+        + arm.SWUNG
+    )
+    _forward = (
+        g.ANGLES
+        + bytes(
+            (COPY, g.PLACE + 2, g.JOINT, 0)  #
+            + (ADD, arm.REACH, g.LENGTH, g.EXTENSION)
+        )
+        + arm.SWING_OUT
+        + bytes((END, 0, 0, 0))
+    )
+
     def _numbers(self, length):
         return 5 if length == 93 or length == 97 else -1
 
@@ -22,16 +41,3 @@ class Geometry(arm.Arm):
         if reals.sign(r, g.T) <= 0:
             return m.ERR_RANGE
         return super()._check(reader, present)
-
-    def _reach(self):
-        r = self.r
-        reals.copy(r, g.JOINT, g.PLACE + 2)
-        reals.add(r, arm.REACH, g.LENGTH, g.EXTENSION)
-        return self._swing()
-
-    def _stand(self):
-        r = self.r
-        reals.copy(r, g.PLACE + 2, g.JOINT)
-        reals.add(r, arm.REACH, g.LENGTH, g.EXTENSION)
-        self._swung()
-        return True
