@@ -61,9 +61,22 @@ def session():
             session.speed(motor, VELOCITY, ACCELERATION)
             session.accept(MotorConfigure(motor, 0x03))
         board.emulator.uart_start(0)
-        upload(session, triggers=TRIGGERS, mask=0b11)
         yield session
         assert not session.events(HardStop)
+
+
+def test_eight_motors_to_a_frame(session):
+    """Planned and sent off one after the other, before the first of them runs out of segments."""
+    places = {m: [0, 72 * m] for m in range(1, 9)}
+    for motor in places:
+        session.speed(motor, VELOCITY, ACCELERATION)
+    session.upload(places)
+    asked = session.now
+    session.accept(RtPositionFrame(2))
+    assert session.now - asked < 0.06
+    session.wait_idle()
+    assert session.positions == {m: 72 * m for m in places}
+    upload(session, triggers=TRIGGERS, mask=0b11)
 
 
 def test_shoot_frames(session):

@@ -192,7 +192,11 @@ class EmulatedBoard:
             if trace:
                 self.emulator.trace_start(self.pins.pins)
             self._tracing = trace
-            if not single:
+            if single:
+                # Nothing tells that the controller is up but its greeting, which waits for whoever reads it.
+                self.emulator.cmd("open", port=0, on=True)
+                self.emulator.cmd("run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0)
+            else:
                 self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
             self._now = self.emulator.ns
         except BaseException:

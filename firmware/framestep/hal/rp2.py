@@ -10,6 +10,7 @@ import time
 
 import machine
 from machine import Pin, Timer
+from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
 from framestep.hal import NoDmx, NoWatchdog
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
@@ -25,6 +26,7 @@ _IN_ONE_PIECE = const(6 * 1024)  # of which so much is one block: a script is co
 _STEP = const(512)
 _WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
+_TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
 
 
 class Rp2Hal:
@@ -101,6 +103,7 @@ class Rp2Hal:
         return _STEP
 
     def start(self):
+        alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self._ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         self.port.start()
 
@@ -153,21 +156,28 @@ class Rp2Hal:
         if self.background:
             self._passes = Timer(-1, period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
             return
-        poll = controller.poll
-        ticks_ms = self.ticks_ms
         idle = machine.idle
         try:
             while True:
-                if not poll(ticks_ms()):
+                if not self._poll():
                     idle()
         finally:
             self.stop()
+
+    def _poll(self):
+        """One pass, the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words on
+        the stack, for which it would otherwise search the whole heap. Returns what the controller's poll() does."""
+        heap_lock()
+        try:
+            return self._controller.poll(time.ticks_ms() & _WRAP)  # type: ignore[union-attr]
+        finally:
+            heap_unlock()
 
     def _pass(self, _timer):
         if self._passes is None:
             return  # it waited in the scheduler when the passes ended
         try:
-            self._controller.poll(time.ticks_ms() & _WRAP)  # type: ignore[union-attr]
+            self._poll()
         except KeyboardInterrupt:
             # Meant for a program that runs on the REPL, but it struck here; what was being done
             # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
