@@ -40,10 +40,24 @@ def _settings(board):
     return settings, mistake
 
 
+def _load_into_ram():
+    """The modules of a frozen image that are to run from RAM; copied files do anyway."""
+    try:
+        from framestep.ram_files import FILES
+    except ImportError:
+        return
+    from framestep.hal import rp2_ram
+
+    rp2_ram.load(FILES)
+    for name in ("framestep.hal.rp2_ram", "framestep.ram_files"):
+        del sys.modules[name]
+
+
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller
     gc.threshold(_DENSE)
+    _load_into_ram()
     from framestep.board import BOARD
     from framestep.hal.rp2_pins import drivers_off  # at once: while the rest is loaded they would float
 

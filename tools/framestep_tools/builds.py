@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_data, board_files, march
+from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_data, board_files, compiled, march
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -65,10 +65,15 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for main.py."""
-    made = board_files(march(board_data(board)["chip"]), board)
-    files = {name.removeprefix("/lib/"): data for name, data in made.items()}
+    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for main.py.
+
+    Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
+    """
+    processor = march(board_data(board)["chip"])
+    files = {name.removeprefix("/lib/"): data for name, data in board_files(processor, board).items()}
     del files["/main.py"]
+    in_ram = {name: files.pop(name) for name in IN_RAM}
+    files["framestep/ram_files.mpy"] = compiled("framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor)
     return files | {"main.py": IMAGE_MAIN.read_bytes()}
 
 

@@ -28,6 +28,7 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _HOST_ONLY = {"framestep/hal/host.py"}
+IN_RAM = ("framestep/motion/tick.mpy",)  # what a frozen image runs from RAM
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
 
