@@ -13,6 +13,8 @@ from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
 FLASH = 0x1000_0000
 RP2040 = 0xE48BFF56
 BLOCK = 512
+RAM, RAM_SIZE = 0x2000_0000, 264 * 1024
+CODE_OF_A_FUNCTION = 12  # offset of the pointer to its machine code (py/objfun.h, mp_obj_fun_bc_t)
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +48,9 @@ def test_it_boots(firmware):
             assert client.request(MotorGetPosition()).steps[0] == 500
         repl = emu.repl()
         assert not repl.eval("__import__('framestep').__file__").startswith("/lib")
+        tick = "id(__import__('framestep.motion.tick', None, None, ('Header',)).Header.tick)"
+        code = repl.eval(f"__import__('machine').mem32[{tick} + {CODE_OF_A_FUNCTION}]")
+        assert RAM <= code < RAM + RAM_SIZE, "the tick runs from RAM, not through the flash cache"
         assert board_data("pico")["name"] in repl.eval("__import__('sys').implementation._machine")
 
 

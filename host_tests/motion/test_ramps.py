@@ -45,6 +45,8 @@ class Motor:
     def _prepare_and_look(self, hal):
         """Takes down the state that a plan starts from, in steps and steps per tick."""
         self._prepare(hal)
+        block = self.block
+        self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE  # that of a stop at its end is forgotten
         whole, fraction, v, a = self.axis.state[:4]
         self.planned_from = whole + fraction / ONE, v / ONE - a / 2**28
 
