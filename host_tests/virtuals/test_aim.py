@@ -10,7 +10,7 @@ from framestep.protocol import messages
 from framestep.virtuals import aim
 from framestep.virtuals import geometry as g
 from framestep_tools import virtual_reference as reference
-from host_tests.virtuals.boards import Board, put
+from framestep_tools.virtual_precision import Firmware, put
 
 ANGLE = st.floats(-1000, 1000)
 PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)
@@ -19,7 +19,7 @@ PAN, TILT = g.POSE + 6, g.POSE + 8
 
 def aimed(place, point, pan=0.0, safe=0.0):
     """Code, pan and tilt from a place to a point, both X, Y, Z."""
-    r = Board(4).r
+    r = Firmware(4).r
     for at, value in ((g.POSE + 2, place[0]), (g.POSE + 4, place[1]), (g.POSE, place[2]), (PAN, pan), (g.SAFE, safe)):
         put(r, at, value)
     for i in range(3):
@@ -72,7 +72,7 @@ def test_safe_distance_is_a_cylinder(point, inside):
 
 @given(st.tuples(ANGLE, ANGLE, ANGLE), st.sampled_from([0, 1, 2]))
 def test_camera_axes(angles, axis):
-    r = Board(4).r
+    r = Firmware(4).r
     for i, angle in enumerate(angles):
         put(r, PAN + 2 * i, angle)
     g.camera_axis(r, axis, g.T)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from framestep.motion import reals
 from framestep.virtuals import formulas as f
-from host_tests.virtuals.boards import put
+from framestep_tools.virtual_precision import put
 
 A, B, C, D = 0, 2, 4, 6
 END = (f.END, 0, 0, 0)

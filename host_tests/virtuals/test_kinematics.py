@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from framestep.protocol import messages
 from framestep_tools import virtual_reference as reference
+from framestep_tools.virtual_precision import Firmware, Refused
 from framestep_tools.virtual_reference import Axis, Rig, Unreachable
-from host_tests.virtuals.boards import Board, Refused
 
 ANGLE = st.floats(-400, 400)
 MILLI = st.integers(-300_000, 300_000).map(lambda n: n / 1000)
@@ -33,23 +33,23 @@ def near(got, wanted, atol):
 )
 def test_x_y_z(nodal, place, angles, home):
     rig = Rig(reference.X_Y_Z, (Axis(1, 1000, home / 100000, 77), Axis(2), Axis(3), *HEAD), nodal=nodal)
-    board = Board.of(rig)
-    near(board.pose(), rig.forward(rig.joints([77, 0, 0, -900, 0, 0])), 1e-4)
+    firmware = Firmware.of(rig)
+    near(firmware.pose(), rig.forward(rig.joints([77, 0, 0, -900, 0, 0])), 1e-4)
     joints = (*place, *angles)
-    pose = board.forward(joints)
+    pose = firmware.forward(joints)
     near(pose, rig.forward(joints), 1e-4)
-    near(board.inverse(pose), joints, 1e-4)
+    near(firmware.inverse(pose), joints, 1e-4)
 
 
 @given(st.integers(-(10**6), 10**6), st.integers(-(10**6), 10**6), ANGLE)
 def test_swing_pan(swing, pan, wanted):
     rig = Rig(reference.SWING_PAN, (Axis(4, 1000), Axis(2, 500.5)))
-    board = Board.of(rig)
-    pose = board.locate({4: swing, 2: pan})
+    firmware = Firmware.of(rig)
+    pose = firmware.locate({4: swing, 2: pan})
     joints = rig.joints([swing, pan])
     near(pose, rig.forward(joints), 1e-5)
-    near(board.inverse([0, 0, 0, wanted, 0, 0]), rig.inverse([0, 0, 0, wanted, 0, 0], joints), 1e-5)
-    near(board.steps(), rig.steps(rig.inverse([0, 0, 0, wanted, 0, 0], joints)), 0.01)
+    near(firmware.inverse([0, 0, 0, wanted, 0, 0]), rig.inverse([0, 0, 0, wanted, 0, 0], joints), 1e-5)
+    near(firmware.steps(), rig.steps(rig.inverse([0, 0, 0, wanted, 0, 0], joints)), 0.01)
 
 
 # ---------------------------------------------------------------- arms
@@ -85,12 +85,12 @@ def arms(draw):
 def test_forward_and_back(case):
     """inverse() of forward() is where the arm was, and each is what double precision says."""
     rig, joints = case
-    board = Board.of(rig)
+    firmware = Firmware.of(rig)
     steps = np.round(rig.steps(joints))
     joints = rig.joints(steps)
-    pose = board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, steps, strict=True)})
+    pose = firmware.locate({axis.motor: int(step) for axis, step in zip(rig.axes, steps, strict=True)})
     near(pose, rig.forward(joints), 2e-4)
-    back = board.inverse(rig.forward(joints))
+    back = firmware.inverse(rig.forward(joints))
     # near ±90 degrees a place says little about an angle: as much as it may be wrong in a 30-bit number
     blur = np.array([1e-5, 2e-6, 1e-4, 2e-6, 1e-6, 1e-6])
     arm = rig.length + max(rig.extension, 0)
@@ -103,10 +103,10 @@ def test_forward_and_back(case):
 @given(arms(), st.tuples(*[st.floats(-2, 2)] * 3))
 @example((Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78), np.zeros(6)), (0, 0, 1.1))
 def test_what_is_out_of_reach(case, way):
-    """Where the reference finds no joints, nor does the board; where they are a degree away from that it does."""
+    """Where the reference finds no joints, nor does the firmware; where they are a degree away from that it does."""
     rig, joints = case
-    board = Board.of(rig)
-    board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(joints), strict=True)})
+    firmware = Firmware.of(rig)
+    firmware.locate({axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(joints), strict=True)})
     pose = rig.forward(joints)
     pose[:3] += np.array(way) * rig.length
     try:
@@ -114,30 +114,30 @@ def test_what_is_out_of_reach(case, way):
         rig.steps(wanted)
     except Unreachable:
         with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-            board.inverse(pose)
-            board.steps()
+            firmware.inverse(pose)
+            firmware.steps()
         return
     side = abs(math.cos(math.radians(wanted[1])))
     up = abs(math.cos(math.radians(wanted[0]))) if rig.kind == reference.BOOM_SWING_TRACK else 1
     if min(side, up) < 1 / 32.05:
         with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-            board.inverse(pose)
+            firmware.inverse(pose)
     elif min(side, up) > 1 / 31.95:
-        board.inverse(pose)
+        firmware.inverse(pose)
 
 
 def test_along_a_path_no_joint_jumps():
     """Swing and pan of an arm behind its column, beyond a turn, follow a line from one side to the other."""
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 800, 200, (10, 20, 30))
-    board = Board.of(rig)
+    firmware = Firmware.of(rig)
     start = np.array([20.0, 545.0, 3000.0, -600.0, 10.0, 5.0])
     first = rig.steps(start).round()
-    board.locate({axis.motor: int(step) for axis, step in zip(rig.axes, first, strict=True)})
+    firmware.locate({axis.motor: int(step) for axis, step in zip(rig.axes, first, strict=True)})
     pose = rig.forward(rig.joints(first))
     last = rig.joints(first)
     for x in np.linspace(pose[1], -900, 300):
         pose[1] = x
-        joints = np.array(board.inverse(pose))
+        joints = np.array(firmware.inverse(pose))
         assert np.abs(joints - last).max() < 20
         near(joints, rig.inverse(pose, start), 1e-4)
         last = joints
@@ -150,11 +150,11 @@ def test_along_a_path_no_joint_jumps():
 def test_worked_values():
     """Field note 9.9: length 857.7, extension 78, vNS +100 moves the track by -5.8494 (-5.84949)."""
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78)
-    board = Board.of(rig)
-    pose = board.forward([0, 0, 0, 0, 0, 0])
+    firmware = Firmware.of(rig)
+    pose = firmware.forward([0, 0, 0, 0, 0, 0])
     assert pose[0] == pytest.approx(-935.7, abs=1e-5)
     pose[2] += 100
-    assert board.inverse(pose)[2] == pytest.approx(-5.84949, abs=1e-5)
+    assert firmware.inverse(pose)[2] == pytest.approx(-5.84949, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -170,22 +170,22 @@ def test_worked_values():
     ],
 )
 def test_singular_and_beyond(pose):
-    board = Board.of(Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78))
+    firmware = Firmware.of(Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78))
     with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-        board.inverse(pose)
+        firmware.inverse(pose)
 
 
 def test_a_camera_over_the_column_is_of_no_use():
     """An extension that points back: raised to 80 degrees the camera is behind the arm's column."""
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 500, -100)
-    board = Board.of(rig)
-    board.forward([70, 10, 0, 0, 0, 0])
+    firmware = Firmware.of(rig)
+    firmware.forward([70, 10, 0, 0, 0, 0])
     with pytest.raises(Refused):
-        board.forward([80, 10, 0, 0, 0, 0])
+        firmware.forward([80, 10, 0, 0, 0, 0])
     with pytest.raises(Refused):
-        board.forward([90, 10, 0, 0, 0, 0])
+        firmware.forward([90, 10, 0, 0, 0, 0])
     with pytest.raises(Refused):
-        board.inverse([0, 0, 499, 0, 0, 0])
+        firmware.inverse([0, 0, 499, 0, 0, 0])
 
 
 # ---------------------------------------------------------------- boom table, axes without a motor
@@ -195,33 +195,33 @@ def test_a_camera_over_the_column_is_of_no_use():
 def test_boom_table(sign):
     table = tuple(sign * (1000 * k + 3 * k * k) for k in range(-60, 61))
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78, table=table)
-    board = Board.of(rig)
+    firmware = Firmware.of(rig)
     for angle in (-60, -59.75, -0.5, 0, 30.25, 59.999, 60):
-        board.inverse(rig.forward([angle, 0, 0, 0, 0, 0]))
-        near(board.steps(), rig.steps([angle, 0, 0, 0, 0, 0]), 0.05)
+        firmware.inverse(rig.forward([angle, 0, 0, 0, 0, 0]))
+        near(firmware.steps(), rig.steps([angle, 0, 0, 0, 0, 0]), 0.05)
     for step in (table[0], table[0] + 1, table[0] - 1, 0, 1, -1, 12345, table[1], table[119], table[120]):
         if min(table) <= step <= max(table):
-            board.locate({1: step})
-            assert board.inverse(board.pose())[0] == pytest.approx(rig.joints([step, 0, 0, 0, 0, 0])[0], abs=1e-6)
+            firmware.locate({1: step})
+            assert firmware.inverse(firmware.pose())[0] == pytest.approx(rig.joints([step, 0, 0, 0, 0, 0])[0], abs=1e-6)
         else:
             with pytest.raises(Refused):
-                board.locate({1: step})
-    board.locate({1: 0})
-    board.inverse(rig.forward([60.01, 0, 0, 0, 0, 0]))
+                firmware.locate({1: step})
+    firmware.locate({1: 0})
+    firmware.inverse(rig.forward([60.01, 0, 0, 0, 0, 0]))
     with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-        board.steps()
+        firmware.steps()
 
 
 def test_an_axis_without_a_motor_stays():
     axes = (Axis(1), Axis(2), Axis(0, 0, 250.0), Axis(3), Axis(0, 0, -7.5), Axis(0, 0, 0.0))
     rig = Rig(1, axes, 500, 100)
-    board = Board.of(rig)
-    near(board.pose(), [250 - 600, 0, 0, 0, -7.5, 0], 1e-4)
-    board.inverse(rig.forward([10, 20, 250, 30, -7.5, 0]))
-    near(board.steps(), [10000, 20000, 0, 30000, 0, 0], 0.01)
+    firmware = Firmware.of(rig)
+    near(firmware.pose(), [250 - 600, 0, 0, 0, -7.5, 0], 1e-4)
+    firmware.inverse(rig.forward([10, 20, 250, 30, -7.5, 0]))
+    near(firmware.steps(), [10000, 20000, 0, 30000, 0, 0], 0.01)
     for other in ([10, 20, 250.01, 30, -7.5, 0], [10, 20, 250, 30, -7, 0], [10, 20, 250, 30, -7.5, 1]):
         with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-            board.inverse(rig.forward(other))
+            firmware.inverse(rig.forward(other))
 
 
 # ---------------------------------------------------------------- VIRT_CONFIG
@@ -240,13 +240,13 @@ def word(payload, at, value):
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_refused_configurations_change_nothing(kind):
-    board = Board.of(FULL[kind])
+    firmware = Firmware.of(FULL[kind])
     payload = FULL[kind].payload()
     stride = 8 if kind == 2 else 12
 
     def held():
-        table = board.geometry.table.tolist() if kind == 1 else None
-        return board.r[:60].tolist(), bytes(board.geometry.motor), board.geometry.start.tolist(), table
+        table = firmware.geometry.table.tolist() if kind == 1 else None
+        return firmware.r[:60].tolist(), bytes(firmware.geometry.motor), firmware.geometry.start.tolist(), table
 
     before = held()
     bad = [
@@ -264,13 +264,13 @@ def test_refused_configurations_change_nothing(kind):
         bad += [word(payload, 1, 0)]
     for changed in bad:
         with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
-            board.configure(changed)
+            firmware.configure(changed)
         assert held() == before
     good = {1: {93, 97, 577, 581}, 2: {17}, 3: {93, 97}, 4: {85, 89}}[kind]
     for length in range(1, 600):
         if length not in good:
             with pytest.raises(Refused, match=str(messages.ERR_UNSUPPORTED)):
-                board.configure((payload * 40)[:length])
+                firmware.configure((payload * 40)[:length])
     assert held() == before
 
 
@@ -282,8 +282,8 @@ def test_each_length_is_read_as_what_it_is():
         for table in (None, FULL[kind].table):
             for safe in (None, 123.25):
                 rig = Rig(kind, FULL[kind].axes, 500, 100, (1, 2, 3), table, safe)
-                board = Board.of(rig)
-                assert reals.value(board.r, g.SAFE) == (safe or 0)
-                assert [reals.value(board.r, g.NODAL + i) for i in (0, 2, 4)] == [1, 2, 3]
-                board.inverse(rig.forward([10, 20, 30, 40, 50, 60]))
-                near(board.steps(), rig.steps([10, 20, 30, 40, 50, 60]), 0.01)
+                firmware = Firmware.of(rig)
+                assert reals.value(firmware.r, g.SAFE) == (safe or 0)
+                assert [reals.value(firmware.r, g.NODAL + i) for i in (0, 2, 4)] == [1, 2, 3]
+                firmware.inverse(rig.forward([10, 20, 30, 40, 50, 60]))
+                near(firmware.steps(), rig.steps([10, 20, 30, 40, 50, 60]), 0.01)

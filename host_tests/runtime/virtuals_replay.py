@@ -1,0 +1,114 @@
+"""Runs on MicroPython and on CPython: the kinematics of the virtual axes, each line of a script with the heap locked.
+
+Lines on standard input, each answered by one line of numbers, a code first:
+
+    CONFIG kind payload-in-hex eight-steps      the pose where the rig stands
+    LOCATE eight-steps                          the same
+    POSE twelve-words                           inverse(): the joints, and the places of the motors
+    AIM six-words twelve-words                  aim point and pose: pan and tilt, and the camera's three axes
+"""
+
+import sys
+from array import array
+
+from framestep.protocol.frames import FrameReader
+from framestep.virtuals import aim, boom_swing_track, swing_pan, x_y_z, y_swing_track
+from framestep.virtuals import geometry as g
+
+try:
+    from micropython import heap_lock, heap_unlock
+except ImportError:
+
+    def heap_lock():
+        pass
+
+    heap_unlock = heap_lock
+
+r = array("i", [0] * (g.REGISTERS + 18))
+OWN = g.REGISTERS
+rigs = [None, boom_swing_track, swing_pan, y_swing_track, x_y_z]
+rigs = [module and module.Geometry(r) for module in rigs]
+present = array("i", [0] * 8)
+places = array("i", [0] * 12)
+one = array("i", [0, 0])
+
+
+def configured(rig, reader):
+    heap_lock()
+    code = rig.configure(reader, present)
+    heap_unlock()
+    return code
+
+
+def located(rig):
+    heap_lock()
+    code = rig.locate(present)
+    heap_unlock()
+    return code
+
+
+def reached(rig):
+    """Code of inverse() and places(), and how many of steps() are other than places()."""
+    wrong = 0
+    heap_lock()
+    code = rig.inverse()
+    if code == 0:
+        code = rig.places(places, 0)
+    if code == 0:
+        for i in range(rig.joints):
+            if rig.steps(i, one, 0) or one[0] != places[2 * i] or one[1] != places[2 * i + 1]:
+                wrong += 1
+    heap_unlock()
+    return code, wrong
+
+
+def aimed():
+    heap_lock()
+    code = aim.direction(r, g.POSE + 6, g.POSE + 8)
+    for axis in range(3):
+        g.camera_axis(r, axis, OWN + 6 * axis)
+    heap_unlock()
+    return code
+
+
+def play(lines):
+    rig = None
+    for line in lines:
+        words = line.split()
+        what = words[0]
+        code = 0
+        out = []
+        if what == "CONFIG":
+            reader = FrameReader()
+            data = bytes.fromhex(words[2])
+            reader.feed(data, 0, len(data))
+            reader.poll()
+            for i in range(8):
+                present[i] = int(words[3 + i])
+            code = configured(rigs[int(words[1])], reader)
+            if code == 0:
+                rig = rigs[int(words[1])]
+            out = list(r[:12])
+        elif what == "LOCATE":
+            for i in range(8):
+                present[i] = int(words[1 + i])
+            code = located(rig)
+            out = list(r[:12])
+        elif what == "POSE":
+            for i in range(12):
+                r[i] = int(words[1 + i])
+            code, wrong = reached(rig)
+            if code == 0:
+                out = list(r[g.JOINT : g.JOINT + 12]) + list(places) + [wrong]
+        elif what == "AIM":
+            for i in range(6):
+                r[g.AIM + i] = int(words[1 + i])
+            for i in range(12):
+                r[i] = int(words[7 + i])
+            code = aimed()
+            out = list(r[6:10]) + list(r[OWN : OWN + 18])
+        print(code, *out)
+
+
+if __name__ == "__main__":
+    play(sys.stdin)

@@ -1,0 +1,64 @@
+"""What the kinematics of the virtual axes cost on the emulated board: `python -m framestep_tools.virtual_cost`.
+
+One update is what a virtual axis in motion needs for a knot: inverse() of a boom-swing-track pose with nodal offset,
+and places(), the steps of the six motors, with a boom table. The time is that which the board's clock shows.
+"""
+
+from collections.abc import Callable
+
+from framestep.protocol import messages
+from framestep.virtuals import geometry as g
+
+from . import wire
+from .virtual_precision import RIGS
+
+UPDATES = 50
+_BOARD = """
+import micropython, time
+from array import array
+from framestep.protocol.frames import FrameReader
+from framestep.virtuals import boom_swing_track
+rig = boom_swing_track.Geometry(array("i", [0] * {registers}))
+reader = FrameReader()
+data = {data}
+reader.feed(data, 0, len(data))
+reader.poll()
+print(rig.configure(reader, array("i", [20000, 60000, 1000000, 0, 20000, 0, 0, 0])))
+out = array("i", [0] * 12)
+def what(n):
+    for _ in range(n):
+        rig.inverse()
+        rig.places(out, 0)
+micropython.heap_lock()
+t = time.ticks_us()
+what({updates})
+t = time.ticks_diff(time.ticks_us(), t)
+micropython.heap_unlock()
+print(rig.inverse(), t)
+print(out)
+"""
+
+
+def virtual_update_us(run: Callable[[str], str]) -> float:
+    """Microseconds of an update; run: runs code on the board's REPL and gives back what it has printed."""
+    data = wire.encode(messages.MSG_VIRT_CONFIG, RIGS["the same, boom table"].payload())
+    code = _BOARD.format(registers=g.REGISTERS, data=data, updates=UPDATES)
+    answers = run(code).split()
+    if answers[:2] != ["0", "0"]:
+        raise ValueError(f"the board did not take the rig: {' '.join(answers)}")
+    return int(answers[2]) / UPDATES
+
+
+def main() -> None:
+    from framestep_emulator import Emulator
+
+    from .files import board_files
+
+    files = {name: content for name, content in board_files().items() if name != "/main.py"}
+    for label, args in (("", []), (", without the model of the flash cache", ["--xip-miss", "0"])):
+        with Emulator(files=files, args=args) as emulator:
+            print(f"virtual_update_us {virtual_update_us(emulator.repl().exec):.0f}{label}")
+
+
+if __name__ == "__main__":
+    main()
