@@ -37,6 +37,9 @@ def _settings(board):
     settings = Settings(found, len(found.board["step"]))
     del sys.modules["framestep.rig"]
     del framestep.rig
+    if settings.drivers:
+        del sys.modules["framestep.io.tmc2209_setup"]
+        del framestep.io.tmc2209_setup
     return settings, mistake
 
 

@@ -11,7 +11,7 @@ from framestep.io.watchdog import LOOK_MS, Watchdog
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
-from framestep.motion.positions import STEPS
+from framestep.motion.positions import DRIVER, STEPS
 from framestep.moves.requests import Moves
 from framestep.native import const
 from framestep.protocol import messages as m
@@ -49,6 +49,11 @@ class Controller:
         self.safety = Safety(hal, rig, self.axes)
         self.watchdog = Watchdog(hal, self.writer)
         self.io = Io(hal, rig, self.reader, self.writer, self.safety)
+        self.drivers = None
+        if rig.drivers:
+            from framestep.io.tmc2209 import Drivers
+
+            self.drivers = Drivers(hal, rig)
         self.count = hal.motors
         for i in range(self.count):
             self.axes[i].set_jerk(rig.motor(i)["jerk"])
@@ -108,6 +113,10 @@ class Controller:
         busy = self._listen()
         if self.io.poll(now):
             self._halt()
+        if self.drivers:
+            bits = self.drivers.poll(now)
+            if bits:
+                self._drivers_failed(bits)
         if self.jogging:
             self._jogs()
         self.virtuals.poll(now)
@@ -234,6 +243,18 @@ class Controller:
                 self.positions.lose(lost, STEPS)
             self.fail()
 
+    def _drivers_failed(self, bits):
+        """Drivers of these motors no longer do what they are told (io/tmc2209.py). Motors that were switched on may be
+        anywhere now: everything comes to rest, and their positions are lost."""
+        bits &= self.powered
+        if bits:
+            self.powered &= ~bits
+            for motor in range(self.count):
+                if bits >> motor & 1:
+                    self.hal.enable(motor, False)
+            self.positions.lose(bits, DRIVER)
+            self.fail()
+
     # ---------------------------------------------------------------- reports
 
     def _report(self):
@@ -324,6 +345,8 @@ class Controller:
             bits |= m.CONDITION_ESTOP
         if self.hal.watchdog.barked:
             bits |= m.CONDITION_BARKED
+        if self.drivers and self.drivers.ready != (1 << self.count) - 1:
+            bits |= m.CONDITION_DRIVER
         return bits
 
     def _condition(self):
@@ -357,11 +380,24 @@ class Controller:
             return m.ERR_MOVING
         if not self.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
             return m.ERR_GENERAL
-        return m.OK
+        return m.OK if self._driven(1 << motor) else m.ERR_GENERAL
+
+    def _driven(self, bits):
+        """Whether the drivers of these motors, and of those coupled to them, do what they are told."""
+        return not self.drivers or self._coupled(bits) & ~self.drivers.ready == 0
+
+    def _coupled(self, bits):
+        for motor in range(self.count - 1):
+            if bits >> motor & 1 and self.axes[motor].partner:
+                bits |= 2 << motor
+        return bits
 
     def may_move_all(self):
-        """OK, or why no motor may be moved now."""
-        return m.ERR_GENERAL if self.broken or self.safety.tripped else m.OK
+        """OK, or why no motor may be moved now. An enabled motor whose driver does not work holds up all: a run
+        without it would be another run."""
+        if self.broken or self.safety.tripped or not self._driven(self._bits(m.MOTOR_ENABLED)):
+            return m.ERR_GENERAL
+        return m.OK
 
     def moving_all(self, bits):
         """Motors of these bits have been sent somewhere together."""
@@ -375,10 +411,9 @@ class Controller:
 
     def _power(self, bits):
         """Switch the drivers on of motors that are to move."""
-        for motor in range(self.count - 1):
-            if bits >> motor & 1 and self.axes[motor].partner:
-                bits |= 2 << motor
-        bits &= ~self.powered
+        bits = self._coupled(bits) & ~self.powered
+        if self.drivers:
+            bits &= self.drivers.ready
         if bits:
             self.powered |= bits
             for motor in range(self.count):

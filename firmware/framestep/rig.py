@@ -56,6 +56,38 @@ MOTOR_SETTINGS = {
         "play of the gears, taken up where the motion turns; positions stay those of the load",
     ),
     "jerk": (int, 0, 1000000, 0, "1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
+    "driver": (
+        dict,
+        None,
+        None,
+        None,
+        "",
+        "how to set up a TMC2209 over its UART; without it the driver is left alone",
+    ),
+}
+
+DRIVER_SETTINGS = {
+    "run_ma": (
+        int,
+        10,
+        2000,
+        None,
+        "mA",
+        "current in motion, root mean square; rounded down to 1/32 of what is possible",
+    ),
+    "hold_percent": (int, 0, 100, 50, "%", "current at rest, of that in motion; 0: none, the motor turns freely"),
+    "hold_delay_ms": (int, 50, 5500, 500, "ms", "from rest to the lower current"),
+    "microsteps": (int, (1, 2, 4, 8, 16, 32, 64, 128, 256), None, 16, "", "steps for a full step"),
+    "interpolate": (bool, None, None, True, "", "the driver makes 256 microsteps of these"),
+    "mode": (
+        str,
+        ("stealth", "spread"),
+        None,
+        "stealth",
+        "",
+        "StealthChop, silent, or SpreadCycle, stronger when fast",
+    ),
+    "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors beside the driver"),
 }
 
 _NO_PIN = -1
@@ -96,20 +128,24 @@ class RigError(ValueError):
 
 def _allowed(kind, low, high, unit):
     if isinstance(low, tuple):
-        return "one of " + ", ".join('"%s"' % choice for choice in low)
+        return "one of " + ", ".join('"%s"' % choice if kind is str else str(choice) for choice in low)
     if kind is bool:
         return "true or false"
     if kind is str:
         return "a text of %d to %d %s" % (low, high, unit)
     if kind is list:
         return "a list of at most %d objects" % high
+    if kind is dict:
+        return "an object {…}"
     what = "a whole number" if kind is int else "a number"
     return "%s from %s to %s%s" % (what, low, high, " " + unit if unit else "")
 
 
 def _fits(value, kind, low, high):
     if isinstance(low, tuple):
-        return value in low
+        return isinstance(value, kind) and not isinstance(value, bool) and value in low
+    if kind is dict:
+        return isinstance(value, dict)
     if kind is bool:
         return isinstance(value, bool)
     if kind is str:
@@ -132,7 +168,7 @@ def _read(settings, found, where):
         kind, low, high, default, unit, _ = settings[key]
         value = found.get(key, default)
         if value is None and key not in found:
-            if kind is not list:
+            if kind is not list and kind is not dict:
                 raise RigError("%s%s: is missing, expected is %s" % (where, key, _allowed(kind, low, high, unit)))
         elif not _fits(value, kind, low, high):
             raise RigError("%s%s: found %r, allowed is %s" % (where, key, value, _allowed(kind, low, high, unit)))
@@ -184,23 +220,26 @@ def _board_pins(board, dmx):
         pins = board.get(key, [])
         for i, pin in enumerate(pins if isinstance(pins, list) else [pins]):
             taken[pin] = "the board's %s" % key + (" %d" % (i + 1) if isinstance(pins, list) else "")
-    for key, pin in board.get("dmx", {}).items():
-        if dmx and key != "uart":
-            taken[pin] = "the board's DMX " + key
+    for line, what in (("dmx", "DMX"), ("drivers", "driver UART's")):
+        if line in board and (dmx or line != "dmx"):
+            for key in ("tx", "rx"):
+                taken[board[line][key]] = "the board's %s %s" % (what, key)
     return taken
 
 
 class Rig:
     """The settings in force. `motor(i)` gives those of motor i (from 0) as a dictionary; `outputs`, `inputs` and
     `limits` are lists of such, with the board's pins where the file does not say which. `board` is the board's data
-    as these settings have it (see fitted)."""
+    as these settings have it (see fitted), `drivers` None, or for each motor the registers of its TMC2209 or None."""
 
     def __init__(self, found=None, board=None):
         """From what the file holds (parsed JSON) for the board with this data; RigError for a mistake."""
         settings = _read(SETTINGS, {} if found is None else found, "")
         self.motors = _read_list(MOTOR_SETTINGS, settings["motors"], "motors")
-        self.board = fitted({} if board is None else board, settings["motor_count"])
+        driven = [motor for motor in self.motors if motor["driver"] is not None]
+        self.board = fitted({} if board is None else board, settings["motor_count"], driven)
         self._count_motors(settings, len((board or {}).get("step", ())))
+        self.drivers = self._read_drivers() if driven else None
         self._assign_pins(settings, self.board)
         self.settings = settings
         self.name = settings["name"].encode()
@@ -225,6 +264,28 @@ class Rig:
         count = self.board.get("motors", 0)
         if count and len(self.motors) > count:
             raise RigError("motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count))
+
+    def _read_drivers(self):
+        """For each motor what its driver is told (io/tmc2209_setup.py), or None."""
+        from framestep.io import tmc2209_setup
+
+        found = []
+        addresses = self.board.get("drivers", {}).get("address", [])
+        for i in range(self.board.get("motors", len(self.motors))):
+            given = self.motors[i]["driver"] if i < len(self.motors) else None
+            where = "motors[%d].driver" % (i + 1)
+            if given is None:
+                found.append(None)
+                continue
+            if i >= len(addresses):
+                there = "of motors 1 to %d" % len(addresses) if addresses else "of no motor"
+                raise RigError("%s: found an object, but the driver UART of this board is that %s" % (where, there))
+            self.motors[i]["driver"] = given = _read(DRIVER_SETTINGS, given, where + ".")
+            try:
+                found.append(tmc2209_setup.registers(given))
+            except ValueError as error:
+                raise RigError("%s.run_ma: found %d, allowed is %s" % (where, given["run_ma"], error))
+        return found
 
     def _assign_pins(self, settings, board):
         """Which pin is for what; each for one thing only."""

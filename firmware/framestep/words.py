@@ -1,7 +1,19 @@
 """Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
-from framestep.motion.positions import BEFORE, BROKEN_OFF, DRIVER_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
-from framestep.protocol.messages import CONDITION_BARKED, CONDITION_BROKEN, CONDITION_ESTOP
+from framestep.motion.positions import (
+    BEFORE,
+    BROKEN_OFF,
+    DRIVER,
+    DRIVER_OFF,
+    HELD,
+    KNOWN,
+    LOST,
+    RESTORED,
+    SET,
+    STEPS,
+    UNSET,
+)
+from framestep.protocol.messages import CONDITION_BARKED, CONDITION_BROKEN, CONDITION_DRIVER, CONDITION_ESTOP
 
 STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
 REASONS = {
@@ -12,11 +24,13 @@ REASONS = {
     RESTORED: "as remembered from before power-up",
     DRIVER_OFF: "the driver has been off since it was set",
     SET: "set by the host",
+    DRIVER: "its driver has failed",
 }
 CONDITIONS = {
     CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",
     CONDITION_ESTOP: "the E-stop is held",
     CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
+    CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
 LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
 

@@ -7,7 +7,7 @@ from host_tests.end_to_end.session import Session
 
 ENABLE = (12, 7, 2, 15)  # boards/skr_pico: low switches a driver on
 STEP = (11, 6, 19, 14)
-RIG = {"estop": "nc", "limits": [{"low": 4}]}
+RIG = {"virtuals": 0, "estop": "nc", "limits": [{"low": 4}]}
 ESTOP, X_STOP, PROBE = 16, 4, 22
 
 

@@ -76,7 +76,7 @@ def test_example_rig_file(name):
     talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
     hal = board._board.hal
     board._board.set_input("estop", 0)
-    talk.run(0.05)
+    talk.run(0.6)  # drivers are set up
     talk.forget()  # the E-stop before its button was there
     motors = tuple(range(1, hal.motors + 1))
     talk.accept(*(MotorMove(motor, 20_000) for motor in motors))

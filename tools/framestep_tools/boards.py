@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, Self
 
+from . import driver_chips
+from .driver_chips import Chip, Chips
 from .errors import ToolError
 from .files import board_data
 from .rig_file import read
@@ -66,7 +68,10 @@ class Board(Protocol):
 
 
 class SimulatedBoard:
-    """The controller on the host HAL, with the pins of a board in boards/. motors: how many, whatever the board has."""
+    """The controller on the host HAL, with the pins of a board in boards/. motors: how many, whatever the board has.
+
+    `chips`: simulated TMC2209 drivers of motor 1, 2, …, where the board has a UART for them.
+    """
 
     slice_ns = 1_000_000
     protocol: Channel
@@ -75,7 +80,13 @@ class SimulatedBoard:
     def __init__(self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"):
         from framestep.hal.host import HostBoard
 
-        self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board))
+        self.chips: list[Chip] = []
+
+        def wire(hal):
+            self.chips = driver_chips.of(hal.board)
+            return Chips(self.chips, lambda: hal.now_ns)
+
+        self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board), wire=wire)
         self._edges: list[Edge] = []
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append((time_ns, signal, value))
         self._out = bytearray()

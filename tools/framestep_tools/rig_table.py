@@ -3,6 +3,8 @@
 python -m framestep_tools.rig_table          put it there
 """
 
+import json
+
 from framestep import rig
 
 from .files import ROOT
@@ -14,7 +16,7 @@ END = "<!-- end of rig table -->"
 
 def _allowed(kind: type, low: object, high: object, unit: str) -> str:
     if isinstance(low, tuple):
-        return ", ".join(f'`"{choice}"`' for choice in low)
+        return ", ".join(f"`{json.dumps(choice)}`" for choice in low)
     if kind is bool:
         return "`true`, `false`"
     if kind is list:
@@ -39,6 +41,7 @@ def table() -> str:
     head = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
     rows = _rows(rig.SETTINGS)
     rows += _rows(rig.MOTOR_SETTINGS, "motors[].")
+    rows += _rows(rig.DRIVER_SETTINGS, "motors[].driver.")
     rows += _rows(rig.OUTPUT_SETTINGS, "outputs[].")
     rows += _rows(rig.INPUT_SETTINGS, "inputs[].")
     rows += _rows(rig.LIMIT_SETTINGS, "limits[].")

@@ -19,6 +19,9 @@
     watch(bits, handler)  call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot
     dmx               what puts light levels on a wire (below)
     watchdog          what starts the board again when it is not fed (below)
+    wire              the line of the drivers' UART (below), where Rig.drivers is not None
+    say(motor, text)  tell in words on the REPL what the driver of a motor (from 1) does; not where that is the
+                      protocol's port
 
 and a port is one with
 
@@ -39,6 +42,12 @@ and watchdog is one with
     arm(ms)           from now on it is to be fed within so many milliseconds
     feed()
     disarm()
+
+and wire is one with
+
+    send(buffer, count)               put up to 8 bytes on the line; never waits
+    receive(buffer, at, limit) -> n   bytes that have come since, at most `limit`, into buffer[at:]; what was sent comes
+                                      back as well
 
 Nothing here allocates after start().
 """

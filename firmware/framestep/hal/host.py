@@ -33,6 +33,12 @@ BOARD = {
     "meter": 21,
     "dmx": {"uart": 0, "tx": 0, "rx": 1},
     "gio": [22, 26, 27, 28],
+    "with_drivers": {
+        "drivers": {"uart": 1, "tx": 20, "rx": 21, "address": [0, 1, 2, 3]},
+        "shutter": 26,
+        "meter": 27,
+        "gio": [22, 28],
+    },
 }
 
 
@@ -159,6 +165,16 @@ class HostWatchdog:
         self.strikes_at = None
 
 
+class SilentWire:
+    """A driver UART with nothing connected to it."""
+
+    def send(self, buffer, count):
+        pass
+
+    def receive(self, buffer, at, limit):
+        return 0
+
+
 class _Register:
     """A register that raises or lowers the pins of a mask, for the tick's cues."""
 
@@ -172,13 +188,15 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig, barked=False):
+    def __init__(self, motors, rig, barked=False, wire=None):
         self.motors = motors
         self.now_ns = 0
         self.upload_bytes = UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
         self.board = rig.board
+        self.wire = wire(self) if wire else SilentWire()
+        self.said = []  # what drivers have been said to do
         self.names = pin_names(rig.board)
         self._outputs = 0  # pins that are driven
         self._levels = 0  # of all pins
@@ -240,6 +258,9 @@ class HostHal:
         if self.on_edge:
             self.on_edge(self.now_ns, "enable%d" % (motor + 1), int(on))
 
+    def say(self, motor, text):
+        self.said.append("driver of motor %d %s" % (motor, text))
+
     def tell(self, signal, level):
         if self.on_edge:
             self.on_edge(self.now_ns, signal, level)
@@ -294,12 +315,13 @@ class HostBoard:
     """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
 
     rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
-    the board has. barked: as if the watchdog had started the board.
+    the board has. barked: as if the watchdog had started the board. wire: called with the HAL, gives what the drivers'
+    UART is connected to.
     """
 
-    def __init__(self, rig=None, motors=None, board=BOARD, barked=False):
+    def __init__(self, rig=None, motors=None, board=BOARD, barked=False, wire=None):
         self.rig = Rig(rig, board)
-        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked)
+        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked, wire)
         self.controller = Controller(self.hal, self.rig)
         self.controller.moves.take_memory()
         self.next_tick = TICK_DELAY_NS

@@ -56,6 +56,7 @@ class Rp2Hal:
         self.board = board
         self.dmx = self._make_dmx(board.get("dmx"), rig)
         self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
+        self.wire = self._make_wire(board["drivers"]) if rig.drivers else None
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
         self._ticker = None
@@ -77,6 +78,11 @@ class Rp2Hal:
         from framestep.hal.rp2_watchdog import Watchdog
 
         return Watchdog()
+
+    def _make_wire(self, wiring):
+        from framestep.hal.rp2_wire import Wire
+
+        return Wire(wiring, "RP2350" in sys.implementation._machine)
 
     def _make_port(self, ports):
         if ports == 2:
@@ -144,6 +150,10 @@ class Rp2Hal:
         for pin in range(30):
             if bits >> pin & 1:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
+
+    def say(self, motor, text):
+        if self.background:
+            print("framestep: driver of motor", motor, text)
 
     def trouble(self):
         return lost_commands(self.motors)

@@ -24,6 +24,7 @@ BEFORE = const(3)  # LOST: so already when the power went
 RESTORED = const(4)  # HELD
 DRIVER_OFF = const(5)  # HELD
 SET = const(6)  # KNOWN
+DRIVER = const(7)  # LOST: its driver has failed
 
 
 class Positions:

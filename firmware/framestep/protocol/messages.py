@@ -138,6 +138,7 @@ VIRT_MOTOR_ROLL = const(6)
 CONDITION_BROKEN = const(0x01)  # the rig file has a mistake, nothing moves
 CONDITION_ESTOP = const(0x02)  # the E-stop is held
 CONDITION_BARKED = const(0x04)  # the watchdog has started the board
+CONDITION_DRIVER = const(0x08)  # a driver does not work, its motor does not move
 
 LINE_X = const(0)
 LINE_Y = const(1)

@@ -1,0 +1,347 @@
+"""TMC2209 drivers over their one-wire UART: set up before they are enabled, each write confirmed, faults watched.
+
+Telegrams (TMC2209 datasheet, "UART single wire interface"), each byte with its lowest bit first:
+
+    write    05, address, register | 80, four bytes of value (highest first), CRC
+    read     05, address, register, CRC;  answer  05, FF, register, four bytes of value, CRC
+
+What is sent comes back as an echo, since TX and RX share the wire. An answer is told from it, and from noise, by its
+address FF and its CRC. A write has no answer: IFCNT counts those that came through, and is read after each.
+
+A driver that does not answer, has a fault, or has been reset (its supply broke down) is not `ready`: its motor does not
+move. It is asked again every RETRY_MS, and set up from the beginning as soon as it answers. A pass of the main loop
+does one thing, a few hundred microseconds; the wire does the rest. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.native import const, micropython, ptr8
+
+POLL_MS = const(50)  # from the check of one driver to that of the next
+RETRY_MS = const(1000)
+PATIENCE_MS = const(8)  # an answer takes 1.3 ms
+TRIES = const(4)
+OPEN_CHECKS = const(3)  # checks in a row, in motion, that make an open load one
+_WRITTEN_MS = const(2)  # a write is on the wire for 0.7 ms
+_WRAP = const(0x3FFFFFFF)
+
+_ENTRY = const(5)  # bytes of a register in a table
+_ANSWER = const(8)
+_HEARD = const(32)
+
+# Registers that are read
+_GSTAT = const(0x01)
+_IFCNT = const(0x02)
+_DRV_STATUS = const(0x6F)
+
+# What a driver says of itself: bits 0 to 7 of DRV_STATUS, then the three of GSTAT
+HOT = const(1)
+TOO_HOT = const(2)
+SHORT = const(0x3C)  # to ground or to the supply, phase A or B
+OPEN = const(0xC0)  # phase A or B
+RESET = const(0x100)
+STOPPED = const(0x200)  # drv_err: too hot, or a short
+LOW_SUPPLY = const(0x400)  # uv_cp: the charge pump has too little voltage
+FAULTS = const(0x73E)  # TOO_HOT | SHORT | RESET | STOPPED | LOW_SUPPLY
+# What its master says of it
+SILENT = const(0x800)
+NO_ECHO = const(0x1000)
+DEAF = const(0x2000)  # it answers, but does not take what is written
+_TROUBLE = const(0x3F3E)  # FAULTS | SILENT | NO_ECHO | DEAF
+
+# in the order in which they are told; what follows from another is not
+WORDS = (
+    (NO_ECHO, "nothing comes back on the wire: RX, TX and PDN_UART are not connected"),
+    (SILENT, "does not answer (has it power, and the right address?)"),
+    (DEAF, "answers, but does not take its settings"),
+    (TOO_HOT, "has switched off, too hot"),
+    (SHORT, "has switched off: a short in the motor or its cable"),
+    (LOW_SUPPLY, "has too little supply voltage"),
+    (RESET, "was reset: its supply broke down"),
+    (STOPPED, "has switched off"),
+)
+HOT_WORDS = "is hot, close to switching off"
+OPEN_WORDS = "finds no motor on one of its coils"
+WORKS_WORDS = "works again"
+
+# Phases of an exchange
+_REST = const(0)
+_WRITTEN = const(1)
+_ASKED = const(2)
+
+_BASE = const(-1)  # step of a set-up: IFCNT before the first write
+
+# States of a driver
+_NEW = const(0)
+_WORKS = const(1)
+_FAILED = const(2)
+
+
+@micropython.viper
+def crc(data: ptr8, at: int, count: int) -> int:
+    """CRC-8 of a telegram: polynomial x⁸ + x² + x + 1, each byte taken from its lowest bit on."""
+    result = 0
+    i = at
+    end = at + count
+    while i < end:
+        byte = data[i + 0]
+        bit = 0
+        while bit < 8:
+            if (result >> 7) ^ (byte & 1):
+                result = (result << 1 ^ 0x07) & 0xFF
+            else:
+                result = result << 1 & 0xFF
+            byte >>= 1
+            bit += 1
+        i += 1
+    return result
+
+
+@micropython.viper
+def _start(data: ptr8, at: int, count: int, register: int) -> int:
+    """Where from `at` on an answer about this register seems to begin, all of which is there; -1 if nowhere."""
+    last = count - _ANSWER
+    while at <= last:
+        if data[at + 2] == register:
+            if data[at + 1] == 0xFF:
+                if data[at + 0] & 0x0F == 5:
+                    return at
+        at += 1
+    return -1
+
+
+def answer(heard, count, register):
+    """Where in `count` bytes the answer about a register begins; -1 if it is not there (yet)."""
+    at = _start(heard, 0, count, register)
+    while at >= 0 and crc(heard, at, _ANSWER - 1) != heard[at + _ANSWER - 1]:
+        at = _start(heard, at + 1, count, register)
+    return at
+
+
+class Drivers:
+    """The drivers that the rig file has settings for.
+
+    ready     motors that may be switched on, one bit each; motors without driver settings are among them
+    """
+
+    def __init__(self, hal, rig):
+        """hal.wire: the line; rig.drivers: for each motor its registers (io/tmc2209_setup.py) or None."""
+        self.wire = hal.wire
+        self.say = hal.say
+        self.motors = bytes([i for i in range(hal.motors) if rig.drivers[i]])
+        self.tables = [rig.drivers[i] for i in self.motors]
+        self.addresses = bytes([hal.board["drivers"]["address"][i] for i in self.motors])
+        self.count = len(self.motors)
+        self.flags = array("i", [0] * self.count)  # what holds now
+        self.told = array("i", [0] * self.count)  # what has been said in words
+        self.opens = bytearray(self.count)
+        self.states = bytearray(self.count)  # _NEW
+        self.failed_at = array("i", [0] * self.count)
+        bits = 0
+        for motor in self.motors:
+            bits |= 1 << motor
+        self.good = ((1 << hal.motors) - 1) & ~bits
+        self.ready = 0 if self.count else self.good  # until each driver has been tried once
+        self.writes = 0  # confirmed ones, modulo 2^30
+        self._steps = len(self.tables[0]) // _ENTRY if self.count else 0
+        self._frame = bytearray(_ANSWER)
+        self._heard = bytearray(_HEARD)
+        self._filled = 0
+        self._phase = _REST
+        self._register = 0
+        self._at = 0  # when this phase began
+        self._rest_ms = 0
+        self._tries = 0
+        self._again = 0
+        self._driver = 0
+        self._step = _BASE
+        self._confirmed = 0
+        self._gstat = 0
+        self._echo = False
+
+    # ---------------------------------------------------------------- the wire
+
+    def poll(self, now):
+        """One pass; now: milliseconds modulo 2^30. Motors whose driver has just failed, one bit each."""
+        waited = (now - self._at) & _WRAP
+        if self._phase == _REST:
+            if waited >= self._rest_ms:
+                self._go_on(now)
+            return 0
+        if self._phase == _WRITTEN:
+            if waited >= _WRITTEN_MS:
+                self._ask(_IFCNT, now)
+            return 0
+        heard = self._heard
+        count = self._filled + self.wire.receive(heard, self._filled, _HEARD - self._filled)
+        if count > self._filled:
+            self._filled = count
+            self._echo = True
+            at = answer(heard, count, self._register)
+            if at >= 0:
+                self._rest(now, 1)
+                self._tries = 0
+                return self._answered(at + 3, now)
+        if waited < PATIENCE_MS:
+            return 0
+        self._tries += 1
+        if self._tries < TRIES:
+            self._ask(self._register, now)
+            return 0
+        self._rest(now, 1)
+        return self._finish(SILENT if self._echo else NO_ECHO, now)
+
+    def _rest(self, now, ms):
+        self._phase = _REST
+        self._at = now
+        self._rest_ms = ms
+
+    def _ask(self, register, now):
+        """Send a read request."""
+        wire = self.wire
+        wire.receive(self._heard, 0, _HEARD)  # echo of a write, answers that came too late
+        self._filled = 0
+        frame = self._frame
+        frame[0] = 5
+        frame[1] = self.addresses[self._driver]
+        frame[2] = register
+        frame[3] = crc(frame, 0, 3)
+        self._register = register
+        self._phase = _ASKED
+        self._at = now
+        wire.send(frame, 4)
+
+    def _write(self, step, now):
+        """Send a write of this place in the driver's table."""
+        frame = self._frame
+        table = self.tables[self._driver]
+        at = step * _ENTRY
+        frame[0] = 5
+        frame[1] = self.addresses[self._driver]
+        frame[2] = table[at] | 0x80
+        for i in range(1, _ENTRY):
+            frame[2 + i] = table[at + i]
+        frame[7] = crc(frame, 0, 7)
+        self._phase = _WRITTEN
+        self._at = now
+        self.wire.send(frame, _ANSWER)
+
+    # ---------------------------------------------------------------- what is done with a driver
+
+    def _go_on(self, now):
+        """Begin the next exchange."""
+        step = self._step
+        if step == _BASE:
+            n = self._driver
+            if self.states[n] == _FAILED and (now - self.failed_at[n]) & _WRAP < RETRY_MS:
+                self._next(now)
+                return
+            self._again = 0
+            self._ask(_IFCNT, now)
+        elif step < self._steps:
+            self._write(step, now)
+        else:
+            self._ask(_GSTAT if step == self._steps else _DRV_STATUS, now)
+
+    def _next(self, now):
+        """Turn to the next driver."""
+        n = self._driver + 1
+        if n == self.count:
+            n = 0
+            self.ready = self.good  # all have been tried
+        self._driver = n
+        self._tries = 0
+        self._echo = False
+        self._step = self._steps if self.states[n] == _WORKS else _BASE
+        self._rest(now, 1 if self.states[n] == _NEW else POLL_MS)
+
+    def _answered(self, at, now):
+        """A register's value has come, four bytes from heard[at] on."""
+        heard = self._heard
+        last = heard[at + 3]
+        step = self._step
+        if step == self._steps:
+            self._gstat = last & 7
+            self._step = step + 1
+        elif step > self._steps:
+            if heard[at] & 0x80 or not last & OPEN:  # at rest open loads are not seen rightly
+                self.opens[self._driver] = 0
+            elif self.opens[self._driver] < OPEN_CHECKS:
+                self.opens[self._driver] += 1
+            return self._finish(last | self._gstat << 8, now)
+        elif step == _BASE:
+            self._confirmed = last
+            self._step = 0
+        elif last == (self._confirmed + 1) & 0xFF:
+            self._confirmed = last
+            self.writes = (self.writes + 1) & _WRAP
+            self._again = 0
+            self._step = step + 1
+        else:
+            # Not counted: lost on the way, and written again. Another count than before: it was reset meanwhile.
+            if last != self._confirmed:
+                self._confirmed = last
+                self._step = 0
+            self._again += 1
+            if self._again == TRIES:
+                return self._finish(DEAF, now)
+        return 0
+
+    def _finish(self, flags, now):
+        """Done with this driver for now: flags is what is known of it. Its motor's bit if it has failed by that."""
+        n = self._driver
+        motor = self.motors[n]
+        self.flags[n] = flags
+        worked = self.states[n] == _WORKS
+        failed = 0
+        if flags & _TROUBLE:
+            self.states[n] = _FAILED
+            self.failed_at[n] = now
+            self.good &= ~(1 << motor)
+            self.ready &= self.good
+            if worked:
+                failed = 1 << motor
+        elif not worked:
+            self.states[n] = _WORKS
+            self.good |= 1 << motor
+        self._tell(n, motor, flags, worked)
+        self._next(now)
+        return failed
+
+    def _tell(self, n, motor, flags, worked):
+        """Say in words what is new."""
+        told = self.told[n]
+        if flags & _TROUBLE:
+            # of several things the first in WORDS is the cause
+            for i in range(len(WORDS)):
+                if flags & WORDS[i][0]:
+                    if worked or not told & WORDS[i][0]:
+                        self.say(motor + 1, WORDS[i][1])
+                    told = WORDS[i][0]
+                    break
+        else:
+            if told & _TROUBLE:
+                self.say(motor + 1, WORKS_WORDS)
+                told &= ~_TROUBLE
+            if flags & HOT and not told & HOT:
+                self.say(motor + 1, HOT_WORDS)
+            if self.opens[n] == OPEN_CHECKS and not told & OPEN:
+                self.say(motor + 1, OPEN_WORDS)
+                told |= OPEN
+            elif not flags & OPEN and self.opens[n] == 0:
+                told &= ~OPEN
+            told = (told & ~HOT) | (flags & HOT)
+        self.told[n] = told
+
+    def states_in_words(self):
+        """A line per driver, for the REPL; allocates."""
+        lines = []
+        for n in range(self.count):
+            text = "is being set up" if self.states[n] == _NEW else "works"
+            if self.states[n] == _WORKS and self.flags[n] & HOT:
+                text = HOT_WORDS
+            for bits, words in WORDS:
+                if self.states[n] == _FAILED and self.told[n] & bits:
+                    text = words
+            lines.append("driver of motor %d %s" % (self.motors[n] + 1, text))
+        return lines

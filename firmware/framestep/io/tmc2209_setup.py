@@ -1,0 +1,79 @@
+"""What a TMC2209 is to be told, from the driver settings of the rig file. Loaded while the rig file is read; allocates.
+
+Register numbers and fields: the makers' register reference, analogdevicesinc/TMC-API tmc/ic/TMC2209; formulas: TMC2209
+datasheet, "Selecting sense resistors" (current), TPOWERDOWN and CHOPCONF in its register tables.
+"""
+
+_CLOCK_HZ = 12_000_000  # the chip's own, trimmed in the factory
+_FULL_SCALE_UV = (320_000, 180_000)  # over the sense resistor, by VSENSE
+_INNER_MOHM = 20  # what the chip itself adds to the sense resistor
+_ROOT_2 = 1_414_214  # millionths
+_SCALES = 32
+
+_GCONF, _GSTAT, _NODECONF = 0x00, 0x01, 0x03
+_IHOLD_IRUN, _TPOWERDOWN, _TPWMTHRS, _TCOOLTHRS, _VACTUAL, _COOLCONF = 0x10, 0x11, 0x13, 0x14, 0x22, 0x42
+_CHOPCONF, _PWMCONF = 0x6C, 0x70
+
+_SPREAD = 1 << 2  # GCONF
+_UART_RULES = 1 << 6 | 1 << 7 | 1 << 8  # pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
+_SENDDELAY = 2 << 8  # 3·8 bit times before an answer: less is not allowed with several drivers on a wire
+_TOFF = 3
+_CHOPPER = 2 << 15 | 5 << 4  # TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
+_VSENSE = 1 << 17
+_MRES = 24
+_INTPOL = 1 << 28
+_IHOLDDELAY = 1 << 16  # 22 ms from one step of current to the next
+_PWM = 0xC10D0024  # its value after a reset: automatic scaling and gradient
+_FREEWHEEL = 1 << 20
+
+
+def scale(run_ma, sense_mohm):
+    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None where it is out of reach.
+
+    I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2; the lower full scale gives finer microsteps.
+    """
+    for vsense in (1, 0):
+        voltage = run_ma * (sense_mohm + _INNER_MOHM) * _ROOT_2
+        full_scale = _FULL_SCALE_UV[vsense] * 1_000_000
+        if voltage <= full_scale:
+            return max(_SCALES * voltage // full_scale, 1) - 1, vsense
+    return None
+
+
+def most_ma(sense_mohm):
+    """The greatest run current in mA (RMS) with this sense resistor."""
+    return _FULL_SCALE_UV[0] * 1_000_000 // ((sense_mohm + _INNER_MOHM) * _ROOT_2)
+
+
+def registers(driver):
+    """Register numbers and values in the order in which they are written, five bytes each. driver: a dictionary with
+    the keys of framestep.rig.DRIVER_SETTINGS; ValueError for a current out of reach."""
+    found = scale(driver["run_ma"], driver["sense_mohm"])
+    if found is None:
+        raise ValueError("at most %d mA with %d mΩ" % (most_ma(driver["sense_mohm"]), driver["sense_mohm"]))
+    irun, vsense = found
+    ihold = max((irun + 1) * driver["hold_percent"] // 100, 1) - 1
+    mres = 8
+    while 256 >> mres < driver["microsteps"]:
+        mres -= 1
+    chopper = _CHOPPER | (_VSENSE if vsense else 0) | mres << _MRES | (_INTPOL if driver["interpolate"] else 0)
+    delay = (driver["hold_delay_ms"] * (_CLOCK_HZ // 1000) + (1 << 17)) >> 18
+    listed = (
+        (_NODECONF, _SENDDELAY),
+        (_CHOPCONF, chopper),  # TOFF 0: the bridges are off, and what a short has latched is let go
+        (_GSTAT, 7),  # cleared by ones
+        (_GCONF, _UART_RULES | (_SPREAD if driver["mode"] == "spread" else 0)),
+        (_VACTUAL, 0),
+        (_IHOLD_IRUN, ihold | irun << 8 | _IHOLDDELAY),
+        (_TPOWERDOWN, min(delay, 255)),
+        (_TPWMTHRS, 0),
+        (_TCOOLTHRS, 0),
+        (_COOLCONF, 0),
+        (_PWMCONF, _PWM | (_FREEWHEEL if driver["hold_percent"] == 0 else 0)),
+        (_CHOPCONF, chopper | _TOFF),
+    )
+    table = bytearray()
+    for register, value in listed:
+        table.append(register)
+        table.extend(value.to_bytes(4, "big"))
+    return bytes(table)

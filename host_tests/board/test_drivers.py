@@ -1,0 +1,171 @@
+"""TMC2209 drivers on the emulated board's UART, simulated chips at the other end: set up before they are enabled, and
+stopped by a fault."""
+
+import numpy as np
+import pytest
+
+from framestep.motion import positions, stepper
+from framestep.protocol import messages as m
+from framestep_tools import driver_chips as chip
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.driver_chips import Chip, Chips
+from framestep_tools.files import board_data
+from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorResetPosition
+from host_tests.end_to_end.session import Session, deceleration
+
+ENABLE = tuple(board_data("skr_pico")["enable"])
+ADDRESSES = tuple(board_data("skr_pico")["drivers"]["address"])
+UART = 1
+SLICE_NS = 500_000
+BYTE_NS = 1e10 / chip.BAUD
+RIG = {"virtuals": 0, "motors": [{"driver": {"run_ma": 300 * motor, "microsteps": 2**motor}} for motor in (1, 2, 3, 4)]}
+
+
+class DrivenBoard(EmulatedBoard):
+    """A board whose driver UART leads to chips, once `connected`; they begin to answer within half a millisecond."""
+
+    def __init__(self):
+        self.connected = False
+        self.bytes = []  # (ns, value) from the board
+        super().__init__(RIG, board="skr_pico")
+        self.chips = [Chip(address) for address in ADDRESSES]
+        self.wire = Chips(self.chips, lambda: self.now_ns)
+        self.emulator.uart_start(UART)
+        self.repl.open_port(True)
+
+    def run_until(self, ns, until_output=False):
+        if not self.connected:
+            super().run_until(ns, until_output)
+        while self.connected and self.now_ns < ns:
+            super().run_until(min(ns, self.now_ns + SLICE_NS), until_output)
+            sent, _ = self.emulator.uart_read(UART)
+            for at, value in sent:
+                self.bytes.append((at, value))
+                self.wire.byte(value, at)
+            answers = self.wire.take_answers()
+            if answers:
+                self.emulator.uart_send(UART, answers)
+            if until_output:
+                return  # who waits for output asks again
+
+    def connect(self):
+        """The drivers get their supply."""
+        self.emulator.uart_read(UART)  # what has been asked so far nobody has heard
+        self.connected = True
+
+    def said(self):
+        return self.repl.transmit().decode()
+
+
+@pytest.fixture(scope="module")
+def talk():
+    with DrivenBoard() as board:
+        yield Session(board, motors=4, reply_s=0.1)
+
+
+@pytest.fixture
+def moving(talk):
+    """The same, with drivers that are set up."""
+    if not talk.board.connected:
+        talk.board.connect()
+        talk.run(2.0)
+    return talk
+
+
+def enables(talk):
+    """[(motor, level, time in s)] of the enable pins since the last forget()."""
+    found = []
+    for motor in (1, 2, 3, 4):
+        signal = talk.trace().signals.get(f"enable{motor}")
+        if signal is not None:
+            found += [(motor, int(value), t * 1e-9) for t, value in zip(*signal, strict=True)]
+    return found
+
+
+def test_nothing_moves_before_the_drivers_answer(talk):
+    board = talk.board
+    talk.run(1.3)
+    said = board.said()
+    assert said.count("nothing comes back on the wire") == 4, said
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
+    assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
+    assert [board.emulator.pin(pin) for pin in ENABLE] == [1, 1, 1, 1]
+
+
+def test_set_up_then_enabled(talk):
+    """The supply comes on: every register arrives, whole and confirmed, and only then a driver is switched on."""
+    board = talk.board
+    talk.forget()
+    board.connect()
+    talk.run(2.0)
+    assert not enables(talk)
+    assert board.said().count("works again") == 4
+    assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER == 0
+    for motor, driver in enumerate(board.chips, 1):
+        assert driver.damaged == 0 and len(driver.writes) == 12 and driver.gstat == 0
+        assert driver.microsteps == 2**motor
+        assert 300 * motor - 55 < driver.run_ma() <= 300 * motor  # 1/32 of 1740 mA
+        assert driver.registers[chip.CHOPCONF] & 0xF == 3
+        assert driver.registers[chip.GCONF] == 0x1C0 and driver.registers[chip.NODECONF] == 0x200
+    starts = np.array([at for at, _ in board.bytes])
+    within = np.diff(starts)[np.diff(starts) < 2 * BYTE_NS]
+    assert within.size > 100 and within == pytest.approx(BYTE_NS, rel=0.01)  # 115200 baud
+    talk.accept(MotorMove(1, 100))
+    talk.run(0.3)
+    assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 0)] and talk.made(1) == 100
+
+
+def test_watching_delays_no_tick(moving):
+    """Edges while the drivers are asked are as even as without: a constant velocity in constant intervals."""
+    talk = moving
+    for motor in (2, 3):
+        talk.speed(motor, 10_000, 100_000)
+        talk.accept(MotorResetPosition(motor, 0))
+    talk.forget()
+    asked = len(talk.board.bytes)
+    talk.accept(MotorMove(2, 4000), MotorMove(3, 4000))
+    talk.wait_idle()
+    assert len(talk.board.bytes) - asked >= 8 * 8  # bytes of a check
+    for motor in (2, 3):
+        times, _ = talk.steps(motor)
+        assert len(times) == 4000
+        cruise = times[(times > times[0] + 0.15) & (times < times[-1] - 0.15)]
+        assert np.abs(np.diff(cruise) - 1e-4).max() < 1e-6
+    look = f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
+    assert int(talk.board.emulator.repl().exec(look)) < 150
+    talk.board.repl.open_port(True)
+
+
+def test_a_fault_in_motion(moving):
+    talk, board = moving, moving.board
+    for motor in (2, 3):
+        talk.speed(motor, 10_000, 100_000)
+        talk.accept(MotorResetPosition(motor, 0))
+    board.said()
+    talk.forget()
+    talk.accept(MotorMove(2, 30_000), MotorMove(3, 30_000))
+    talk.run(0.4)
+    at = talk.now
+    board.chips[1].status |= 0x02
+    board.chips[1].gstat |= 0x02
+    talk.run(0.8)
+    assert not talk.moving
+    assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+    assert "framestep: driver of motor 2 has switched off, too hot" in board.said()
+    times, signs = talk.steps(3)
+    assert times[-1] - at < 0.25 + 0.1 + 0.02
+    assert deceleration(times, signs, times[-1] - 0.09) == pytest.approx(100_000, rel=0.1)
+    assert [(motor, level) for motor, level, t in enables(talk) if t > at] == [(2, 1)]
+    trust = [(each.state, each.reason) for each in talk.ask(GetCondition()).positions]
+    assert trust[1] == (positions.LOST, positions.DRIVER) and trust[2] == (positions.KNOWN, positions.SET)
+    assert talk.position(3) == talk.made(3)
+    talk.refuse(m.ERR_GENERAL, MotorMove(2, 0))
+    # cooled down: set up again, and not moved until it is asked to
+    talk.forget()
+    board.chips[1].status &= ~0x02
+    talk.run(1.5)
+    assert board.chips[1].gstat == 0 and len(board.chips[1].writes) >= 24
+    assert not enables(talk) and not talk.made(2)
+    talk.accept(MotorMove(2, talk.position(2) + 10))
+    talk.run(0.2)
+    assert talk.made(2) == 10 and [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]

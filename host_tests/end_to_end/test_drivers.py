@@ -1,0 +1,187 @@
+"""TMC2209 drivers behind the whole controller, in virtual time: enabled only once set up, refused while they do not
+work, and what a fault in motion does to the rig."""
+
+import numpy as np
+import pytest
+
+from framestep.motion import positions
+from framestep.protocol import messages as m
+from framestep_tools.boards import SimulatedBoard
+from framestep_tools.payloads import (
+    GetCondition,
+    HardStop,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    RtJogAll,
+    RtPositionFrame,
+)
+from host_tests.end_to_end.session import Session, deceleration, run_request
+
+DRIVER = {"run_ma": 800}
+RIG = {"motors": [{"driver": DRIVER}] * 4}
+SET_UP_S = 0.6
+
+
+def session(rig=None, dead=(), name="skr_pico"):
+    board = SimulatedBoard(rig or RIG, board=name)
+    for motor in dead:
+        board.chips[motor - 1].powered = False
+    return Session(board, 4), board
+
+
+def said(board):
+    return board._board.hal.said
+
+
+def enables(talk):
+    """[(motor, level, time in s)] of the enable pins so far."""
+    found = []
+    for motor in range(1, 5):
+        signal = talk.trace().signals.get(f"enable{motor}")
+        if signal is not None:
+            found += [(motor, int(value), t * 1e-9) for t, value in zip(*signal, strict=True)]
+    return sorted(found, key=lambda each: each[2])
+
+
+def trust(talk, motor):
+    each = talk.ask(GetCondition()).positions[motor - 1]
+    return each.state, each.reason
+
+
+def test_enabled_only_once_set_up():
+    talk, board = session()
+    assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100), MotorJog(1, 100, 100), RtJogAll(24_000, 1))
+    talk.accept(MotorConfigure(1, m.MOTOR_ENABLED))
+    assert not enables(talk)
+    talk.run(SET_UP_S)
+    assert talk.ask(GetCondition()).bits == 0
+    assert all(chip.bridges_on and len(chip.writes) == 12 for chip in board.chips)
+    talk.accept(*(MotorMove(motor, 100) for motor in (1, 3)))
+    talk.wait_idle()
+    assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 1), (3, 1)]
+    assert talk.made(1) == talk.made(3) == 100 and not said(board)
+
+
+def test_a_dead_driver_holds_up_its_motor_and_every_run():
+    talk, board = session(dead=(2,))
+    talk.run(SET_UP_S)
+    assert said(board) == ["driver of motor 2 does not answer (has it power, and the right address?)"]
+    assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
+    talk.refuse(m.ERR_GENERAL, MotorMove(2, 100))
+    talk.accept(MotorMove(1, 100))
+    talk.wait_idle()
+    path = np.arange(10) * 10
+    talk.upload({1: path})
+    talk.refuse(m.ERR_GENERAL, run_request(end=10), RtPositionFrame(1), RtJogAll(24_000, 1))
+    # a motor that the host does without does not matter; nor does a driver that comes back
+    talk.accept(MotorConfigure(2, 0), RtPositionFrame(1))
+    talk.wait_idle()
+    talk.accept(MotorConfigure(2, m.MOTOR_ENABLED))
+    board.chips[1].powered = True
+    talk.run(1.5)
+    assert said(board)[1:] == ["driver of motor 2 works again"] and talk.ask(GetCondition()).bits == 0
+    talk.accept(MotorMove(2, 100))
+    talk.wait_idle()
+    assert talk.made(2) == 100
+
+
+def test_coupled_to_a_dead_driver():
+    talk, _ = session(dead=(2,))
+    talk.run(SET_UP_S)
+    talk.accept(MotorConfigure(1, m.MOTOR_ENABLED | m.MOTOR_COUPLE))
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
+
+
+def under_way(talk):
+    """Motors 1 and 2 cruise, their positions are known."""
+    talk.run(SET_UP_S)
+    for motor in (1, 2, 3, 4):
+        talk.accept(MotorResetPosition(motor, 0))
+        talk.speed(motor, 10_000, 50_000)
+    talk.accept(MotorMove(1, 30_000), MotorMove(2, 30_000))
+    talk.run(0.5)
+    talk.client.events.clear()
+    return talk.now
+
+
+def assert_stopped(talk, board, at, lost):
+    """All came to rest by a ramp; the host knows; the motor whose driver failed is off and its position lost."""
+    assert not talk.moving
+    assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+    other = 3 - lost
+    times, signs = talk.steps(other)
+    assert times[-1] - at < 0.25 + 10_000 / 50_000 + 0.01
+    assert deceleration(times, signs, times[-1] - 0.15) == pytest.approx(50_000, rel=0.1)
+    assert trust(talk, lost) == (positions.LOST, positions.DRIVER)
+    assert trust(talk, other) == (positions.KNOWN, positions.SET)
+    assert [(motor, level) for motor, level, t in enables(talk) if t >= at] == [(lost, 0)]
+    assert talk.position(other) == talk.made(other)
+
+
+def test_too_hot_in_motion():
+    talk, board = session()
+    at = under_way(talk)
+    board.chips[0].status |= 2
+    board.chips[0].gstat |= 2
+    talk.run(1)
+    assert said(board) == ["driver of motor 1 has switched off, too hot"]
+    assert_stopped(talk, board, at, lost=1)
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 0))
+    board.chips[0].status &= ~2
+    talk.run(1.5)
+    # It moves again, but where it is nobody knows until the host says so
+    assert trust(talk, 1) == (positions.LOST, positions.DRIVER)
+    talk.accept(MotorResetPosition(1, 0), MotorMove(1, 50))
+    talk.wait_idle()
+    assert trust(talk, 1) == (positions.KNOWN, positions.SET) and talk.position(1) == 50
+
+
+def test_reset_in_motion():
+    talk, board = session()
+    at = under_way(talk)
+    board.chips[1].reset()
+    talk.run(1)
+    assert said(board) == ["driver of motor 2 was reset: its supply broke down"]
+    assert_stopped(talk, board, at, lost=2)
+    talk.run(1)
+    assert len(board.chips[1].writes) == 12  # set up anew, and nothing has begun by itself
+    assert [(motor, level) for motor, level, t in enables(talk) if t >= at] == [(2, 0)]
+
+
+def test_no_answer_in_motion():
+    talk, board = session()
+    at = under_way(talk)
+    board.chips[0].powered = False
+    talk.run(1)
+    assert_stopped(talk, board, at, lost=1)
+
+
+def test_a_fault_of_a_driver_that_is_off_stops_nothing():
+    talk, board = session()
+    under_way(talk)
+    board.chips[3].reset()
+    talk.run(0.5)
+    assert said(board) == ["driver of motor 4 was reset: its supply broke down"]
+    assert tuple(talk.moving) == (1, 2) and not talk.events(HardStop)
+    assert trust(talk, 4) == (positions.KNOWN, positions.SET)
+
+
+def test_a_warning_stops_nothing():
+    talk, board = session()
+    under_way(talk)
+    board.chips[0].status |= 1
+    talk.run(0.5)
+    assert said(board) == ["driver of motor 1 is hot, close to switching off"]
+    assert tuple(talk.moving) == (1, 2) and not talk.events(HardStop)
+
+
+def test_drivers_of_a_pico():
+    """One enable pin for all, the UART in the place of the camera's outputs."""
+    talk, board = session({"motors": [{"driver": DRIVER}, {}]}, name="pico")
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 10), MotorMove(2, 10))  # until the first round is done
+    talk.run(SET_UP_S)
+    assert len(board.chips[0].writes) == 12 and not board.chips[1].writes
+    assert talk.ask(MotorMove(1, 10)).moving and talk.ask(MotorMove(2, 10)).moving

@@ -1,0 +1,361 @@
+"""TMC2209 drivers on a simulated wire: registers, their confirmation, lost and damaged telegrams, faults in words."""
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from framestep.hal.host import BOARD
+from framestep.io import tmc2209
+from framestep.io.tmc2209_setup import most_ma, registers, scale
+from framestep.rig import Rig, RigError
+from framestep_tools import driver_chips as chip
+from framestep_tools.driver_chips import Chip, Chips, crc8
+from framestep_tools.files import board_data
+
+SKR_PICO = board_data("skr_pico")
+RIG = {"motors": [{"driver": {"run_ma": 800}}, {"driver": {"run_ma": 400, "mode": "spread"}}]}
+RESET_S = 0.2  # for two drivers to be set up
+
+
+class Bench:
+    """Drivers, chips and time; a pass every millisecond, or as `passes` says (microseconds)."""
+
+    def __init__(self, rig=None, board=SKR_PICO, passes=1000):
+        self.rig = Rig(RIG if rig is None else rig, board)
+        self.board = self.rig.board
+        self.motors = self.board["motors"]
+        self.now_us = 0
+        self.passes = itertools.repeat(passes) if isinstance(passes, int) else passes
+        addresses = [a for a, table in zip(self.board["drivers"]["address"], self.rig.drivers, strict=False) if table]
+        self.chips = [Chip(address) for address in addresses]
+        self.wire = Chips(self.chips, lambda: self.now_us * 1000)
+        self.said = []
+        self.drivers = tmc2209.Drivers(self, self.rig)
+        self.failed = 0
+
+    def say(self, motor, text):
+        self.said.append(f"{motor} {text}")
+
+    def run(self, seconds):
+        end = self.now_us + seconds * 1e6
+        while self.now_us < end:
+            self.failed |= self.drivers.poll(self.now_us // 1000 & 0x3FFFFFFF)
+            self.now_us += next(self.passes)
+        return self
+
+
+def test_crc():
+    """The makers' telegram for IOIN of driver 0, and any other: theirs bit by bit, ours as it runs on the board."""
+    assert crc8(b"\x05\x00\x06") == tmc2209.crc(b"\x05\x00\x06", 0, 3) == 0x6F
+
+
+@given(st.binary(max_size=8))
+def test_crc_of_anything(data):
+    assert tmc2209.crc(data, 0, len(data)) == crc8(data)
+
+
+def one(**driver):
+    """The chip after its set-up, with the default settings but for these."""
+    bench = Bench({"motors": [{"driver": {"run_ma": 500} | driver}]}).run(RESET_S)
+    assert bench.drivers.ready == 0b1111 and not bench.said
+    return bench.chips[0]
+
+
+def test_registers():
+    driver = one()
+    assert driver.writes[0] == (chip.NODECONF, 0x200)
+    registers = driver.registers
+    assert registers[chip.GCONF] == 0b1_1100_0000  # UART rules, internal current reference, StealthChop
+    assert (
+        registers[chip.VACTUAL]
+        == registers[chip.TPWMTHRS]
+        == registers[chip.TCOOLTHRS]
+        == registers[chip.COOLCONF]
+        == 0
+    )
+    assert registers[chip.PWMCONF] == 0xC10D0024
+    assert driver.gstat == 0
+    assert driver.microsteps == 16 and registers[chip.CHOPCONF] >> 28 == 1  # interpolated
+    assert 480 < driver.run_ma() <= 500
+    assert registers[chip.TPOWERDOWN] == pytest.approx(500 / (2**18 / 12e6 * 1000), abs=0.5)
+    chopper = [value for register, value in driver.writes if register == chip.CHOPCONF]
+    assert chopper[0] & 0xF == 0 and chopper[-1] & 0xF == 3  # the bridges come on last of all
+    assert driver.writes[-1][0] == chip.CHOPCONF
+
+
+@pytest.mark.parametrize(
+    ("driver", "register", "bits", "value"),
+    [
+        ({"mode": "spread"}, chip.GCONF, 4, 4),
+        ({"interpolate": False}, chip.CHOPCONF, 1 << 28, 0),
+        ({"microsteps": 1}, chip.CHOPCONF, 0xF << 24, 8 << 24),
+        ({"microsteps": 256}, chip.CHOPCONF, 0xF << 24, 0),
+        ({"hold_percent": 0}, chip.PWMCONF, 3 << 20, 1 << 20),
+        ({"hold_percent": 0}, chip.IHOLD_IRUN, 0x1F, 0),
+        ({"hold_delay_ms": 50}, chip.TPOWERDOWN, 0xFF, 2),
+        ({"hold_delay_ms": 5500}, chip.TPOWERDOWN, 0xFF, 252),
+    ],
+)
+def test_settings(driver, register, bits, value):
+    assert one(**driver).registers[register] & bits == value
+
+
+def test_hold_current():
+    driver = one(run_ma=900, hold_percent=50)
+    irun, ihold = (driver.registers[chip.IHOLD_IRUN] >> shift & 0x1F for shift in (8, 0))
+    assert (ihold + 1) / (irun + 1) == pytest.approx(0.5, abs=1 / 32)
+
+
+@given(st.integers(10, 2000), st.integers(50, 1000))
+def test_current(run_ma, sense_mohm):
+    """Never above what was asked for, and at most one of 32 steps below it; out of reach exactly above most_ma."""
+    found = scale(run_ma, sense_mohm)
+    assert (found is None) == (run_ma > most_ma(sense_mohm))
+    if found:
+        irun, vsense = found
+        step = (0.18 if vsense else 0.32) / (sense_mohm + 20) / 2**0.5 * 1e6 / 32
+        current = (irun + 1) * step
+        assert current <= run_ma + 1e-6 or irun == 0
+        assert current > run_ma - step - 1e-3
+        assert vsense or run_ma > 0.18 / (sense_mohm + 20) / 2**0.5 * 1e6 - 1
+
+
+def test_every_motor_has_its_own():
+    bench = Bench().run(RESET_S)
+    assert [c.address for c in bench.chips] == [0, 2]
+    assert 380 < bench.chips[1].run_ma() <= 400 < 760 < bench.chips[0].run_ma() <= 800
+    assert bench.chips[0].registers[chip.GCONF] & 4 == 0 and bench.chips[1].registers[chip.GCONF] & 4
+    assert bench.drivers.writes == sum(len(c.writes) for c in bench.chips) == 24
+
+
+def test_ready_only_when_all_have_been_tried():
+    bench = Bench()
+    while not bench.drivers.ready:
+        assert bench.now_us < RESET_S * 1e6
+        assert not all(c.bridges_on and c.gstat == 0 and len(c.writes) == 12 for c in bench.chips) or bench.now_us
+        bench.run(0.001)
+    assert all(len(c.writes) == 12 and c.bridges_on for c in bench.chips)
+
+
+@settings(max_examples=25)
+@given(st.lists(st.integers(50, 12_000), min_size=20, max_size=60))
+def test_a_main_loop_of_any_pace(passes):
+    """Passes far apart and close together: nothing is sent into an answer, every write is confirmed at once."""
+    bench = Bench(passes=itertools.cycle(passes)).run(6)
+    assert bench.drivers.ready == 0b1111 and not bench.said
+    assert [len(c.writes) for c in bench.chips] == [12, 12]
+
+
+def test_without_echo():
+    bench = Bench()
+    bench.wire.echo = False
+    assert bench.run(RESET_S).drivers.ready == 0b1111
+
+
+def spoil(bench, direction, which, how):
+    """Let `how` change the telegrams of this direction whose numbers are in `which`."""
+    numbers = itertools.count()
+
+    def change(way, data):
+        return how(data) if way == direction and next(numbers) in which else data
+
+    bench.wire.spoil = change
+
+
+def flipped(data):
+    return data[:3] + bytes([data[3] ^ 0x10]) + data[4:]
+
+
+@pytest.mark.parametrize("how", [flipped, lambda data: b""])
+@pytest.mark.parametrize("direction", ["to", "from"])
+@pytest.mark.parametrize("first", [0, 1, 2, 7])
+def test_noise_and_losses(direction, first, how):
+    """Single telegrams damaged or lost: repeated, and every register is there in the end."""
+    bench = Bench()
+    spoil(bench, direction, range(first, 60, 5), how)
+    bench.run(1)
+    assert bench.drivers.ready == 0b1111 and not bench.said and not bench.failed
+    for driver in bench.chips:
+        wanted = [value for register, value in driver.writes if register == chip.CHOPCONF]
+        assert driver.registers[chip.IHOLD_IRUN] != 0x11F00 and wanted[-1] & 0xF == 3 and driver.gstat == 0
+
+
+def test_a_reset_in_the_middle_of_the_set_up():
+    bench = Bench().run(0.05)
+    assert 0 < len(bench.chips[0].writes) < 12
+    bench.chips[0].reset()
+    bench.run(RESET_S)
+    assert bench.drivers.ready == 0b1111
+    assert bench.chips[0].registers[chip.NODECONF] == 0x200 and bench.chips[0].registers[chip.GCONF] == 0x1C0
+
+
+def test_a_driver_that_does_not_answer():
+    bench = Bench()
+    bench.chips[1].powered = False
+    bench.run(1)
+    assert bench.drivers.ready == 0b1101 and not bench.failed
+    assert bench.said == ["2 does not answer (has it power, and the right address?)"]
+    bench.chips[1].powered = True
+    bench.run(1.5)
+    assert bench.drivers.ready == 0b1111 and len(bench.chips[1].writes) == 12
+    assert bench.said[1:] == ["2 works again"]
+
+
+def test_nothing_on_the_wire():
+    bench = Bench()
+    bench.wire.receive = lambda buffer, at, limit: 0
+    bench.run(1)
+    assert bench.drivers.ready == 0b1100
+    assert [text for text in bench.said if "nothing comes back on the wire" in text] == bench.said
+    assert len(bench.said) == 2
+
+
+def test_a_deaf_driver():
+    bench = Bench()
+    spoil(bench, "to", range(10_000), lambda data: flipped(data) if len(data) == 8 else data)
+    bench.run(0.5)
+    assert bench.drivers.ready == 0b1100 and "1 answers, but does not take its settings" in bench.said
+
+
+def test_confirmation_is_by_the_counter():
+    """A driver whose counter stands still is not believed."""
+    bench = Bench()
+    take = bench.chips[0].take
+    bench.chips[0].take = lambda telegram: (take(telegram), setattr(bench.chips[0], "count", 7))[0]
+    bench.run(1)
+    assert bench.drivers.ready == 0b1110 and bench.said == ["1 answers, but does not take its settings"]
+
+
+FAULTS = [
+    (0x02, 2, "has switched off, too hot"),
+    (0x04, 2, "has switched off: a short in the motor or its cable"),
+    (0x20, 2, "has switched off: a short in the motor or its cable"),
+    (0, 4, "has too little supply voltage"),
+    (0, 2, "has switched off"),
+]
+
+
+@pytest.mark.parametrize(("status", "gstat", "words"), FAULTS)
+def test_faults(status, gstat, words):
+    bench = Bench().run(RESET_S)
+    driver = bench.chips[0]
+    driver.status |= status
+    driver.gstat |= gstat
+    bench.run(0.3)
+    assert bench.failed == 0b0001 and bench.drivers.ready == 0b1110
+    assert bench.said == [f"1 {words}"]
+    # As long as it lasts it stays off and nothing more is said; then it is set up anew
+    if status:
+        bench.run(2.5)
+        assert bench.said == [f"1 {words}"] and bench.drivers.ready == 0b1110
+    before = len(driver.writes)
+    driver.status = chip.STANDSTILL
+    bench.run(1.5)
+    assert bench.drivers.ready == 0b1111 and bench.said == [f"1 {words}", "1 works again"]
+    assert len(driver.writes) - before == 12 and driver.gstat == 0
+
+
+def test_a_reset():
+    bench = Bench().run(RESET_S)
+    bench.chips[1].reset()
+    bench.run(0.3)
+    assert bench.failed == 0b0010 and bench.said == ["2 was reset: its supply broke down"]
+    bench.run(1.5)
+    assert bench.drivers.ready == 0b1111 and len(bench.chips[1].writes) == 12
+
+
+def test_the_supply_goes():
+    bench = Bench().run(RESET_S)
+    for driver in bench.chips:
+        driver.powered = False
+    bench.run(0.5)
+    assert bench.failed == 0b0011 and bench.drivers.ready == 0b1100
+    for driver in bench.chips:
+        driver.powered = True
+        driver.reset()
+    bench.run(1.5)
+    assert bench.drivers.ready == 0b1111 and sorted(bench.said[2:]) == ["1 works again", "2 works again"]
+
+
+def test_single_lost_answers_are_no_fault():
+    bench = Bench().run(RESET_S)
+    spoil(bench, "from", range(0, 1000, 3), lambda data: b"")
+    bench.run(3)
+    assert bench.drivers.ready == 0b1111 and not bench.said and not bench.failed
+
+
+def test_a_hot_driver_goes_on():
+    bench = Bench().run(RESET_S)
+    for status in (1, 1, 0, 1):
+        bench.chips[0].status = chip.STANDSTILL | status
+        bench.run(0.3)
+    assert bench.said == ["1 is hot, close to switching off"] * 2
+    assert bench.drivers.ready == 0b1111 and not bench.failed
+
+
+def test_open_load_in_motion_only():
+    bench = Bench().run(RESET_S)
+    driver = bench.chips[0]
+    driver.status = chip.STANDSTILL | 0x40
+    bench.run(1)
+    assert not bench.said
+    driver.status = 0x40
+    bench.run(1)
+    assert bench.said == ["1 finds no motor on one of its coils"] and bench.drivers.ready == 0b1111
+
+
+def test_states_in_words():
+    bench = Bench()
+    assert bench.drivers.states_in_words()[0] == "driver of motor 1 is being set up"
+    bench.chips[1].powered = False
+    bench.run(0.5)
+    assert bench.drivers.states_in_words() == [
+        "driver of motor 1 works",
+        "driver of motor 2 does not answer (has it power, and the right address?)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("board", "rig", "text"),
+    [
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {}}]},
+            "motors[1].driver.run_ma: is missing, expected is a whole number from 10",
+        ),
+        (SKR_PICO, {"motors": [{"driver": 3}]}, "motors[1].driver: found 3, allowed is an object {…}"),
+        (
+            SKR_PICO,
+            {"motors": [{}, {"driver": {"run_ma": 1900}}]},
+            "motors[2].driver.run_ma: found 1900, allowed is at most 1740 mA with 110 mΩ",
+        ),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {"run_ma": 500, "microsteps": 10}}]},
+            "microsteps: found 10, allowed is one of 1, 2, 4, 8, 16, 32, 64, 128, 256",
+        ),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]}, "microsteps: found True"),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "mode": "loud"}}]}, 'allowed is one of "stealth", "spread"'),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]}, "motors[1].driver.amps: no such setting"),
+        (SKR_PICO, {"inputs": [{"pin": 8}]}, "which is the board's driver UART's tx already"),
+        (BOARD, {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]}, "that of motors 1 to 4"),
+        (board_data("fysetc_erb"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
+        (board_data("pico2"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
+    ],
+)
+def test_mistakes(board, rig, text):
+    with pytest.raises(RigError) as error:
+        Rig(rig, board)
+    assert text in str(error.value)
+
+
+def test_a_rig_without_driver_settings_has_no_drivers():
+    assert Rig({"motors": [{}]}, SKR_PICO).drivers is None
+
+
+def test_drivers_move_the_camera_outputs_of_a_pico():
+    rig = Rig({"motors": [{"driver": {"run_ma": 500}}]}, board_data("pico"))
+    assert (rig.board["shutter"], rig.board["meter"], rig.board["drivers"]["tx"]) == (26, 27, 20)
+    assert registers(rig.motors[0]["driver"]) == rig.drivers[0]
