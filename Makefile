@@ -70,8 +70,9 @@ types: setup ## types of the host tools, and of the board's code against MicroPy
 format: setup ## bring the source into ruff's form
 	@$(PYTHON_VENV) -m ruff check --fix --quiet; $(PYTHON_VENV) -m ruff format --quiet
 
-plots: setup ## draw docs/interpolation.svg again
-	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation $(ARGS)
+plots: setup ## draw the pictures in docs again
+	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation
+	@$(PYTHON_VENV) -m framestep_tools.plot_virtuals
 
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
 	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)

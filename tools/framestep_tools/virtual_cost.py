@@ -1,5 +1,7 @@
 """What the kinematics of the virtual axes cost on the emulated board: `python -m framestep_tools.virtual_cost`.
 
+Memory of their modules, and time of an update.
+
 One update is what a virtual axis in motion needs for a knot: inverse() of a boom-swing-track pose with nodal offset,
 and places(), the steps of the six motors, with a boom table. The time is that which the board's clock shows.
 """
@@ -49,12 +51,39 @@ def virtual_update_us(run: Callable[[str], str]) -> float:
     return int(answers[2]) / UPDATES
 
 
+_MEMORY = """
+import gc
+def free():
+    gc.collect()
+    return gc.mem_free()
+from framestep.protocol import frames
+from framestep.motion import reals
+a = free()
+from framestep.virtuals import formulas, geometry
+b = free()
+print("shared", a - b)
+for name in ("aim", "x_y_z", "swing_pan", "y_swing_track", "boom_swing_track"):
+    a = free()
+    exec("from framestep.virtuals import " + name)
+    print(name, a - free())
+"""
+
+
+def memory(run: Callable[[str], str]) -> dict[str, int]:
+    """Bytes of a fresh board's memory by module; what both arms need counts for y_swing_track, the first."""
+    return {name: int(size) for name, size in (line.split() for line in run(_MEMORY).splitlines())}
+
+
 def main() -> None:
     from framestep_emulator import Emulator
 
     from .files import board_files
 
     files = {name: content for name, content in board_files().items() if name != "/main.py"}
+    with Emulator(files=files) as emulator:
+        print(
+            *(f"{name} {size}" for name, size in memory(emulator.repl().exec).items()), sep=" bytes, ", end=" bytes\n"
+        )
     for label, args in (("", []), (", without the model of the flash cache", ["--xip-miss", "0"])):
         with Emulator(files=files, args=args) as emulator:
             print(f"virtual_update_us {virtual_update_us(emulator.repl().exec):.0f}{label}")

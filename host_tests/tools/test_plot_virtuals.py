@@ -1,0 +1,14 @@
+"""The drawings in docs are those that their script makes."""
+
+import pytest
+
+from framestep_tools.plot_virtuals import DOCS, FILES, draw
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_drawing_is_up_to_date(kind, tmp_path):
+    draw(kind, tmp_path / "drawn.svg")
+    drawn = (tmp_path / "drawn.svg").read_text()
+    assert drawn == (DOCS / FILES[kind]).read_text(), (
+        f"docs/{FILES[kind]} is not what the source makes: run `make plots`"
+    )
