@@ -60,6 +60,7 @@ class Controller:
             self.axes.set_backlash(i, rig.motor(i)["backlash"])
         self.moves = Moves(self)
         self.stage = self.moves.stage
+        self.memory = self._remember() if rig.remember_positions else None
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
         # steps/s that a motor can do with its pulses
         kernel = hal.kernel
@@ -105,6 +106,15 @@ class Controller:
             self.virtuals = Virtuals(self)
         self.handlers.update(self.virtuals.handlers)
 
+    def _remember(self):
+        from framestep.io.memory import Memory
+
+        try:
+            return Memory(self.hal.flash(), self.axes)
+        except OSError as error:
+            print("framestep: positions cannot be remembered:", error)
+            return None
+
     # ---------------------------------------------------------------- the main loop
 
     def poll(self, now):
@@ -125,6 +135,8 @@ class Controller:
             self.say_position = True
         self._watch()
         self._report()
+        if self.memory:
+            self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
         self.port.send(self.writer)
         if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
             if self.watchdog.look(now, self.was_moving, self.was_open):
@@ -347,6 +359,11 @@ class Controller:
             bits |= m.CONDITION_BARKED
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
+        if self.rig.remember_positions:
+            if self.memory is None or not self.memory.working:
+                bits |= m.CONDITION_FORGETFUL
+            else:
+                bits |= m.CONDITION_KEPT if self.positions.settled else m.CONDITION_UNKEPT
         return bits
 
     def _condition(self):

@@ -35,6 +35,7 @@ SETTINGS = {
     ),
     "shutter_on": (str, ("high", "low"), None, "high", "", "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "", "level of the meter output while it is on"),
+    "remember_positions": (bool, None, None, False, "", "keeps positions at rest over a power cut (docs/safety.md)"),
     "watchdog": (bool, None, None, True, "", "starts the board again if the firmware hangs while a motor moves"),
     "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
     "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
@@ -251,6 +252,7 @@ class Rig:
         self.estop = settings["estop"]
         self.shutter_on = settings["shutter_on"]
         self.meter_on = settings["meter_on"]
+        self.remember_positions = settings["remember_positions"]
         self.watchdog = settings["watchdog"]
         self.dmx = settings["dmx"]
         self.dmx_break_us = settings["dmx_break_us"]

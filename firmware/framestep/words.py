@@ -13,7 +13,15 @@ from framestep.motion.positions import (
     STEPS,
     UNSET,
 )
-from framestep.protocol.messages import CONDITION_BARKED, CONDITION_BROKEN, CONDITION_DRIVER, CONDITION_ESTOP
+from framestep.protocol.messages import (
+    CONDITION_BARKED,
+    CONDITION_BROKEN,
+    CONDITION_DRIVER,
+    CONDITION_ESTOP,
+    CONDITION_FORGETFUL,
+    CONDITION_KEPT,
+    CONDITION_UNKEPT,
+)
 
 STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
 REASONS = {
@@ -29,6 +37,9 @@ REASONS = {
 CONDITIONS = {
     CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",
     CONDITION_ESTOP: "the E-stop is held",
+    CONDITION_KEPT: "positions are remembered: power may go",
+    CONDITION_UNKEPT: "positions are not remembered yet: wait until the motors have stood for 2 seconds",
+    CONDITION_FORGETFUL: "positions cannot be remembered: the flash or its files do not take them",
     CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }

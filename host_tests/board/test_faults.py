@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from framestep.io.watchdog import TIMEOUT_MS
-from framestep.motion.positions import KNOWN, LOST, SET, STEPS, UNSET
+from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
@@ -26,7 +26,8 @@ from host_tests.end_to_end.session import Session, assert_within, deceleration, 
 
 VELOCITY, ACCELERATION = 10_000, 50_000
 OUTPUT, SAFE_ON, SHUTTER, ENABLE = 26, 22, 20, 18
-RIG = {"outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}]}
+# virtuals: their code does not fit beside the rest where it is copied to the board
+RIG = {"virtuals": 0, "remember_positions": True, "outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}]}
 HANG = """
 from framestep.io import gio
 import framestep.boot as b
@@ -157,13 +158,40 @@ def test_a_command_that_finds_its_fifo_full(rig):
     failed = rig.now
     rig.board.emulator.repl().exec(OVERFLOW)
     rig.run(0.5)
+    rig.wait_idle()
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
-        assert ramped_down(rig, motor, before, failed, 0.5) == rig.position(motor)
+        assert ramped_down(rig, motor, before, failed, 1) == rig.position(motor)
     assert trust(rig)[:6] == [(KNOWN, SET)] * 3 + [(LOST, UNSET), (LOST, STEPS), (LOST, UNSET)]
     assert not rig.made(5)
     rig.forget()
+
+
+def test_positions_outlive_the_power(rig):
+    """After two seconds at rest they are kept; the first motion spoils what is kept before its first step."""
+    emulator = rig.board.emulator
+    assert rig.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    rig.accept(MotorResetPosition(1, 2**31 - 1), MotorResetPosition(2, -12345), MotorMove(1, 2**31 - 3000))
+    rig.wait_idle()
+    rig.run(2.1)
+    assert rig.ask(GetCondition()).bits == m.CONDITION_KEPT
+    emulator.reset()
+    starts_again(rig)
+    assert (rig.position(1), rig.position(2)) == (2**31 - 3000, -12345)
+    assert trust(rig)[:5] == [(HELD, RESTORED)] * 3 + [(LOST, BEFORE)] * 2
+    for motor in (1, 2):
+        rig.speed(motor, VELOCITY, ACCELERATION)
+    start(rig, MotorMove(1, 0), MotorMove(2, 0))
+    times, signs = rig.steps(1)
+    assert_within(times, signs, VELOCITY * 1.001, ACCELERATION)
+    emulator.reset()
+    starts_again(rig)
+    assert (rig.position(1), rig.position(2)) == (2**31 - 3000, -12345)
+    assert trust(rig)[:5] == [(LOST, BROKEN_OFF)] * 5
+    rig.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2, 3)))
+    for motor in (1, 2):
+        rig.speed(motor, VELOCITY, ACCELERATION)
 
 
 def test_an_exception_inside_a_handler(rig):
@@ -184,7 +212,7 @@ def test_an_exception_inside_a_handler(rig):
     assert len(rig.steps(1)[0]) == edges
     emulator.reset()
     starts_again(rig)
-    rig.accept(MotorMove(1, 100))
+    rig.accept(MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
 
 
@@ -193,7 +221,7 @@ def test_a_main_loop_that_hangs(rig):
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
         rig.accept(MotorResetPosition(motor, 0))
-    rig.forget()
+    rig.run(2.2)
     before = start(rig, MotorMove(1, 30_000), MotorMove(2, -30_000))
     emulator = rig.board.emulator
     assert emulator.pin(ENABLE) == 0
@@ -212,8 +240,8 @@ def test_a_main_loop_that_hangs(rig):
         ramped_down(rig, motor, before, failed, 0.8)
     assert np.all(rig.steps(1)[0] < reset)
     condition = rig.ask(GetCondition())
-    assert condition.bits == m.CONDITION_BARKED
-    assert set(condition.positions) == {Trust(LOST, UNSET)}
+    assert condition.bits == m.CONDITION_BARKED | m.CONDITION_UNKEPT
+    assert set(condition.positions) == {Trust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
         "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"
     )

@@ -22,6 +22,7 @@
     wire              the line of the drivers' UART (below), where Rig.drivers is not None
     say(motor, text)  tell in words on the REPL what the driver of a motor (from 1) does; not where that is the
                       protocol's port
+    flash()           storage that outlives a power cut (below); OSError where there is none. At boot only
 
 and a port is one with
 
@@ -48,6 +49,13 @@ and wire is one with
     send(buffer, count)               put up to 8 bytes on the line; never waits
     receive(buffer, at, limit) -> n   bytes that have come since, at most `limit`, into buffer[at:]; what was sent comes
                                       back as well
+and flash is one with
+
+    blocks            how many, at least 2
+    bytes             of a block
+    read(block, at, buffer)    fill the buffer from a place in a block
+    program(block, at, page) -> bool   clear the bits that are 0 in these 256 bytes, `at` being a multiple
+    erase(block) -> bool       set all bits of a block; both: False where that is not possible
 
 Nothing here allocates after start().
 """

@@ -175,6 +175,31 @@ class SilentWire:
         return 0
 
 
+class HostFlash:
+    """Two blocks in memory. Programming clears bits, only erasing sets them."""
+
+    def __init__(self, blocks=2, size=1024):
+        self.blocks = blocks
+        self.bytes = size
+        self.content = [bytearray(b"\xff" * size) for _ in range(blocks)]
+        self.erasures = [0] * blocks
+
+    def read(self, block, at, buffer):
+        view = memoryview(buffer).cast("B")
+        view[:] = self.content[block][at : at + len(view)]
+
+    def program(self, block, at, page):
+        content = self.content[block]
+        for i, byte in enumerate(bytes(page), at):
+            content[i] &= byte
+        return True
+
+    def erase(self, block):
+        self.content[block][:] = b"\xff" * self.bytes
+        self.erasures[block] += 1
+        return True
+
+
 class _Register:
     """A register that raises or lowers the pins of a mask, for the tick's cues."""
 
@@ -188,7 +213,8 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig, barked=False, wire=None):
+    def __init__(self, motors, rig, barked=False, wire=None, flash=None):
+        self._flash = flash
         self.motors = motors
         self.now_ns = 0
         self.upload_bytes = UPLOAD_BYTES
@@ -244,6 +270,9 @@ class HostHal:
 
     def start(self):
         pass
+
+    def flash(self):
+        return self._flash or HostFlash()
 
     def irq_off(self):
         return 0
@@ -316,12 +345,12 @@ class HostBoard:
 
     rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
     the board has. barked: as if the watchdog had started the board. wire: called with the HAL, gives what the drivers'
-    UART is connected to.
+    UART is connected to. flash: what has outlived a power cut.
     """
 
-    def __init__(self, rig=None, motors=None, board=BOARD, barked=False, wire=None):
+    def __init__(self, rig=None, motors=None, board=BOARD, barked=False, wire=None, flash=None):
         self.rig = Rig(rig, board)
-        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked, wire)
+        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked, wire, flash)
         self.controller = Controller(self.hal, self.rig)
         self.controller.moves.take_memory()
         self.next_tick = TICK_DELAY_NS

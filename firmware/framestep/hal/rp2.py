@@ -84,6 +84,11 @@ class Rp2Hal:
 
         return Wire(wiring, "RP2350" in sys.implementation._machine)
 
+    def flash(self):
+        from framestep.hal.rp2_flash import Flash
+
+        return Flash()
+
     def _make_port(self, ports):
         if ports == 2:
             from framestep.hal.usb_port import UsbPort

@@ -139,6 +139,9 @@ CONDITION_BROKEN = const(0x01)  # the rig file has a mistake, nothing moves
 CONDITION_ESTOP = const(0x02)  # the E-stop is held
 CONDITION_BARKED = const(0x04)  # the watchdog has started the board
 CONDITION_DRIVER = const(0x08)  # a driver does not work, its motor does not move
+CONDITION_KEPT = const(0x10)  # positions are remembered as they are now
+CONDITION_UNKEPT = const(0x20)  # they will be once the motors stand
+CONDITION_FORGETFUL = const(0x40)  # they should be, but cannot
 
 LINE_X = const(0)
 LINE_Y = const(1)

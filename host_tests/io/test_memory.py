@@ -1,0 +1,423 @@
+"""Remembered positions: what a power cut leaves of them, byte by byte, and how the flash wears."""
+
+import binascii
+import contextlib
+from array import array
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from framestep.hal.host import HostBoard, HostFlash, HostHal
+from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
+from framestep.motion import stepper
+from framestep.motion.axes import Axis
+from framestep.motion.positions import (
+    BEFORE,
+    BROKEN_OFF,
+    HELD,
+    KNOWN,
+    LOST,
+    RESTORED,
+    SET,
+    STEPS,
+    UNSET,
+    Positions,
+)
+from framestep.protocol import messages as m
+from framestep_tools.boards import SimulatedBoard
+from framestep_tools.payloads import (
+    GetCondition,
+    MotorConfigure,
+    MotorMove,
+    MotorResetPosition,
+    RtGo,
+)
+from host_tests.end_to_end.session import Session, run_request
+
+RIG = {"remember_positions": True}
+REMEMBERED = (HELD, RESTORED)
+CUT_OFF = (LOST, BROKEN_OFF)
+IS_SET = (KNOWN, SET)
+NOT_SET = (LOST, UNSET)
+
+
+class PowerCut(Exception):
+    pass
+
+
+class Brittle(HostFlash):
+    """Loses power after so many bytes written or erased, in the middle of the last one."""
+
+    def __init__(self, *args):
+        super().__init__(*args)
+        self.left = None
+
+    def _one_byte(self):
+        if self.left is not None:
+            self.left -= 1
+            return self.left >= 0
+        return True
+
+    def program(self, block, at, page):
+        for i, byte in enumerate(bytes(page), at):
+            if not self._one_byte():
+                self.content[block][i] &= byte | 0x5A
+                raise PowerCut
+            self.content[block][i] &= byte
+        return True
+
+    def erase(self, block):
+        for i in range(self.bytes):
+            if not self._one_byte():
+                self.content[block][i] |= 0x5A
+                raise PowerCut
+            self.content[block][i] = 0xFF
+        return super().erase(block)
+
+
+class Motor:
+    """What a memory needs of an axis."""
+
+    def __init__(self):
+        self.place = array("i", [0])
+        self.block = array("i", [0] * stepper.BLOCK_WORDS)
+        self.backlash = 0
+
+    refresh = Axis.refresh
+
+
+class Motors(list):
+    def __init__(self, count):
+        super().__init__(Motor() for _ in range(count))
+        self.count = count
+        self.positions = Positions(count)
+
+
+class Bench:
+    """Motors that stand, and a memory."""
+
+    def __init__(self, flash, motors=3):
+        self.axes = Motors(motors)
+        self.memory = Memory(flash, self.axes)
+        self.positions = self.axes.positions
+        self.now = 2**30 - 500
+
+    def poll(self, ms=STILL_MS + 2, busy=False):
+        for wait in (1, ms - 1):
+            self.now = (self.now + wait) & (2**30 - 1)
+            self.memory.poll(self.now, busy)
+
+    def put(self, *places):
+        """The host gives the motors these places."""
+        for motor, place in enumerate(places):
+            self.positions.know(motor)
+            self.axes[motor].place[0] = self.axes[motor].block[stepper.POSITION] = place
+
+    def move(self, *places):
+        """The motors go there."""
+        self.positions.touch()
+        for motor, place in enumerate(places):
+            self.axes[motor].block[stepper.POSITION] = place
+
+    @property
+    def state(self):
+        """((places), (state and reason of each))"""
+        for axis in self.axes:
+            axis.refresh()
+        places = tuple(axis.place[0] for axis in self.axes)
+        return places, tuple(zip(self.positions.states, self.positions.reasons, strict=True))
+
+
+def kept(*places):
+    return places, (REMEMBERED,) * len(places)
+
+
+def cut_off(*places):
+    return places, (CUT_OFF,) * len(places)
+
+
+@given(st.binary(max_size=130))
+def test_checksum(data):
+    out = array("i", [1, 2])
+    checksum(data, len(data), out, 1)
+    assert out[0] == 1 and out[1] & 0xFFFFFFFF == binascii.crc32(data)
+
+
+def test_kept_at_rest_only():
+    flash = HostFlash()
+    bench = Bench(flash)
+    bench.put(5, -(2**31), 2**31 - 1)
+    bench.poll(STILL_MS)
+    assert Bench(flash).state == ((0, 0, 0), (NOT_SET,) * 3)
+    bench.poll(2)
+    assert Bench(flash).state == kept(5, -(2**31), 2**31 - 1)
+    bench.move(6, 7, 8)
+    assert Bench(flash).state == cut_off(5, -(2**31), 2**31 - 1)
+    bench.poll(10 * STILL_MS, busy=True)
+    bench.poll(STILL_MS)
+    assert Bench(flash).state == cut_off(5, -(2**31), 2**31 - 1)
+    bench.poll(2)
+    assert Bench(flash).state == kept(6, 7, 8)
+
+
+def test_lost_ones_stay_lost():
+    flash = HostFlash()
+    bench = Bench(flash)
+    bench.put(1, 2)
+    bench.positions.lose(2, STEPS)
+    bench.poll()
+    assert Bench(flash).state == ((1, 2, 0), (REMEMBERED, (LOST, BEFORE), (LOST, BEFORE)))
+    bench = Bench(flash)
+    bench.put(0, 5)
+    bench.poll()
+    assert Bench(flash).state == ((0, 5, 0), (REMEMBERED, REMEMBERED, (LOST, BEFORE)))
+
+
+def test_the_play_of_the_gears_is_kept():
+    flash = HostFlash()
+    bench = Bench(flash)
+    bench.axes[1].backlash = 20
+    bench.put(0, 100, 0)
+    bench.axes[1].block[stepper.POSITION] = 92  # the load stands where it was
+    bench.poll()
+    again = Bench(flash)
+    again.axes[1].backlash = 20
+    assert again.state == kept(0, 100, 0) and again.axes[1].block[stepper.POSITION] == 92
+
+
+def test_a_rig_with_another_number_of_motors():
+    flash = HostFlash()
+    bench = Bench(flash)
+    bench.put(1, 2, 3)
+    bench.poll()
+    assert Bench(flash, 2).state == ((0, 0), (NOT_SET,) * 2)
+
+
+def cuts(prepare, act, step=1):
+    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() -> (flash, bench)."""
+    at = 0
+    while True:
+        flash, bench = prepare()
+        flash.left = at
+        try:
+            act(bench)
+        except PowerCut:
+            flash.left = None
+            yield Bench(flash)
+            at += step
+            continue
+        return
+
+
+def moved(records):
+    """A bench after so many records, its motors moved once more. Records: places (n, -n, 0) for n up to `records`."""
+
+    def prepare():
+        flash = Brittle(2, 4 * SLOT_BYTES)
+        bench = Bench(flash)
+        for n in range(1, records + 1):
+            bench.put(n, -n, 0)
+            bench.poll()
+        bench.move(77, 88, 99)
+        return flash, bench
+
+    return prepare
+
+
+@pytest.mark.parametrize("records", [1, 2, 8])
+def test_power_cut_while_a_record_is_written(records):
+    """Also where a block is erased before: after the eighth record."""
+    found = [again.state for again in cuts(moved(records), Bench.poll)]
+    assert len(found) >= SLOT_BYTES and set(found) <= {cut_off(records, -records, 0), kept(77, 88, 99)}
+    assert found[0] == cut_off(records, -records, 0)
+    # and whatever it has left, the next record finds its place
+    for again in cuts(moved(records), Bench.poll, 13):
+        again.put(3, 2, 1)
+        again.poll()
+        assert again.memory.working and Bench(again.memory.flash).state == kept(3, 2, 1)
+
+
+def test_power_cut_while_the_mark_is_cleared():
+    """The motors have not moved yet. Either answer is safe; the numbers are right."""
+
+    def prepare():
+        flash = Brittle(2, 4 * SLOT_BYTES)
+        bench = Bench(flash)
+        bench.put(1, 2, 3)
+        bench.poll()
+        return flash, bench
+
+    found = [again.state for again in cuts(prepare, lambda bench: bench.positions.touch())]
+    assert set(found) == {cut_off(1, 2, 3), kept(1, 2, 3)}
+
+
+@given(st.lists(st.tuples(st.integers(0, 7), st.integers(0, 2000)), max_size=30))
+def test_power_cuts_at_any_time(steps):
+    """Whatever has happened, positions that are said to be held are those at the last stand-still."""
+    flash = Brittle(3, 4 * SLOT_BYTES)
+    bench = Bench(flash)
+    place = 0
+    for what, number in steps:
+        if what < 3:
+            place = number
+            bench.move(place, 0, 0)
+        elif what == 3:
+            place = number
+            bench.put(place, 0, 0)
+        elif what < 6:
+            bench.poll()
+        else:
+            flash.left = number if what == 7 else None
+            with contextlib.suppress(PowerCut):
+                bench.move(place + 1, 0, 0)
+                place += 1
+                bench.poll()
+            flash.left = None
+            bench = Bench(flash)
+            places, states = bench.state
+            if states[0] == REMEMBERED:
+                assert places[0] == place
+            place = places[0]
+
+
+def test_wear():
+    """The figures of docs/safety.md: the blocks take turns, and one erasure serves all slots of a block."""
+    flash = HostFlash(4, 4096 - 256)
+    bench = Bench(flash)
+    bench.put(0, 0, 0)
+    records = 4 * 30 * 5
+    for n in range(records):
+        bench.move(n, n, n)
+        bench.memory._write()
+        bench.positions.settled = True
+    assert flash.erasures == [5] * 4
+    assert records / sum(flash.erasures) == 30
+
+
+def test_a_flash_that_does_not_take_it():
+    class Worn(HostFlash):
+        def program(self, block, at, page):
+            return True
+
+    bench = Bench(Worn())
+    bench.put(1, 2, 3)
+    bench.poll()
+    assert not bench.memory.working and not bench.positions.settled
+    flash = HostFlash()
+    bench = Bench(flash)
+    bench.put(1, 2, 3)
+    bench.poll()
+    flash.program = lambda block, at, page: False
+    bench.move(4, 5, 6)
+    bench.poll()
+    assert not bench.memory.working and not bench.positions.settled
+
+
+# ---------------------------------------------------------------- with a controller
+
+
+class Guarded(HostFlash):
+    """Written to only while no motor moves."""
+
+    board = None
+    writes = 0
+
+    def _at_rest(self):
+        assert not any(block[stepper.MODE] for block in self.board.hal.kernel.blocks)
+
+    def program(self, block, at, page):
+        self.writes += 1
+        self._at_rest()
+        return super().program(block, at, page)
+
+    def erase(self, block):
+        self._at_rest()
+        return super().erase(block)
+
+
+def power_up(flash, rig=RIG):
+    board = SimulatedBoard(rig)
+    inside = flash.board = HostBoard(rig, flash=flash)
+    inside.on_edge, board._board = board._board.on_edge, inside
+    return Session(board)
+
+
+def trust(session, *motors):
+    found = session.ask(GetCondition()).positions
+    return [(found[motor - 1].state, found[motor - 1].reason) for motor in motors]
+
+
+def test_over_power_cuts():
+    flash = Guarded()
+    session = power_up(flash)
+    assert session.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    session.run(10)
+    assert flash.writes == 0  # nothing is known yet
+    session.accept(MotorResetPosition(1, 1000), MotorResetPosition(2, -1000))
+    session.accept(MotorMove(1, 3000))
+    session.wait_idle()
+    assert session.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    session.run(2.1)
+    assert session.ask(GetCondition()).bits == m.CONDITION_KEPT
+    writes = flash.writes
+    session.run(20)
+    assert flash.writes == writes
+
+    session = power_up(flash)
+    assert (session.position(1), session.position(2)) == (3000, -1000)
+    assert trust(session, 1, 2, 3) == [REMEMBERED, REMEMBERED, (LOST, BEFORE)]
+    session.accept(MotorMove(1, 0), MotorMove(2, 3000))
+    session.run(0.3)
+    assert trust(session, 1, 2) == [REMEMBERED, REMEMBERED]
+
+    session = power_up(flash)
+    assert (session.position(1), session.position(2)) == (3000, -1000)
+    assert trust(session, 1, 2, 3) == [CUT_OFF] * 3
+    session.accept(MotorResetPosition(1, 7))
+    assert trust(session, 1, 2) == [IS_SET, CUT_OFF]
+    session.run(2.1)
+    session = power_up(flash)
+    assert trust(session, 1, 2) == [REMEMBERED, (LOST, BEFORE)]
+    assert session.position(1) == 7
+
+
+def test_not_while_a_run_waits_for_its_go():
+    """So that nothing is to be written between GO and the first step."""
+    flash = Guarded()
+    session = power_up(flash)
+    session.accept(MotorResetPosition(1, 0))
+    session.upload({1: [5 * k for k in range(40)]})
+    session.ready(run_request(end=40))
+    writes = flash.writes
+    session.run(5)
+    assert flash.writes == writes
+    session.accept(RtGo())
+    session.wait_idle()
+    assert flash.writes == writes
+    session.run(2.1)
+    assert flash.writes == writes + 1 and power_up(flash).position(1) == session.position(1)
+
+
+def test_a_driver_switched_off_needs_no_writing():
+    flash = Guarded()
+    session = power_up(flash)
+    session.accept(MotorResetPosition(1, 5))
+    session.run(2.1)
+    writes = flash.writes
+    session.accept(MotorConfigure(1, 0))
+    session.run(2.1)
+    assert flash.writes == writes and trust(power_up(flash), 1) == [REMEMBERED]
+
+
+def test_without_a_flash(capsys, monkeypatch):
+    def flash(hal):
+        raise OSError(28)
+
+    monkeypatch.setattr(HostHal, "flash", flash)
+    session = power_up(Guarded())
+    assert "cannot be remembered" in capsys.readouterr().out
+    assert session.ask(GetCondition()).bits == m.CONDITION_FORGETFUL
+    session.accept(MotorResetPosition(1, 5), MotorMove(1, 100))
+    session.wait_idle()
+    assert session.position(1) == 100

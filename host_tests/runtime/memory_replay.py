@@ -1,0 +1,102 @@
+"""Remembered positions on both runtimes: on MicroPython the heap is locked while they are written and spoiled."""
+
+import binascii
+from array import array
+
+from framestep.io.memory import STILL_MS, Memory
+from framestep.motion import stepper
+from framestep.motion.positions import Positions
+from framestep.motion.reals import copy_word
+
+try:
+    from micropython import heap_lock, heap_unlock
+except ImportError:
+
+    def heap_lock():
+        pass
+
+    heap_unlock = heap_lock
+
+FAR = 2**31 - 1  # no small integer
+
+
+class Flash:
+    """Two blocks of four slots. It is not looked at whether the flash allocates."""
+
+    blocks = 2
+    bytes = 512
+
+    def __init__(self):
+        self.content = [bytearray(b"\xff" * 512), bytearray(b"\xff" * 512)]
+        self.locked = False
+
+    def lock(self, on):
+        self.locked = on
+        if on:
+            heap_lock()
+        else:
+            heap_unlock()
+
+    def read(self, block, at, buffer):
+        locked = self.locked
+        if locked:
+            self.lock(False)
+        found = array("i", bytes(self.content[block][at : at + 4 * len(buffer)]))
+        for i in range(len(buffer)):
+            buffer[i] = found[i]
+        if locked:
+            self.lock(True)
+
+    def program(self, block, at, page):
+        self.lock(False)
+        for i, byte in enumerate(bytes(page)):
+            self.content[block][at + i] &= byte
+        self.lock(True)
+        return True
+
+    def erase(self, block):
+        for i in range(512):
+            self.content[block][i] = 0xFF
+        return True
+
+
+class Motor:
+    def __init__(self):
+        self.place = array("i", [0])
+        self.block = array("i", [0] * stepper.BLOCK_WORDS)
+
+    def refresh(self):
+        copy_word(self.place, 0, self.block, stepper.POSITION)
+
+
+class Motors:
+    def __init__(self):
+        self.count = 8
+        self.positions = Positions(8)
+        self.motors = [Motor() for _ in range(8)]
+
+    def __getitem__(self, i):
+        return self.motors[i]
+
+
+def replay(say):
+    flash = Flash()
+    places = array("i", [0, FAR, -FAR - 1, 5, -5, 2**30, -(2**30), 1])
+    for turn in range(11):
+        motors = Motors()
+        memory = Memory(flash, motors)
+        say(f"{[motor.place[0] for motor in motors.motors]} {bytes(motors.positions.states)}")
+        now = 2**30 - 100
+        flash.lock(True)
+        for i in range(8):
+            if i != turn:
+                motors.positions.know(i)
+                copy_word(motors[i].block, stepper.POSITION, places, (i + turn) & 7)
+        for _ in range(STILL_MS + 3):
+            now = now + 1 if now < 0x3FFFFFFF else 0
+            memory.poll(now, False)
+        if turn & 1:
+            motors.positions.touch()
+        flash.lock(False)
+        content = binascii.hexlify(bytes(flash.content[0]) + bytes(flash.content[1]))
+        say(f"{memory.working} {content.decode()}")

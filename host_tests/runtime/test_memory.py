@@ -1,0 +1,15 @@
+"""Remembered positions as machine code on 32 bits: byte by byte the same flash as on CPython, and no allocation."""
+
+from pathlib import Path
+
+from host_tests.runtime import memory_replay
+
+REPLAY = Path(__file__).parent / "memory_replay.py"
+
+
+def test_both_runtimes_write_the_same(unix32f):
+    lines = []
+    memory_replay.replay(lines.append)
+    output = unix32f.run("from memory_replay import replay\nreplay(print)\n", path=[REPLAY.parent])
+    assert output.split("\n")[:-1] == lines
+    assert "-2147483648" in lines[2] and len({line.split()[-1] for line in lines[1::2]}) == 11
