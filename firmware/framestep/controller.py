@@ -393,7 +393,11 @@ class Controller:
         """OK, or why the motor may not be moved on its own now."""
         if self.broken or self.safety.tripped:
             return m.ERR_GENERAL
-        if self.stage.running and self.stage.takes(motor) or self.virtuals.engaged >> motor & 1:
+        if (
+            self.stage.running
+            and self.stage.takes(motor)
+            or (self.virtuals.engaged >> motor & 1 and not self.virtuals.leads(motor))
+        ):
             return m.ERR_MOVING
         if not self.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
             return m.ERR_GENERAL
@@ -453,8 +457,14 @@ class Controller:
         if code != m.OK:
             return code
         self.jogging &= ~(1 << motor)
-        self._power(1 << motor)
-        moving = axis.travel(self.hal, self.words, 0)
+        if self.virtuals.leads(motor):
+            code = self.virtuals.drive(motor, self.words, 0)
+            if code != m.OK:
+                return code
+            moving = self.virtuals.engaged != 0
+        else:
+            self._power(1 << motor)
+            moving = axis.travel(self.hal, self.words, 0)
         if self.rig.wide:
             return m.OK
         writer = self.writer
@@ -519,6 +529,8 @@ class Controller:
         if code != m.OK:
             return code
         bit = 1 << motor
+        if self.virtuals.leads(motor):
+            return self.virtuals.drive(motor, self.words, 0, speed)
         self.jog_at[motor] = self.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit

@@ -17,7 +17,7 @@ SETTINGS = {
         int,
         0,
         124,
-        40,
+        124,
         "",
         "virtual axes, a sum: 4 boom-swing-track, 8 swing-pan, 16 Y-swing-track, 32 X-Y-Z, 64 aim; 0 saves memory",
     ),

@@ -26,26 +26,43 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.end_to_end.session import simulated
-from host_tests.end_to_end.virtual import UNIT, assert_straight, configured, joints
+from host_tests.end_to_end.virtual import (
+    BOOM,
+    BOOM_NODAL,
+    COLUMN,
+    NODAL,
+    SWING_PAN,
+    UNIT,
+    XYZ,
+    assert_straight,
+    configured,
+    joints,
+    pose,
+    pose_of,
+)
 
-XYZ = Rig(4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0))))
-NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
-RIGS = {"x-y-z": XYZ, "x-y-z with a nodal offset": NODAL}
+RIGS = {
+    "x-y-z": XYZ,
+    "x-y-z with a nodal offset": NODAL,
+    "boom": BOOM,
+    "boom with a nodal offset": BOOM_NODAL,
+    "column": COLUMN,
+    "swing-pan": SWING_PAN,
+}
 MOVES = [
+    ("boom", m.VIRT_MOTOR_EW, 500.0),
+    ("boom", m.VIRT_MOTOR_NS, -700.0),
+    ("boom", m.VIRT_MOTOR_TRACK, 30.0),
+    ("boom with a nodal offset", m.VIRT_MOTOR_EW, -110.0),
+    ("boom with a nodal offset", m.VIRT_MOTOR_PAN, 30.0),
+    ("column", m.VIRT_MOTOR_EW, 400.0),
+    ("swing-pan", m.VIRT_MOTOR_PAN, -90.0),
     ("x-y-z", m.VIRT_MOTOR_EW, 22.5),
     ("x-y-z", m.VIRT_MOTOR_TRACK, -14.0),
     ("x-y-z", m.VIRT_MOTOR_ROLL, 0.5),
     ("x-y-z with a nodal offset", m.VIRT_MOTOR_PAN, 70.0),
     ("x-y-z with a nodal offset", m.VIRT_MOTOR_TILT, -25.0),
 ]
-
-
-def pose_of(p):
-    return np.array([p.track, p.east_west, p.north_south, p.pan, p.tilt, p.roll]) / 100000
-
-
-def pose(session):
-    return pose_of(session.ask(VirtGetPosition()))
 
 
 @pytest.mark.parametrize(("name", "number", "length"), MOVES)
@@ -58,17 +75,17 @@ def test_a_move_is_straight(name, number, length):
     target = start[number - 1] + length
     session.forget()
     session.accept(VirtMove(number, round(target * 100000)))
-    assert session.moving == [a.motor for a in rig.axes], "the moving bits are set by the acknowledgement"
+    assert session.moving == sorted(a.motor for a in rig.axes), "the moving bits are set by the acknowledgement"
     session.wait_idle()
     way = UNIT[number] * np.sign(length)
     track, s = assert_straight(rig, session, before, way, abs(length))
     track.limits(20_000, 50_000)
     # one ramp up, one ramp down
-    assert (np.diff(s) >= -0.0021).all()
+    assert (np.diff(s) >= -0.03).all()
     expected = rig.steps(rig.inverse(start + length * UNIT[number], joints(rig, track.places[0])))
     after = session.positions
     assert [after[a.motor] for a in rig.axes] == np.round(expected).tolist()
-    np.testing.assert_allclose(pose(session), start + length * UNIT[number], atol=0.002)
+    np.testing.assert_allclose(pose(session), start + length * UNIT[number], atol=0.03)
 
 
 def test_a_stop_stays_on_the_line():
@@ -113,7 +130,7 @@ def test_a_second_stop_all_lets_each_motor_ramp_down_by_itself():
 
 
 def test_capabilities_and_their_mask():
-    assert simulated().ask(Hi()).capabilities & 0x7C == 40
+    assert simulated().ask(Hi()).capabilities & 0x7C == 0x7C
     session = simulated({"virtuals": m.CAP_X_Y_Z})
     assert session.ask(Hi()).capabilities & 0x7C == m.CAP_X_Y_Z
     session.refuse(Ack.ERR_UNSUPPORTED, VirtConfig.unpack(Rig(2, (Axis(1), Axis(2))).payload()))
@@ -140,8 +157,8 @@ def test_positions_are_told_beside_those_of_the_motors():
     session.wait_idle()
     motors, virtuals = session.events(Positions), session.events(VirtPositions)
     assert len(motors) == len(virtuals) >= 3
-    for (_, place), (_, pose) in zip(motors, virtuals, strict=True):
-        assert pose.north_south == pytest.approx(-2_000_000 + place.steps[1] * 100, abs=150 * 100)
+    for (_, place), (_, stands) in zip(motors, virtuals, strict=True):
+        assert stands.north_south == pytest.approx(-2_000_000 + place.steps[1] * 100, abs=150 * 100)
     assert virtuals[-1][1].north_south == -1_700_000
     assert session.code(MotorResetPosition(2, 0)) == Ack.OK
     session.run(0.1)

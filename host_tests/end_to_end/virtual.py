@@ -3,11 +3,28 @@
 import numpy as np
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import HardStop, VirtConfig
-from framestep_tools.virtual_reference import Rig
+from framestep_tools.payloads import HardStop, VirtConfig, VirtGetPosition
+from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.end_to_end.session import Session, assert_within, simulated
 
-SETTLED_S = 0.05
+XYZ = Rig(4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0))))
+NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
+ARM = (3.0, 10.0, 4000.0, -10.0, -3.0, 0.0)
+STEPS = (250.0, 300.0, 80.0, 250.0, 250.0, 250.0)
+BOOM = Rig(
+    1, tuple(Axis(i + 1, n, p) for i, (n, p) in enumerate(zip(STEPS, ARM, strict=True))), length=857.7, extension=78.0
+)
+BOOM_NODAL = Rig(1, BOOM.axes, BOOM.length, BOOM.extension, nodal=(20.0, 35.5, -12.0))
+COLUMN = Rig(3, (Axis(1, 100.0, 30.0), *BOOM.axes[1:]), length=600.0, extension=-20.0, nodal=(0.0, 50.0, 10.0))
+SWING_PAN = Rig(2, (Axis(3, 500.0), Axis(2, 100.0)))
+
+
+def pose_of(p):
+    return np.array([p.track, p.east_west, p.north_south, p.pan, p.tilt, p.roll]) / 100000
+
+
+def pose(session):
+    return pose_of(session.ask(VirtGetPosition()))
 
 
 def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, motors=8) -> Session:
@@ -72,26 +89,29 @@ def worst_error(rig, track, base, way, length):
 
     The point is the one that makes the distance least: where along the line the rig should be by now is not asked.
     """
-    numbers = [a.motor - 1 for a in rig.axes if a.motor]
-    near = joints(rig, track.places[0])
-    grid = np.linspace(0, length, 501)
-    table = exact(rig, base, way, grid, near)
     columns = [i for i, a in enumerate(rig.axes) if a.motor]
-    table = table[:, columns]
-    at = np.zeros(len(track.times))
-    for k, place in enumerate(track.places[:, numbers]):
-        # the grid's best, then between its neighbours, where the motors are as good as linear
-        best = np.abs(table - place).max(axis=1).argmin()
-        low, high = max(best - 1, 0), min(best + 1, len(grid) - 1)
-        fine = np.linspace(0, 1, 201)
-        error = np.inf
-        for a, b in ((low, best), (best, high)):
-            between = table[a] + fine[:, None] * (table[b] - table[a])
-            found = np.abs(between - place).max(axis=1)
-            if found.min() < error:
-                error, at[k] = found.min(), grid[a] + fine[found.argmin()] * (grid[b] - grid[a])
-    true = exact(rig, base, way, np.clip(at, 0, length), near)[:, columns]
-    return float(np.abs(true - track.places[:, numbers]).max()), at
+    numbers = [rig.axes[i].motor - 1 for i in columns]
+    near = joints(rig, track.places[0])
+    # first by where the camera is; then once more next to that, where the motors are as good as linear
+    at = np.array([(rig.forward(joints(rig, row)) - base) @ way / (way @ way) for row in track.places])
+    at = np.clip(at, 0, length)
+    places = track.places[:, numbers]
+    for _ in range(2):
+        low, high = np.maximum(at - length * 1e-7, 0), np.minimum(at + length * 1e-7, length)
+        here = exact(rig, base, way, low, near)[:, columns] - places
+        slope = (exact(rig, base, way, high, near)[:, columns] - places - here) / (high - low)[:, None]
+        at = np.clip(low + _least(here, slope, -low, length - low), 0, length)
+    return float(np.abs(exact(rig, base, way, at, near)[:, columns] - places).max()), at
+
+
+def _least(here, slope, begin, end):
+    """Where between begin and end the greatest |here + slope·x| of each row is least."""
+    for _ in range(80):
+        third = (end - begin) / 3
+        left = np.abs(here + slope * (begin + third)[:, None]).max(axis=1)
+        right = np.abs(here + slope * (end - third)[:, None]).max(axis=1)
+        begin, end = np.where(left > right, begin + third, begin), np.where(left > right, end, end - third)
+    return begin
 
 
 def assert_straight(rig, session, before, way, length, within=1.0):

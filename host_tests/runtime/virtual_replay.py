@@ -36,6 +36,18 @@ def script():
         (3, frame(0x200, b"\x00") + frame(0x205)),
         (3, frame(0x200, struct.pack("<BIiIi", 2, 1, 500000, 2, 100000)) + frame(0x205)),
         (1200, move(4, 20)),
+        (3, frame(0x33) + frame(0x200, b"\x00")),
+        (3, _config(1, (300000, 1000000, 40000000, -1000000, -300000, 0), (857700, 78000, 20000, 35500, 0, 5000))),
+        (600, frame(0x203, b"\x02" + struct.pack("<Hi", 9000, 2**31 - 1))),
+        (700, frame(0x203, b"\x02" + struct.pack("<Hi", 9000, 2**31 - 1)) + move(1, 3)),
+        (300, frame(0x206, b"\x02" + struct.pack("<h", -7000))),
+        (900, stop(1)),
+        (3, frame(0x207, b"\x01" + words(30000, 50000, 200000)) + frame(0x205)),
+        (800, frame(0x31, b"\x03" + words(5000))),
+        (900, move(1, -600) + frame(0x205)),
+        (400, frame(0x36, b"\x02" + struct.pack("<Hi", 5000, -(2**31))) + frame(0x207, b"\x00" + words(1, 2, 3))),
+        (400, stop(5) + frame(0x32, b"\x02")),
+        (3, frame(0x207, b"\x00" + words(1, 2, 3)) + frame(0x205)),
     ]
 
 

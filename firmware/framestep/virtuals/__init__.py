@@ -14,6 +14,9 @@ class NoVirtuals:
     def poll(self, now):
         pass
 
+    def leads(self, motor):
+        return False
+
     def stop(self):
         pass
 

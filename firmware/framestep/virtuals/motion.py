@@ -1,7 +1,9 @@
 """Motion along a line in virtual space: all motors of a rig at once, as one point that runs along the line.
 
-A line is POSE = BASE + s·WAY, s from 0 on; `place` says for an s where every motor has to stand. A point moves along
-s with one trapezoid: from knot to knot, SPAN ticks apart, its velocity changes as far as its limits and the way that
+A line is POSE = BASE + s·WAY, s from 0 on, or with an aim point JOINT = BASE + s·WAY, where a single motor is asked
+for. While an aim point is on, pan and tilt are its direction and an offset, to which WAY adds.
+`place` says for an s where every motor has to stand. A point moves along
+s with one trapezoid: from knot to knot, `span` ticks apart, its velocity changes as far as its limits and the way that
 is left allow. Between two knots every motor follows a cubic (AIM phases, motion/ramps.py) with the exact positions at
 both ends; its velocity there is the point's velocity times the slope of the motor's step over s, from the knots on
 either side.
@@ -13,7 +15,7 @@ of the point: F·v <= velocity, F·a + G·v² <= acceleration; half of the accel
 A move is surveyed whole before it starts, and has one v and one a. A jog has no end that is known: it is surveyed
 some cells ahead, each with its own v and a, and never goes faster than it can stop within what has been surveyed.
 
-Knots lie on whole ticks and a SPAN is one segment, so the queues of all motors can be cut at the same knot and
+Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the same knot and
 planned anew from there: that is how a point in motion is stopped on its line.
 
 Time in ticks, positions of motors in steps, s in units or degrees. Nothing allocates after construction.
@@ -26,7 +28,8 @@ from framestep.motion import reals, stepper
 from framestep.motion.reals import combine, multiply, put
 from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
-from framestep.virtuals.geometry import AXES, POSE, REGISTERS
+from framestep.virtuals import aim
+from framestep.virtuals.geometry import AXES, JOINT, PER_UNIT, POSE, REGISTERS
 
 # States
 IDLE = const(0)
@@ -38,15 +41,16 @@ HALTED = const(3)  # the motors ramp down by themselves
 BASE = const(REGISTERS)  # six: the pose at s = 0
 WAY = const(REGISTERS + 12)  # six: what s adds to it
 OFFSETS = const(REGISTERS + 24)  # pan and tilt less the direction of the aim point
-END = const(REGISTERS + 28)  # s at which the line ends, or the survey of a jog
+_AIMED = const(REGISTERS + 68)  # that direction at s = 0
+END = const(REGISTERS + 28)  # s at which the line ends; of a jog, up to which it has been surveyed
 TOP = const(REGISTERS + 30)  # limits of the point
 STEEP = const(REGISTERS + 32)
 HALF_CELL = const(REGISTERS + 34)
-_S = const(REGISTERS + 36)  # where the knot planned last lies, and its velocity
-_V = const(REGISTERS + 38)
+S = const(REGISTERS + 36)  # where the knot planned last lies, and its velocity
+V = const(REGISTERS + 38)
 _T = const(REGISTERS + 40)  # ticks from the knot before to it
 _LAST_T = const(REGISTERS + 42)
-_LEFT = const(REGISTERS + 44)
+LEFT = const(REGISTERS + 44)  # way to where the point has to stand if it goes on as it may
 _NEXT = const(REGISTERS + 46)
 _A = const(REGISTERS + 48)
 _P = const(REGISTERS + 50)
@@ -56,26 +60,26 @@ _Y = const(REGISTERS + 56)
 _Z = const(REGISTERS + 58)
 _W = const(REGISTERS + 60)
 _ZERO = const(REGISTERS + 62)
-_SPAN = const(REGISTERS + 64)
 _AT = const(REGISTERS + 66)
-FIRST_FREE = const(REGISTERS + 68)
+FIRST_FREE = const(REGISTERS + 72)
 
-SPAN = const(32)  # ticks from knot to knot: one segment
+SPAN = const(32)  # ticks from knot to knot, at most: one segment
 _BEGIN = const(4)  # knots queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
 _SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
 _NOTICE = const(30)  # ticks from a request to the first knot that it may change
 _KNOTS = const(16)  # remembered
 
-_ROW = const(12)  # words of the places of all motors: step and Q16 fraction of each
+ROW = const(12)  # words of the places of all motors: step and Q16 fraction of each
 _ROWS = const(16)  # of knots; then those of the survey
-_SURVEY = const(192)  # _ROW * _ROWS
+SURVEY = const(192)  # ROW * _ROWS
 
 # The survey
 _CELLS = const(8)  # of a whole line, before any is halved
 _WHOLE_CELL = const(1024)  # its size, in parts that may be halved nine times
 _MOST_CELLS = const(96)
 _SIXTEENTHS = const(4)  # of a step, as shift
+_TURNS = const(20)  # of pan and tilt until they are as the aim point asks
 _NOISE = const(4)  # sixteenths of a second difference that are rounding
 _SMALL_BEND = const(32)  # sixteenths that make no difference
 _MARGIN = const(10320)  # what the motors can do is taken for 10000 / 10320 of it: 3 % for what a survey cannot see
@@ -133,7 +137,7 @@ def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) ->
     return 0
 
 
-_SMOOTH = const(0)
+SMOOTH = const(0)
 _BENT = const(1)  # the cell is to be halved
 _FAR = const(2)  # farther than can be counted
 
@@ -193,7 +197,7 @@ def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, gr
                         return _BENT
             i += 1
         turn += 1
-    return _SMOOTH
+    return SMOOTH
 
 
 @micropython.viper
@@ -254,6 +258,26 @@ def _hold(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> 
 
 
 @micropython.viper
+def _order(a, i: int, b, j: int) -> int:
+    """The sign of a[i] - b[j]."""
+    x = ptr32(a)
+    y = ptr32(b)
+    if x[i + 0] > y[j + 0]:
+        return 1
+    if x[i + 0] < y[j + 0]:
+        return -1
+    return 0
+
+
+@micropython.viper
+def _tiny(r: ptr32, a: int) -> int:
+    """Whether an angle r[a] is below 2^-16 degrees."""
+    if r[a + 0] == 0 or r[a + 1] < -46:
+        return 1
+    return 0
+
+
+@micropython.viper
 def _near(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
     """Whether the place in rows[k] is within a step of where the motor is."""
     d = (rows[k + 0] >> 2) - (present[motor + 0] >> 2)
@@ -277,8 +301,8 @@ class Motion:
         self.state = IDLE
         self.bits = 0  # motors of the rig
         self.motor = array("i", [0] * AXES)  # of each axis of the rig, from 1; 0 for none
-        self.rows = array("i", [0] * (_SURVEY + 3 * _ROW))
-        self.speeds = array("i", [0] * (_ROW * _KNOTS))  # of the motors at each knot: reals
+        self.rows = array("i", [0] * (SURVEY + 3 * ROW))
+        self.speeds = array("i", [0] * (ROW * _KNOTS))  # of the motors at each knot: reals
         self.marks = array("i", [0] * (4 * _KNOTS))  # s and velocity of the point at each knot: reals
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
         self.curve = array("i", [0] * (2 * AXES))
@@ -291,6 +315,9 @@ class Motion:
         self.tick = 0  # in which the motion has begun
         self.closed = True  # no further knots come
         self.stopping = False
+        self.span = SPAN  # ticks to the next knot
+        self.aiming = False  # pan and tilt follow the aim point
+        self.by_joint = False  # the line is one of JOINTs
         reals.put(r, _ZERO, 0, 0)
 
     # ---------------------------------------------------------------- what requests ask
@@ -315,24 +342,58 @@ class Motion:
             self.axes[i].position_to(self.present, i)
         return self.rig.locate(self.present)
 
-    def lay(self):
-        """Begin a line where the rig stands: BASE is its pose, WAY is 0 and to be filled in. A code."""
+    def lay(self, by_joint=False):
+        """Begin a line where the rig stands: BASE is its pose, or its JOINTs, and WAY is to be filled in. A code."""
         code = self.locate()
+        if not code and self.aiming:
+            code = self._look_at()
         if code:
             return code
         r = self.r
+        self.by_joint = by_joint
+        base = JOINT if by_joint else POSE
         for k in range(0, 2 * AXES, 2):
-            reals.copy(r, BASE + k, POSE + k)
+            reals.copy(r, BASE + k, base + k)
             reals.put(r, WAY + k, 0, 0)
         self._bound()
         self.guide = None
         # what the rig says of this pose must be where it stands: there may be two ways to take it
-        code = self.place(_ZERO, _SURVEY)
+        code = self.place(_ZERO, SURVEY)
         if code:
             return code
         for i in range(AXES):
-            if self.motor[i] and not _near(self.rows, _SURVEY + 2 * i, self.present, self.motor[i] - 1):
+            if self.motor[i] and not _near(self.rows, SURVEY + 2 * i, self.present, self.motor[i] - 1):
                 return m.ERR_RANGE
+        return 0
+
+    def look_at(self):
+        """Take the aim point as seen from here: pan and tilt keep what they have beside its direction. A code."""
+        code = self.locate()
+        if code:
+            return code
+        r = self.r
+        for k in range(0, 4, 2):
+            reals.put(r, OFFSETS + k, 0, 0)
+        return self._look_at()
+
+    def _look_at(self):
+        """_AIMED for the pose located, and OFFSETS, unless they differ by less than a step from what they were."""
+        r = self.r
+        reals.copy(r, _AIMED, POSE + 6)
+        reals.copy(r, _AIMED + 2, POSE + 8)
+        code = aim.direction(r, _AIMED, _AIMED + 2)
+        if code:
+            return code
+        for k in range(0, 4, 2):
+            reals.subtract(r, _X, POSE + 6 + k, _AIMED + k)
+            reals.subtract(r, _Y, _X, OFFSETS + k)
+            reals.multiply(r, _Y, _Y, PER_UNIT + 6 + k)
+            if reals.sign(r, _Y) < 0:
+                reals.negate(r, _Y, _Y)
+            reals.put(r, _Z, 3, -2)
+            if reals.compare(r, _Y, _Z) > 0:
+                reals.copy(r, OFFSETS + k, _X)
+            reals.add(r, POSE + 6 + k, _AIMED + k, OFFSETS + k)
         return 0
 
     def _bound(self):
@@ -362,13 +423,28 @@ class Motion:
         """Let axis i go no farther than the step target[j], on which side it may be; -1, 0 or 1 tells which."""
         return _hold(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)
 
+    def side(self, i, target, j):
+        """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0 or 1."""
+        return _order(target, j, self.present, self.motor[i] - 1)
+
+    def turned(self, i, a, b):
+        """Which way the motor of axis i goes from the places in row a to those in row b: -1 or 1."""
+        return _order(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
+
     # ---------------------------------------------------------------- places on the line
 
     def place(self, s, row):
         """Where the motors stand at r[s], into rows[row …]. A code."""
         rig = self.rig
-        along(self.r, POSE, BASE, WAY, s, _X)
-        code = rig.inverse()
+        r = self.r
+        if self.by_joint:
+            along(r, JOINT, BASE, WAY, s, _X)
+            code = self._turn()
+        else:
+            along(r, POSE, BASE, WAY, s, _X)
+            code = self._direct(POSE) if self.aiming else 0
+            if not code:
+                code = rig.inverse()
         if code:
             return code
         rows = self.rows
@@ -380,6 +456,41 @@ class Motion:
             row += 2
         return 0
 
+    def _direct(self, pose):
+        """Turn the angles of r[pose] to the aim point, from the place of POSE. A code."""
+        r = self.r
+        reals.subtract(r, _X, pose + 6, _AIMED)
+        reals.subtract(r, _Y, pose + 8, _AIMED + 2)
+        # on a line its direction never turns by half a turn
+        reals.copy(r, POSE + 6, _AIMED)
+        code = aim.direction(r, POSE + 6, POSE + 8)
+        reals.add(r, POSE + 6, POSE + 6, _X)
+        reals.add(r, POSE + 8, POSE + 8, _Y)
+        return code
+
+    def _turn(self):
+        """Turn pan and tilt of JOINT to the aim point. With a nodal offset that moves the camera as well. A code."""
+        rig = self.rig
+        r = self.r
+        for _ in range(_TURNS):
+            code = rig.forward()
+            if code:
+                return code
+            reals.copy(r, _W, POSE + 6)
+            reals.copy(r, _Z, POSE + 8)
+            reals.add(r, POSE + 6, _AIMED, OFFSETS)
+            reals.add(r, POSE + 8, _AIMED + 2, OFFSETS + 2)
+            code = self._direct(POSE)
+            if code:
+                return code
+            reals.subtract(r, _W, POSE + 6, _W)
+            reals.subtract(r, _Z, POSE + 8, _Z)
+            reals.add(r, JOINT + 6, JOINT + 6, _W)
+            reals.add(r, JOINT + 8, JOINT + 8, _Z)
+            if _tiny(r, _W) and _tiny(r, _Z):
+                return 0
+        return m.ERR_RANGE
+
     # ---------------------------------------------------------------- the survey
 
     def survey(self):
@@ -388,9 +499,9 @@ class Motion:
         reals.double(r, HALF_CELL, END, -4)
         self.clear()
         self.greatest_clear()
-        a = _SURVEY
-        b = _SURVEY + _ROW
-        c = _SURVEY + 2 * _ROW
+        a = SURVEY
+        b = SURVEY + ROW
+        c = SURVEY + 2 * ROW
         at = 0
         size = _WHOLE_CELL
         level = 0
@@ -407,7 +518,7 @@ class Motion:
                 size //= 2
                 level += 1
                 continue
-            if found != _SMOOTH:
+            if found != SMOOTH:
                 return m.ERR_RANGE  # too near to a pose in which a motor would have to be infinitely fast
             code = _inside(self.rows, a, b, c, self.bounds, self.motor)
             if code:
@@ -475,6 +586,13 @@ class Motion:
             reals.root(r, _Y, _Q)
             if reals.compare(r, _Y, TOP) < 0:
                 reals.copy(r, TOP, _Y)
+        reals.put(r, _W, share, 0)
+        reals.put(r, _X, _MARGIN, 0)
+        reals.divide(r, _W, _W, _X)
+        reals.multiply(r, TOP, TOP, _W)
+        self.span = SPAN
+        if bent:
+            self._smoothen()
         reals.multiply(r, _Q, TOP, TOP)
         first = True
         for i in range(AXES):
@@ -490,12 +608,38 @@ class Motion:
                 if first or reals.compare(r, _X, STEEP) < 0:
                     reals.copy(r, STEEP, _X)
                     first = False
-        reals.put(r, _P, share, 0)
-        reals.multiply(r, _P, _P, HALF_CELL)
-        reals.put(r, _X, _MARGIN, 0)
-        reals.divide(r, _P, _P, _X)
-        reals.multiply(r, TOP, TOP, _P)
-        reals.multiply(r, STEEP, STEEP, _P)
+        reals.multiply(r, TOP, TOP, HALF_CELL)
+        reals.multiply(r, STEEP, STEEP, HALF_CELL)
+        reals.multiply(r, STEEP, STEEP, _W)
+
+    def _smoothen(self):
+        """Set the ticks from knot to knot, and if need be a lower TOP, so that a cubic is as good as the motors' path.
+
+        With the third derivative d the slopes at the knots are wrong by up to d·h²/6, which puts the cubic beside by
+        d·h³/60; toward a singular pose, where the path goes like a square root, d is 3·G²/F. With h = v·span that
+        stays below a quarter of a step for v³·G²/F < 5/span³.
+        """
+        r = self.r
+        for i in range(AXES):
+            bend = self.curve[2 * i + 1]
+            if self.motor[i] and bend:
+                reals.put(r, _P, bend, -_SIXTEENTHS)
+                reals.multiply(r, _P, _P, _P)
+                reals.put(r, _X, self.greatest[i], -_SIXTEENTHS)
+                reals.divide(r, _P, _P, _X)
+                reals.put(r, _X, 7, -3)
+                while True:
+                    reals.multiply(r, _Y, TOP, TOP)
+                    reals.multiply(r, _Y, _Y, TOP)
+                    reals.multiply(r, _Y, _Y, _P)
+                    reals.put(r, _Z, 5, -15)
+                    if reals.compare(r, _Y, _Z) < 0:
+                        break
+                    self.span = SPAN // 2
+                    reals.double(r, _Z, _Z, 3)
+                    if reals.compare(r, _Y, _Z) < 0:
+                        break
+                    reals.multiply(r, TOP, TOP, _X)
 
     # ---------------------------------------------------------------- the motion
 
@@ -513,8 +657,8 @@ class Motion:
                 reals.copy_word(self.rows, 2 * i, self.present, motor)
                 self.rows[2 * i + 1] = 0
                 reals.fetch(self.speeds, 2 * i, r, _ZERO)
-        reals.put(r, _S, 0, 0)
-        reals.put(r, _V, 0, 0)
+        reals.put(r, S, 0, 0)
+        reals.put(r, V, 0, 0)
         self._note(0)
         self.times[0] = 0
         self.knot = 0
@@ -551,11 +695,13 @@ class Motion:
         if state == IDLE:
             return
         if state == STARTING:
-            if self.guide:
-                self.guide.extend()
+            if self.guide and self.guide.extend():
+                return
             self._plan()
             if self.closed or self.queued >= _BEGIN:
                 self._release()
+            elif self.guide and not self.guide.count:
+                self.halt()  # no way to go
             return
         if state == MOVING and not self.closed:
             ahead = self.times[self.queued % _KNOTS] - self._elapsed()
@@ -585,8 +731,8 @@ class Motion:
     def _note(self, knot):
         """Remember s and velocity of a knot."""
         k = 4 * (knot % _KNOTS)
-        reals.fetch(self.marks, k, self.r, _S)
-        reals.fetch(self.marks, k + 2, self.r, _V)
+        reals.fetch(self.marks, k, self.r, S)
+        reals.fetch(self.marks, k + 2, self.r, V)
 
     def _plan(self):
         """Place the next knot, and queue the phases to the one before it, which it takes to know the velocity there."""
@@ -597,8 +743,8 @@ class Motion:
         if not self._advance():
             return
         knot += 1
-        following = _ROW * (knot % _KNOTS)
-        if self.place(_S, following):
+        following = ROW * (knot % _KNOTS)
+        if self.place(S, following):
             self.halt()  # the survey has said that it can be reached
             return
         self._note(knot)
@@ -606,7 +752,7 @@ class Motion:
         self.knot = knot
         if self.queued < knot - 1:
             self._queue(knot - 1)
-        if reals.sign(r, _V) == 0:
+        if reals.sign(r, V) == 0:
             self._finish(knot)
 
     def _queue(self, knot):
@@ -638,10 +784,10 @@ class Motion:
         for i in range(AXES):
             if self.motor[i]:
                 k = 2 * i
-                _velocity(r, _W, rows, _ROW * before + k, _ROW * here + k, _ROW * after + k, _P, _Q, _Y)
-                part = _aimed(self.word, rows, _ROW * here + k, r, _W)
-                reals.fetch(r, _X, self.speeds, _ROW * before + k)
-                reals.fetch(self.speeds, _ROW * here + k, r, _W)
+                _velocity(r, _W, rows, ROW * before + k, ROW * here + k, ROW * after + k, _P, _Q, _Y)
+                part = _aimed(self.word, rows, ROW * here + k, r, _W)
+                reals.fetch(r, _X, self.speeds, ROW * before + k)
+                reals.fetch(self.speeds, ROW * here + k, r, _W)
                 self.axes[self.motor[i] - 1].aim(_LAST_T, _X, _W, r, self.word, 0, part)
         self.queued = knot
 
@@ -651,66 +797,68 @@ class Motion:
         for i in range(AXES):
             if self.motor[i]:
                 axis = self.axes[self.motor[i] - 1]
-                reals.fetch(r, _X, self.speeds, _ROW * ((knot - 1) % _KNOTS) + 2 * i)
-                _nearest(self.word, self.rows, _ROW * (knot % _KNOTS) + 2 * i)
+                reals.fetch(r, _X, self.speeds, ROW * ((knot - 1) % _KNOTS) + 2 * i)
+                _nearest(self.word, self.rows, ROW * (knot % _KNOTS) + 2 * i)
                 axis.aim(_T, _X, _ZERO, r, self.word, 0)
                 axis.more = False
         self.queued = knot
         self.closed = True
 
     def _advance(self):
-        """s and velocity of the next knot in _S and _V, the ticks to it in _T. False: it cannot be told yet."""
+        """s and velocity of the next knot in S and V, the ticks to it in _T. False: it cannot be told yet."""
         r = self.r
         if self.stopping:
             if self.guide:
                 self.guide.look()
-            reals.put(r, _T, SPAN, 0)
+            reals.put(r, _T, self.span, 0)
             reals.multiply(r, _NEXT, STEEP, _T)
-            reals.subtract(r, _NEXT, _V, _NEXT)
+            reals.subtract(r, _NEXT, V, _NEXT)
             if reals.sign(r, _NEXT) <= 0:
-                reals.divide(r, _T, _V, STEEP)
+                reals.divide(r, _T, V, STEEP)
                 reals.put(r, _NEXT, 0, 0)
             self._step()
             return True
-        if self.guide:
-            if not self.guide.look():
-                return False
-        else:
-            reals.subtract(r, _LEFT, END, _S)
-        span = SPAN
-        if reals.sign(r, _V):
+        guide = self.guide
+        surveyed = not guide or guide.look()
+        reals.subtract(r, _LAST_T, END, S)
+        if not guide:
+            reals.copy(r, LEFT, _LAST_T)
+        span = self.span
+        if reals.sign(r, V):
             # what a ramp of constant deceleration to the end would take
-            reals.divide(r, _T, _LEFT, _V)
+            reals.divide(r, _T, _LAST_T, V)
             reals.double(r, _T, _T, 1)
             ticks = reals.floor(r, _T, _HALF)
-            if ticks < SPAN:
-                if self.guide and not self.guide.closed:
+            if ticks < span:
+                if guide and not guide.closed:
                     return False
-                reals.subtract(r, _X, END, _S)
-                if reals.sign(r, _X) <= 0 or reals.sign(r, _T) <= 0:
+                if ticks < 0:
                     reals.put(r, _T, 1, 0)
-                reals.copy(r, _S, END)
-                reals.put(r, _V, 0, 0)
+                reals.copy(r, S, END)
+                reals.put(r, V, 0, 0)
                 return True
-            if ticks < 2 * SPAN:
+            if ticks < 2 * span:
                 span = ticks // 2 + 1
-        elif reals.sign(r, _LEFT) <= 0:
+        elif reals.sign(r, _LAST_T) <= 0:
+            if guide and not guide.closed:
+                return False
             reals.put(r, _T, 1, 0)
-            reals.copy(r, _S, END)
-            return self.guide is None or self.guide.closed
+            return True
+        if not surveyed:
+            return False
         reals.put(r, _T, span, 0)
         # as steep as it may, to the greatest velocity, but not above the one from which it can stop at the end:
         # (V + v)·T/2 + v²/2a = LEFT
         reals.multiply(r, _X, STEEP, _T)
-        reals.add(r, _NEXT, _V, _X)
+        reals.add(r, _NEXT, V, _X)
         if reals.compare(r, _NEXT, TOP) > 0:
-            reals.subtract(r, _NEXT, _V, _X)
+            reals.subtract(r, _NEXT, V, _X)
             if reals.compare(r, _NEXT, TOP) < 0:
                 reals.copy(r, _NEXT, TOP)
         reals.double(r, _X, _T, -1)
         reals.multiply(r, _Y, _X, _X)
-        reals.double(r, _Z, _LEFT, 1)
-        reals.multiply(r, _W, _V, _T)
+        reals.double(r, _Z, LEFT, 1)
+        reals.multiply(r, _W, V, _T)
         reals.subtract(r, _Z, _Z, _W)
         reals.divide(r, _Z, _Z, STEEP)
         reals.add(r, _Y, _Y, _Z)
@@ -719,19 +867,19 @@ class Motion:
         reals.multiply(r, _Z, _Z, STEEP)
         if reals.compare(r, _Z, _NEXT) < 0:
             if reals.sign(r, _Z) <= 0:
-                return False  # only where a survey is still under way
+                reals.double(r, _Z, V, -1)  # where cells of a jog in which it may slow down less follow each other
             reals.copy(r, _NEXT, _Z)
         self._step()
         return True
 
     def _step(self):
-        """_S and _V a time _T on, the velocity being _NEXT then."""
+        """S and V a time _T on, the velocity being _NEXT then."""
         r = self.r
-        reals.add(r, _X, _V, _NEXT)
+        reals.add(r, _X, V, _NEXT)
         reals.multiply(r, _X, _X, _T)
         reals.double(r, _X, _X, -1)
-        reals.add(r, _S, _S, _X)
-        reals.copy(r, _V, _NEXT)
+        reals.add(r, S, S, _X)
+        reals.copy(r, V, _NEXT)
 
     # ---------------------------------------------------------------- changing the plan
 
@@ -761,13 +909,13 @@ class Motion:
         if not found:
             return False
         r = self.r
-        reals.fetch(r, _S, self.marks, 4 * (knot % _KNOTS))
-        reals.fetch(r, _V, self.marks, 4 * (knot % _KNOTS) + 2)
+        reals.fetch(r, S, self.marks, 4 * (knot % _KNOTS))
+        reals.fetch(r, V, self.marks, 4 * (knot % _KNOTS) + 2)
         if knot != self.queued or self.closed:
             for i in range(AXES):
                 if self.motor[i]:
                     k = 2 * i
-                    row = _ROW * (knot % _KNOTS) + k
+                    row = ROW * (knot % _KNOTS) + k
                     reals.fetch(r, _W, self.speeds, row)
                     _aimed(self.word, self.rows, row, r, _W)
                     axes[self.motor[i] - 1].resume(self.word, 0)

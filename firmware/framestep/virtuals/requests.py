@@ -10,14 +10,23 @@ from framestep.motion import reals
 from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
+from framestep.virtuals import jog
 from framestep.virtuals import motion as v
 
 _TYPES = const(5)  # and 0 is none
+_LINE_AXES = b"\x02\x03\x01\x04\x05"  # the virtual axis whose VIRT_STOP ends a jog on line (field note 9.6)
 
 # Registers
-_SCALE = const(v.FIRST_FREE)
-_X = const(v.FIRST_FREE + 2)
-_REGISTERS = const(v.FIRST_FREE + 4)
+_SCALE = const(jog.FIRST_FREE)
+_X = const(jog.FIRST_FREE + 2)
+_AXIS = const(jog.FIRST_FREE + 4)  # three
+_REGISTERS = const(jog.FIRST_FREE + 10)
+
+_FASTEST = const(10000)  # ten-thousandths: the speed of a jog
+_WRAP = const(0x3FFFFFFF)
+_PAN = const(3)  # axes of the types that have a place
+_TILT = const(4)
+_CARRIERS = const(3)  # axes that carry pan and tilt
 
 
 @micropython.viper
@@ -78,14 +87,27 @@ class Virtuals:
         self.r = array("i", [0] * _REGISTERS)
         self.types = _geometries(self.capabilities, self.r)
         self.motion = v.Motion(axes, controller.safety, self.r)
-        self.word = array("i", [0])
+        self.guide = jog.Guide(self.motion)
+        self.word = array("i", [0] * 2)
+        self.point = array("i", [0] * 3)  # the aim point, units · 1000
+        self.old = array("i", [0] * 6)  # the point before, if a new one is refused
+        self.now = 0
+        # the jog under way: what was asked for, and when last, where it ends by itself
+        self.jogging = 0
+        self.jog_speed = 0
+        self.jog_way = 0
+        self.jog_at = -1
         self.moved = 0  # bits of the virtual axes that a motion is about
         self.handlers = {
             m.MSG_VIRT_CONFIG: self._config,
             m.MSG_VIRT_MOVE: self._move,
             m.MSG_VIRT_STOP: self._stop,
+            m.MSG_VIRT_JOG: self._jog,
+            m.MSG_VIRT_JOG_ON_LINE: self._jog_on_line,
             m.MSG_VIRT_GET_POSITION: self._get_position,
         }
+        if self.capabilities & m.CAP_AIM_POINT:
+            self.handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
 
     # ---------------------------------------------------------------- what the controller asks
 
@@ -99,15 +121,24 @@ class Virtuals:
         return self.motion.engaged
 
     def poll(self, now):
-        """One pass."""
-        self.motion.poll()
+        """One pass; now: milliseconds modulo 2^30."""
+        self.now = now
+        motion = self.motion
+        if motion.state:
+            limit = self.controller.rig.jog_timeout_ms
+            if self.jog_at >= 0 and limit and (now - self.jog_at) & _WRAP >= limit:
+                self.jog_at = -1
+                motion.stop()
+            motion.poll()
 
     def stop(self):
         """Slow down along the line."""
+        self.jog_at = -1
         self.motion.stop()
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        self.jog_at = -1
         self.motion.halt(factor)
 
     # ---------------------------------------------------------------- configuration
@@ -125,6 +156,7 @@ class Virtuals:
             if reader.length != 1:
                 return m.ERR_RANGE
             self.motion.adopt(None)
+            self.motion.aiming = False
             return m.OK
         rig = self.types[kind]
         if rig is None:
@@ -141,6 +173,7 @@ class Virtuals:
         if code:
             return code
         self.motion.adopt(rig)
+        self.motion.aiming = False
         self.controller.say_position = True
         return m.OK
 
@@ -191,6 +224,10 @@ class Virtuals:
             reals.multiply(r, _X, g.POSE + 2 * i, _SCALE)
             _to_word(self.word, 0, r, _X)
             writer.word_from(self.word, 0)
+        if self.capabilities & m.CAP_AIM_POINT:
+            writer.u8(1 if self.motion.aiming else 0)
+            for i in range(3):
+                writer.word_from(self.point, i)
         return writer.end()
 
     def _get_position(self):
@@ -225,7 +262,9 @@ class Virtuals:
         return number
 
     def _begin(self, bits):
+        """Set out along the line that has been laid; bits: of the virtual axes that it is about."""
         self.moved = bits
+        self.jog_at = -1
         self.controller.moving_all(self.motion.bits)
         self.motion.begin()
 
@@ -257,6 +296,192 @@ class Virtuals:
         if code:
             return code
         self._begin(1 << number)
+        self.jogging = 0
+        return m.OK
+
+    # ---------------------------------------------------------------- jogs
+
+    def _under_way(self, kind, way, speed):
+        """Whether the jog under way is this one, so that it only goes on."""
+        return self.motion.state and self.jogging == kind and self.jog_way == way and self.jog_speed == speed
+
+    def _follow(self, kind, way, speed, bits):
+        """Set out on a jog along the line that has been laid. A code.
+
+        Where a soft limit or the rig's reach leaves no way to go nothing moves, as with a motor's jog.
+        """
+        code = self.guide.begin(speed)
+        if code:
+            return m.OK if code == m.ERR_SOFT_LOW or code == m.ERR_SOFT_UP else code
+        self._begin(bits)
+        self.jogging = kind
+        self.jog_way = way
+        self.jog_speed = speed
+        return m.OK
+
+    def _jog(self):
+        """spec: MSG_VIRT_JOG. virtual axis 0, speed 1, destination 3: a step of its main motor (field note 9.6)."""
+        reader = self.reader
+        code = self._may()
+        if code != m.OK:
+            return code
+        number = self._number()
+        speed = reader.u16(1)
+        if not number or speed < 1 or speed > _FASTEST:
+            return m.ERR_RANGE
+        motion = self.motion
+        main = motion.rig.main[number] - 1
+        if not motion.motor[main]:
+            return m.ERR_RANGE
+        reader.word_to(3, self.word, 0)
+        if motion.state:
+            # the side on which the destination lies as seen from the start tells which way it is to go
+            if self._under_way(number, motion.side(main, self.word, 0), speed):
+                self.jog_at = self.now
+                return m.OK
+            return m.ERR_MOVING
+        code = motion.lay()
+        if code:
+            return code
+        way = motion.bound(main, self.word, 0)
+        if not way:
+            return m.OK
+        reals.put(self.r, v.WAY + 2 * (number - 1), self._sense(main, number) * way, 0)
+        code = self._follow(number, way, speed, 1 << number)
+        if code == m.OK and motion.state:
+            self.jog_at = self.now
+        return code
+
+    def _sense(self, main, number):
+        """1 or -1: whether the motor of axis `main` goes up or down where the virtual axis goes up."""
+        motion = self.motion
+        r = self.r
+        axis = v.WAY + 2 * (number - 1)
+        for way in range(1, -2, -2):
+            reals.put(r, axis, way, 0)
+            reals.put(r, _X, 1, -6)
+            if not motion.place(_X, v.SURVEY + v.ROW):
+                return way * motion.turned(main, v.SURVEY, v.SURVEY + v.ROW)
+        return 1
+
+    def _jog_on_line(self):
+        """spec: MSG_VIRT_JOG_ON_LINE. axis 0, speed 1. Until VIRT_STOP of the axis, or a limit (field note 9.6)."""
+        reader = self.reader
+        code = self._may()
+        if code != m.OK:
+            return code
+        axis = reader.u8(0)
+        speed = reader.i16(1)
+        if axis > m.LINE_TILT or not speed or speed < -_FASTEST or speed > _FASTEST:
+            return m.ERR_RANGE
+        way = 1 if speed > 0 else -1
+        speed *= way
+        kind = g.AXES + 1 + axis
+        number = _LINE_AXES[axis]
+        motion = self.motion
+        if not motion.rig.main[number]:
+            return m.ERR_RANGE
+        if motion.state:
+            return m.OK if self._under_way(kind, way, speed) else m.ERR_MOVING
+        code = motion.lay()
+        if code:
+            return code
+        r = self.r
+        if axis <= m.LINE_Z:
+            g.camera_axis(r, axis, _AXIS)
+            for k in range(0, 6, 2):
+                if way < 0:
+                    reals.negate(r, v.WAY + k, _AXIS + k)
+                else:
+                    reals.copy(r, v.WAY + k, _AXIS + k)
+        else:
+            reals.put(r, v.WAY + 2 * (number - 1), way, 0)
+        return self._follow(kind, way, speed, 1 << number)
+
+    # ---------------------------------------------------------------- the aim point
+
+    def _aim_point(self):
+        """spec: MSG_VIRT_AIM_POINT. enable 0, x 1, y 5, z 9. Answered with the same (field note 9.7)."""
+        if not self.configured:
+            return m.ERR_GENERAL
+        reader = self.reader
+        motion = self.motion
+        enable = reader.u8(0)
+        if enable > 1:
+            return m.ERR_RANGE
+        if motion.state:
+            return m.ERR_MOVING
+        if enable:
+            if not motion.rig.main[m.VIRT_MOTOR_TRACK] or not motion.motor[_PAN] or not motion.motor[_TILT]:
+                return m.ERR_RANGE  # nothing to follow with
+            if self.axes.moving_bits() & motion.bits:
+                return m.ERR_MOVING
+            r = self.r
+            for k in range(0, 6, 2):
+                reals.fetch(self.old, k, r, g.AIM + k)
+                motion.rig.number(reader, 1 + 2 * k, g.AIM + k, 1000)
+            code = motion.look_at()
+            if code:
+                for k in range(0, 6, 2):
+                    reals.fetch(r, g.AIM + k, self.old, k)
+                return code
+        motion.aiming = enable == 1
+        writer = self.writer
+        writer.begin(m.MSG_VIRT_AIM_POINT, reader)
+        writer.u8(enable)
+        for i in range(3):
+            reader.word_to(1 + 4 * i, self.point, i)
+            writer.word_from(self.point, i)
+        writer.end()
+        return 0
+
+    def leads(self, motor):
+        """Whether pan and tilt have to follow where this motor (from 0) goes, because an aim point is on."""
+        motion = self.motion
+        if motion.aiming:
+            for i in range(_CARRIERS):
+                if motion.motor[i] == motor + 1:
+                    return True
+        return False
+
+    def drive(self, motor, target, i, speed=0):
+        """Send such a motor to the step target[i], pan and tilt following; speed: that of a jog. A code."""
+        motion = self.motion
+        axis = 0
+        while motion.motor[axis] != motor + 1:
+            axis += 1
+        code = self._may()
+        if code != m.OK:
+            return code
+        kind = -1 - axis
+        if motion.state:
+            if speed and self._under_way(kind, motion.side(axis, target, i), speed):
+                self.jog_at = self.now
+                return m.OK
+            return m.ERR_MOVING
+        code = motion.lay(True)
+        if code:
+            return code
+        way = motion.bound(axis, target, i)
+        if not way:
+            return m.OK
+        r = self.r
+        reals.put(r, v.WAY + 2 * axis, 1, 0)
+        motion.rig.joint(axis, target, i)
+        reals.subtract(r, v.END, g.JOINT + 2 * axis, v.BASE + 2 * axis)
+        if reals.sign(r, v.END) < 0:
+            reals.negate(r, v.END, v.END)
+            reals.put(r, v.WAY + 2 * axis, -1, 0)
+        if speed:
+            code = self._follow(kind, way, speed, 0)
+            if code == m.OK and motion.state:
+                self.jog_at = self.now
+            return code
+        code = motion.survey()
+        if code:
+            return code
+        self._begin(0)
+        self.jogging = 0
         return m.OK
 
     def _stop(self):
@@ -267,5 +492,5 @@ class Virtuals:
         if not number:
             return m.ERR_RANGE
         if self.moved >> number & 1:
-            self.motion.stop()
+            self.stop()
         return m.OK

@@ -1,0 +1,202 @@
+"""VIRT_JOG and VIRT_JOG_ON_LINE end to end on the host simulation."""
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.payloads import (
+    Ack,
+    HardStop,
+    MotorSetLimits,
+    MotorStop,
+    VirtJog,
+    VirtJogOnLine,
+    VirtMove,
+    VirtPositions,
+    VirtStop,
+)
+from framestep_tools.virtual_reference import Axis, Rig, line_direction
+from host_tests.end_to_end.virtual import (
+    BOOM,
+    BOOM_NODAL,
+    COLUMN,
+    NODAL,
+    UNIT,
+    XYZ,
+    Track,
+    assert_straight,
+    configured,
+    joints,
+    pose,
+)
+
+FAR = 2**31 - 1
+STOP_OF_LINE = [m.VIRT_MOTOR_EW, m.VIRT_MOTOR_NS, m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_PAN, m.VIRT_MOTOR_TILT]
+
+
+def hold(session, jog, seconds):
+    """A jog key held for so long, or until nothing moves any more."""
+    end = session.now + seconds
+    while session.now < end:
+        session.accept(jog)
+        session.run(0.2)
+        if not session.moving:
+            return
+
+
+@pytest.mark.parametrize(
+    ("rig", "number", "sign"),
+    [(BOOM, m.VIRT_MOTOR_EW, 1), (BOOM_NODAL, m.VIRT_MOTOR_NS, -1), (COLUMN, m.VIRT_MOTOR_EW, -1)],
+)
+def test_a_jog_ends_where_the_rig_cannot_reach(rig, number, sign):
+    """It slows down for that, on the line, each motor within its limits all the way."""
+    session = configured(rig, 10_000, 50_000)
+    before = session.positions
+    start = pose(session)
+    session.forget()
+    hold(session, VirtJog(number, 10_000, FAR if sign > 0 else -FAR - 1), 30)
+    assert session.moving == [], "it has come to rest by itself"
+    track, _ = assert_straight(rig, session, before, UNIT[number] * sign, 2000)
+    track.limits(10_000, 50_000)
+    end = pose(session)
+    assert sign * (end - start)[number - 1] > 200
+    near = joints(rig, track.places[-1])
+    swing, boom = abs(near[1]), abs(near[0]) if rig.kind == 1 else 0
+    assert 85 < max(swing, boom) <= 89.11
+    hold(session, VirtJog(number, 10_000, 0), 30)
+    np.testing.assert_allclose(pose(session), start, atol=0.1)
+
+
+def test_a_jog_ends_at_a_soft_limit():
+    session = configured(BOOM, 10_000, 50_000)
+    session.accept(MotorSetLimits(3, 1, -9000, 1, 400, 0))
+    before = session.positions
+    session.forget()
+    hold(session, VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), 30)
+    track, _ = assert_straight(BOOM, session, before, UNIT[2], 700)
+    assert session.position(3) == pytest.approx(-9000, abs=2)
+    assert track.places[:, 2].min() >= -9000
+    # there it stays, without an error, as a motor's jog does; the other way it goes
+    session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    session.run(0.1)
+    assert session.moving == []
+    session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, -FAR))
+    session.run(0.2)
+    assert session.moving
+    session.wait_idle()
+    assert session.position(3) > -9000
+
+
+def test_a_destination_is_a_step_of_the_main_motor():
+    session = configured(BOOM)
+    for destination in (3000, 2000, 2000, -10_000):
+        session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, destination))
+        hold(session, VirtJog(m.VIRT_MOTOR_EW, 10_000, destination), 20)
+        assert session.position(2) == pytest.approx(destination, abs=1)
+    assert not session.events(HardStop)
+
+
+def test_a_falling_boom_table_turns_the_sense():
+    """The main motor's steps may fall where the virtual axis rises."""
+    table = tuple(round(-250 * a + 3 * np.sin(a)) for a in range(-60, 61))
+    rig = Rig(1, (Axis(1, 1000.0, 0.0, 0), *BOOM.axes[1:]), BOOM.length, BOOM.extension, table=table)
+    session = configured(rig)
+    start = pose(session)
+    hold(session, VirtJog(m.VIRT_MOTOR_NS, 10_000, 5000), 20)
+    assert session.position(1) == pytest.approx(5000, abs=1)
+    assert pose(session)[2] < start[2] - 100
+
+
+def test_a_jog_that_is_not_repeated_ends():
+    session = configured(XYZ)
+    session.forget()
+    session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    begun = session.now
+    session.wait_idle()
+    assert 0.5 < session.steps(1)[0][-1] - begun < 1.1
+    assert session.events(VirtPositions)
+    session = configured(XYZ, settings={"jog_timeout_ms": 0})
+    session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    session.run(3)
+    assert session.moving
+    session.accept(VirtStop(m.VIRT_MOTOR_EW))
+    session.wait_idle()
+
+
+def test_the_speed_is_a_share():
+    """Of velocity and acceleration; 1 inches."""
+    top = {}
+    for speed in (1, 1000, 5000):
+        session = configured(XYZ, 20_000, 50_000)
+        session.forget()
+        hold(session, VirtJog(m.VIRT_MOTOR_NS, speed, FAR), 3 if speed > 1 else 1)
+        times, _ = session.steps(2)
+        top[speed] = 1 / np.diff(times).min()
+        Track(session, session.positions).limits(20_000 * max(speed, 100) / 10_000 + 1, 50_000)
+    assert top[5000] == pytest.approx(9700, rel=0.05)
+    assert top[1000] == pytest.approx(1940, rel=0.05)
+    assert top[1] == pytest.approx(194, rel=0.1)
+
+
+@pytest.mark.parametrize("line", range(5))
+@pytest.mark.parametrize("speed", [10_000, -4000])
+def test_a_line_jog_goes_where_the_camera_points(line, speed):
+    rig = BOOM_NODAL
+    session = configured(rig)
+    before = session.positions
+    angles = rig.forward(joints(rig, np.zeros(6)))[3:]
+    session.forget()
+    session.accept(VirtJogOnLine(line, speed))
+    session.accept(VirtJogOnLine(line, speed))
+    session.run(0.8)
+    number = STOP_OF_LINE[line]
+    for other in {*range(1, 7)} - {number}:
+        session.accept(VirtStop(other))
+    session.run(0.3)
+    assert session.moving, "no time-out"
+    session.accept(VirtStop(number))
+    session.wait_idle()
+    way = UNIT[number]
+    if line <= m.LINE_Z:
+        x, y, z = line_direction(line, *angles)
+        way = np.array([z, x, y, 0, 0, 0])
+    track, s = assert_straight(rig, session, before, way * np.sign(speed), 600)
+    track.limits(20_000, 50_000)
+    assert s[-1] > 2
+
+
+def test_a_line_jog_ends_at_a_limit():
+    session = configured(NODAL)
+    session.accept(MotorSetLimits(1, 0, 0, 1, 3000, 0))
+    before = session.positions
+    session.forget()
+    session.accept(VirtJogOnLine(m.LINE_X, 10_000))
+    session.wait_idle()
+    x, y, z = line_direction(0, 5.0, -3.0, 0.0)
+    track, _ = assert_straight(NODAL, session, before, np.array([z, x, y, 0, 0, 0]), 10)
+    assert session.position(1) == 3000
+    track.limits(20_000, 50_000)
+
+
+def test_what_is_refused():
+    session = configured(XYZ)
+    session.refuse(
+        Ack.ERR_RANGE,
+        VirtJog(0, 100, 0),
+        VirtJog(7, 100, 0),
+        VirtJog(1, 0, 0),
+        VirtJog(1, 10_001, 0),
+        VirtJogOnLine(5, 100),
+        VirtJogOnLine(0, 0),
+        VirtJogOnLine(0, 10_001),
+        VirtJogOnLine(0, -10_001),
+    )
+    session.accept(VirtJog(1, 5000, FAR))
+    session.refuse(Ack.ERR_MOVING, VirtJog(1, 5000, -FAR), VirtJog(1, 100, FAR), VirtJog(2, 5000, FAR), VirtMove(1, 0))
+    session.refuse(Ack.ERR_MOVING, VirtJogOnLine(0, 100))
+    session.accept(VirtJog(1, 5000, FAR), MotorStop(3))
+    session.wait_idle()
+    session.accept(VirtJogOnLine(0, 100))
+    session.refuse(Ack.ERR_MOVING, VirtJogOnLine(0, -100), VirtJogOnLine(1, 100), VirtJog(1, 5000, FAR))
+    session.accept(VirtStop(m.VIRT_MOTOR_EW))
+    session.wait_idle()
