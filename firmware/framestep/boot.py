@@ -12,6 +12,7 @@ import framestep
 from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
+_SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
 
 hal = None
 controller = None
@@ -33,7 +34,8 @@ class Settings:
 def _settings(board):
     from framestep import rig
 
-    found, mistake = rig.load(board=board)
+    # Code that was copied takes so much memory that the virtual axes are there only if asked for.
+    found, mistake = rig.load(board=board, defaults={"virtuals": 0} if framestep.__file__[0] == "/" else None)
     settings = Settings(found, len(found.board["step"]))
     del sys.modules["framestep.rig"]
     del framestep.rig
@@ -69,14 +71,22 @@ def start():
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")
-    from framestep.controller import Controller
-    from framestep.hal.rp2 import Rp2Hal
+    try:
+        from framestep.controller import Controller
+        from framestep.hal.rp2 import Rp2Hal
 
-    hal = Rp2Hal(settings.board, settings)
-    if hal.watchdog.barked:
-        print("framestep: the watchdog has started the board: the firmware hung while motors moved")
-    controller = Controller(hal, settings, broken=mistake is not None)
+        hal = Rp2Hal(settings.board, settings)
+        if hal.watchdog.barked:
+            print("framestep: the watchdog has started the board: the firmware hung while motors moved")
+        controller = Controller(hal, settings, broken=mistake is not None)
+    except MemoryError:
+        print(_SAVE)
+        raise
     hal.start()
-    controller.moves.take_memory()
+    try:
+        controller.moves.take_memory()
+    except ValueError as error:
+        print("framestep: too little memory is left for moves:", error)
+        print(_SAVE)
     gc.threshold(-1)
     hal.run(controller)
