@@ -11,7 +11,7 @@ position of the boom are not used then.
 from array import array
 
 from framestep.motion import reals
-from framestep.native import const, micropython, ptr32
+from framestep.native import const, micropython, ptr8, ptr32
 from framestep.protocol import messages as m
 from framestep.virtuals import arm
 from framestep.virtuals import geometry as g
@@ -28,13 +28,28 @@ _ROUNDING = const(64)  # in degrees Q23: so far beyond the table's ends an angle
 
 
 @micropython.viper
-def _order(words: ptr32) -> int:
-    """The sign of words[1] - words[0]."""
-    if words[1] > words[0]:
-        return 1
-    if words[1] < words[0]:
-        return -1
-    return 0
+def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
+    """1 if the DWORDs from buffer[at] on rise throughout or fall throughout, else 0; keep: they go to the table."""
+    order = 0
+    last = 0
+    k = 0
+    while k < _ENTRIES:
+        value = buffer[at] | buffer[at + 1] << 8 | buffer[at + 2] << 16 | ((buffer[at + 3] ^ 0x80) - 0x80) << 24
+        if k:
+            way = 0
+            if value > last:
+                way = 1
+            elif value < last:
+                way = -1
+            if way == 0 or way + order == 0:
+                return 0
+            order = way
+        last = value
+        if keep:
+            table[k + 0] = value
+        at += 4
+        k += 1
+    return 1
 
 
 @micropython.viper
@@ -127,7 +142,6 @@ class Geometry(arm.Arm):
     def __init__(self, r):
         super().__init__(r)
         self.table = array("i", [0] * _ENTRIES)
-        self.words = array("i", [0, 0])
         self._tabled = False
 
     def _numbers(self, length):
@@ -137,22 +151,17 @@ class Geometry(arm.Arm):
         self.number(reader, _LENGTH_AT, g.T, 1000)
         if reals.sign(self.r, g.T) <= 0:
             return m.ERR_RANGE
-        if reader.length > 100:
-            rising = 0
-            for k in range(_ENTRIES - 1):
-                reader.word_to(_TABLE_AT + 4 * k, self.words, 0)
-                reader.word_to(_TABLE_AT + 4 + 4 * k, self.words, 1)
-                order = _order(self.words)
-                if order == 0 or order == -rising:
-                    return m.ERR_RANGE
-                rising = order
+        if reader.length > 100 and not self._read(reader, 0):
+            return m.ERR_RANGE
         return super()._check(reader, present)
 
     def _adopt(self, reader):
         self._tabled = reader.length > 100 and self.motor[0] > 0
         if self._tabled:
-            for k in range(_ENTRIES):
-                reader.word_to(_TABLE_AT + 4 * k, self.table, k)
+            self._read(reader, 1)
+
+    def _read(self, reader, keep):
+        return _entries(reader.buffer, reader.payload + _TABLE_AT, self.table, keep)
 
     def _bend(self, out, j):
         """The boom's place by its table."""
