@@ -224,6 +224,22 @@ def test_an_axis_without_a_motor_stays():
             firmware.inverse(rig.forward(other))
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    "start, far", [(2**31 - 1000, 999), (2**30, 2**30 - 1), (0, 2**31 - 64), (-(2**30), 2**31 - 64)]
+)
+def test_a_place_that_is_no_int32(sign, start, far):
+    """Motors' steps are 32 bits; a pose for which a motor would have to go beyond is out of reach."""
+    rig = Rig(4, (Axis(1, 1, 0.0, sign * start), Axis(2), Axis(3), *HEAD))
+    firmware = Firmware.of(rig)
+    firmware.inverse([0, sign * far, 0, 0, 0, 0])
+    near(firmware.steps(), [sign * (start + far)], 64)
+    for beyond in (2**31 - start + 128, 2**32, 2.0**40, 2.0**70):
+        firmware.inverse([0, sign * beyond, 0, 0, 0, 0])
+        with pytest.raises(Refused, match=str(messages.ERR_RANGE)):
+            firmware.steps()
+
+
 # ---------------------------------------------------------------- VIRT_CONFIG
 
 FULL = {
