@@ -6,7 +6,7 @@ E-stop and limit switches in motion and an exception in the main loop are in tes
 import numpy as np
 import pytest
 
-from framestep.io.watchdog import TIMEOUT_MS
+from framestep.io.watchdog import DEAF_MS, TIMEOUT_MS
 from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
@@ -72,9 +72,9 @@ def start(found, *moves):
     return before
 
 
-def away(found):
+def away(found, steps=30_000):
     """Moves of motors 1 and 2 that take seconds."""
-    return MotorMove(1, found.position(1) + 30_000), MotorMove(2, found.position(2) - 30_000)
+    return MotorMove(1, found.position(1) + steps), MotorMove(2, found.position(2) - steps)
 
 
 def ramped_down(found, motor, before, failed, within):
@@ -168,12 +168,28 @@ def test_a_command_that_finds_its_fifo_full(rig):
     rig.forget()
 
 
+def test_a_host_that_takes_nothing(rig):
+    """Its port is open, but nobody reads: no request would get an answer, so nobody could stop the rig."""
+    before = start(rig, *away(rig, 80_000))
+    emulator = rig.board.emulator
+    emulator.cmd("hold", port=1, on=True)
+    failed = rig.now
+    rig.board.run_until(rig.board.now_ns + (DEAF_MS + 2000) * 1_000_000)
+    emulator.cmd("hold", port=1, on=False)
+    assert levels(rig) == [0, 1, 0]
+    for motor in (1, 2):
+        ramped_down(rig, motor, before, failed, DEAF_MS / 1000 + 1)
+        assert rig.steps(motor)[0][-1] - failed > DEAF_MS / 1000
+    rig.run(0.5)
+    assert not rig.moving and trust(rig)[:2] == [(KNOWN, SET)] * 2
+
+
 def test_positions_outlive_the_power(rig):
     """After two seconds at rest they are kept; the first motion spoils what is kept before its first step."""
     emulator = rig.board.emulator
-    assert rig.ask(GetCondition()).bits == m.CONDITION_UNKEPT
     rig.accept(MotorResetPosition(1, 2**31 - 1), MotorResetPosition(2, -12345), MotorMove(1, 2**31 - 3000))
     rig.wait_idle()
+    assert rig.ask(GetCondition()).bits == m.CONDITION_UNKEPT
     rig.run(2.1)
     assert rig.ask(GetCondition()).bits == m.CONDITION_KEPT
     emulator.reset()
@@ -245,3 +261,18 @@ def test_a_main_loop_that_hangs(rig):
     assert "watchdog" in emulator.repl().exec(
         "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"
     )
+
+
+def test_the_watchdog_leaves_the_repl_alone(rig):
+    """A soft reset at rest, as mpremote makes one before it copies files: the firmware is gone, nothing strikes."""
+    rig.accept(MotorMove(1, rig.position(1) + 100))
+    rig.wait_idle()
+    emulator = rig.board.emulator
+    emulator.events(clear=True)
+    repl = emulator.repl()
+    repl.enter()
+    repl.serial.write(b"\x04")
+    emulator.advance(TIMEOUT_MS + 2000)
+    repl.serial.reset_input_buffer()
+    assert not [event for event in emulator.events() if event["type"] == "reset"]
+    assert repl.exec("print('framestep' in __import__('sys').modules)") == "False\n"
