@@ -3,6 +3,9 @@
 The uploaded move gets what memory is left when everything else has been loaded and made, in one piece. So the heap is
 collected often while modules are loaded, which leave holes otherwise, the code that reads the rig file goes again,
 and the move's memory is taken last.
+
+What the REPL and a user's own code need is set aside first of all, at the low end of the heap. MicroPython looks for
+free memory from there, and looks often, as larger call frames come from the heap: behind the move a search took 0.1 ms.
 """
 
 import gc
@@ -13,6 +16,7 @@ from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
+_HEAP_LEFT = const(20 * 1024)  # for the REPL and for what a user's own code needs, in one piece
 
 hal = None
 controller = None
@@ -61,6 +65,7 @@ def _load_into_ram():
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller
+    spare = bytearray(_HEAP_LEFT)
     gc.threshold(_DENSE)
     _load_into_ram()
     from framestep.board import BOARD
@@ -88,5 +93,7 @@ def start():
     except ValueError as error:
         print("framestep: too little memory is left for moves:", error)
         print(_SAVE)
+    del spare
+    gc.collect()
     gc.threshold(-1)
     hal.run(controller)

@@ -22,6 +22,9 @@ VERSION = (0, 1, 0)
 CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
 
 _WRAP = const(0x3FFFFFFF)
+_TEND_MS = const(2)  # from one whole pass to the next
+_AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
+_NAP = const(4)  # then one in so many
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
 STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
@@ -61,6 +64,7 @@ class Controller:
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.memory = self._remember() if rig.remember_positions else None
+        self.show = self.moves.show
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
         # steps/s that a motor can do with its pulses
         kernel = hal.kernel
@@ -71,6 +75,9 @@ class Controller:
         self.jog_at = array("i", [0] * self.count)
         self.words = array("i", [0] * 2)
         self.now = 0
+        self.tended = 0
+        self.awake = _AWAKE
+        self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
         self.was_moving = False
@@ -127,6 +134,30 @@ class Controller:
             bits = self.drivers.poll(now)
             if bits:
                 self._drivers_failed(bits)
+        if busy:
+            self.awake = _AWAKE
+            self.port.send(self.writer)
+        if self.show.plan is not None:
+            self.show.poll()
+        if (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
+            self.tended = now
+            self._tend(now)
+        return busy
+
+    def _tend(self, now):
+        """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports."""
+        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
+            if self.watchdog.look(now, self.was_moving, self.was_open):
+                self._host_lost()
+        if self.io.news or stepper.restless(self.axes.kernel.state):
+            self.awake = _AWAKE
+        elif self.awake > _NAP:
+            self.awake -= 1
+        elif self.awake > 0:
+            self.awake -= 1
+            return
+        else:
+            self.awake = _NAP  # now and then, for what had to wait until the host takes it
         if self.jogging:
             self._jogs()
         self.virtuals.poll(now)
@@ -138,10 +169,6 @@ class Controller:
         if self.memory:
             self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
         self.port.send(self.writer)
-        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
-            if self.watchdog.look(now, self.was_moving, self.was_open):
-                self._host_lost()
-        return busy
 
     def _listen(self):
         """Take in what has come and answer it."""
@@ -157,15 +184,26 @@ class Controller:
             self.was_open = is_open
             if is_open:
                 self.say_hi = True  # field note 1.5
+            self.awake = _AWAKE
         if port.poll(reader):
             self.heard_at = self.now
+        elif not reader.waiting and not self.backlog:
+            return False
+        return self._attend(reader)
+
+    def _attend(self, reader):
+        """Answer what has come; whether there was anything."""
+        if self.stage.busy and self.moves.poll(self.now):
+            self.say_position = True  # answers tell how it stands now
         busy = False
+        self.backlog = True
         while self.writer.room() >= _REPLY_ROOM:
             found = reader.poll()
             if found == NOTHING:
                 if reader.waiting and elapsed(self.now, self.heard_at) > STALL_MS:
                     reader.abandon()
                     continue
+                self.backlog = False
                 break
             busy = True
             if found == DAMAGED:
@@ -325,10 +363,7 @@ class Controller:
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
         writer.u32(self.stage.move_time)
-        axes = self.axes
-        for i in range(self.count):
-            axes[i].refresh()
-            writer.word_from(axes[i].place, 0)
+        self.axes.tell(writer)
         return writer.end()
 
     # ---------------------------------------------------------------- requests: device

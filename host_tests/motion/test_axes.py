@@ -347,7 +347,7 @@ def test_phases_appended_on_the_way(period):
 
     axis.prepare(rig.bench)
     axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-    axis.more = True
+    axis.expect(True)
     put(0, ticks)
     begun = rig.bench.due + rig.bench.state[stepper.AHEAD]
     k = 0
@@ -358,7 +358,7 @@ def test_phases_appended_on_the_way(period):
             put(4, velocity(k + 1) if k + 1 < count else 0.0)
             axis.aim(0, 2, 4, numbers, word(step(k + 1)), 1)
             k += 1
-            axis.more = k < count
+            axis.expect(k < count)
         if not started:
             axis.feed()
             axis.start(rig.bench)

@@ -21,8 +21,6 @@ from framestep.native import const
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
-_HEAP_LEFT = const(20 * 1024)  # for the REPL and for what a user's own code needs,
-_IN_ONE_PIECE = const(6 * 1024)  # of which so much is one block: a script is compiled in such
 _STEP = const(512)
 _WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
@@ -100,12 +98,12 @@ class Rp2Hal:
 
     @property
     def upload_bytes(self):
-        """The largest block of memory that leaves the heap enough. Allocates, for a moment."""
+        """The largest block of memory that there is. Allocates, for a moment."""
         gc.collect()
-        size = gc.mem_free() - _HEAP_LEFT
+        size = gc.mem_free()
         while size > _STEP:
             try:
-                bytearray(size + _IN_ONE_PIECE)
+                bytearray(size)
             except MemoryError:
                 size -= _STEP
                 continue
@@ -188,22 +186,29 @@ class Rp2Hal:
         finally:
             heap_unlock()
 
-    def _pass(self, _timer):
+    # Kept to eleven words of call frame, as the heap is not locked here: `error` is the timer at first.
+    def _pass(self, error):
         if self._passes is None:
             return  # it waited in the scheduler when the passes ended
         try:
             self._poll()
         except KeyboardInterrupt:
-            # Meant for a program that runs on the REPL, but it struck here; what was being done
-            # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
-            self._controller.fail()  # type: ignore[union-attr]
-            print("framestep: Ctrl-C came in the middle of the controller's work; motors stop")
+            self._interrupted()
         except Exception as error:
-            self.stop()
             self.failure = error
-            self._controller.give_up()  # type: ignore[union-attr]
-            print("framestep: stopped by a fault in the firmware; a reset starts it again")
-            sys.print_exception(error)  # type: ignore[attr-defined]
+            self._broken()
+
+    def _interrupted(self):
+        # Meant for a program that runs on the REPL, but it struck in a pass; what was being done
+        # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
+        self._controller.fail()  # type: ignore[union-attr]
+        print("framestep: Ctrl-C came in the middle of the controller's work; motors stop")
+
+    def _broken(self):
+        self.stop()
+        self._controller.give_up()  # type: ignore[union-attr]
+        print("framestep: stopped by a fault in the firmware; a reset starts it again")
+        sys.print_exception(self.failure)  # type: ignore[attr-defined]
 
     def stop(self):
         """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""

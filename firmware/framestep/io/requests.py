@@ -16,6 +16,7 @@ _INPUTS = const(2)
 _RAMPS = const(4)
 _LEVELS = const(8)
 _PULSE = const(16)
+_NEWS = const(_SWITCHES | _INPUTS)
 _ALL = const(0)  # Safety
 _REST = const(1)
 _ACTIVE = const(3)
@@ -60,6 +61,7 @@ class Io:
         self._levels = self.lights.words
         self._pulse = self.camera.pulsing
         self.say_inputs = False  # GIO_IN is due
+        self.news = 0  # the last pass has found a switch or an input other than before
         self.handlers = {
             m.MSG_DMX: self._dmx,
             m.MSG_GIO_OUT: self._gio_out,
@@ -72,6 +74,7 @@ class Io:
         self.now = now
         levels = self.hal.levels()
         due = _due(self._switches, self._inputs, self._levels, self._pulse, levels)
+        self.news = due & _NEWS
         if due == 0:
             return False
         if due & _INPUTS and self.gio.poll(now, levels):

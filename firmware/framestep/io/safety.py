@@ -233,6 +233,10 @@ class Safety:
         irq = self.hal.irq_off()
         bits = _update(words, levels, now)
         self.hal.irq_on(irq)
+        return self._judge(words, bits)
+
+    def _judge(self, words, bits):
+        """What has changed with what is active now, and motors of _STRUCK. Whether there is news."""
         news = False
         held = words[_ACTIVE] & self._estop != 0
         if held != self.tripped:

@@ -11,6 +11,8 @@ from array import array
 
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
+from framestep.motion.ramps import load
+from framestep.motion.segments import bridge, cut, mark, mirror, settle, shift, snap
 from framestep.native import const, micropython, ptr32
 
 TICKS_PER_SECOND = const(1000)
@@ -22,6 +24,8 @@ DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
 AHEAD = const(10)  # segments to keep queued
+_FED = const(2)  # motors that are filled up in a pass
+LOW = const(5)  # so few are filled up in this pass, whatever it costs
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
 SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
@@ -40,17 +44,45 @@ LOWER = const(0)
 UPPER = const(1)
 TARGET = const(2)
 
-_PHYSICAL = const(3)  # the motor's own step for a target, with the play
+PHYSICAL = const(3)  # the motor's own step for a target, with the play
 
 # Words of `planned`
 _PLACE = const(0)
 _OFFSET = const(1)
 _PLAY = const(2)
 
+# Words of `work`: what of the phases has been queued
+_LEFT = const(0)  # ticks of the cubic's phase still to be queued
+_PART = const(1)  # Q30 of a tick: what remains of the phase after them
+_AIMED = const(2)  # the phase under way ends on the step in `knot`
+_MARKED = const(3)  # the tick that is open has its start in `state`
+_MORE = const(4)  # further phases will be appended: do not come to rest
+_LED = const(5)  # a partner does the same: 1, in the opposite sense 2
+_WORK_WORDS = const(6)
+
 _ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions; LOWER and UPPER
 
 _ALL_BITS = const(0x3FFFFFFF)
-_POSITION = const(7)  # stepper.POSITION, as a constant for the kernels below
+_LONGEST = const(32)  # segments.LONGEST
+_PHASE_WORDS = const(10)  # of a phase, as ramps has them
+_PHASE_MASK = const(15)
+_PHASE_HEAD = const(160)  # words behind the phases
+_PHASE_TAIL = const(161)
+_POSITION = const(7)  # stepper.POSITION and the like, as constants for the kernels below
+_HEAD = const(17)
+_TAIL = const(18)
+_PLANNED = const(27)
+_SEGMENTS_TO_COME = const(1)  # stepper.PLAN_SEGMENTS
+
+if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
+    _PHASE_WORDS,
+    _PHASE_MASK + 1,
+    _PHASE_HEAD,
+    _PHASE_TAIL,
+):
+    raise ValueError("axes.py and ramps.py disagree about the phases")
+if (stepper.POSITION, stepper.HEAD, stepper.TAIL, stepper.PLANNED) != (_POSITION, _HEAD, _TAIL, _PLANNED):
+    raise ValueError("axes.py and stepper.py disagree about the block")
 
 
 @micropython.viper
@@ -71,15 +103,15 @@ def _set_cubic(cubic: ptr32, state: ptr32):
 
 
 @micropython.viper
-def _lead(planned: ptr32, limits: ptr32, targets, i: int):
-    """limits[_PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be."""
+def lead(planned: ptr32, limits: ptr32, targets, i: int):
+    """limits[PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be."""
     place = ptr32(targets)[i + 0]
     if place > planned[_PLACE]:
         planned[_OFFSET] = 0
     elif place < planned[_PLACE]:
         planned[_OFFSET] = 0 - planned[_PLAY]
     planned[_PLACE] = place
-    limits[_PHYSICAL] = place + planned[_OFFSET]
+    limits[PHYSICAL] = place + planned[_OFFSET]
 
 
 @micropython.viper
@@ -125,6 +157,92 @@ def _renumber(place: ptr32, block: ptr32, source, i: int):
     place[0] = value
 
 
+@micropython.viper
+def _feed(parts, other, bases, most: int, enough: int):
+    """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
+
+    parts: see Axis; other: the block of a motor that does the same, from bases[1] as this one from bases[0].
+
+    A phase ends within a tick, as a rule. That tick is a segment of its own, from where the old phase begins it to
+    where the new one, or the one after that, ends it. At the end of the last phase the motor comes to rest.
+    """
+    work = parts[0]
+    cubic = parts[1]
+    block = parts[2]
+    state = parts[3]
+    whole = parts[4]
+    words = parts[6]
+    w = ptr32(work)
+    b = ptr32(block)
+    out = ptr32(whole)
+    p = ptr32(words)
+    led = w[_LED]
+    while b[_PLANNED] & _SEGMENTS_TO_COME and enough > 0 and (b[_TAIL] - b[_HEAD]) & _ALL_BITS < most:
+        n = w[_LEFT]
+        if n:
+            if n > _LONGEST:
+                n = _LONGEST
+            cut(cubic, block, n)
+            if led:
+                mirror(block, other, bases, led - 1)
+            shift(cubic, n << 24, 6, 0)
+            w[_LEFT] = w[_LEFT] - n
+            enough -= n
+            continue
+        if w[_MORE] and p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+            return
+        part = w[_PART]
+        if part:
+            if w[_MARKED] == 0:
+                mark(state, cubic)
+            w[_MARKED] = 0
+            shift(cubic, part, 0, 0)
+        while True:
+            if w[_AIMED]:
+                snap(cubic, parts[5])
+            if p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+                settle(cubic)
+                if part:
+                    bridge(state, cubic, block, part)
+                    if led:
+                        mirror(block, other, bases, led - 1)
+                cut(cubic, block, 1)
+                if led:
+                    mirror(block, other, bases, led - 1)
+                w[_PART] = 0
+                w[_AIMED] = 0
+                b[_PLANNED] = b[_PLANNED] & (-1 - _SEGMENTS_TO_COME)
+                break
+            took = int(load(words, p[_PHASE_HEAD] * _PHASE_WORDS, cubic, whole, parts[5], parts[7]))
+            if took:
+                p[_PHASE_HEAD] = (p[_PHASE_HEAD] + 1) & _PHASE_MASK
+            w[_AIMED] = took >> 1
+            if part == 0:
+                w[_LEFT] = out[0]
+                w[_PART] = out[1]
+                break
+            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
+            if out[0] or out[1] >= rest:
+                shift(cubic, rest, 0, 0)
+                bridge(state, cubic, block, part)
+                if led:
+                    mirror(block, other, bases, led - 1)
+                w[_LEFT] = out[0]
+                w[_PART] = out[1] - rest
+                if w[_PART] < 0:
+                    w[_LEFT] = out[0] - 1
+                    w[_PART] = w[_PART] + _ALL_BITS + 1
+                break
+            shift(cubic, out[1], 0, 0)
+            part += out[1]
+            if w[_MORE] and p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+                # What follows is still to come: keep the tick open
+                shift(cubic, part, 0, 1)
+                w[_PART] = part
+                w[_MARKED] = 1
+                return
+
+
 def kernel_rate(acceleration):
     """steps/s² (up to STEEPEST) as the kernel's deceleration, Q22 steps per tick²; at least 1."""
     rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
@@ -145,17 +263,23 @@ class Axis:
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
         self.cut = array("i", [0] * 2)  # the same where trim() has cut the queue
-        self.aimed = False
-        self.marked = False  # the tick that is open has its start in `state`
+        self.work = array("i", [0] * _WORK_WORDS)
+        self.parts = (
+            self.work,
+            self.cubic,
+            self.block,
+            self.state,
+            self.whole,
+            self.knot,
+            self.phases.words,
+            ramps.scratch,
+        )
         self.lower_enabled = False
         self.upper_enabled = False
         self.bounds = array("i", [0] * 2)  # the soft limits that are enabled, the ends of the range for the others
         self._bound()
         self.velocity = 0
         self.acceleration = 0
-        self.left = 0  # ticks of the cubic's phase still to be queued
-        self.part = 0  # Q30 of a tick: what remains of the phase after them
-        self.more = False  # further phases will be appended: do not come to rest
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         self.place = array("i", [0])  # where the load is: what is reported and asked for
         # The place that the phases lead to, from there to the motor's step (-backlash where the load is moved down),
@@ -306,12 +430,9 @@ class Axis:
         hal.irq_on(irq)
         _set_cubic(self.cubic, self.state)
         self.phases.clear()
-        self.left = 0
-        self.part = 0
-        self.more = False
+        work = self.work
+        work[_LEFT] = work[_PART] = work[_AIMED] = work[_MARKED] = work[_MORE] = 0
         block[stepper.PLANNED] = 0
-        self.aimed = False
-        self.marked = False
         self.easing = False
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
@@ -333,9 +454,9 @@ class Axis:
             reals.multiply(r, SHARE_STEEP, STEEP, _X)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
-        _lead(self.planned, self.limits, target, i)
+        lead(self.planned, self.limits, target, i)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
-        if not ramps.plan(self.phases, self.cubic, self.limits, _PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
+        if not ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
             if self.block[stepper.MODE] != stepper.RUN:
                 return self.moving
             # It comes to rest there already, and prepare() has taken the end off the queue.
@@ -346,8 +467,8 @@ class Axis:
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
-        _lead(self.planned, self.limits, targets, i)
-        self.phases.aim(duration, start, end, numbers, self.limits, _PHYSICAL, part)
+        lead(self.planned, self.limits, targets, i)
+        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
 
     def trim(self, ticks, put):
         """Whether what is queued can be cut off at the end of a phase, `ticks` from now; if `put`, cut it off there.
@@ -363,15 +484,17 @@ class Axis:
     def resume(self, places, i):
         """After trim(): go on from there with further phases. places[i]: the whole step of the place that it is."""
         self.phases.clear()
-        self.left = 0
-        self.part = 0
-        self.marked = False
+        work = self.work
+        work[_LEFT] = work[_PART] = work[_MARKED] = 0
         reals.copy_word(self.knot, 0, self.cut, 0)
         self.knot[1] = self.cut[1]
         _replan(self.planned, self.cut, places, i)
-        self.aimed = True
-        self.more = True
+        work[_AIMED] = work[_MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+
+    def expect(self, more):
+        """Whether further phases will be appended: then it does not come to rest behind the last one."""
+        self.work[_MORE] = 1 if more else 0
 
     def seek(self, hal):
         """At rest: go on to a target that turning round on the way has missed by the play."""
@@ -399,6 +522,7 @@ class Axis:
         """Make another motor do what this one does from now on, with the sign turned or not. Both at rest."""
         self.partner = partner
         self.turned = 1 if turned else 0
+        self.work[_LED] = 1 + self.turned
         partner.leader = self
         self.rebase()
         partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
@@ -408,6 +532,7 @@ class Axis:
         if self.partner:
             self.partner.leader = None
             self.partner = None
+            self.work[_LED] = 0
 
     def rebase(self):
         """Take the places where both stand now for the same."""
@@ -431,9 +556,9 @@ class Axis:
             return
         self.easing = False
         self.phases.clear()
-        self.left = 0
+        self.work[_LEFT] = 0
         self.block[stepper.PLANNED] = 0
-        self.more = False
+        self.work[_MORE] = 0
         rate = kernel_rate(min(self.acceleration * factor, STEEPEST))
         irq = hal.irq_off()
         stepper.halt(self.block, rate)
@@ -449,7 +574,7 @@ class Axis:
         if self.easing:
             return True  # a further request does not make it longer
         self.prepare(hal)
-        if not ramps.plan_stop(self.phases, self.cubic, self.limits, _PHYSICAL, r, STEEP, JERK):
+        if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
             return False
         self.easing = True
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
@@ -461,83 +586,21 @@ class Axis:
 
     def feed(self, most=MOST, enough=_ALL_BITS):
         """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before."""
-        block = self.block
-        cubic = self.cubic
-        while (
-            block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
-            and enough > 0
-            and (block[stepper.TAIL] - block[stepper.HEAD]) & _ALL_BITS < most
-        ):
-            left = self.left
-            if left:
-                one = block[stepper.TAIL] - block[stepper.HEAD] + 1 if self.partner else most
-                ticks = segments.spin(cubic, block, left, one, enough)
-                if self.partner:
-                    segments.mirror(block, self.partner.block, self.bases, self.turned)
-                self.left -= ticks
-                enough -= ticks
-            elif not self._next():
-                return
-
-    def _bridge(self, part):
-        segments.bridge(self.state, self.cubic, self.block, part)
         if self.partner:
-            segments.mirror(self.block, self.partner.block, self.bases, self.turned)
+            _feed(self.parts, self.partner.block, self.bases, most, enough)
+        else:
+            _feed(self.parts, None, self.bases, most, enough)
 
-    def _next(self):
-        """Go on to the next phase; False where there is none yet. At the end: come to rest.
 
-        A phase ends within a tick, as a rule. That tick is a segment of its own, from where the
-        old phase begins it to where the new one, or the one after that, ends it.
-        """
-        cubic = self.cubic
-        phases = self.phases
-        whole = self.whole
-        part = self.part
-        if self.more and phases.head == phases.tail:
-            return False
-        if part:
-            if not self.marked:
-                segments.mark(self.state, cubic)
-            self.marked = False
-            segments.shift(cubic, part, 0, 0)
-        while True:
-            if self.aimed:
-                segments.snap(cubic, self.knot)
-            if phases.head == phases.tail:
-                segments.settle(cubic)
-                if part:
-                    self._bridge(part)
-                segments.cut(cubic, self.block, 1)
-                if self.partner:
-                    segments.mirror(self.block, self.partner.block, self.bases, self.turned)
-                self.part = 0
-                self.block[stepper.PLANNED] &= ~stepper.PLAN_SEGMENTS
-                self.aimed = False
-                return True
-            self.aimed = ramps.load_phase(phases, cubic, whole, self.knot)
-            if part == 0:
-                self.left = whole[0]
-                self.part = whole[1]
-                return True
-            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
-            if whole[0] or whole[1] >= rest:
-                segments.shift(cubic, rest, 0, 0)
-                self._bridge(part)
-                self.left = whole[0]
-                self.part = whole[1] - rest
-                if self.part < 0:
-                    self.left -= 1
-                    self.part = self.part + _ALL_BITS + 1
-                return True
-            segments.shift(cubic, whole[1], 0, 0)
-            part += whole[1]
-            if self.more and phases.head == phases.tail:
-                # What follows is still to come: keep the tick open
-                segments.shift(cubic, part, 0, 1)
-                self.part = part
-                self.marked = True
-                return False
+@micropython.viper
+def _tell(axes, count: int, writer):
+    i = 0
+    while i < count:
+        axis = axes[i]
+        place = axis.place
+        _play(place, axis.block, axis.backlash)
+        writer.word_from(place, 0)
+        i += 1
 
 
 class Axes:
@@ -563,14 +626,26 @@ class Axes:
         """Keep the queues filled; once per pass of the main loop."""
         bits = stepper.hungry(self.kernel.state, AHEAD)
         if bits:
-            for axis in self.axes:
-                if bits & 1:
-                    axis.feed()
-                bits >>= 1
+            self._fill(bits)
         for axis in self.loose:
             axis.refresh()
             if axis.block[stepper.PLANNED] == stepper.PLAN_TARGET and axis.block[stepper.MODE] == stepper.IDLE:
                 axis.seek(self.hal)
+
+    def _fill(self, bits):
+        """Feed the motors of these bits, but few in a pass: requests are answered between."""
+        low = stepper.hungry(self.kernel.state, LOW)
+        fed = 0
+        for axis in self.axes:
+            if bits & 1 and (low & 1 or fed < _FED):
+                axis.feed()
+                fed += 1
+            bits >>= 1
+            low >>= 1
+
+    def tell(self, writer):
+        """Append where each motor is to a frames.FrameWriter."""
+        _tell(self.axes, self.count, writer)
 
     def moving_bits(self):
         """One bit per motor that moves."""

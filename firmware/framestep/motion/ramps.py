@@ -31,15 +31,18 @@ START = const(4)  # velocity at the start
 SECOND = const(6)  # RAMP: G2. AIM: velocity at the end
 THIRD = const(8)  # RAMP: G3. AIM: in its first word what the place is beyond the step, Q16
 PHASE_WORDS = const(10)
-PHASES = const(16)  # in the ring of a motor
+PHASES = const(16)  # in the ring of a motor, a power of 2
+HEAD = const(160)  # words behind them: the first one to come, where the next one goes
+TAIL = const(161)
 
 RAMP = const(0)
 AIM = const(1)
 ONWARD = const(2)
 
+_MASK = const(15)
 _PIECE = const(256)  # ticks of an AIM phase that rounding leaves within a ten-thousandth of a step
 
-# What _load() has done with a phase; 0: taken a part of it
+# What load() has done with a phase; 0: taken a part of it
 _TOOK = const(1)
 _TOOK_AIM = const(2)
 
@@ -71,61 +74,59 @@ _FEW = const(46)
 
 _FARTHEST = const(0x20000000)  # steps
 
-_scratch = array("i", [0] * 48)
-reals.put(_scratch, _LEAVE, 1, -6)
-reals.put(_scratch, _SHORT, 1, -8)  # phases shorter than this many ticks are left out
-reals.put(_scratch, _FEW, 4, 0)  # ticks
-reals.put(_scratch, _X, 3, 0)
-reals.put(_scratch, _Y, 1, 0)
-reals.divide(_scratch, _THIRD, _Y, _X)
-reals.double(_scratch, _SIXTH, _THIRD, -1)
+scratch = array("i", [0] * 48)
+reals.put(scratch, _LEAVE, 1, -6)
+reals.put(scratch, _SHORT, 1, -8)  # phases shorter than this many ticks are left out
+reals.put(scratch, _FEW, 4, 0)  # ticks
+reals.put(scratch, _X, 3, 0)
+reals.put(scratch, _Y, 1, 0)
+reals.divide(scratch, _THIRD, _Y, _X)
+reals.double(scratch, _SIXTH, _THIRD, -1)
 
 
 def _number(words, to, register, turned):
     if turned:
-        reals.negate(_scratch, _SPARE, register)
-        reals.fetch(words, to, _scratch, _SPARE)
+        reals.negate(scratch, _SPARE, register)
+        reals.fetch(words, to, scratch, _SPARE)
     else:
-        reals.fetch(words, to, _scratch, register)
+        reals.fetch(words, to, scratch, register)
 
 
 def _push(phases, kind, duration, start, second, third, turned):
     """Append a phase made of scratch registers; velocities and accelerations change sign if turned."""
-    at = phases.tail * PHASE_WORDS
     words = phases.words
+    at = words[TAIL] * PHASE_WORDS
     words[at + KIND] = kind
-    reals.fetch(words, at + DURATION, _scratch, duration)
+    reals.fetch(words, at + DURATION, scratch, duration)
     _number(words, at + START, start, turned)
     _number(words, at + SECOND, second, turned)
     _number(words, at + THIRD, third, turned)
-    phases.tail = (phases.tail + 1) % PHASES
+    words[TAIL] = (words[TAIL] + 1) & _MASK
 
 
 class Phases:
     """The phases that lie ahead of one motor, a ring."""
 
     def __init__(self):
-        self.words = array("i", [0] * (PHASES * PHASE_WORDS))
-        self.head = 0
-        self.tail = 0
+        self.words = array("i", [0] * (PHASES * PHASE_WORDS + 2))
 
     def clear(self):
-        self.head = self.tail
+        self.words[HEAD] = self.words[TAIL]
 
     def count(self):
         """Phases ahead."""
-        return (self.tail - self.head) % PHASES
+        return (self.words[TAIL] - self.words[HEAD]) & _MASK
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase: registers of `numbers`, the step targets[i] and `part` of one more (Q16)."""
-        tail = self.tail
-        _put_aim(self.words, tail * PHASE_WORDS, numbers, duration, start, end, targets, i)
-        self.words[tail * PHASE_WORDS + THIRD] = part
-        self.tail = (tail + 1) % PHASES
+        put_aim(self.words, numbers, duration, start, end, targets, i, part)
 
 
 @micropython.viper
-def _put_aim(words: ptr32, at: int, r: ptr32, duration: int, start: int, end: int, targets, i: int):
+def put_aim(words: ptr32, r: ptr32, duration: int, start: int, end: int, targets, i: int, part: int):
+    """Phases.aim() for the words of the phases."""
+    at = words[TAIL] * PHASE_WORDS
+    words[TAIL] = (words[TAIL] + 1) & _MASK
     words[at + KIND] = AIM
     words[at + DURATION] = r[duration + 0]
     words[at + DURATION + 1] = r[duration + 1]
@@ -134,20 +135,14 @@ def _put_aim(words: ptr32, at: int, r: ptr32, duration: int, start: int, end: in
     words[at + SECOND] = r[end + 0]
     words[at + SECOND + 1] = r[end + 1]
     words[at + TARGET] = ptr32(targets)[i + 0]
-
-
-def load_phase(phases, cubic, whole, knot):
-    """Take the next phase: set the cubic, whose position stays, and split its duration into whole
-    ticks and a fraction in `whole`. Whether it aims, and if so where to in `knot`: step, Q16 of one."""
-    head = phases.head
-    took = _load(phases.words, head * PHASE_WORDS, cubic, whole, knot, _scratch)
-    if took:
-        phases.head = (head + 1) % PHASES
-    return took == _TOOK_AIM
+    words[at + THIRD] = part
 
 
 @micropython.viper
-def _load(words, at: int, cubic, whole, knot, r) -> int:
+def load(words, at: int, cubic, whole, knot, r) -> int:
+    """Take the phase at words[at]: set the cubic, whose position stays, and split its duration into whole ticks and a
+    fraction in `whole`. If it aims, `knot` becomes where to: step, Q16 of one more. r: `scratch`.
+    _TOOK, _TOOK_AIM, or 0 where a part of the phase is left."""
     w = ptr32(words)
     out = ptr32(whole)
     kind = w[at + KIND]
@@ -207,7 +202,7 @@ def _load(words, at: int, cubic, whole, knot, r) -> int:
 
 def _ramp_time(to, difference):
     """How long the velocity takes to change by r[difference] >= 0 within acceleration and jerk."""
-    r = _scratch
+    r = scratch
     if reals.sign(r, _J) > 0:
         reals.divide(r, _X, _A, _J)  # time to full acceleration
         reals.multiply(r, _Y, _X, _A)
@@ -224,7 +219,7 @@ def _ramp_time(to, difference):
 
 def _ramp_way(to, start, end):
     """The way of a ramp between two velocities; leaves its duration in _U."""
-    r = _scratch
+    r = scratch
     if reals.compare(r, start, end) < 0:
         reals.subtract(r, _D, end, start)
     else:
@@ -240,7 +235,7 @@ def _push_ramp(phases, start, end, last, turned, targets, i):
 
     r[_U] is its duration when it is the last one, otherwise the shortest possible is taken.
     """
-    r = _scratch
+    r = scratch
     up = reals.compare(r, start, end) < 0
     if up:
         reals.subtract(r, _D, end, start)
@@ -294,14 +289,14 @@ def _push_ramp(phases, start, end, last, turned, targets, i):
 
 
 def _push_aim(phases, duration, start, end, turned, targets, i):
-    at = phases.tail * PHASE_WORDS
+    at = phases.words[TAIL] * PHASE_WORDS
     _push(phases, AIM, duration, start, end, _ZERO, turned)
     reals.copy_word(phases.words, at + TARGET, targets, i)
 
 
 def _level(phases, cubic):
     """With a jerk limit, first let the acceleration G2 go; what follows begins without one."""
-    r = _scratch
+    r = scratch
     if reals.sign(r, _J) <= 0:
         return
     velocity(r, _X, cubic, G2)
@@ -334,7 +329,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
     for none). Returns False where there is nothing to do.
     """
-    r = _scratch
+    r = scratch
     phases.clear()
     reals.fetch(r, _TOP, limits, top)
     reals.fetch(r, _A, limits, acceleration)
@@ -392,7 +387,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
 
 def _cruise():
     """The velocity _C to cruise at: as high as the way _S allows, from _V."""
-    r = _scratch
+    r = scratch
     if reals.compare(r, _V, _TOP) >= 0:
         reals.copy(r, _C, _TOP)
         _ramp_way(_X, _V, _C)
@@ -442,7 +437,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     deceleration it has, so it does not get past the end of a plan within the same limits. Returns False
     where the way is longer than the planner can count (2^29 steps): nothing is planned.
     """
-    r = _scratch
+    r = scratch
     phases.clear()
     reals.fetch(r, _A, limits, acceleration)
     reals.fetch(r, _J, limits, jerk)
@@ -506,7 +501,7 @@ def _push_stop(phases, down):
     _T1: how long the jerk lasts, _HIGH: the deceleration after _LOW ticks. Leaves the velocity of the last
     part in _W, and adds the way of all to _S.
     """
-    r = _scratch
+    r = scratch
     reals.multiply(r, _Y, _J, _T1)  # peak deceleration
     reals.divide(r, _T2, _D, _Y)
     reals.subtract(r, _T2, _T2, _T1)
@@ -539,7 +534,7 @@ def _push_stop(phases, down):
 
 def _nearest(targets, i, cubic, down):
     """targets[i] = the step nearest to where a way of _S leads; False where that is too far."""
-    r = _scratch
+    r = scratch
     if reals.floor(r, _S, _FARTHEST) == _FARTHEST:
         return False
     if down:

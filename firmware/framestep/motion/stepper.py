@@ -383,6 +383,20 @@ def moving(m: ptr32) -> int:
 
 
 @micropython.viper
+def restless(m: ptr32) -> int:
+    """Whether a motor moves or is planned to, or there is a fault. m: the header."""
+    if m[RUNNING] | m[FAULTS]:
+        return 1
+    a = m[FIRST]
+    while a:
+        m = ptr32(a)
+        if m[MODE] | m[PLANNED]:
+            return 1
+        a = m[NEXT]
+    return 0
+
+
+@micropython.viper
 def hungry(m: ptr32, least: int) -> int:
     """One bit per motor that has segments to come and fewer than `least` in its queue. m: the header."""
     bits = 0

@@ -7,9 +7,11 @@ its own from OWN on. Nothing allocates after construction.
 from array import array
 
 from framestep.motion import axes as motion
-from framestep.motion import reals, stepper
+from framestep.motion import ramps, reals, stepper
+from framestep.motion.axes import lead
+from framestep.motion.ramps import put_aim
 from framestep.moves import path
-from framestep.native import const
+from framestep.native import const, micropython, ptr32
 from framestep.protocol.messages import ERR_RANGE, ERR_SOFT_LOW, ERR_SOFT_UP, OK
 
 # Registers
@@ -25,12 +27,52 @@ REGISTERS = const(64)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
+_HEAD = const(160)  # ramps.HEAD and the like, as constants for the kernels below
+_TAIL = const(161)
+_PHASE_MASK = const(15)
+_PHYSICAL = const(3)  # axes.PHYSICAL
+if (ramps.HEAD, ramps.TAIL, ramps.PHASES, motion.PHYSICAL) != (_HEAD, _TAIL, _PHASE_MASK + 1, _PHYSICAL):
+    raise ValueError("follow.py disagrees with ramps.py or axes.py about an axis")
 _BATCH = const(32)  # frames checked at a time
 
 
 def speed(motor):
     """The register of a motor's velocity at the last frame queued, steps per tick."""
     return _SPEEDS + 2 * motor
+
+
+@micropython.viper
+def _ahead(axes, bits: int) -> int:
+    i = 0
+    while bits & 1 == 0:
+        bits >>= 1
+        i += 1
+    p = ptr32(axes[i].phases.words)
+    return (p[_TAIL] - p[_HEAD]) & _PHASE_MASK
+
+
+@micropython.viper
+def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: int, duration: int, scale: int):
+    motor = 0
+    own = _SPEEDS
+    while bits:
+        if bits & 1:
+            axis = axes[motor]
+            store.positions(motor, index - 2, 5, window, 0)
+            if step < 0:
+                path.turn(window)
+                path.velocity(r, X, window, axis.bounds, last - index, index, scale)
+            else:
+                path.velocity(r, X, window, axis.bounds, index, last - index, scale)
+            ptr32(place)[0] = ptr32(window)[2]
+            limits = axis.limits
+            lead(axis.planned, limits, place, 0)
+            put_aim(axis.phases.words, r, duration, own, X, limits, _PHYSICAL, 0)
+            ptr32(r)[own] = ptr32(r)[X]
+            ptr32(r)[own + 1] = ptr32(r)[X + 1]
+        bits >>= 1
+        motor += 1
+        own += 2
 
 
 class Follower:
@@ -184,17 +226,35 @@ class Follower:
                 axis = self.axes[motor]
                 axis.prepare(self.axes.hal)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-                axis.more = True
+                axis.expect(True)
 
     def close(self, bits):
         """No further phases come: the motors rest where the last one ends."""
         for motor in range(self.count):
             if bits >> motor & 1:
-                self.axes[motor].more = False
+                self.axes[motor].expect(False)
 
     def ahead(self, bits):
         """The number of phases that wait before the first of these motors; the others have about as many."""
-        for motor in range(self.count):
-            if bits >> motor & 1:
-                return self.axes[motor].phases.count()
-        return 0
+        return _ahead(self.axes.axes, bits)
+
+    def hop(self, bits, index, step, duration, scale=SCALE):
+        """Append to each motor of these bits the cubic to the frame `index`, played in direction `step`.
+
+        duration: register; it begins at speed(motor), and the velocity at the frame, at the rate of the register
+        `scale`, becomes that.
+        """
+        store = self.store
+        _hop(
+            self.axes.axes,
+            bits,
+            store,
+            self.window,
+            self.numbers,
+            self.place,
+            index,
+            step,
+            store.end - store.start,
+            duration,
+            scale,
+        )

@@ -236,14 +236,7 @@ class JogAll(Operation):
         self.at += self.step
         reals.put(r, Y, 12, 0)
         reals.divide(r, _SCALE, _NEXT, Y)
-        for motor in range(follower.count):
-            if self.bits >> motor & 1:
-                own = speed(motor)
-                reals.put(r, X, follower.slope(motor, self.at, self.step), 0)
-                reals.multiply(r, X, X, _SCALE)
-                reals.copy_word(follower.place, 0, follower.window, 2)
-                follower.axes[motor].aim(T, own, X, r, follower.place, 0)
-                reals.copy(r, own, X)
+        follower.hop(self.bits, self.at, self.step, T, _SCALE)
         reals.copy(r, _RATE, _NEXT)
         if self.at == self.to:
             follower.close(self.bits)

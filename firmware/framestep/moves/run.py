@@ -259,14 +259,7 @@ class RunMove(Operation):
             return
         self.queued = k
         duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
-        index = self.first + self.step * k
-        for motor in range(follower.count):
-            if plan.bits >> motor & 1:
-                own = speed(motor)
-                follower.velocity(X, motor, index, self.step)
-                reals.copy_word(follower.place, 0, follower.window, 2)
-                follower.axes[motor].aim(duration, own, X, r, follower.place, 0)
-                reals.copy(r, own, X)
+        follower.hop(plan.bits, self.first + self.step * k, self.step, duration)
 
     def reached(self, ticks):
         clock = self.tell_clock

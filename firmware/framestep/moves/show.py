@@ -253,41 +253,52 @@ class Show:
         if plan is None:
             return
         ticks = self.axes.kernel.state[stepper.TICKS]
-        lights = self.lights
         changed = False
         if plan.sync:
-            clock = self.level_clock
-            while self.shown <= plan.frames:
-                if (ticks - clock.tick - (clock.us + _ROUND_US) // 1000) & _WRAP >= _HALF:
-                    break
-                if self.cues.has_levels:
-                    index = self.first + self.step * self.shown
-                    if self.shown:
-                        self.cues.step(index, self.step < 0, lights)
-                    else:
-                        self.cues.seek(index, lights)
-                    changed = True
-                self.shown += 1
-                clock.advance()
+            changed = self._levels(plan.frames, ticks, self.level_clock)
+        if self.bloop_on or self.bloop_waits:
+            changed |= self._bloop(plan, (ticks - self.starts) & _WRAP)
+        if changed:
+            self.dmx.show(self.lights)
+
+    def _levels(self, frames, ticks, clock):
+        """Set the levels of the frames that are due; whether there were any."""
+        changed = False
+        while self.shown <= frames:
+            if (ticks - clock.tick - (clock.us + _ROUND_US) // 1000) & _WRAP >= _HALF:
+                break
+            if self.cues.has_levels:
+                index = self.first + self.step * self.shown
+                if self.shown:
+                    self.cues.step(index, self.step < 0, self.lights)
+                else:
+                    self.cues.seek(index, self.lights)
+                changed = True
+            self.shown += 1
+            clock.advance()
+        return changed
+
+    def _bloop(self, plan, since):
+        """The light of the bloop, `since` ticks after the run's first frame; whether it has been set."""
+        lights = self.lights
         if self.bloop_on:
             level = lights.level(plan.bloop_channel)
             if level != 255:
                 self.bloop_level = level  # what the program has it at meanwhile
-            if (ticks - self.starts) & _WRAP >= plan.bloop_ms:
+            if since >= plan.bloop_ms:
                 self.bloop_on = False
                 level = self.bloop_level
             else:
                 level = 255
             lights.set(plan.bloop_channel, level)
-            changed = True
-        elif self.bloop_waits and (ticks - self.starts) & _WRAP < _HALF:
+            return True
+        if since < _HALF:
             self.bloop_waits = False
             self.bloop_on = True
             self.bloop_level = lights.level(plan.bloop_channel)
             lights.set(plan.bloop_channel, 255)
-            changed = True
-        if changed:
-            self.dmx.show(lights)
+            return True
+        return False
 
     def place(self, index):
         """Lights as they are at a frame, without a run (spec: MSG_RT_POSITION_FRAME). Triggers belong to runs."""

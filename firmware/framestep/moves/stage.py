@@ -234,9 +234,8 @@ class Stage:
             return False
         if state == RUNNING:
             operation = self.operation
-            operation.feed()
-            self.axes.feed()
             told = operation.reached(self.axes.kernel.state[stepper.TICKS])
+            operation.feed()
             if operation.finished() and not self.moving():
                 if operation.again():
                     self._travel(operation.bits, self.begins)

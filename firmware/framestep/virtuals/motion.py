@@ -652,7 +652,7 @@ class Motion:
             if motor >= 0:
                 axis = self.axes[motor]
                 axis.prepare(hal)
-                axis.more = True
+                axis.expect(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
                 reals.copy_word(self.rows, 2 * i, self.present, motor)
                 self.rows[2 * i + 1] = 0
@@ -800,7 +800,7 @@ class Motion:
                 reals.fetch(r, _X, self.speeds, ROW * ((knot - 1) % _KNOTS) + 2 * i)
                 _nearest(self.word, self.rows, ROW * (knot % _KNOTS) + 2 * i)
                 axis.aim(_T, _X, _ZERO, r, self.word, 0)
-                axis.more = False
+                axis.expect(False)
         self.queued = knot
         self.closed = True
 
