@@ -89,6 +89,7 @@ DRIVER_SETTINGS = {
         "StealthChop, silent, or SpreadCycle, stronger when fast",
     ),
     "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors beside the driver"),
+    "pin": (int, -1, 47, -1, "", "of the driver's UART where each driver has its own; -1: as the board's page has it"),
 }
 
 _NO_PIN = -1
@@ -224,7 +225,8 @@ def _board_pins(board, dmx):
     for line, what in (("dmx", "DMX"), ("drivers", "driver UART's")):
         if line in board and (dmx or line != "dmx"):
             for key in ("tx", "rx"):
-                taken[board[line][key]] = "the board's %s %s" % (what, key)
+                if key in board[line]:
+                    taken[board[line][key]] = "the board's %s %s" % (what, key)
     return taken
 
 
@@ -283,6 +285,12 @@ class Rig:
                 there = "of motors 1 to %d" % len(addresses) if addresses else "of no motor"
                 raise RigError("%s: found an object, but the driver UART of this board is that %s" % (where, there))
             self.motors[i]["driver"] = given = _read(DRIVER_SETTINGS, given, where + ".")
+            if given["pin"] != _NO_PIN:
+                line = dict(self.board["drivers"])
+                if "pins" not in line:
+                    raise RigError("%s.pin: found %d, but the drivers share a UART here" % (where, given["pin"]))
+                line["pins"] = line["pins"][:i] + [given["pin"]] + line["pins"][i + 1 :]
+                self.board["drivers"] = line
             try:
                 found.append(tmc2209_setup.registers(given))
             except ValueError as error:
@@ -306,10 +314,12 @@ class Rig:
             if pin in taken:
                 raise RigError("%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin]))
             if pin in others:
-                kind = "output" if others is drives else "input"
+                kind = "output" if pin in drives else "input"
                 raise RigError("%s: found %d, which is wired as an %s on this board" % (what, pin, kind))
             taken[pin] = what
 
+        for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
+            claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
         self.limits = _read_list(LIMIT_SETTINGS, settings["limits"], "limits")
         for i, limit in enumerate(self.limits):
             for key in ("high", "low"):

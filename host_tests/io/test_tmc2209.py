@@ -341,7 +341,17 @@ def test_states_in_words():
         (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]}, "motors[1].driver.amps: no such setting"),
         (SKR_PICO, {"inputs": [{"pin": 8}]}, "which is the board's driver UART's tx already"),
         (BOARD, {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]}, "that of motors 1 to 4"),
-        (board_data("fysetc_erb"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
+        (
+            board_data("fysetc_erb"),
+            {"motors": [{"driver": {"run_ma": 500, "pin": 16}}]},
+            "motors[1].driver.pin: found 16, which is the board's step 2 already; allowed is a free pin",
+        ),
+        (
+            board_data("fysetc_erb"),
+            {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
+            "motors[1].driver.pin: found 24, which is wired as an input on this board",
+        ),
+        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]}, "the drivers share a UART here"),
         (board_data("pico2"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
     ],
 )
@@ -349,6 +359,21 @@ def test_mistakes(board, rig, text):
     with pytest.raises(RigError) as error:
         Rig(rig, board)
     assert text in str(error.value)
+
+
+def test_drivers_with_a_wire_each():
+    """The FYSETC ERB: the same address on two wires; v1 has another pin than v2."""
+    settings = {
+        "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}],
+        "inputs": [{"pin": 11}],
+    }
+    bench = Bench(settings, board_data("fysetc_erb"))
+    assert bench.board["drivers"]["pins"] == [20, 17]
+    bench.wire.apart = True
+    bench.run(RESET_S)
+    assert bench.drivers.ready == 0b11
+    assert bench.chips[1].run_ma() <= 300 < 700 < bench.chips[0].run_ma()
+    assert [len(c.writes) for c in bench.chips] == [12, 12]
 
 
 def test_a_rig_without_driver_settings_has_no_drivers():

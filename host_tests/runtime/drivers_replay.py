@@ -37,6 +37,9 @@ class Wire:
         self.at = 0
         self.wrong = 0
 
+    def choose(self, motor):
+        pass
+
     def send(self, buffer, count):
         at = self.at
         self.at = at + 1

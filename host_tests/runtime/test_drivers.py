@@ -27,6 +27,9 @@ class Recorder(drivers_replay.Hal):
         self.lines = []
         self.drivers = Drivers(self, Rig(drivers_replay.RIG, drivers_replay.BOARD))
 
+    def choose(self, motor):
+        pass
+
     def send(self, buffer, count):
         self.events.append("s" + bytes(buffer[:count]).hex())
         self.bus.send(buffer, count)

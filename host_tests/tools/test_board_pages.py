@@ -38,6 +38,8 @@ def change(name, **entries):
         (change("pico", with_drivers={"drivers": {"uart": 1, "tx": 20, "rx": 21, "address": [0]}}), "pin 20 is used 2"),
         (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [0, 0]}), "addresses [0, 0]"),
         (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [4]}), "addresses [4]"),
+        (change("fysetc_erb", drivers={"pins": [11], "address": [0, 0]}), "drivers: 1 pins for 2 motors"),
+        (change("skr_pico", drivers={"pins": [8, 9, 26, 29], "address": [0] * 4}), "not enough state machines for 4"),
         (change("skr_pico", leds=[1]), "leds: no such entry"),
     ],
 )

@@ -59,7 +59,10 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         found.append(Use(line["tx"], "serial", "DMX", "DI of a MAX485"))
         found.append(Use(line["rx"], "serial", "taken by the UART of DMX", "nothing"))
     line = board.get("drivers")
-    if line:
+    if line and "pins" in line:
+        for i, pin in enumerate(line["pins"], 1):
+            found.append(Use(pin, "serial", f"TMC2209 UART of motor {i}", "on the board"))
+    elif line:
         on_board = "sockets" in board.get("page", {})
         found.append(Use(line["tx"], "serial", "TMC2209 UART TX", "on the board" if on_board else "1 kΩ to PDN_UART"))
         found.append(Use(line["rx"], "serial", "TMC2209 UART RX", "on the board" if on_board else "PDN_UART"))
@@ -118,7 +121,13 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
         counts = Counter(use.pin for use in uses(data))
         found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
         found += [f"{state}: there is no pin {pin}" for pin in counts if pin not in range(pins)]
-        lines = [data[key] for key in ("dmx", "drivers") if key in data]
+        lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
+        wires = data.get("drivers", {}).get("pins", [])
+        if wires and len(wires) != board["motors"]:
+            found.append(f"drivers: {len(wires)} pins for {board['motors']} motors")
+        # a wire's programs do not fit into a PIO block together with that of the steps
+        if wires and -(-data["motors"] // 4) * 4 + 2 * len(wires[: data["motors"]]) > engines:
+            found.append(f"{state}: not enough state machines for {len(wires)} driver UARTs")
         for line in lines:
             tx, rx = UART_PINS[line["uart"]]
             if line["tx"] not in tx or line["rx"] not in rx:
@@ -127,7 +136,8 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
             found.append(f"{state}: DMX and drivers on the same UART")
     for place in (board, board.get("with_drivers", {})):
         address = place.get("drivers", {}).get("address", [])
-        if len(set(address)) < len(address) or not set(address) <= set(range(_ADDRESSES)):
+        shared = "pins" not in place.get("drivers", {})
+        if (shared and len(set(address)) < len(address)) or not set(address) <= set(range(_ADDRESSES)):
             found.append(f"drivers: addresses {address} are not different ones from 0 to {_ADDRESSES - 1}")
     return list(dict.fromkeys(found))
 

@@ -84,7 +84,7 @@ class SimulatedBoard:
 
         def wire(hal):
             self.chips = driver_chips.of(hal.board)
-            return Chips(self.chips, lambda: hal.now_ns)
+            return Chips(self.chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {}))
 
         self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board), wire=wire)
         self._edges: list[Edge] = []

@@ -114,11 +114,14 @@ class Chips:
     """A wire with drivers on it, behind the face of framestep.hal's `wire`: bytes take their time.
 
     clock: nanoseconds. `spoil(direction, data) -> data` may change or drop what goes to the drivers ("to", a telegram)
-    or comes from them ("from", an answer). echo: what is sent comes back.
+    or comes from them ("from", an answer). echo: what is sent comes back. apart: each chip has its own wire, in the
+    order of the motors.
     """
 
-    def __init__(self, chips: Iterable[Chip], clock: Callable[[], float], echo: bool = True):
+    def __init__(self, chips: Iterable[Chip], clock: Callable[[], float], echo: bool = True, apart: bool = False):
         self.chips = list(chips)
+        self.apart = apart
+        self.chosen = 0
         self.clock = clock
         self.echo = echo
         self.spoil: Callable[[str, bytes], bytes] = lambda direction, data: data
@@ -128,6 +131,10 @@ class Chips:
         self._arrived: list[tuple[float, int]] = []  # (when it is there, byte)
 
     # ---- the board's end
+
+    def choose(self, motor: int) -> None:
+        """See framestep.hal."""
+        self.chosen = motor
 
     def send(self, buffer: bytes, count: int) -> None:
         """See framestep.hal."""
@@ -166,7 +173,7 @@ class Chips:
         self._partial.clear()
         if len(telegram) not in (4, 8):
             return
-        for chip in self.chips:
+        for chip in self.chips[self.chosen : self.chosen + 1] if self.apart else self.chips:
             answer, delay = chip.take(telegram)
             if answer:
                 self._answer(self.spoil("from", answer), end + delay)

@@ -46,6 +46,7 @@ and watchdog is one with
 
 and wire is one with
 
+    choose(motor)                     the driver of this motor (from 0) is to be talked to; where each has its own line
     send(buffer, count)               put up to 8 bytes on the line; never waits
     receive(buffer, at, limit) -> n   bytes that have come since, at most `limit`, into buffer[at:]; what was sent comes
                                       back as well

@@ -168,6 +168,9 @@ class HostWatchdog:
 class SilentWire:
     """A driver UART with nothing connected to it."""
 
+    def choose(self, motor):
+        pass
+
     def send(self, buffer, count):
         pass
 

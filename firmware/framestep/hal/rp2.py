@@ -78,6 +78,10 @@ class Rp2Hal:
         return Watchdog()
 
     def _make_wire(self, wiring):
+        if "pins" in wiring:
+            from framestep.hal.rp2_one_wire import OneWire
+
+            return OneWire(wiring["pins"][: self.motors], self.motors)
         from framestep.hal.rp2_wire import Wire
 
         return Wire(wiring, "RP2350" in sys.implementation._machine)

@@ -158,6 +158,7 @@ class Drivers:
         self._confirmed = 0
         self._gstat = 0
         self._echo = False
+        self.wire.choose(self.motors[0])
 
     # ---------------------------------------------------------------- the wire
 
@@ -250,6 +251,7 @@ class Drivers:
             n = 0
             self.ready = self.good  # all have been tried
         self._driver = n
+        self.wire.choose(self.motors[n])
         self._tries = 0
         self._echo = False
         self._step = self._steps if self.states[n] == _WORKS else _BASE

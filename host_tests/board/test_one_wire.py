@@ -1,0 +1,105 @@
+"""The FYSETC ERB on the emulated board: each driver's UART is one pin, which PIO talks and listens on. The bits on the
+pins are decoded, and chips answer on the same pins, bit by bit."""
+
+import numpy as np
+
+from framestep_tools import driver_chips as chip
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.driver_chips import Chip, Chips
+from framestep_tools.payloads import GetCondition, Hi, MotorMove
+from host_tests.end_to_end.session import Session
+
+PINS = (20, 17)  # v1
+RIG = {"virtuals": 0, "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}]}
+BIT_NS = 1e9 / chip.BAUD
+SLICE_NS = 500_000
+
+
+def decode(times, levels, until):
+    """[(start, byte)] of the characters whose stop bit lies before `until`: 8N1."""
+    found = []
+    at = 0
+    while at < len(times):
+        start = times[at]
+        if levels[at] or start + 10 * BIT_NS > until:
+            at += 1
+            continue
+        samples = np.searchsorted(times, start + BIT_NS * np.arange(0.5, 10), side="right") - 1
+        bits = levels[samples]
+        assert bits[0] == 0 and bits[9] == 1, "no start or stop bit"
+        found.append((start, int(np.packbits(bits[1:9], bitorder="little")[0])))
+        at = int(np.searchsorted(times, start + 9.5 * BIT_NS))
+    return found
+
+
+class DrivenBoard(EmulatedBoard):
+    """Chips on the pins, as long as time passes here."""
+
+    def __init__(self):
+        super().__init__(RIG, board="fysetc_erb")
+        self.chips = [Chip(0), Chip(0)]
+        self.wire = Chips(self.chips, lambda: self.now_ns, apart=True)
+        self.kept = []
+        self.bit_lengths = []
+        for pin in PINS:
+            self.emulator.set_pin(pin, None)
+        self.emulator.trace_start([*self.pins.pins, *PINS])
+        self._records()  # the levels that the pins begin with
+
+    def edges(self):
+        kept, self.kept = self.kept, []
+        return kept
+
+    def _records(self):
+        records = self.emulator.trace_read()
+        self.kept += self._decoder.feed(records)
+        return records
+
+    def run_until(self, ns, until_output=False):
+        while self.now_ns < ns:
+            super().run_until(min(ns, self.now_ns + SLICE_NS), until_output)
+            self._serve()
+            if until_output:
+                return
+
+    def _serve(self):
+        """Hear what was said in this slice, to the end of the telegram, and answer."""
+        records = self._records()
+        talks = [pin for pin in PINS if (records["pin"] == pin).any()]
+        if not talks:
+            return
+        super().run_until(self.now_ns + round(90 * BIT_NS))
+        records = np.concatenate([records, self._records()])
+        for motor, pin in enumerate(PINS):
+            mine = records[records["pin"] == pin]
+            times, levels = mine["t"].astype(np.int64), mine["level"]
+            self.bit_lengths += [d for d in np.diff(times) if d < 1.2 * BIT_NS]
+            self.wire.choose(motor)
+            for at, value in decode(times, levels, self.now_ns):
+                self.wire.byte(value, at)
+            for value in self.wire.take_answers()[-8:] if self._asked() else b"":
+                for bit in (0, *(value >> i & 1 for i in range(8)), 1):
+                    self.emulator.set_pin(pin, bit)
+                    super().run_until(self.now_ns + round(BIT_NS))
+            self.emulator.set_pin(pin, None)
+        self._records()
+
+    def _asked(self):
+        """Whether the last telegram gets an answer, which is 8 bytes behind the echo of 4."""
+        return len(self.wire.telegrams) > 0 and len(self.wire.telegrams[-1][1]) == 4
+
+
+def test_set_up_over_one_pin_each():
+    with DrivenBoard() as board:
+        talk = Session(board, motors=2, reply_s=0.1)
+        assert talk.ask(Hi()).motors == 2
+        talk.run(2.0)
+        for driver, run_ma in zip(board.chips, (800, 300), strict=True):
+            assert driver.damaged == 0 and len(driver.writes) == 12 and driver.gstat == 0
+            assert run_ma - 55 < driver.run_ma() <= run_ma
+        assert abs(np.mean(board.bit_lengths) / BIT_NS - 1) < 0.01
+        talk.forget()
+        talk.accept(MotorMove(1, 300), MotorMove(2, -200))
+        talk.wait_idle()
+        assert (talk.made(1), talk.made(2)) == (300, -200)
+        assert talk.ask(GetCondition()).bits == 0
