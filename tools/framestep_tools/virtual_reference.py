@@ -95,7 +95,8 @@ class Rig:
     def payload(self) -> bytes:
         """As VIRT_CONFIG; numbers are rounded to the message's."""
         if self.kind == SWING_PAN:
-            return struct.pack("<BIiIi", 2, *(f(a) for a in self.axes for f in (lambda a: a.motor, _spu)))
+            swing, pan = self.axes
+            return struct.pack("<BIiIi", 2, swing.motor, _spu(swing), pan.motor, _spu(pan))
         out = bytes([self.kind])
         for a in self.axes:
             out += struct.pack("<Iii", a.motor, _spu(a), round(a.position * 100000))
