@@ -4,7 +4,7 @@ from framestep.motion import reals
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
-from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, DIVIDE, END, MULTIPLY, ROOT, SUBTRACT, compute
+from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SUBTRACT, compute
 
 _X = const(g.T)
 _Y = const(g.T + 2)
@@ -13,7 +13,6 @@ _LEVEL = const(g.T + 6)
 _PAN = const(g.T + 8)
 _TILT = const(g.T + 10)
 _TURN = const(g.T + 12)
-_HALF = const(g.T + 14)
 
 _DISTANCE = bytes(
     (SUBTRACT, _X, g.POSE + 2, g.AIM)  # to the left
@@ -27,13 +26,11 @@ _DISTANCE = bytes(
     + (END, 0, 0, 0)
 )
 
-# and by how many turns the pan of POSE is away
+# and how far the pan of POSE is away
 _DIRECTION = bytes(
-    (ANGLE, _TILT, _Y, _LEVEL)
+    (ANGLE, _TILT, _Y, _LEVEL)  #
     + (ANGLE, _PAN, _X, _Z)
     + (SUBTRACT, _X, g.POSE + g.PAN, _PAN)
-    + (DIVIDE, _X, _X, _TURN)
-    + (ADD, _X, _X, _HALF)
     + (END, 0, 0, 0)
 )
 
@@ -44,12 +41,14 @@ def direction(r, pan, tilt):
     0, or ERR_AIM_COD where the point is nearer than SAFE, measured level (a vertical cylinder, field note 9.7), or
     straight above or below.
     """
-    if not compute(r, _DISTANCE) or reals.compare(r, _LEVEL, g.SAFE) < 0:
+    if not compute(0, 0, r, _DISTANCE) or reals.compare(r, _LEVEL, g.SAFE) < 0:
         return m.ERR_AIM_COD
-    reals.put(r, _TURN, 360, 0)
-    reals.put(r, _HALF, 1, -1)
-    compute(r, _DIRECTION)
+    compute(0, 0, r, _DIRECTION)
     reals.copy(r, tilt, _TILT)
+    reals.put(r, _TURN, 360, 0)
+    reals.divide(r, _X, _X, _TURN)
+    reals.put(r, _Y, 1, -1)
+    reals.add(r, _X, _X, _Y)
     reals.put(r, _X, reals.floor(r, _X, 0x7FFFFF), 0)
     reals.multiply(r, _X, _X, _TURN)
     reals.add(r, pan, _PAN, _X)

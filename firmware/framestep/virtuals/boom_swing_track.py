@@ -24,7 +24,7 @@ _LENGTH_AT = const(73)  # in the payload
 _TABLE_AT = const(93)
 _ENTRIES = const(121)
 _LOWEST = const(60)  # degrees below level of the first
-_ROUNDING = const(64)  # in degrees Q23: so far beyond the table's ends an angle from inverse() may be
+_ROUNDING = const(-17)  # 2^-17 degrees: so far beyond the table's ends an angle from inverse() may be
 
 
 @micropython.viper
@@ -50,60 +50,6 @@ def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
         at += 4
         k += 1
     return 1
-
-
-@micropython.viper
-def _stretch(table: ptr32, steps, j: int) -> int:
-    """Between which entries steps[j] lies: the lower one, 0 to 119; -1 or 120 beyond the ends."""
-    place = ptr32(steps)[j + 0]
-    low = 0
-    high = 120
-    falling = 0
-    if table[120] < table[0]:
-        falling = 1
-    if falling:
-        if place > table[0]:
-            return -1
-        if place < table[120]:
-            return 120
-    else:
-        if place < table[0]:
-            return -1
-        if place > table[120]:
-            return 120
-    while high - low > 1:
-        k = (low + high) >> 1
-        if falling:
-            if place <= table[k + 0]:
-                low = k
-            else:
-                high = k
-        elif place >= table[k + 0]:
-            low = k
-        else:
-            high = k
-    return low
-
-
-@micropython.viper
-def _entry(r: ptr32, boom: int) -> int:
-    """The entry below the angle r[boom], 0 to 119, or -1 off the table."""
-    value = r[boom + 0]
-    s = 0 - r[boom + 1] - 23
-    if s < 0 and value:  # 64 degrees and more
-        return -1
-    if s > 30:
-        s = 30
-    if s > 0:
-        value = value >> s
-    value = value + 0x1E000000  # 60 degrees in Q23
-    if value < -_ROUNDING or value > 0x3C000000 + _ROUNDING:
-        return -1
-    if value < 0:
-        return 0
-    if value >= 0x3C000000:
-        return 119
-    return value >> 23
 
 
 class Geometry(arm.Arm):
@@ -168,11 +114,17 @@ class Geometry(arm.Arm):
         if not self._tabled:
             return 0
         r = self.r
-        k = _entry(r, _BOOM)
-        if k < 0:
-            return m.ERR_RANGE
-        reals.put(r, g.X, k - _LOWEST, 0)
-        reals.subtract(r, g.X, _BOOM, g.X)
+        reals.put(r, g.X, _LOWEST, 0)
+        reals.add(r, g.X, _BOOM, g.X)
+        k = reals.floor(r, g.X, _ENTRIES)
+        if k < 0 or k > 119:
+            reals.put(r, g.Y, 0 if k < 0 else 120, 0)
+            reals.subtract(r, g.Y, g.X, g.Y)
+            if reals.sign(r, g.Y) and r[g.Y + 1] + 30 > _ROUNDING:
+                return m.ERR_RANGE
+            k = 0 if k < 0 else 119
+        reals.put(r, g.Y, k, 0)
+        reals.subtract(r, g.X, g.X, g.Y)
         reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
         reals.multiply(r, g.X, g.X, g.Y)
         return 0 if g.places(r, g.X, self.table, k, out, j, 1) else m.ERR_RANGE
@@ -186,13 +138,25 @@ class Geometry(arm.Arm):
         if i or not self._tabled:
             return super().joint(i, steps, j)
         r = self.r
-        k = _stretch(self.table, steps, j)
+        table = self.table
         code = 0
-        if k < 0 or k > 119:
-            code = m.ERR_RANGE
-            k = 0 if k < 0 else 119
-        reals.put_difference(r, g.X, steps, j, self.table, k)
-        reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
+        reals.put_difference(r, g.Y, table, 120, table, 0)
+        rising = reals.sign(r, g.Y)
+        for k in range(0, 121, 120):
+            reals.put_difference(r, g.X, steps, j, table, k)
+            if reals.sign(r, g.X) * rising == (-1 if k == 0 else 1):
+                code = m.ERR_RANGE
+        # the greatest k whose entry is not beyond, 119 at most
+        k = 0
+        step = 64
+        while step:
+            if k + step < 120:
+                reals.put_difference(r, g.X, steps, j, table, k + step)
+                if reals.sign(r, g.X) * rising >= 0:
+                    k += step
+            step >>= 1
+        reals.put_difference(r, g.X, steps, j, table, k)
+        reals.put_difference(r, g.Y, table, k + 1, table, k)
         reals.divide(r, g.X, g.X, g.Y)
         reals.put(r, g.Y, k - _LOWEST, 0)
         reals.add(r, _BOOM, g.X, g.Y)

@@ -18,9 +18,8 @@ MULTIPLY = const(4)  # to = a · b
 COPY = const(5)  # to = a
 NEGATE = const(6)  # to = -a
 ROOT = const(7)  # to = √a, 0 for a negative number
-DIVIDE = const(8)  # to = a / b; b must not be 0
-ANGLE = const(9)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
-SINES = const(10)  # to, b = sine and cosine of a, |a| < 2^27
+ANGLE = const(8)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
+SINES = const(9)  # to, b = sine and cosine of a, |a| < 2^27
 
 # Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six do for 45 degrees); then, from
 # _ARCS on, the arc tangents of k / 16 in degrees, Q24
@@ -35,8 +34,11 @@ _TABLES = array(
 
 
 @micropython.viper
-def compute(r: ptr32, formula: ptr8) -> int:
-    """Work through a formula; 1, or 0 where an ABOVE does not hold: then the rest is not computed."""
+def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
+    """Work through a formula on r; 1, or 0 where an ABOVE does not hold: then the rest is not computed.
+
+    m and n are parameters because viper keeps the first two in registers on ARM; what is passed does not matter.
+    """
     at = 0
     while True:
         what = formula[at + 0]
@@ -118,28 +120,6 @@ def compute(r: ptr32, formula: ptr8) -> int:
                     m -= 1
         elif what == NEGATE:
             m = 0 - m
-        elif what == DIVIDE:
-            s = (m ^ n) >> 31
-            if m < 0:
-                m = 0 - m
-            if n < 0:
-                n = 0 - n
-            e = e - f - 29
-            if m < n:
-                m = m + m
-                e -= 1
-            low = 0
-            shift = 30
-            while shift:
-                low = low + low
-                if m >= n:
-                    m = m - n
-                    low += 1
-                m = m + m
-                shift -= 1
-            if m >= n:
-                low += 1
-            m = (low ^ s) - s
         elif what == ANGLE:
             shift = f - e
             s = m >> 31

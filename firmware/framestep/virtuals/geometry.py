@@ -177,7 +177,7 @@ def camera_axis(r, axis, to):
     for i in range(0, 6, 2):
         reals.copy(r, OFFSET + i, ZERO)
     reals.put(r, OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
-    compute(r, _TURN)
+    compute(0, 0, r, _TURN)
     reals.copy(r, to, OFFSET + 4)
     reals.copy(r, to + 2, OFFSET)
     reals.copy(r, to + 4, OFFSET + 2)
@@ -292,7 +292,7 @@ class Rig:
         out: array('i'), 12 words of it. For an axis without a motor: 0.
         """
         r = self.r
-        compute(r, _STEPS)
+        compute(0, 0, r, _STEPS)
         if not places(r, T, self.start, 0, out, j, AXES):
             return m.ERR_RANGE
         return self._bend(out, j)
@@ -339,8 +339,8 @@ class Rig:
         """JOINT for the POSE. A code; with ERR_RANGE JOINT is of no use."""
         r = self.r
         if self._offset:
-            compute(r, _NODAL)
-        if not compute(r, self._inverse):
+            compute(0, 0, r, _NODAL)
+        if not compute(0, 0, r, self._inverse):
             return m.ERR_RANGE
         if self._absent:
             for i in range(AXES):
@@ -354,8 +354,8 @@ class Rig:
     def forward(self):
         """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back from."""
         r = self.r
-        code = 0 if compute(r, self._forward) else m.ERR_RANGE
+        code = 0 if compute(0, 0, r, self._forward) else m.ERR_RANGE
         if self._offset:
-            compute(r, _NODAL)
-        compute(r, _TO_POSE)
+            compute(0, 0, r, _NODAL)
+        compute(0, 0, r, _TO_POSE)
         return code
