@@ -262,6 +262,8 @@ class Controller:
         """A stop input has acted (field note 8.4)."""
         factor = self.rig.hard_stop_factor
         if self.safety.tripped:
+            if self.rig.estop_cuts_power:
+                self.positions.cut(self.axes.moving_bits())
             self.jogging = 0
             self.stage.stop(factor)
             self.virtuals.halt(factor)

@@ -33,6 +33,14 @@ SETTINGS = {
         "",
         "stop button between its pin and ground: normally closed, open",
     ),
+    "estop_cuts_power": (
+        bool,
+        None,
+        None,
+        False,
+        "",
+        "the stop button also cuts the motors' power: they lose positions",
+    ),
     "shutter_on": (str, ("high", "low"), None, "high", "", "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "", "level of the meter output while it is on"),
     "remember_positions": (bool, None, None, False, "", "keeps positions at rest over a power cut (docs/safety.md)"),
@@ -252,6 +260,7 @@ class Rig:
         self.hard_stop_factor = settings["hard_stop_factor"]
         self.report_ms = settings["report_ms"]
         self.estop = settings["estop"]
+        self.estop_cuts_power = settings["estop_cuts_power"]
         self.shutter_on = settings["shutter_on"]
         self.meter_on = settings["meter_on"]
         self.remember_positions = settings["remember_positions"]

@@ -11,6 +11,7 @@ from framestep.motion.positions import (
     RESTORED,
     SET,
     STEPS,
+    UNPOWERED,
     UNSET,
 )
 from framestep.protocol.messages import (
@@ -30,9 +31,10 @@ REASONS = {
     BROKEN_OFF: "power or the firmware went while motors moved",
     BEFORE: "lost before the power went",
     RESTORED: "as remembered from before power-up",
-    DRIVER_OFF: "the driver has been off since it was set",
+    DRIVER_OFF: "the driver has been off since it was known",
     SET: "set by the host",
     DRIVER: "its driver has failed",
+    UNPOWERED: "the E-stop cut the power in motion",
 }
 CONDITIONS = {
     CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",

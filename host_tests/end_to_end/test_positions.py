@@ -3,7 +3,7 @@
 import pytest
 
 from framestep import words
-from framestep.motion.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNSET
+from framestep.motion.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
 from framestep_tools.boards import LockstepPort, SimulatedBoard
@@ -118,6 +118,21 @@ def test_stops_that_lose_nothing(moving):
             moving.board._board.set_input(stop, 1 - level)
         moving.wait_idle()
     assert trust(moving, 1, 2, 3) == [IS_SET] * 3
+
+
+def test_an_e_stop_that_cuts_the_power():
+    session = simulated({"estop": "nc", "estop_cuts_power": True})
+    session.board._board.set_input("estop", 0)
+    session.run(0.05)
+    session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
+    session.accept(*(MotorMove(motor, 50_000) for motor in (1, 4)))
+    session.run(0.5)
+    session.board._board.set_input("estop", 1)
+    session.wait_idle()
+    session.board._board.set_input("estop", 0)
+    session.run(0.1)
+    gone = Trust(LOST, UNPOWERED)
+    assert trust(session, 1, 2, 3, 4) == [gone, Trust(HELD, DRIVER_OFF), NOT_SET, gone]
 
 
 def test_soft_limits_count_from_a_lost_position(moving):

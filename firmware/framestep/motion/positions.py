@@ -25,6 +25,7 @@ RESTORED = const(4)  # HELD
 DRIVER_OFF = const(5)  # HELD
 SET = const(6)  # KNOWN
 DRIVER = const(7)  # LOST: its driver has failed
+UNPOWERED = const(8)  # LOST: the E-stop has cut its power in motion
 
 
 class Positions:
@@ -57,7 +58,7 @@ class Positions:
         self.put(motor, KNOWN, SET)
 
     def release(self, motor):
-        """Its driver is switched off."""
+        """Its driver is switched off, or has lost its power."""
         if self.states[motor] == KNOWN:
             self.put(motor, HELD, DRIVER_OFF)
 
@@ -67,3 +68,9 @@ class Positions:
         for motor in range(self.count):
             if bits >> motor & 1:
                 self.put(motor, LOST, reason)
+
+    def cut(self, moving):
+        """All motors have lost their power, those of the bits `moving` in motion."""
+        self.lose(moving, UNPOWERED)
+        for motor in range(self.count):
+            self.release(motor)
