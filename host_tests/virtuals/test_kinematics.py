@@ -212,6 +212,14 @@ def test_boom_table(sign):
         firmware.steps()
 
 
+def test_with_a_table_the_boom_s_own_numbers_do_not_matter():
+    table = tuple(range(-6000, 6100, 100))
+    rig = Rig(1, (Axis(1, 2_000_000, -20_000), Axis(2), Axis(3), *HEAD), 857.7, 78, table=table)
+    firmware = Firmware.of(rig)
+    firmware.inverse(rig.forward([60, 0, 0, 0, 0, 0]))
+    near(firmware.steps(), [6000], 0.01)
+
+
 def test_an_axis_without_a_motor_stays():
     axes = (Axis(1), Axis(2), Axis(0, 0, 250.0), Axis(3), Axis(0, 0, -7.5), Axis(0, 0, 0.0))
     rig = Rig(1, axes, 500, 100)

@@ -105,6 +105,7 @@ class Geometry(arm.Arm):
         self._tabled = reader.length > 100 and self.motor[0] > 0
         if self._tabled:
             self._read(reader, 1)
+            reals.put(self.r, g.PER_UNIT, 0, 0)  # so that they cannot be too many steps
 
     def _read(self, reader, keep):
         return _entries(reader.buffer, reader.payload + _TABLE_AT, self.table, keep)
