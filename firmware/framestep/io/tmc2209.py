@@ -10,7 +10,7 @@ address FF and its CRC. A write has no answer: IFCNT counts those that came thro
 
 A driver that does not answer, has a fault, or has been reset (its supply broke down) is not `ready`: its motor does not
 move. It is asked again every RETRY_MS, and set up from the beginning as soon as it answers. A pass of the main loop
-does one thing, a few hundred microseconds; the wire does the rest. Nothing allocates after construction.
+does one thing and waits for nothing. Nothing allocates after construction.
 """
 
 from array import array

@@ -1,0 +1,69 @@
+"""The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has and the emulated board has not."""
+
+import importlib
+import sys
+from types import SimpleNamespace
+from typing import ClassVar
+
+import pytest
+
+from framestep import native
+from framestep_tools.files import board_data
+
+# RP2350 datasheet 11.7: blocks, TXF0 and FDEBUG
+BLOCKS = (0x50200000, 0x50300000, 0x50400000)
+TXF0, FDEBUG_WORD = 0x10, 2
+
+
+class Machine:
+    made: ClassVar[list] = []
+
+    def __init__(self, number, program, freq, set_base, out_base):
+        Machine.made.append((number, set_base.number, out_base.number))
+
+    def active(self, on):
+        assert on
+
+
+class Pin:
+    OUT = 1
+
+    def __init__(self, number, mode, value):
+        assert value == 0
+        self.number = number
+
+
+@pytest.fixture
+def pulses(monkeypatch):
+    """framestep.hal.rp2_pulses with a chip of paper under it."""
+    pio = SimpleNamespace(OUT_LOW=0, SHIFT_RIGHT=1, JOIN_TX=1)
+    rp2 = SimpleNamespace(PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine)
+    monkeypatch.setitem(sys.modules, "rp2", rp2)
+    monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin))
+    monkeypatch.delitem(sys.modules, "framestep.hal.rp2_pulses", raising=False)
+    monkeypatch.setattr(Machine, "made", [])
+    yield importlib.import_module("framestep.hal.rp2_pulses")
+    sys.modules.pop("framestep.hal.rp2_pulses", None)
+
+
+def test_every_motor_has_its_own(pulses):
+    board = board_data("pico2")
+    engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000)
+    assert Machine.made == list(zip(range(12), board["step"], board["dir"], strict=True))
+    assert [engine.fifo(i) for i in range(12)] == [block + TXF0 + 4 * i for block in BLOCKS for i in range(4)]
+
+
+class Register(dict):
+    """FDEBUG: bits are cleared by ones."""
+
+    def __setitem__(self, index, value):
+        super().__setitem__(index, self[index] & ~value)
+
+
+@pytest.mark.parametrize("motor", range(12))
+def test_a_lost_command_is_its_motors(pulses, monkeypatch, motor):
+    for number, block in enumerate(BLOCKS):
+        over = 1 << (16 + motor % 4) if motor // 4 == number else 0
+        monkeypatch.setitem(native._memory, block, Register({FDEBUG_WORD: over | 0x0F000000}))
+    assert pulses.lost_commands(12) == 1 << motor
+    assert pulses.lost_commands(12) == 0
