@@ -10,7 +10,9 @@ from array import array
 from framestep.motion import reals
 from framestep.motion.axes import INCHING
 from framestep.native import const
+from framestep.protocol.messages import ERR_RANGE
 from framestep.virtuals import motion as v
+from framestep.virtuals.geometry import AXES
 
 CELLS = const(8)
 _CELL = const(11)  # words: s at its end, velocity, acceleration, length, square of the velocity at its end, span
@@ -76,7 +78,7 @@ class Guide:
             self.level += 1
         motion.rates(self.share)
         fastest = 1
-        for i in range(v.AXES):
+        for i in range(AXES):
             if motion.motor[i] and motion.curve[2 * i] > fastest:
                 fastest = motion.curve[2 * i]
         reals.put(r, _X, _STEPS, 0)
@@ -123,7 +125,7 @@ class Guide:
             return code
         motion.clear()
         if motion.measure(rows[0], rows[1], rows[2], self.level) != v.SMOOTH:
-            return v.m.ERR_RANGE
+            return ERR_RANGE
         return motion.inside(rows[0], rows[1], rows[2])
 
     def extend(self):
@@ -158,7 +160,7 @@ class Guide:
             reals.double(r, _X, _X, -2)
             if reals.compare(r, _X, v.HALF_CELL) > 0:
                 reals.double(r, v.HALF_CELL, v.HALF_CELL, 1)
-                for i in range(v.AXES):
+                for i in range(AXES):
                     motion.greatest[i] = min(motion.greatest[i], _LARGE) * 2
         self._exits()
         return True

@@ -447,14 +447,7 @@ class Motion:
                 code = rig.inverse()
         if code:
             return code
-        rows = self.rows
-        for i in range(AXES):
-            if self.motor[i]:
-                code = rig.steps(i, rows, row)
-                if code:
-                    return code
-            row += 2
-        return 0
+        return rig.places(self.rows, row)
 
     def _direct(self, pose):
         """Turn the angles of r[pose] to the aim point, from the place of POSE. A code."""
