@@ -248,6 +248,14 @@ def test_a_place_that_is_no_int32(sign, start, far):
             firmware.steps()
 
 
+def test_an_axis_that_counts_backward():
+    rig = Rig(4, (Axis(1, -1000, 5.0, 77), Axis(2), Axis(3), *HEAD))
+    firmware = Firmware.of(rig)
+    near(firmware.locate({1: 1077}), [0, 4, 0, 12.5, 0, 0], 1e-5)
+    firmware.inverse([0, -20, 0, 0, 0, 0])
+    near(firmware.steps(), [77 + 25000], 0.01)
+
+
 # ---------------------------------------------------------------- VIRT_CONFIG
 
 FULL = {
