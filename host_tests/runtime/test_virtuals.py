@@ -60,7 +60,6 @@ def test_the_same_bits_as_cpython(unix32f):
     answers = unix32f.run(REPLAY, stdin="".join(line + "\n" for line in lines).encode()).splitlines()
     for line, answer, want in zip(lines, answers, wanted, strict=True):
         assert answer == want, line[:80]
-        assert line[:4] != "POSE" or answer[:2] != "0 " or answer.endswith(" 0"), "places() and steps() differ"
 
 
 @pytest.mark.parametrize("name", RIGS)

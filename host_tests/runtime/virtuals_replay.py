@@ -30,7 +30,6 @@ rigs = [None, boom_swing_track, swing_pan, y_swing_track, x_y_z]
 rigs = [module and module.Geometry(r) for module in rigs]
 present = array("i", [0] * 8)
 places = array("i", [0] * 12)
-one = array("i", [0, 0])
 
 
 def configured(rig, reader):
@@ -48,18 +47,12 @@ def located(rig):
 
 
 def reached(rig):
-    """Code of inverse() and places(), and how many of steps() are other than places()."""
-    wrong = 0
     heap_lock()
     code = rig.inverse()
     if code == 0:
         code = rig.places(places, 0)
-    if code == 0:
-        for i in range(rig.joints):
-            if rig.steps(i, one, 0) or one[0] != places[2 * i] or one[1] != places[2 * i + 1]:
-                wrong += 1
     heap_unlock()
-    return code, wrong
+    return code
 
 
 def aimed():
@@ -97,9 +90,9 @@ def play(lines):
         elif what == "POSE":
             for i in range(12):
                 r[i] = int(words[1 + i])
-            code, wrong = reached(rig)
+            code = reached(rig)
             if code == 0:
-                out = list(r[g.JOINT : g.JOINT + 12]) + list(places) + [wrong]
+                out = list(r[g.JOINT : g.JOINT + 12]) + list(places)
         elif what == "AIM":
             for i in range(6):
                 r[g.AIM + i] = int(words[1 + i])

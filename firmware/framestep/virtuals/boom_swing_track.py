@@ -130,11 +130,6 @@ class Geometry(arm.Arm):
         reals.multiply(r, g.X, g.X, g.Y)
         return 0 if g.places(r, g.X, self.table, k, out, j, 1) else m.ERR_RANGE
 
-    def steps(self, i, out, j):
-        if i == 0 and self._tabled:
-            return self._bend(out, j)
-        return super().steps(i, out, j)
-
     def joint(self, i, steps, j):
         if i or not self._tabled:
             return super().joint(i, steps, j)

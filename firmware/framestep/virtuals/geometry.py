@@ -301,13 +301,6 @@ class Rig:
         """What a type has to change of places()."""
         return 0
 
-    def steps(self, i, out, j):
-        """out[j] and out[j + 1] as in places(), for axis i alone. A code."""
-        r = self.r
-        reals.subtract(r, X, JOINT + 2 * i, HOME + 2 * i)
-        reals.multiply(r, X, X, PER_UNIT + 2 * i)
-        return 0 if places(r, X, self.start, i, out, j, 1) else m.ERR_RANGE
-
     def joint(self, i, steps, j):
         """JOINT of axis i from the step steps[j]. A code."""
         r = self.r
