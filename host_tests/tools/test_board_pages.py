@@ -1,6 +1,7 @@
 """Every board's data is sound, its page and drawing are made from it, and its example rig file is valid."""
 
 import copy
+from xml.etree import ElementTree
 
 import pytest
 
@@ -51,6 +52,22 @@ def test_a_mistake_is_found(data, complaint):
 def test_page_and_drawing_are_up_to_date(name):
     for path, text in board_pages.page(name).items():
         assert path.read_text() == text, "run python -m framestep_tools.board_pages"
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_drawing_shows_every_pin_inside_its_frame(name):
+    board = board_data(name)
+    root = ElementTree.fromstring(board_pages.drawing(board))
+    width = float(root.attrib["viewBox"].split()[2])
+    texts = root.findall("{http://www.w3.org/2000/svg}text")
+    shown = {text.text for text in texts}
+    off_the_header = {"led"} if "header" in board["page"] else set()
+    for use in board_pages.uses(fitted(board)):
+        assert f"{use.what}: {use.wire}" in shown or use.pin in {board.get(key) for key in off_the_header}
+    for text in texts:
+        # letters of this size are 6.6 units wide on average
+        room = {"start": width - float(text.attrib["x"]), "end": float(text.attrib["x"])}
+        assert 6.6 * len(text.text) < room.get(text.attrib["text-anchor"], width), text.text
 
 
 def test_changed_data_shows(monkeypatch):
