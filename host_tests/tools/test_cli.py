@@ -44,6 +44,7 @@ from framestep_tools.wire import encode
         (cli.app, ["sniff"], 2, "either a capture file or a --device"),
         (cli.app, ["sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
         (sim.app, ["--speed", "fast"], 1, "expected max or a positive number"),
+        (sim.app, ["--board", "nano"], 1, "no board 'nano': there are fysetc_erb, pico"),
         (sim.app, ["--motors", "0"], 2, "'--motors': Input should be greater than or equal to 1"),
         (sim.app, ["--rig", "/not/there.json"], 1, "cannot read the rig file /not/there.json"),
         (emu.app, ["--single-port", "--repl"], 2, "with a single port"),

@@ -39,6 +39,13 @@ def test_the_pico_is_wired_as_documented():
     assert [pins.levels[p] for p in (22, 26, 27, 28)] == ["gio1", "gio2", "gio3", "gio4"]
 
 
+def test_pins_are_those_that_the_rig_file_leaves():
+    assert load_board("pico", {"motor_count": 3}).step == (2, 4, 6)
+    assert load_board("skr_pico").levels[7] == "enable2"
+    assert load_board("pico", {"motors": [{"driver": {"run_ma": 500}}]}).levels[26] == "shutter"
+    assert load_board("pico", {"motor_count": 99}) == load_board("pico")  # a mistake: the board's defaults hold
+
+
 def test_an_unknown_board_is_named():
     with pytest.raises(ToolError, match=r"no board 'nano': there are .*pico"):
         load_board("nano")

@@ -12,7 +12,7 @@ from .builds import BuildError
 from .errors import Command
 from .files import CompileError
 from .serve import Server, parse_speed
-from .sim import Rig, Speed, Tcp, TraceFile
+from .sim import Board, Rig, Speed, Tcp, TraceFile
 
 app = Command("emu", expected=(EmulatorError, BuildError, CompileError))
 
@@ -23,6 +23,7 @@ def main(
     trace: TraceFile = None,
     speed: Speed = "1",
     rig: Rig = None,
+    board: Board = "pico",
     repl: Annotated[bool, typer.Option("--repl", help="offer the REPL on a pseudo-terminal")] = False,
     repl_tcp: Annotated[str | None, typer.Option(help="offer the REPL as raw TCP", metavar="HOST:PORT")] = None,
     single_port: Annotated[
@@ -38,7 +39,7 @@ def main(
     if (repl or repl_tcp) and settings.get("ports") == 1:
         raise typer.BadParameter("with a single port the REPL is on the protocol port: send it Ctrl-C there")
     print("starting the emulated board", file=sys.stderr)
-    Server(EmulatedBoard(settings, trace is not None, flash), pace, tcp, trace, repl, repl_tcp).run()
+    Server(EmulatedBoard(settings, trace is not None, flash, board), pace, tcp, trace, repl, repl_tcp).run()
 
 
 if __name__ == "__main__":

@@ -4,16 +4,19 @@ from typing import Annotated
 
 import typer
 
+from framestep.rig import RigError
+
 from .boards import SimulatedBoard, read_rig
 from .errors import Command
 from .serve import Server, parse_speed
 
-app = Command("sim")
+app = Command("sim", expected=(RigError,))
 
 Tcp = Annotated[str | None, typer.Option(help="offer the protocol port as raw TCP too", metavar="HOST:PORT")]
 TraceFile = Annotated[str | None, typer.Option("--trace", help="write every edge as CSV as it comes", metavar="FILE")]
 Speed = Annotated[str, typer.Option(help="times real time, or max: as fast as it can while a client waits")]
 Rig = Annotated[str | None, typer.Option(help="the rig file", metavar="FILE")]
+Board = Annotated[str, typer.Option(help="the board whose pins it has: a folder in boards/", metavar="NAME")]
 
 
 @app.command()
@@ -22,11 +25,14 @@ def main(
     trace: TraceFile = None,
     speed: Speed = "1",
     rig: Rig = None,
-    motors: Annotated[int, typer.Option(help="how many motors the board has", min=1, max=32)] = 8,
+    board: Board = "pico",
+    motors: Annotated[
+        int | None, typer.Option(help="how many motors, whatever the board has; without it as many", min=1, max=12)
+    ] = None,
 ) -> None:
     """Run the controller on the host HAL; prints the path of its pseudo-terminal, then `ready`."""
     pace = parse_speed(speed)
-    Server(SimulatedBoard(read_rig(rig), motors), pace, tcp, trace).run()
+    Server(SimulatedBoard(read_rig(rig), motors, board), pace, tcp, trace).run()
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from framestep.hal.host import pin_names
-from framestep.rig import Rig
+from framestep.rig import Rig, RigError
 
 from .errors import ToolError
 from .files import board_data
@@ -54,10 +54,13 @@ class BoardPins:
 
 def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
     """Read the pin map of a board by the name of its folder in boards/, as it is with this rig file's settings;
-    ToolError if there is none, RigError for a mistake in the rig file."""
+    ToolError if there is none. With a mistake in the rig file the defaults hold, as on the board."""
     data = board_data(name)
     try:
-        board = Rig(dict(rig) if rig else None, data).board
+        try:
+            board = Rig(dict(rig) if rig else None, data).board
+        except RigError:
+            board = Rig(None, data).board
         levels = {pin: f"dir{i}" for i, pin in enumerate(board["dir"], 1)}
         enable = board["enable"]
         levels |= (

@@ -128,7 +128,7 @@ class Drivers:
         """hal.wire: the line; rig.drivers: for each motor its registers (io/tmc2209_setup.py) or None."""
         self.wire = hal.wire
         self.say = hal.say
-        self.motors = bytes([i for i in range(hal.motors) if rig.drivers[i]])
+        self.motors = bytes([i for i in range(min(hal.motors, len(rig.drivers))) if rig.drivers[i]])
         self.tables = [rig.drivers[i] for i in self.motors]
         self.addresses = bytes([hal.board["drivers"]["address"][i] for i in self.motors])
         self.count = len(self.motors)
