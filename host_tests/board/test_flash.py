@@ -13,6 +13,7 @@ import pytest
 from framestep_emulator import Emulator
 from framestep_emulator.image import read_image
 from framestep_tools import cli, dist
+from framestep_tools import flash as flash_command
 from framestep_tools.client import Client
 from framestep_tools.files import ROOT, board_files
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
@@ -26,7 +27,7 @@ PATIENCE_S = 300
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """A board with MicroPython and a rig file, and the paths of its two ports."""
-    with Emulator(files={"/rig.json": RIG}, lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    with Emulator(files={"/rig.json": RIG}, lockstep=False, speed=2) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb()
         yield SimpleNamespace(emu=emu, repl=repl, protocol=protocol, folder=tmp_path_factory.mktemp("flash"))
 
@@ -35,13 +36,25 @@ def command(bench):
     return ["make", "-s", "flash", "BOARD=pico", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
 
 
-def flash(bench, status=0):
-    """What `make flash` prints, standard error too."""
-    done = subprocess.run(
-        command(bench), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=PATIENCE_S
-    )
-    assert bool(done.returncode) == bool(status), done.stdout
-    return done.stdout
+@pytest.fixture(scope="module")
+def wanted():
+    """What a board gets."""
+    return board_files()
+
+
+@pytest.fixture
+def flash(bench, wanted, monkeypatch, capsys):
+    """The command in this process: what it prints, standard error too. The second time it need not compile."""
+    monkeypatch.setattr(flash_command, "board_files", lambda march, board: wanted)
+
+    def run(status=0):
+        args = ["--board", "pico", "--port", bench.repl, "--protocol", bench.protocol]
+        result = flash_command.app.status(args)
+        said = "".join(capsys.readouterr())
+        assert result == status, said
+        return said
+
+    return run
 
 
 def files(bench):
@@ -55,7 +68,7 @@ def copied(text):
     return [int(n) for n in re.findall(r"copying \d+/(\d+) ", text)]
 
 
-def test_interrupted_half_way_the_next_run_repairs_it(bench):
+def test_interrupted_half_way_the_next_run_repairs_it(bench, wanted):
     process = subprocess.Popen(command(bench), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True)
     for line in process.stdout:
         if line.startswith("copying 20/"):
@@ -69,8 +82,9 @@ def test_interrupted_half_way_the_next_run_repairs_it(bench):
     bench.emu.wait_usb(after=begun, ports=1, ms=PATIENCE_S * 1000)
     assert "/main.py" not in files(bench)
 
-    said = flash(bench)
-    wanted = board_files()
+    done = subprocess.run(command(bench), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = done.stdout
     numbers = copied(said)
     assert numbers and numbers[0] <= len(wanted) - 19, "what had been copied is not copied again"
     assert HELLO.search(said.splitlines()[-1]), said
@@ -80,18 +94,18 @@ def test_interrupted_half_way_the_next_run_repairs_it(bench):
     assert found == wanted
 
 
-def test_the_second_time_there_is_nothing_to_copy(bench):
-    said = flash(bench)
-    assert f"all {len(board_files())} files are there already" in said and not copied(said)
+def test_the_second_time_there_is_nothing_to_copy(flash, wanted):
+    said = flash()
+    assert f"all {len(wanted)} files are there already" in said and not copied(said)
     assert HELLO.search(said.splitlines()[-1]), said
 
 
-def test_refused_while_something_moves(bench):
+def test_refused_while_something_moves(bench, flash):
     before = files(bench)
     with Client.open(bench.protocol, timeout_s=20) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))
-        said = flash(bench, status=1)
+        said = flash(status=1)
         assert "motors move, or a run is prepared; nothing has been changed" in said
         assert client.request(MotorStatus()).moving == [1], "and the motion goes on"
         client.request(MotorStopAll())
@@ -120,12 +134,12 @@ def test_rig_edit(bench, monkeypatch, capsys):
     assert files(bench)["/rig.json"] == b'{"name": "small", "ports": 1}'
 
 
-def test_one_port(bench, monkeypatch, capsys):
+def test_one_port(bench, flash, monkeypatch, capsys):
     """Where Ctrl-C ends the controller, it is asked before whether anything moves."""
     with Client.open(bench.repl, timeout_s=20) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))
-        assert "motors move (1); nothing has been changed" in flash(bench, status=1)
+        assert "motors move (1); nothing has been changed" in flash(status=1)
         assert client.request(MotorStatus()).moving == [1], "and the motion goes on"
         client.request(MotorStopAll())
         client.wait_idle()
@@ -136,7 +150,7 @@ def test_one_port(bench, monkeypatch, capsys):
     assert re.search(f"small on {bench.protocol}, firmware", said)
 
 
-def test_installed_by_mip(tmp_path):
+def test_installed_by_mip(tmp_path, wanted):
     """`make dist`, then mpremote mip install of the folder's package.json, then a reset: framestep answers."""
     dist.write(tmp_path / "dist")
     with Emulator(lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
@@ -145,7 +159,7 @@ def test_installed_by_mip(tmp_path):
         package = tmp_path / "dist" / "armv6m" / "package.json"
         done = subprocess.run([*mpremote, "mip", "install", str(package)], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
-        assert files(SimpleNamespace(emu=emu, folder=tmp_path)) == board_files()
+        assert files(SimpleNamespace(emu=emu, folder=tmp_path)) == wanted
         begun = emu.ns
         subprocess.run([*mpremote, "reset"], check=True, capture_output=True)
         emu.wait_usb(after=begun, ports=2, ms=PATIENCE_S * 1000)
