@@ -9,7 +9,7 @@ import io
 import os
 import time
 from ast import literal_eval
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import serial
@@ -163,17 +163,20 @@ def find_repl() -> str:
     )
 
 
-def _same_board(path: str) -> Iterator[Any]:
-    """The ports of the board that has this one."""
+def _same_board(path: str) -> list[Any]:
+    """The ports of the board that has this one; none if it is no USB port."""
     ports = _micropython_ports()
-    own = os.path.realpath(path)
-    number = next((p.serial_number for p in ports if p.device == own), None)
-    return (p for p in ports if number and p.serial_number == number)
+    number = next((p.serial_number for p in ports if _is(p, path)), None)
+    return [p for p in ports if number and p.serial_number == number]
+
+
+def _is(port: Any, path: str) -> bool:
+    return port.device in (path, os.path.realpath(path))  # it may be a link, as those in /dev/serial/by-id
 
 
 def find_protocol(repl: str) -> str | None:
     """The port for Dragonframe of the board whose REPL is on this one; None while it has none."""
-    others = [p for p in _same_board(repl) if p.device != os.path.realpath(repl)]
+    others = [p for p in _same_board(repl) if not _is(p, repl)]
     named = [p.device for p in others if p.interface == PROTOCOL_PORT]
     return named[0] if named else others[0].device if others else None
 
