@@ -87,6 +87,9 @@ def start():
     except MemoryError:
         print(_SAVE)
         raise
+    if settings.remember_positions:
+        del sys.modules["framestep.io.restore"], sys.modules["framestep.hal.rp2_claim"]
+        del framestep.io.restore, framestep.hal.rp2_claim
     hal.start()
     try:
         controller.moves.take_memory()

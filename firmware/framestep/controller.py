@@ -115,9 +115,12 @@ class Controller:
 
     def _remember(self):
         from framestep.io.memory import Memory
+        from framestep.io.restore import restore
 
         try:
-            return Memory(self.hal.flash(), self.axes)
+            memory = Memory(self.hal.flash(), self.axes)
+            restore(memory)
+            return memory
         except OSError as error:
             print("framestep: positions cannot be remembered:", error)
             return None

@@ -26,10 +26,13 @@ from host_tests.end_to_end.session import Session, assert_within, deceleration, 
 
 VELOCITY, ACCELERATION = 10_000, 50_000
 OUTPUT, SAFE_ON, SHUTTER, ENABLE = 26, 22, 20, 18
-# virtuals: their code does not fit beside the rest where it is copied to the board
-RIG = {"virtuals": 0, "remember_positions": True, "outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}]}
+RIG = {
+    "remember_positions": True,
+    "outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}],
+    "motor_count": 6,  # this and no DMX: to have room for a move beside the code copied to the board
+    "dmx": False,
+}
 HANG = """
-from framestep.io import gio
 import framestep.boot as b
 def hang():
     while True:
@@ -51,7 +54,7 @@ fifo = b.hal.engine.fifo(4)
 
 
 def session():
-    found = Session(EmulatedBoard(RIG), reply_s=0.1)
+    found = Session(EmulatedBoard(RIG), motors=6, reply_s=0.1)
     for motor in (1, 2, 3):
         found.speed(motor, VELOCITY, ACCELERATION)
         found.accept(MotorResetPosition(motor, 0))

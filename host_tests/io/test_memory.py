@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from framestep.hal.host import HostBoard, HostFlash, HostHal
 from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
+from framestep.io.restore import restore
 from framestep.motion import stepper
 from framestep.motion.axes import Axis
 from framestep.motion.positions import (
@@ -67,13 +68,13 @@ class Brittle(HostFlash):
             self.content[block][i] &= byte
         return True
 
-    def erase(self, block):
+    def erase(self, block, page):
         for i in range(self.bytes):
             if not self._one_byte():
                 self.content[block][i] |= 0x5A
                 raise PowerCut
             self.content[block][i] = 0xFF
-        return super().erase(block)
+        return super().erase(block, page)
 
 
 class Motor:
@@ -100,6 +101,7 @@ class Bench:
     def __init__(self, flash, motors=3):
         self.axes = Motors(motors)
         self.memory = Memory(flash, self.axes)
+        restore(self.memory)
         self.positions = self.axes.positions
         self.now = 2**30 - 500
 
@@ -331,9 +333,9 @@ class Guarded(HostFlash):
         self._at_rest()
         return super().program(block, at, page)
 
-    def erase(self, block):
+    def erase(self, block, page):
         self._at_rest()
-        return super().erase(block)
+        return super().erase(block, page)
 
 
 def power_up(flash, rig=RIG):

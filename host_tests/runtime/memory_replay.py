@@ -4,6 +4,7 @@ import binascii
 from array import array
 
 from framestep.io.memory import STILL_MS, Memory
+from framestep.io.restore import restore
 from framestep.motion import stepper
 from framestep.motion.positions import Positions
 from framestep.motion.reals import copy_word
@@ -54,7 +55,7 @@ class Flash:
         self.lock(True)
         return True
 
-    def erase(self, block):
+    def erase(self, block, page):
         for i in range(512):
             self.content[block][i] = 0xFF
         return True
@@ -85,6 +86,7 @@ def replay(say):
     for turn in range(11):
         motors = Motors()
         memory = Memory(flash, motors)
+        restore(memory)
         say(f"{[motor.place[0] for motor in motors.motors]} {bytes(motors.positions.states)}")
         now = 2**30 - 100
         flash.lock(True)

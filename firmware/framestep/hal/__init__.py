@@ -56,7 +56,8 @@ and flash is one with
     bytes             of a block
     read(block, at, buffer)    fill the buffer from a place in a block
     program(block, at, page) -> bool   clear the bits that are 0 in these 256 bytes, `at` being a multiple
-    erase(block) -> bool       set all bits of a block; both: False where that is not possible
+    erase(block, page) -> bool         set all bits of a block; page: 256 bytes to work with
+                               Both are False where that is not possible.
 
 Nothing here allocates after start().
 """

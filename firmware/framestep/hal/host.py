@@ -197,7 +197,7 @@ class HostFlash:
             content[i] &= byte
         return True
 
-    def erase(self, block):
+    def erase(self, block, page):
         self.content[block][:] = b"\xff" * self.bytes
         self.erasures[block] += 1
         return True

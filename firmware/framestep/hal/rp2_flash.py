@@ -7,19 +7,24 @@ block is found by its first bytes, which are random; they are looked at again be
 file somebody has deleted, and which has become part of another, is left alone.
 """
 
-import os
-
 import rp2
 
-from framestep.native import const
+from framestep.native import const, micropython, ptr8
 
 _BLOCKS = const(4)
 _BLOCK_BYTES = const(4096)
 _PAGE_BYTES = const(256)
 _HEAD_BYTES = const(16)
-_COUNT = const(4)  # commands of a block device
-_ERASE = const(6)
-_NAME = "/positions.%d"
+_ERASE = const(6)  # command of a block device
+
+
+@micropython.viper
+def put_head(page: ptr8, head: ptr8):
+    """A page with nothing but a head."""
+    i = 0
+    while i < _PAGE_BYTES:
+        page[i + 0] = head[i + 0] if i < _HEAD_BYTES else 0xFF
+        i += 1
 
 
 class Flash:
@@ -29,45 +34,12 @@ class Flash:
     bytes = _BLOCK_BYTES - _PAGE_BYTES  # the first page has the head
 
     def __init__(self):
+        from framestep.hal.rp2_claim import claim
+
         self._flash = rp2.Flash()
         self._look = bytearray(_HEAD_BYTES)
-        self._first = bytearray(b"\xff" * _PAGE_BYTES)
         self._heads = [b""] * _BLOCKS
-        self._places = [self._claim(i) for i in range(_BLOCKS)]
-
-    def _claim(self, i):
-        """The number of a block of our own."""
-        for _ in range(2):
-            head = self._head(i)
-            found = []
-            for place in range(self._flash.ioctl(_COUNT, 0) or 0):
-                self._flash.readblocks(place, self._look, 0)
-                if self._look == head:
-                    found.append(place)
-            if len(found) == 1:
-                self._heads[i] = head
-                return found[0]
-            os.remove(_NAME % i)  # made anew with another head
-        raise OSError("a block of flash could not be found again")
-
-    def _head(self, i):
-        """The first bytes of a file, which is made if it is not as it should be."""
-        path = _NAME % i
-        try:
-            if os.stat(path)[6] == _BLOCK_BYTES:
-                with open(path, "rb") as file:
-                    head = file.read(_HEAD_BYTES)
-                if head[:8] == b"framestp":
-                    return head
-        except OSError:
-            pass
-        with open(path, "wb") as file:
-            self._first[:_HEAD_BYTES] = head = b"framestp" + os.urandom(8)
-            file.write(self._first)
-            self._first[:_HEAD_BYTES] = b"\xff" * _HEAD_BYTES
-            for _ in range(_BLOCK_BYTES // _PAGE_BYTES - 1):
-                file.write(self._first)
-        return head
+        self._places = [claim(self._flash, i, self._heads) for i in range(_BLOCKS)]
 
     def _ours(self, block):
         self._flash.readblocks(self._places[block], self._look, 0)
@@ -82,10 +54,10 @@ class Flash:
         self._flash.writeblocks(self._places[block], page, _PAGE_BYTES + at)
         return True
 
-    def erase(self, block):
+    def erase(self, block, page):
         if not self._ours(block):
             return False
-        self._first[:_HEAD_BYTES] = self._heads[block]
         self._flash.ioctl(_ERASE, self._places[block])
-        self._flash.writeblocks(self._places[block], self._first, 0)
+        put_head(page, self._heads[block])
+        self._flash.writeblocks(self._places[block], page, 0)
         return True

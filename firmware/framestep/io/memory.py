@@ -18,26 +18,25 @@ Nothing allocates after construction.
 from array import array
 
 from framestep.motion import stepper
-from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
-from framestep.motion.reals import copy_word, equal_words
+from framestep.motion.positions import LOST
+from framestep.motion.reals import copy_word
 from framestep.native import const, micropython, ptr8, ptr32
 
 STILL_MS = const(2000)
 SLOT_BYTES = const(128)
 PAGE_BYTES = const(256)
 _WRAP = const(0x3FFFFFFF)
-_MOST = const(12)  # motors
 
 # Words of a record
-_NUMBER = const(0)  # counts up from record to record
-_FORM = const(1)  # _LAYOUT and the number of motors
-_LOST = const(2)  # motors whose position was lost, one bit each
-_PLACES = const(3)  # where the loads are (motion.axes)
-_STEPS = const(15)  # and the motors: the difference is the play that is taken up
-_CHECK = const(30)  # CRC-32 of the words before it
-_MARK = const(31)  # -1 while the record is true
+NUMBER = const(0)  # counts up from record to record
+FORM = const(1)  # LAYOUT and the number of motors
+LOST_ONES = const(2)  # motors whose position was lost, one bit each
+PLACES = const(3)  # where the loads are (motion.axes)
+STEPS = const(15)  # and the motors: the difference is the play that is taken up
+CHECK = const(30)  # CRC-32 of the words before it
+MARK = const(31)  # -1 while the record is true
 _WORDS = const(32)
-_LAYOUT = const(0x100)
+LAYOUT = const(0x100)
 _CRC = const(-306674912)  # 0xEDB88320, the polynomial of CRC-32, reflected
 
 
@@ -63,12 +62,6 @@ def checksum(data: ptr8, count: int, out: ptr32, i: int):
 
 
 @micropython.viper
-def _mark(record: ptr32) -> int:
-    """0 where the record is true."""
-    return record[_MARK] + 1
-
-
-@micropython.viper
 def _fill(page: ptr32):
     """As erased flash has it."""
     i = 0
@@ -86,26 +79,35 @@ def _copy(page: ptr32, at: int, record: ptr32):
 
 
 @micropython.viper
-def _erased(record: ptr32) -> bool:
+def _same(page: ptr32, at: int, record: ptr32) -> bool:
     i = 0
     while i < _WORDS:
-        if record[i + 0] != -1:
+        if page[at + i] != record[i + 0]:
+            return False
+        i += 1
+    return True
+
+
+@micropython.viper
+def _erased(page: ptr32, at: int) -> bool:
+    i = 0
+    while i < _WORDS:
+        if page[at + i] != -1:
             return False
         i += 1
     return True
 
 
 class Memory:
-    """Keeps the positions of `axes` in a flash (framestep.hal says what that is)."""
+    """Keeps the positions of `axes` in a flash (framestep.hal says what that is). io/restore.py gives them back."""
 
     def __init__(self, flash, axes):
         self.flash = flash
         self.axes = axes
         self.positions = axes.positions
         self.record = array("i", [0] * _WORDS)
-        self._bytes = memoryview(self.record).cast("B") if hasattr(memoryview, "cast") else self.record
-        self._back = array("i", [0] * _WORDS)
-        self._page = array("i", [0] * (PAGE_BYTES // 4))
+        self.bytes = memoryview(self.record).cast("B") if hasattr(memoryview, "cast") else self.record
+        self.page = array("i", [0] * (PAGE_BYTES // 4))
         self.slots = flash.bytes // SLOT_BYTES
         self.block = flash.blocks - 1  # where the newest record is
         self.slot = self.slots - 1
@@ -113,42 +115,7 @@ class Memory:
         self.working = True
         self._still = False
         self._since = 0
-        self._restore()
         self.positions.memory = self
-
-    def _restore(self):
-        """Find the newest record and take what it says."""
-        record = self.record
-        newest = 0
-        for block in range(self.flash.blocks):
-            for slot in range(self.slots):
-                self.flash.read(block, slot * SLOT_BYTES, record)
-                checksum(self._bytes, 4 * _CHECK, self._back, 0)
-                if not equal_words(record, _CHECK, self._back, 0) or record[_FORM] >> 8 != _LAYOUT >> 8:
-                    continue
-                if record[_NUMBER] > newest:
-                    newest = record[_NUMBER]
-                    self.block = block
-                    self.slot = slot
-        if not newest:
-            return
-        self.number = newest
-        self.flash.read(self.block, self.slot * SLOT_BYTES, record)
-        axes = self.axes
-        if record[_FORM] != _LAYOUT + axes.count:
-            return  # of another rig
-        moved = _mark(record)
-        for motor in range(axes.count):
-            axis = axes[motor]
-            copy_word(axis.place, 0, record, _PLACES + motor)
-            copy_word(axis.block, stepper.POSITION, record, _STEPS + motor)
-            if moved:
-                self.positions.put(motor, LOST, BROKEN_OFF)
-            elif record[_LOST] >> motor & 1:
-                self.positions.put(motor, LOST, BEFORE)
-            else:
-                self.positions.put(motor, HELD, RESTORED)
-        self.positions.settled = not moved
 
     # ---------------------------------------------------------------- while it runs
 
@@ -156,10 +123,10 @@ class Memory:
         """The record is about to become untrue. Nothing moves yet."""
         self._still = False
         if self.working:
-            _fill(self._page)
+            _fill(self.page)
             at = self.slot * SLOT_BYTES
-            self._page[((at & (PAGE_BYTES - 1)) >> 2) + _MARK] = 0
-            self.working = self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self._page)
+            self.page[((at & (PAGE_BYTES - 1)) >> 2) + MARK] = 0
+            self.working = self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self.page)
 
     def poll(self, now, busy):
         """One pass. now: milliseconds modulo 2^30; busy: something moves, or an operation is prepared."""
@@ -189,27 +156,27 @@ class Memory:
         for i in range(_WORDS):
             record[i] = 0
         self.number += 1
-        record[_NUMBER] = self.number
-        record[_FORM] = _LAYOUT + axes.count
+        record[NUMBER] = self.number
+        record[FORM] = LAYOUT + axes.count
         for motor in range(axes.count):
             axis = axes[motor]
             axis.refresh()
-            copy_word(record, _PLACES + motor, axis.place, 0)
-            copy_word(record, _STEPS + motor, axis.block, stepper.POSITION)
+            copy_word(record, PLACES + motor, axis.place, 0)
+            copy_word(record, STEPS + motor, axis.block, stepper.POSITION)
             if self.positions.states[motor] == LOST:
-                record[_LOST] |= 1 << motor
-        checksum(self._bytes, 4 * _CHECK, record, _CHECK)
-        record[_MARK] = -1
+                record[LOST_ONES] |= 1 << motor
+        checksum(self.bytes, 4 * CHECK, record, CHECK)
+        record[MARK] = -1
         for _ in range(2 * self.slots):  # a slot that is worn or half written is passed over
             if not self._advance():
                 return False
             at = self.slot * SLOT_BYTES
-            _fill(self._page)
-            _copy(self._page, (at & (PAGE_BYTES - 1)) >> 2, record)
-            if not self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self._page):
+            _fill(self.page)
+            _copy(self.page, (at & (PAGE_BYTES - 1)) >> 2, record)
+            if not self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self.page):
                 return False
-            self.flash.read(self.block, at, self._back)
-            if self._back == record:
+            self.flash.read(self.block, at & ~(PAGE_BYTES - 1), self.page)
+            if _same(self.page, (at & (PAGE_BYTES - 1)) >> 2, record):
                 return True
         return False
 
@@ -220,7 +187,8 @@ class Memory:
             if self.slot >= self.slots:
                 self.slot = 0
                 self.block = (self.block + 1) % self.flash.blocks
-                return self.flash.erase(self.block)
-            self.flash.read(self.block, self.slot * SLOT_BYTES, self._back)
-            if _erased(self._back):
+                return self.flash.erase(self.block, self.page)
+            at = self.slot * SLOT_BYTES
+            self.flash.read(self.block, at & ~(PAGE_BYTES - 1), self.page)
+            if _erased(self.page, (at & (PAGE_BYTES - 1)) >> 2):
                 return True
