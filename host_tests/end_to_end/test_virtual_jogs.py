@@ -50,19 +50,19 @@ def hold(session, jog, seconds):
 )
 def test_a_jog_ends_where_the_rig_cannot_reach(rig, number, sign):
     """It slows down for that, on the line, each motor within its limits all the way."""
-    session = configured(rig, 10_000, 50_000)
+    session = configured(rig, 20_000, 100_000)
     before = session.positions
     start = pose(session)
     session.forget()
     hold(session, VirtJog(number, 10_000, FAR if sign > 0 else -FAR - 1), 30)
     assert session.moving == [], "it has come to rest by itself"
     track, _ = assert_straight(rig, session, before, UNIT[number] * sign, 2000)
-    track.limits(10_000, 50_000)
+    track.limits(20_000, 100_000)
     end = pose(session)
     assert sign * (end - start)[number - 1] > 200
     near = joints(rig, track.places[-1])
     swing, boom = abs(near[1]), abs(near[0]) if rig.kind == 1 else 0
-    assert 85 < max(swing, boom) <= 89.11
+    assert 80 < max(swing, boom) <= 88.22
     hold(session, VirtJog(number, 10_000, 0), 30)
     np.testing.assert_allclose(pose(session), start, atol=0.1)
 
@@ -138,8 +138,7 @@ def test_the_speed_is_a_share():
     assert top[1] == pytest.approx(194, rel=0.1)
 
 
-@pytest.mark.parametrize("line", range(5))
-@pytest.mark.parametrize("speed", [10_000, -4000])
+@pytest.mark.parametrize(("line", "speed"), [(0, 10_000), (1, -4000), (2, -10_000), (3, 6000), (4, -10_000)])
 def test_a_line_jog_goes_where_the_camera_points(line, speed):
     rig = BOOM_NODAL
     session = configured(rig)

@@ -34,6 +34,7 @@ from host_tests.end_to_end.virtual import (
     SWING_PAN,
     UNIT,
     XYZ,
+    Track,
     assert_straight,
     configured,
     joints,
@@ -272,3 +273,22 @@ def test_an_axis_without_a_motor():
     session.accept(VirtMove(4, 6 * 100000))
     session.wait_idle()
     assert session.position(4) == 1000
+
+
+def test_backlash_is_taken_up_before_the_line_begins():
+    """The load stands until all motors have; nobody is asked for more than its acceleration, or turns on the way."""
+    session = configured(BOOM, settings={"motors": [{"backlash": 300}] * 6})
+    for target in (250, 150, 180):
+        before = session.positions
+        session.forget()
+        session.accept(VirtMove(m.VIRT_MOTOR_EW, target * 100000))
+        if target == 180:
+            session.run(0.6)
+            session.accept(VirtStop(m.VIRT_MOTOR_EW))
+        session.wait_idle()
+        after = session.positions
+        track = Track(session, before)
+        track.limits(20_000, 50_000)
+        for motor, (_, signs) in track.steps.items():
+            moved = after[motor] - before[motor]
+            assert len(signs) in (abs(moved), abs(moved) + 300), f"motor {motor} has turned on the way"

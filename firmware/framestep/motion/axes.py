@@ -103,22 +103,36 @@ def _set_cubic(cubic: ptr32, state: ptr32):
 
 
 @micropython.viper
-def lead(planned: ptr32, limits: ptr32, targets, i: int):
-    """limits[PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be."""
-    place = ptr32(targets)[i + 0]
+def lead(planned: ptr32, limits: ptr32, targets, i: int, part: int):
+    """limits[PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be.
+
+    part: Q16 of a step that the place is beyond; whether it lies ahead or behind is decided by the nearest step.
+    """
+    step = ptr32(targets)[i + 0]
+    place = step + (part >> 15)
     if place > planned[_PLACE]:
         planned[_OFFSET] = 0
     elif place < planned[_PLACE]:
         planned[_OFFSET] = 0 - planned[_PLAY]
     planned[_PLACE] = place
-    limits[PHYSICAL] = place + planned[_OFFSET]
+    limits[PHYSICAL] = step + planned[_OFFSET]
+
+
+@micropython.viper
+def _take_up(planned: ptr32, limits: ptr32, way: int):
+    if way > 0:
+        planned[_OFFSET] = 0
+    elif way < 0:
+        planned[_OFFSET] = 0 - planned[_PLAY]
+    limits[PHYSICAL] = planned[_PLACE] + planned[_OFFSET]
 
 
 @micropython.viper
 def _replan(planned: ptr32, cut: ptr32, places, i: int):
     """Take places[i], for which the motor's step is cut[0], for the place where it is planned to be."""
-    planned[_PLACE] = ptr32(places)[i + 0]
-    planned[_OFFSET] = cut[0] - planned[_PLACE]
+    step = ptr32(places)[i + 0]
+    planned[_PLACE] = step + (cut[1] >> 15)
+    planned[_OFFSET] = cut[0] - step
 
 
 @micropython.viper
@@ -454,7 +468,7 @@ class Axis:
             reals.multiply(r, SHARE_STEEP, STEEP, _X)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
-        lead(self.planned, self.limits, target, i)
+        lead(self.planned, self.limits, target, i, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
         if not ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
             if self.block[stepper.MODE] != stepper.RUN:
@@ -467,8 +481,13 @@ class Axis:
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
-        lead(self.planned, self.limits, targets, i)
+        lead(self.planned, self.limits, targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
+
+    def take_up(self, duration, zero, numbers, way):
+        """Append a phase in which the motor takes up its play for a motion up (way > 0) or down (< 0)."""
+        _take_up(self.planned, self.limits, way)
+        self.phases.aim(duration, zero, zero, numbers, self.limits, PHYSICAL)
 
     def trim(self, ticks, put):
         """Whether what is queued can be cut off at the end of a phase, `ticks` from now; if `put`, cut it off there.

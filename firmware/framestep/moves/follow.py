@@ -66,7 +66,7 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
                 path.velocity(r, X, window, axis.bounds, index, last - index, scale)
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
-            lead(axis.planned, limits, place, 0)
+            lead(axis.planned, limits, place, 0, 0)
             put_aim(axis.phases.words, r, duration, own, X, limits, _PHYSICAL, 0)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]

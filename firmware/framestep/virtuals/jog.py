@@ -140,6 +140,8 @@ class Guide:
                 self.closed = True
             return True
         motion.rates(self.share)
+        if reals.sign(r, v.END) == 0:
+            motion.head(self.rows[0], self.rows[1])
         cells = self.cells
         k = _CELL * ((self.head + self.count) % CELLS)
         reals.subtract(r, _X, _REACH, v.END)

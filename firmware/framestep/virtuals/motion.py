@@ -238,6 +238,18 @@ def _aimed(out: ptr32, rows: ptr32, k: int, r: ptr32, v: int) -> int:
 
 
 @micropython.viper
+def _heading(rows: ptr32, a: int, b: int) -> int:
+    """Negative, 0 or positive: whether the place in rows[b] lies below, at or above that in rows[a]."""
+    d = rows[b + 0] - rows[a + 0]
+    if d > 1 or d < -1:
+        return d
+    d = (d << 16) + rows[b + 1] - rows[a + 1]
+    if d < 0x800 and d > -0x800:
+        return 0
+    return d
+
+
+@micropython.viper
 def _nearest(out: ptr32, rows: ptr32, k: int):
     """out[0] = the step nearest to the place in rows[k]."""
     out[0] = rows[k + 0] + (rows[k + 1] >> 15)
@@ -308,6 +320,7 @@ class Motion:
         self.curve = array("i", [0] * (2 * AXES))
         self.greatest = array("i", [0] * AXES)
         self.bounds = array("i", [0] * (4 * AXES))
+        self.ways = array("i", [0] * AXES)  # in which each motor begins to move
         self.word = array("i", [0] * 2)
         self.present = array("i", [0] * axes.count)
         self.knot = 0  # the last knot that has been placed
@@ -315,6 +328,7 @@ class Motion:
         self.tick = 0  # in which the motion has begun
         self.closed = True  # no further knots come
         self.stopping = False
+        self.loose = False  # a motor has backlash
         self.span = SPAN  # ticks to the next knot
         self.aiming = False  # pan and tilt follow the aim point
         self.by_joint = False  # the line is one of JOINTs
@@ -516,6 +530,8 @@ class Motion:
             code = _inside(self.rows, a, b, c, self.bounds, self.motor)
             if code:
                 return code
+            if at == 0:
+                self.head(a, b)
             at += size
             if at == _CELLS * _WHOLE_CELL:
                 self.rates(10000)
@@ -539,6 +555,11 @@ class Motion:
     def measure(self, a, b, c, level):
         """See _measure."""
         return _measure(self.rows, a, b, c, self.motor, self.curve, self.greatest, level)
+
+    def head(self, a, b):
+        """Take the places in rows a and b for the beginning of the line."""
+        for i in range(AXES):
+            self.ways[i] = _heading(self.rows, a + 2 * i, b + 2 * i)
 
     def inside(self, a, b, c):
         """See _inside."""
@@ -640,10 +661,13 @@ class Motion:
         """Start along the line that has been surveyed, or with the guide of a jog."""
         hal = self.axes.hal
         r = self.r
+        self.loose = False
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
                 axis = self.axes[motor]
+                if axis.backlash:
+                    self.loose = True
                 axis.prepare(hal)
                 axis.expect(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
@@ -773,6 +797,8 @@ class Motion:
         else:
             reals.put(r, _P, 0, 0)
             reals.put(r, _Q, 0, 0)
+        if knot == 1 and self.loose:
+            self._take_up()
         reals.put(r, _LAST_T, self.times[here] - self.times[before], 0)
         for i in range(AXES):
             if self.motor[i]:
@@ -783,6 +809,28 @@ class Motion:
                 reals.fetch(self.speeds, ROW * here + k, r, _W)
                 self.axes[self.motor[i] - 1].aim(_LAST_T, _X, _W, r, self.word, 0, part)
         self.queued = knot
+
+    def _take_up(self):
+        """A phase before the first one, in which motors take up their play."""
+        r = self.r
+        longest = 0
+        for i in range(AXES):
+            if self.motor[i]:
+                axis = self.axes[self.motor[i] - 1]
+                if axis.backlash:
+                    # from rest to rest by a cubic, whose greatest acceleration is 6·play/T²
+                    reals.put(r, _X, 6 * axis.backlash, 0)
+                    reals.fetch(r, _Y, axis.numbers, motion.STEEP)
+                    reals.divide(r, _X, _X, _Y)
+                    reals.root(r, _X, _X)
+                    longest = max(longest, reals.floor(r, _X, _HALF) + 1)
+        reals.put(r, _X, longest, 0)
+        for i in range(AXES):
+            if self.motor[i]:
+                way = self.ways[i]
+                self.axes[self.motor[i] - 1].take_up(_X, _ZERO, r, way)
+        for k in range(self.knot + 1):
+            self.times[k] += longest
 
     def _finish(self, knot):
         """Append the phase to the knot at which everything comes to rest."""
