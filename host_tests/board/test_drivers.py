@@ -10,7 +10,7 @@ from framestep_tools import driver_chips as chip
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.driver_chips import Chip, Chips
 from framestep_tools.files import board_data
-from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorResetPosition
+from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorResetPosition, MotorStatus
 from host_tests.end_to_end.session import Session, deceleration
 
 ENABLE = tuple(board_data("skr_pico")["enable"])
@@ -115,8 +115,9 @@ def test_set_up_then_enabled(talk):
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 0)] and talk.made(1) == 100
 
 
-def test_watching_delays_no_tick(moving):
-    """Edges while the drivers are asked are as even as without: a constant velocity in constant intervals."""
+def test_watching_delays_neither_tick_nor_reply(moving):
+    """Edges while the drivers are asked are as even as without: a constant velocity in constant intervals. Answers come
+    within the 10 ms that they may take beside motion."""
     talk = moving
     for motor in (2, 3):
         talk.speed(motor, 10_000, 100_000)
@@ -124,7 +125,14 @@ def test_watching_delays_no_tick(moving):
     talk.forget()
     asked = len(talk.board.bytes)
     talk.accept(MotorMove(2, 4000), MotorMove(3, 4000))
-    talk.wait_idle()
+    took = []
+    while not took or talk.moving:
+        before = talk.now
+        talk.ask(MotorStatus())
+        took.append(talk.now - before)
+        talk.run(0.003)
+    talk.run(0.05)
+    assert len(took) > 30 and max(took) < 0.010
     assert len(talk.board.bytes) - asked >= 8 * 8  # bytes of a check
     for motor in (2, 3):
         times, _ = talk.steps(motor)
