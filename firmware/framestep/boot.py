@@ -62,13 +62,29 @@ def _load_into_ram():
         del sys.modules[name]
 
 
+def _held(board):
+    """What keeps framestep from starting, in words, or None: BOOTSEL, or a jumper from its pin to ground."""
+    import rp2
+    from machine import Pin
+
+    jumper = board.get("jumper")
+    if jumper is not None and not Pin(jumper, Pin.IN, Pin.PULL_UP).value():
+        return "the jumper is set"
+    return "BOOTSEL is held" if rp2.bootsel_button() else None
+
+
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller
     spare = bytearray(_HEAP_LEFT)
+    from framestep.board import BOARD
+
+    held = _held(BOARD)
+    if held:
+        print("framestep: not started,", held)
+        return
     gc.threshold(_DENSE)
     _load_into_ram()
-    from framestep.board import BOARD
     from framestep.hal.rp2_pins import drivers_off  # at once: while the rest is loaded they would float
 
     settings, mistake = _settings(BOARD)
@@ -90,6 +106,11 @@ def start():
     if settings.remember_positions:
         del sys.modules["framestep.io.restore"], sys.modules["framestep.hal.rp2_claim"]
         del framestep.io.restore, framestep.hal.rp2_claim
+    held = _held(BOARD)  # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
+    if held:
+        gc.threshold(-1)
+        print("framestep: not started,", held)
+        return
     hal.start()
     try:
         controller.moves.take_memory()

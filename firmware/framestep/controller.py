@@ -27,6 +27,19 @@ _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
 _NAP = const(4)  # then one in so many
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
 STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
+
+# What `fault` tells, with the kernel's FAULT_ bits below; framestep.words has the words
+FAULT_LOST = const(0x10)
+FAULT_ESTOP = const(0x20)
+FAULT_LIMIT = const(0x40)
+FAULT_DRIVER = const(0x80)
+
+# The LED: a bit for each eighth of a second, the lowest first (128 ms each)
+LED_WAITING = const(0x0001)
+LED_CONNECTED = const(0xFFFF)
+LED_MOVING = const(0x5555)
+LED_FAULT = const(0x0015)
+
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
@@ -84,6 +97,8 @@ class Controller:
         self.report_at = 0
         self.heard_at = 0
         self.stop_at = -1
+        self.fault = 0  # why the motors were stopped, until some are sent somewhere again
+        self.beat = 0
         # what is to be sent unasked, kept until there is room
         self.say_hi = False
         self.say_position = False
@@ -95,7 +110,7 @@ class Controller:
             m.MSG_MOTOR_STATUS: self._status,
             m.MSG_MOTOR_MOVE: self._move,
             m.MSG_MOTOR_STOP: self._stop,
-            m.MSG_MOTOR_STOP_ALL: self._stop_all,
+            m.MSG_MOTOR_STOP_ALL: self.stop_all,
             m.MSG_MOTOR_GET_POSITION: self._get_position,
             m.MSG_MOTOR_RESET_POSITION: self._reset_position,
             m.MSG_MOTOR_JOG: self._jog,
@@ -152,6 +167,8 @@ class Controller:
         if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
+        if now >> 7 & 15 != self.beat:
+            self._light(now >> 7 & 15)
         if self.io.news or stepper.restless(self.axes.kernel.state):
             self.awake = _AWAKE
         elif self.awake > _NAP:
@@ -267,6 +284,7 @@ class Controller:
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
                 self.positions.cut(self.axes.moving_bits())
+            self.fault |= FAULT_ESTOP
             self.jogging = 0
             self.stage.stop(factor)
             self.virtuals.halt(factor)
@@ -274,6 +292,8 @@ class Controller:
             self.io.safe()
             return
         bits = self.safety.struck_motors()
+        if bits:
+            self.fault |= FAULT_LIMIT
         self.jogging &= ~bits
         if self.virtuals.engaged & bits:
             self.virtuals.halt()
@@ -288,6 +308,9 @@ class Controller:
         kernel = self.axes.kernel.state
         lost = self.hal.trouble()
         if lost or kernel[stepper.FAULTS]:
+            self.fault |= kernel[stepper.FAULTS]
+            if lost:
+                self.fault |= FAULT_LOST
             kernel[stepper.FAULTS] = 0
             for motor in range(self.count):
                 block = self.axes[motor].block
@@ -308,7 +331,19 @@ class Controller:
                 if bits >> motor & 1:
                     self.hal.enable(motor, False)
             self.positions.lose(bits, DRIVER)
+            self.fault |= FAULT_DRIVER
             self.fail()
+
+    def _light(self, beat):
+        """Switch the LED as its pattern has it."""
+        self.beat = beat
+        if self.fault or self.broken or self.safety.tripped:
+            pattern = LED_FAULT
+        elif self.was_moving:
+            pattern = LED_MOVING
+        else:
+            pattern = LED_CONNECTED if self.was_open else LED_WAITING
+        self.hal.led(pattern >> beat & 1)
 
     # ---------------------------------------------------------------- reports
 
@@ -472,6 +507,7 @@ class Controller:
 
     def _power(self, bits):
         """Switch the drivers on of motors that are to move."""
+        self.fault = 0
         bits = self._coupled(bits) & ~self.powered
         if self.drivers:
             bits &= self.drivers.ready
@@ -485,10 +521,22 @@ class Controller:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
+        self.reader.word_to(1, self.words, 0)
+        code = self.move(motor)
+        if code != m.OK or self.rig.wide:
+            return code
+        writer = self.writer
+        writer.begin(m.MSG_MOTOR_MOVE, self.reader)
+        moving = self.axes[motor].moving or self.virtuals.engaged and self.virtuals.leads(motor)
+        writer.u8(1 if moving else 0)
+        writer.end()
+        return 0
+
+    def move(self, motor):
+        """Send a motor to the step words[0]. A code; nothing moves unless it is OK."""
         code = self._may_move(motor)
         if code != m.OK:
             return code
-        self.reader.word_to(1, self.words, 0)
         axis = self.axes[motor]
         side = axis.outside(self.words, 0)
         if side:
@@ -498,20 +546,10 @@ class Controller:
             return code
         self.jogging &= ~(1 << motor)
         if self.virtuals.leads(motor):
-            code = self.virtuals.drive(motor, self.words, 0)
-            if code != m.OK:
-                return code
-            moving = self.virtuals.engaged != 0
-        else:
-            self._power(1 << motor)
-            moving = axis.travel(self.hal, self.words, 0)
-        if self.rig.wide:
-            return m.OK
-        writer = self.writer
-        writer.begin(m.MSG_MOTOR_MOVE, self.reader)
-        writer.u8(1 if moving else 0)
-        writer.end()
-        return 0
+            return self.virtuals.drive(motor, self.words, 0)
+        self._power(1 << motor)
+        axis.travel(self.hal, self.words, 0)
+        return m.OK
 
     def _stop(self):
         motor = self._motor()
@@ -526,7 +564,8 @@ class Controller:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
 
-    def _stop_all(self):
+    def stop_all(self):
+        """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
         factor = 1
         if self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS:
             factor = self.rig.hard_stop_factor
@@ -559,11 +598,15 @@ class Controller:
         speed = self.reader.u16(1)
         if motor < 0 or speed < 1 or speed > 10000:
             return m.ERR_RANGE
+        self.reader.word_to(3, self.words, 0)
+        return self.jog(motor, speed)
+
+    def jog(self, motor, speed):
+        """Jog a motor towards the step words[0], its soft limit at most. speed: 1 … 10000. A code, as above."""
         code = self._may_move(motor)
         if code != m.OK:
             return code
         axis = self.axes[motor]
-        self.reader.word_to(3, self.words, 0)
         axis.clamp(self.words, 0)
         code = self.safety.bars(motor, self.words, 0)
         if code != m.OK:

@@ -1,5 +1,6 @@
 """Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
+from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST
 from framestep.motion.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -14,6 +15,7 @@ from framestep.motion.positions import (
     UNPOWERED,
     UNSET,
 )
+from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
 from framestep.protocol.messages import (
     CONDITION_BARKED,
     CONDITION_BROKEN,
@@ -45,6 +47,15 @@ CONDITIONS = {
     CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
+FAULTS = {
+    FAULT_DRY: "a motor's queue ran dry in motion; the motors were ramped down",
+    FAULT_LATE: "the interrupt came too late, so pulses broke off; the motors were ramped down",
+    FAULT_PIN: "a segment did not begin where its motor was; the motors were ramped down",
+    FAULT_LOST: "a pulse command was lost, so steps are missing; the motors were ramped down",
+    FAULT_ESTOP: "the E-stop was pressed; the motors were ramped down",
+    FAULT_DRIVER: "a driver failed; the motors were ramped down",
+    FAULT_LIMIT: "a limit switch was hit; its motor was ramped down",
+}
 LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
 
 
@@ -58,6 +69,11 @@ def conditions(bits):
     return [CONDITIONS[bit] for bit in sorted(CONDITIONS) if bits & bit]
 
 
+def faults(bits):
+    """A line for each bit of Controller.fault."""
+    return [FAULTS[bit] for bit in sorted(FAULTS) if bits & bit]
+
+
 def positions(controller):
     """A line per motor: where it is and how far that can be trusted; one more where that is not far."""
     found = controller.positions
@@ -66,6 +82,6 @@ def positions(controller):
         axis = controller.axes[motor]
         axis.refresh()
         lines.append("motor %d: %d, %s" % (motor + 1, axis.place[0], trust(found.states[motor], found.reasons[motor])))
-    if LOST in found.states:
+    if LOST in list(found.states):  # MicroPython does not look for a number in a bytearray
         lines.append(LIMITS_COUNT)
     return lines

@@ -74,6 +74,9 @@ class Hal:
     def enable(self, motor, on):
         pass
 
+    def led(self, lit):
+        pass
+
     def trouble(self):
         return 0
 

@@ -246,6 +246,10 @@ class Emulator:
         """Drive a pin from outside: 0, 1, or None to let go of it."""
         self.cmd("setpin", pin=pin, value=value)
 
+    def press_bootsel(self, on=True):
+        """Press the BOOTSEL button, or let go of it; the boot ROM's own loader does not look at it here."""
+        self.cmd("button", on=on)
+
     def pins(self):
         return self.cmd("getpins")["pins"]
 

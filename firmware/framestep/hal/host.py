@@ -223,6 +223,9 @@ class HostHal:
         self.upload_bytes = UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
+        self.lit = 0  # the LED
+        self.failure = None  # nothing ends the passes here
+        self.alive = True
         self.board = rig.board
         self.wire = wire(self) if wire else SilentWire()
         self.said = []  # what drivers have been said to do
@@ -329,6 +332,9 @@ class HostHal:
             self.tell(self.names.get(pin, "pin%d" % pin), level)
             if self._watched >> pin & 1:
                 self._handler(None)
+
+    def led(self, lit):
+        self.lit = lit
 
     def trouble(self):
         before, self._lost = self._lost, [engine.lost for engine in self.engines]

@@ -12,6 +12,7 @@ import machine
 from machine import Pin, Timer
 from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
+from framestep.controller import LED_FAULT
 from framestep.hal import NoDmx, NoWatchdog
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
@@ -24,7 +25,12 @@ _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a co
 _STEP = const(512)
 _WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
+_BEAT_MS = const(128)
 _TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
+
+
+def _no_led(_lit):
+    pass
 
 
 class Rp2Hal:
@@ -62,6 +68,10 @@ class Rp2Hal:
         self._pass_callback = self._pass
         self._controller = None
         self.failure = None  # the exception that ended the passes
+        self.alive = False  # passes go on
+        self.task = None  # what framestep.repl wants done between two passes
+        self.led = Pin(board["led"], Pin.OUT, value=0).value if "led" in board else _no_led
+        self._told = 0  # what has been told of Controller.fault
 
     def _make_dmx(self, wiring, rig):
         if wiring is None or not rig.dmx:
@@ -170,6 +180,7 @@ class Rp2Hal:
     def run(self, controller):
         """Run it: in the background, and return at once, or until a Ctrl-C on its own port."""
         self._controller = controller
+        self.alive = True
         if self.background:
             self._passes = Timer(-1, period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
             return
@@ -180,6 +191,8 @@ class Rp2Hal:
                     idle()
         finally:
             self.stop()
+            self.port.stop()  # the REPL has it again
+            self._tell()
 
     def _poll(self):
         """One pass, the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words on
@@ -190,17 +203,28 @@ class Rp2Hal:
         finally:
             heap_unlock()
 
-    # Kept to eleven words of call frame, as the heap is not locked here: `error` is the timer at first.
+    # Outside _poll() the heap is not locked, so this is kept to the few words that a call frame has on the stack.
     def _pass(self, error):
         if self._passes is None:
             return  # it waited in the scheduler when the passes ended
         try:
             self._poll()
+            if self._controller.fault != self._told or self.task:  # type: ignore[union-attr]
+                self._after()
         except KeyboardInterrupt:
             self._interrupted()
         except Exception as error:
             self.failure = error
             self._broken()
+
+    def _after(self):
+        """What a pass may not do itself: it allocates, and it prints."""
+        if self.task:
+            task = self.task
+            self.task = None
+            task()
+        if self._controller.fault != self._told and not self._controller.was_moving:  # type: ignore[union-attr]
+            self._tell()
 
     def _interrupted(self):
         # Meant for a program that runs on the REPL, but it struck in a pass; what was being done
@@ -213,9 +237,28 @@ class Rp2Hal:
         self._controller.give_up()  # type: ignore[union-attr]
         print("framestep: stopped by a fault in the firmware; a reset starts it again")
         sys.print_exception(self.failure)  # type: ignore[attr-defined]
+        self._beat = 0
+        self._blinker = Timer(-1, period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink)
+
+    def _tell(self):
+        """Say in words why motors were stopped. Not on the protocol's own port, nor while they move, as the REPL's host
+        may let the board wait."""
+        self._told = self._controller.fault  # type: ignore[union-attr]
+        if self._told:
+            from framestep import words
+
+            for line in words.faults(self._told):
+                print("framestep:", line)
+
+    def _blink(self, _timer):
+        """The LED, when no passes do it any more."""
+        self._beat = (self._beat + 1) & 15
+        self.led(LED_FAULT >> self._beat & 1)
 
     def stop(self):
         """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""
+        self.alive = False
+        self.led(0)
         self.watchdog.disarm()
         if self._passes:
             self._passes.deinit()

@@ -379,6 +379,11 @@ class CueStore:
         """How many channels have data."""
         return self._words[_IN_USE]
 
+    @property
+    def room(self):
+        """(changes of level, frames with triggers) that fit. Allocates."""
+        return self._words[_CAPACITY], self._words[_TRIGGER_CAPACITY]
+
     @micropython.viper
     def clear(self):
         """Forget the upload."""

@@ -1,0 +1,129 @@
+"""The operator's side on the emulated board: bench commands beside a run, LED, faults in words, how not to start."""
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.files import board_files
+from framestep_tools.payloads import HardStop, RtEnd, RtGo
+from host_tests.board.test_end_to_end import assert_played, load, move
+from host_tests.end_to_end.session import Session
+from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING
+
+LED, JUMPER = 25, 27
+
+
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard({"virtuals": 0}) as board:  # copied files leave no room for them
+        yield Session(board, reply_s=0.1)
+
+
+def led(board, levels=16):
+    """What the LED shows over `levels` eighths of a second; where it begins is not known."""
+    shown = ""
+    for _ in range(levels):
+        board.run_until(board.now_ns + 128_000_000)
+        shown += "*" if board.emulator.pin(LED) else "."
+    return shown
+
+
+def shows(pattern, shown):
+    """Whether a piece of that pattern, repeated, is what the LED showed."""
+    return shown in 3 * pattern
+
+
+def test_bench_commands_beside_a_run(session):
+    """An import, printing, measuring and collecting while four motors run: every edge is where it is to be."""
+    board = session.board
+    repl = board.emulator.repl()
+    assert shows(CONNECTED, led(board))
+    positions = move(session)
+    stands = load(session, positions)
+    session.accept(RtGo())
+    before = repl.eval("(__import__('gc').collect(), __import__('gc').mem_free())[1]")
+    repl.exec("import framestep.repl")
+    lines = repl.exec("status()").splitlines()
+    assert lines[2].startswith("a run is on, at frame ")
+    assert repl.exec("move(8, 200)").startswith("refused: a run is on")
+    figures = repl.exec("timing()").splitlines()
+    assert shows(MOVING, led(board, 3))
+    repl.exec("import gc, json; gc.collect()")
+    assert session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert_played(session, stands, positions)
+    assert before - repl.eval("(gc.collect(), gc.mem_free())[1]") < 10_000, "bytes"
+    tick = [int(word) for word in figures[0].replace(",", "").split() if word.isdigit()]
+    assert figures[0].startswith("interrupts: ") and 10 < tick[0] < 120 and tick[0] <= tick[2] < 400
+    late = int(figures[1].split(": ")[1].split()[0])
+    assert late < 100
+    assert [line.split(":")[0] for line in figures[2:]] == [f"motor {i}" for i in positions]
+    assert "lost" in lines[3] and repl.exec("rig()").count("\n") > 15 and "output 1, pin 22: off" in repl.exec("io()")
+    # afterwards they do move something
+    assert repl.exec("move(8, 200)") == ""
+    session.wait_idle()
+    assert session.position(8) == 200
+
+
+def test_jog_by_keys(session):
+    """On the prompt, as a person has it."""
+    board = session.board
+    repl = board.emulator.repl()
+    serial = repl.serial
+    repl.exec("import framestep.repl")
+    repl.leave()
+    session.forget()
+    serial.write(b"jog(7, 5000)\r")
+    session.run(0.1)
+    for _ in range(4):
+        serial.write(b"+")
+        session.run(0.15)
+    serial.write(b"q")
+    session.wait_idle()
+    assert session.made(7) == session.position(7) > 500
+    serial.timeout = 0.05
+    serial.write(b"1+1\r")
+    session.run(0.1)
+    assert serial.read(5000).endswith(b"2\r\n>>> ")
+
+
+def test_faults_in_words(session):
+    """What stopped the motors stands on the REPL, and the LED shows it; then an exception, with its traceback."""
+    board = session.board
+    repl = board.emulator.repl()
+    repl.exec("import time, framestep.boot as b")
+    text = repl.exec("b.hal.kernel.state[8] = 1\ntime.sleep_ms(200)")
+    assert "framestep: a motor's queue ran dry in motion; the motors were ramped down" in text
+    assert shows(FAULT, led(board))
+    text = repl.exec("b.controller.axes.feed = None\ntime.sleep_ms(200)")
+    assert "framestep: stopped by a fault in the firmware; a reset starts it again" in text
+    assert 'File "framestep/controller.py", line' in text and "TypeError" in text
+    assert shows(FAULT, led(board)), "although nothing looks after it any more"
+    session.run(0.05)
+    assert [message for _, message in session.events(HardStop)] == [HardStop(100)] * 2
+    assert repl.eval("6 * 7") == 42
+    assert repl.exec("import framestep.repl; status()").splitlines()[2].startswith("framestep has stopped by a fault")
+
+
+def test_bootsel_and_jumper_keep_it_from_starting():
+    with Emulator(files=board_files(board="skr_pico")) as emulator:
+
+        def found():
+            """What there is of framestep once main.py has ended."""
+            boot = "__import__('framestep.boot').boot"
+            return emulator.repl().eval(f"({boot}.hal is not None, {boot}.hal is not None and {boot}.hal.alive)")
+
+        emulator.press_bootsel()
+        emulator.reset()
+        assert found() == (False, False)
+        emulator.press_bootsel(False)
+        emulator.set_pin(JUMPER, 0)
+        emulator.reset()
+        assert found() == (False, False)
+        # Pressed before power-up, BOOTSEL starts the chip's own loader, so a person presses it later
+        emulator.set_pin(JUMPER, None)
+        emulator.reset()
+        emulator.advance(700)
+        emulator.press_bootsel()
+        emulator.advance(1800)
+        assert found() == (True, False)

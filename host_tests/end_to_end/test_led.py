@@ -1,0 +1,50 @@
+"""The LED on the host simulation: what it shows in each state, and when a fault no longer shows."""
+
+from framestep.motion import stepper
+from framestep_tools.payloads import MotorMove, MotorSetSpeed
+from host_tests.end_to_end.session import simulated
+
+WAITING, CONNECTED, MOVING, FAULT = (
+    "*...............",
+    "****************",
+    "*.*.*.*.*.*.*.*.",
+    "*.*.*...........",
+)
+
+
+def shown(session):
+    """The LED over its two seconds, 128 ms each, from where it begins."""
+    board = session.board
+    until = -(-board.now_ns // (2048 * 10**6)) * 2048 * 10**6
+    levels = ""
+    for i in range(16):
+        board.run_until(until + i * 128 * 10**6 + 64 * 10**6)
+        levels += "*" if board._board.hal.lit else "."
+    return levels
+
+
+def test_patterns():
+    session = simulated({"estop": "no"})
+    assert shown(session) == CONNECTED
+    session.leave()
+    assert shown(session) == WAITING
+    session.come_back()
+    assert shown(session) == CONNECTED
+    session.accept(MotorSetSpeed(1, 100, 1000))
+    session.ask(MotorMove(1, 1000))
+    assert shown(session) == MOVING
+    session.board._board.set_input("estop", 0)
+    session.run(0.1)
+    assert shown(session) == FAULT
+    session.board._board.set_input("estop", 1)
+    session.run(0.1)
+    assert shown(session) == FAULT, "until motors are sent somewhere again"
+    session.ask(MotorMove(1, 1000))
+    assert shown(session) == MOVING
+
+
+def test_a_fault_of_the_kernel_shows():
+    session = simulated()
+    session.board._board.hal.kernel.state[stepper.FAULTS] = stepper.FAULT_DRY
+    session.run(0.1)
+    assert shown(session) == FAULT

@@ -1,0 +1,171 @@
+"""The bench commands of framestep.repl on the host simulation: what they say, what they move, what they refuse."""
+
+import io as text
+
+import pytest
+
+from framestep import boot, repl
+from framestep_tools.payloads import MotorSetLimits, RtEnd, RtGo, RtPositionFrame, RtRunMove
+from host_tests.end_to_end.realtime import MOVE, loaded
+
+
+@pytest.fixture
+def bench(monkeypatch, capsys):
+    """(a session with an upload, says(command, ...): the lines that a command prints)"""
+    session = loaded(estop="no", name="crane", motors=[{"backlash": 3}])
+    controller = session.board._board.controller
+    monkeypatch.setattr(boot, "hal", controller.hal)
+    monkeypatch.setattr(boot, "controller", controller)
+
+    def says(command, *arguments):
+        capsys.readouterr()
+        command(*arguments)
+        return capsys.readouterr().out.splitlines()
+
+    return session, says
+
+
+def test_status(bench):
+    session, says = bench
+    lines = says(repl.status)
+    assert lines[0].startswith("framestep ") and lines[0].endswith(", crane")
+    assert lines[1:3] == ["the host is connected", "nothing moves"]
+    assert [line.split(":")[0] for line in lines if line.startswith("motor")] == [f"motor {i}" for i in range(1, 9)]
+    assert any(line.startswith("uploaded: 25 frames, room for ") for line in lines)
+    session.leave()
+    session.run(0.1)
+    assert says(repl.status)[1] == "no host is connected"
+
+
+def test_status_through_a_run(bench):
+    session, says = bench
+    found = []
+
+    def look():
+        line = says(repl.status)[2]
+        if not found or found[-1] != line.split(" at ")[0]:
+            found.append(line.split(" at ")[0])
+
+    session.accept(RtRunMove(24000, 1, 25, 500, 500))
+    for _ in range(20):
+        look()
+        session.run(0.05)
+    session.accept(RtGo())
+    while not session.events(RtEnd):
+        look()
+        session.run(0.05)
+    look()
+    assert found == ["the motors go to where a run begins", "a run waits for GO", "a run is on,", "nothing moves"]
+
+
+def test_move(bench):
+    session, says = bench
+    assert says(repl.move, 8, 200) == []
+    assert "motors move" in says(repl.status)
+    session.wait_idle()
+    assert session.position(8) == 200 and session.made(8) == 200
+    assert (
+        says(repl.move, 9, 1)
+        == says(repl.move, 0, 1)
+        == says(repl.move, 1, 2**31)
+        == ["refused: there is no such motor or value"]
+    )
+    session.accept(MotorSetLimits(8, 1, -10, 1, 250))
+    assert says(repl.move, 8, 251) == ["refused: that is past the upper soft limit"]
+    assert says(repl.move, 8, -11) == ["refused: that is past the lower soft limit"]
+    session.board._board.set_input("estop", 0)
+    session.run(0.05)
+    assert says(repl.move, 8, 20)[0].startswith("refused: the rig may not move it: E-stop held")
+    assert "the E-stop was pressed; the motors were ramped down" in says(repl.status)
+    assert session.position(8) == 200
+
+
+def test_nothing_of_dragonframes_is_disturbed(bench):
+    """From RUN_MOVE to RT_END no command moves a motor, one without a part neither."""
+    session, says = bench
+    session.accept(RtRunMove(24000, 1, 25, 500, 500))
+    session.run(0.01)
+    assert says(repl.move, 8, 200) == ["refused: the motors go to where a run begins"]
+    session.wait_idle()
+    assert says(repl.move, 1, 200) == ["refused: a run waits for GO"]
+    session.accept(RtGo())
+    session.run(0.3)
+    assert says(repl.move, 8, 200)[0].startswith("refused: a run is on, at frame ")
+    for command in (repl.status, repl.io, repl.timing, repl.rig):
+        assert says(command)
+    session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert session.made(8) == 0
+    assert says(repl.move, 8, 200) == []
+
+
+def test_stop(bench):
+    session, says = bench
+    says(repl.move, 1, 50_000)
+    session.run(0.3)
+    says(repl.stop)
+    session.wait_idle()
+    assert 0 < session.position(1) < 10_000
+
+
+def test_jog(bench, monkeypatch):
+    """Keys are held, let go, and choose motors; the motor stops by itself."""
+    session, says = bench
+
+    class Keys(text.StringIO):
+        def read(self, size=-1):
+            session.run(0.1)
+            return super().read(size)
+
+    monkeypatch.setattr("sys.stdin", Keys("++++2--q"))
+    lines = says(repl.jog, 1, 2000)
+    assert lines[1:] == ["motor 2"]
+    session.wait_idle()
+    assert session.position(1) > 0 > session.position(2)
+    monkeypatch.setattr("sys.stdin", Keys("+q"))
+    assert says(repl.jog, 1, 10001)[1:] == ["refused: there is no such motor or value"]
+
+
+def test_io(bench):
+    session, says = bench
+    assert says(repl.io)[:2] == ["output 1, pin 22: off", "output 2, pin 26: off"]
+    assert says(repl.io, 2, True) == []
+    lines = says(repl.io)
+    assert lines[:2] == ["output 1, pin 22: off", "output 2, pin 26: on"]
+    assert session.trace().signals["gio2"][1].tolist() == [1]
+    says(repl.io, 2, False)
+    assert session.trace().signals["gio2"][1].tolist() == [1, 0]
+    assert says(repl.io, 5, True) == ["refused: there is no such motor or value"]
+    assert "E-stop, pin 19: free" in lines and "lights: 0 of 512 channels are on" in lines
+    session.board._board.set_input("estop", 0)
+    session.run(0.05)
+    assert "E-stop, pin 19: held" in says(repl.io)
+
+
+def test_timing(bench):
+    session, says = bench
+    assert len(says(repl.timing)) == 1
+    session.accept(RtPositionFrame(25))
+    lines = says(repl.timing)
+    assert [line.split(":")[0] for line in lines[1:]] == [f"motor {i}" for i in MOVE]
+    assert all(0 < int(line.split()[2]) <= 16 for line in lines[1:])
+
+
+def test_rig(bench):
+    _, says = bench
+    lines = says(repl.rig)
+    assert "name = crane" in lines and "jog_timeout_ms = 500" in lines
+    assert any(line.startswith("motors 1 {") and "'backlash': 3" in line for line in lines)
+    assert any(line.startswith("outputs 1 {'pin': 22") for line in lines)
+
+
+def test_without_a_controller(bench, monkeypatch):
+    _, says = bench
+    monkeypatch.setattr(boot.hal, "alive", False)
+    assert says(repl.move, 1, 5) == ["refused: framestep has been stopped"]
+    monkeypatch.setattr(boot.hal, "failure", ValueError())
+    assert says(repl.status)[2] == "framestep has stopped by a fault in the firmware"
+    monkeypatch.setattr(boot, "controller", None)
+    for command in (repl.status, repl.io, repl.timing, repl.rig, repl.stop):
+        assert says(command) == ["framestep has not been started"]
+    assert says(repl.move, 1, 5) == ["refused: framestep has not been started"]
