@@ -35,10 +35,10 @@ emu: setup node ## the controller on the emulated board, on a pseudo-terminal; A
 	@tools/micropython/build.sh rp2
 	@$(PYTHON_VENV) -m framestep_tools.emu $(ARGS)
 
-flash: setup ## put framestep on a board on USB that has MicroPython: BOARD=pico, PORT=/dev/ttyACM0 if there are several
+flash: setup ## copy framestep to a board with MicroPython: BOARD=pico, and PORT=/dev/ttyACM0 if there are several
 	@$(PYTHON_VENV) -m framestep_tools.flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
 
-image: setup ## MicroPython with framestep in it as build/BOARD.uf2, to be dragged onto a board; MICROPYTHON=path of a checkout
+image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
 	@$(PYTHON_VENV) -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)

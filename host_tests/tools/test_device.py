@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from framestep_tools import device
+from framestep_tools import device, restart
 from framestep_tools.device import DeviceError, find_protocol, find_repl
 
 
@@ -65,3 +65,13 @@ def test_a_link_to_a_port(ports, tmp_path):
 def test_a_port_that_cannot_be_opened(ports):
     with pytest.raises(DeviceError, match="cannot open /dev/not-there"):
         device.Device("/dev/not-there").connect()
+
+
+def test_a_board_that_does_not_come_up(ports, monkeypatch):
+    monkeypatch.setattr(restart, "_START_S", 0.0)
+    monkeypatch.setattr(restart, "_LOOK_S", 0.0)
+    for protocol, count, why in ((None, 2, "no port named framestep DMC"), ("/dev/none", 2, "cannot open /dev/none")):
+        with pytest.raises(DeviceError, match=f"does not come up .*{why}.* mpremote connect /dev/x1 exec"):
+            restart.hello("/dev/x1", protocol, count)
+    with pytest.raises(DeviceError, match="cannot open /dev/x1"):
+        restart.hello("/dev/x1", "/dev/none", 1)

@@ -30,8 +30,8 @@ def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]
                 why = str(error)
         if time.monotonic() > end:
             raise DeviceError(
-                f"the board does not come up ({why}): look at its REPL, mpremote connect {repl} resume; `import "
-                "framestep.boot` there tells what is wrong"
+                f"the board does not come up ({why}); what it says as it starts shows "
+                f"mpremote connect {repl} exec 'import main'"
             )
 
 
