@@ -27,10 +27,11 @@ PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/usb_
 RIG_FILE = "/rig.json"
 _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 _READ_S = 10.0  # a board that is silent for so long in the middle of something has gone
-_REPL_S = 3.0  # to get to the raw REPL
+_REPL_S = 10.0  # to get to the raw REPL
+_REPL_AGAIN_S = 3.0  # the same, of a board that restarts: then once more
 _COME_BACK_S = 60.0  # for a board that restarts
 _LOOK_S = 0.2
-_ASK_S = 0.5  # for an answer to MOTOR_STATUS on the port of the REPL
+_ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
 _ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
 _CHUNK = 1024
 _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
@@ -251,12 +252,12 @@ class Device:
         except (OSError, serial.SerialException) as error:
             raise DeviceError(f"{self.path} does not take anything: {error}") from None
 
-    def _enter(self) -> None:
+    def _enter(self, seconds: float = _REPL_S) -> None:
         self._transport.serial.timeout = _READ_S
         chatter = io.StringIO()
         try:
             with contextlib.redirect_stdout(chatter):
-                self._transport.enter_raw_repl(soft_reset=False, timeout_overall=_REPL_S)
+                self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
         except (OSError, TransportError) as error:
             raise DeviceError(
                 f"the REPL on {self.path} does not answer ({error}): close other programs that use the port, or press "
@@ -363,7 +364,7 @@ class Device:
                     break
             try:
                 self._open()
-                self._enter()
+                self._enter(_REPL_AGAIN_S)
                 if "before_reset" not in self.run("print(dir())"):
                     self.state = State(*literal_eval(self.run(_STATE)))
                     return
