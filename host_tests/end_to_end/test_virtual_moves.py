@@ -8,6 +8,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools.payloads import (
     Ack,
+    HardStop,
     Hi,
     MotorConfigure,
     MotorJog,
@@ -292,3 +293,67 @@ def test_backlash_is_taken_up_before_the_line_begins():
         for motor, (_, signs) in track.steps.items():
             moved = after[motor] - before[motor]
             assert len(signs) in (abs(moved), abs(moved) + 300), f"motor {motor} has turned on the way"
+
+
+def test_a_long_track_with_fine_steps():
+    """Of 20 m at 1000 steps per millimetre: the precision holds out there as well."""
+    axes = (Axis(1, 250.0, 20.0), Axis(2, 1000.0, 35.0), Axis(3, 1000.0, 20_000.0), *BOOM.axes[3:])
+    rig = Rig(1, axes, 857.7, 78.0, nodal=(20.0, 35.5, -12.0))
+    session = configured(rig, 60_000, 300_000)
+    before = session.positions
+    start = rig.forward(joints(rig, np.zeros(6)))
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, round((start[1] - 60) * 100000)))
+    session.wait_idle()
+    track, _ = assert_straight(rig, session, before, -UNIT[m.VIRT_MOTOR_EW], 60)
+    track.limits(60_000, 300_000)
+
+
+TABLE = tuple(round(250 * a + 40 * np.sin(np.radians(2 * a))) for a in range(-60, 61))
+
+
+@pytest.mark.parametrize(
+    ("rig", "number", "target"),
+    [
+        (BOOM, m.VIRT_MOTOR_EW, 940),  # farther than the arm is long
+        (BOOM, m.VIRT_MOTOR_EW, -935.6),  # the swing at 90 degrees
+        (BOOM, m.VIRT_MOTOR_NS, 857.7),  # the boom upright
+        (BOOM, m.VIRT_MOTOR_NS, -900),
+        (COLUMN, m.VIRT_MOTOR_EW, 640),
+        (Rig(1, (Axis(1, 250.0, 0.0), *BOOM.axes[1:]), 857.7, 78.0, table=TABLE), m.VIRT_MOTOR_NS, 745),  # 60.3 degrees
+        (XYZ, m.VIRT_MOTOR_TRACK, 21_474),  # more steps than there are numbers for is refused as well
+    ],
+)
+def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, target):
+    if rig is XYZ:
+        rig = Rig(4, (*XYZ.axes[:2], Axis(3, 200_000.0, 300.0), *XYZ.axes[3:]))
+    session = configured(rig)
+    session.refuse(Ack.ERR_RANGE, VirtMove(number, round(target * 100000)))
+    session.run(0.3)
+    assert session.moving == [] and all(session.made(motor) == 0 for motor in range(1, 7))
+
+
+def test_a_limit_switch_or_the_e_stop_in_a_move():
+    """All motors of the rig come to rest, each by its own ramp, the one at the switch by the hard stop's."""
+    session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
+    board = session.board._board
+    board.set_input("estop", 0)
+    session.run(0.1)
+    for motor in range(1, 7):
+        session.speed(motor, 20_000, 50_000)
+    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(3, 0, 0, 0, 0, 1))
+    for pin, low, high, factor in ((22, 1, 0, 4), ("estop", 0, 1, 4)):
+        session.forget()
+        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000))
+        session.run(0.8)
+        struck = session.now
+        board.set_input(pin, high)
+        session.run(1.0)
+        assert session.moving == [] and len(session.events(HardStop)) == 1
+        assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / factor + 0.02
+        session.refuse(Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000))
+        board.set_input(pin, low)
+        session.run(0.1)
+        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
+        session.wait_idle()
+        assert session.position(3) == 0
