@@ -6,6 +6,7 @@ python -m host_tests.end_to_end.realtime_answers > docs/realtime.md
 from framestep_tools.payloads import (
     BlurMotor,
     Dmx,
+    GetCondition,
     GioCam,
     GioIn,
     GioOut,
@@ -42,6 +43,7 @@ from framestep_tools.payloads import (
     VirtJogOnLine,
     VirtMove,
     VirtStop,
+    VirtualAxis,
 )
 
 # Columns: a state and what it is
@@ -66,10 +68,12 @@ _ALWAYS = "OK OK OK OK OK OK OK OK OK OK OK OK"
 _NEVER = "13 13 13 13 13 13 13 13 13 13 13 13"
 _NO_VIRTUALS = "15 15 15 15 15 15 15 15 15 15 15 15"
 _RUN = RtRunMove(24000, 5, 20, 500, 500)
+_SWING_PAN = VirtConfig(2, (VirtualAxis(1, 1000), VirtualAxis(2, 1000)))
 
 # Rows: name in the table, request, answers in the order of STATES
 ANSWERS = (
     ("HI", Hi(), _ALWAYS),
+    ("CONDITION (framestep's own)", GetCondition(), _ALWAYS),
     ("MOTOR_STATUS", MotorStatus(), _ALWAYS),
     ("MOTOR_GET_POSITION", MotorGetPosition(), _ALWAYS),
     ("DMX", Dmx(0, 5, [9]), _ALWAYS),
@@ -100,6 +104,8 @@ ANSWERS = (
     ("RT_STOP_LOOP", RtStopLoop(), "15 15 15 15 15 15 OK OK OK 15 15 15"),
     ("RT_JOG_ALL", RtJogAll(12000, 9), "15 15 OK 12 12 16 12 12 12 12 OK 15"),
     ("VIRT_CONFIG: none", VirtConfig(0), _ALWAYS),
+    ("VIRT_CONFIG: none", VirtConfig(), _ALWAYS),
+    ("VIRT_CONFIG: motors that have a part", _SWING_PAN, "OK OK OK 12 12 OK 12 12 12 12 12 OK"),
     ("VIRT_MOVE and the other virtual requests", VirtMove(1, 100), _NO_VIRTUALS),
     ("", VirtStop(1), _NO_VIRTUALS),
     ("", VirtJog(1, 5000, 100), _NO_VIRTUALS),
