@@ -191,11 +191,34 @@ def test_what_is_refused():
         VirtJogOnLine(0, -10_001),
     )
     session.accept(VirtJog(1, 5000, FAR))
-    session.refuse(Ack.ERR_MOVING, VirtJog(1, 5000, -FAR), VirtJog(1, 100, FAR), VirtJog(2, 5000, FAR), VirtMove(1, 0))
-    session.refuse(Ack.ERR_MOVING, VirtJogOnLine(0, 100))
+    session.refuse(Ack.ERR_MOVING, VirtMove(1, 0))
     session.accept(VirtJog(1, 5000, FAR), MotorStop(3))
     session.wait_idle()
-    session.accept(VirtJogOnLine(0, 100))
-    session.refuse(Ack.ERR_MOVING, VirtJogOnLine(0, -100), VirtJogOnLine(1, 100), VirtJog(1, 5000, FAR))
-    session.accept(VirtStop(m.VIRT_MOTOR_EW))
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 0))
+    session.refuse(Ack.ERR_MOVING, VirtJogOnLine(0, -100), VirtJog(1, 5000, FAR))
     session.wait_idle()
+
+
+def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
+    """Field note 4.2: against the direction, too."""
+    session = configured(XYZ)
+    session.forget()
+    hold(session, VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), 0.8)
+    hold(session, VirtJog(m.VIRT_MOTOR_EW, 10_000, -FAR), 1.4)
+    hold(session, VirtJog(m.VIRT_MOTOR_NS, 10_000, FAR), 1.2)
+    session.accept(VirtStop(m.VIRT_MOTOR_NS))
+    session.wait_idle()
+    assert not session.events(HardStop)
+    track = Track(session, session.positions)
+    track.limits(20_000, 50_000)
+    times, signs = session.steps(1)
+    assert (np.diff(signs) != 0).sum() == 1 and signs[0] > 0 > signs[-1]
+    assert session.steps(2)[0][0] > times[-1], "never both"
+    assert session.made(2) > 5000
+    # line jogs need no repetition; a stop forgets what was to follow
+    session.accept(VirtJogOnLine(m.LINE_X, 5000), VirtJogOnLine(m.LINE_X, -5000))
+    session.run(2)
+    assert session.moving
+    session.accept(VirtJogOnLine(m.LINE_Y, 5000), VirtStop(m.VIRT_MOTOR_NS))
+    session.run(2)
+    assert session.moving == []

@@ -41,6 +41,8 @@ def script():
         (600, frame(0x203, b"\x02" + struct.pack("<Hi", 9000, 2**31 - 1))),
         (700, frame(0x203, b"\x02" + struct.pack("<Hi", 9000, 2**31 - 1)) + move(1, 3)),
         (300, frame(0x206, b"\x02" + struct.pack("<h", -7000))),
+        (300, frame(0x206, b"\x02" + struct.pack("<h", 3000))),
+        (900, frame(0x203, b"\x03" + struct.pack("<Hi", 5000, -(2**31)))),
         (900, stop(1)),
         (3, frame(0x207, b"\x01" + words(30000, 50000, 200000)) + frame(0x205)),
         (800, frame(0x31, b"\x03" + words(5000))),

@@ -97,6 +97,12 @@ class Virtuals:
         self.jog_speed = 0
         self.jog_way = 0
         self.jog_at = -1
+        # another one, for when that has come to rest
+        self.later = 0
+        self.later_speed = 0
+        self.later_way = 0
+        self.later_at = 0
+        self.later_to = array("i", [0])
         self.moved = 0  # bits of the virtual axes that a motion is about
         self.handlers = {
             m.MSG_VIRT_CONFIG: self._config,
@@ -130,15 +136,19 @@ class Virtuals:
                 self.jog_at = -1
                 motion.stop()
             motion.poll()
+            if self.later and not motion.state:
+                self._turn(limit)
 
     def stop(self):
         """Slow down along the line."""
         self.jog_at = -1
+        self.later = 0
         self.motion.stop()
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
         self.jog_at = -1
+        self.later = 0
         self.motion.halt(factor)
 
     # ---------------------------------------------------------------- configuration
@@ -305,6 +315,30 @@ class Virtuals:
         """Whether the jog under way is this one, so that it only goes on."""
         return self.motion.state and self.jogging == kind and self.jog_way == way and self.jog_speed == speed
 
+    def _next(self, kind, way, speed):
+        """Another jog than the one under way is asked for: that one comes to rest first (field note 4.2). A code."""
+        if not self.jogging:
+            return m.ERR_MOVING
+        self.stop()
+        self.later = kind
+        self.later_way = way
+        self.later_speed = speed
+        self.later_at = self.now
+        reals.copy_word(self.later_to, 0, self.word, 0)
+        return m.OK
+
+    def _turn(self, limit):
+        """Now it has: set out on that other one, unless it is long since it was asked for."""
+        kind = self.later
+        self.later = 0
+        if self._may() != m.OK:
+            return
+        if kind > g.AXES:
+            self._set_line(kind - g.AXES - 1, self.later_way, self.later_speed)
+        elif not limit or (self.now - self.later_at) & _WRAP < limit:
+            reals.copy_word(self.word, 0, self.later_to, 0)
+            self._set_jog(kind, self.later_speed)
+
     def _follow(self, kind, way, speed, bits):
         """Set out on a jog along the line that has been laid. A code.
 
@@ -336,10 +370,16 @@ class Virtuals:
         reader.word_to(3, self.word, 0)
         if motion.state:
             # the side on which the destination lies as seen from the start tells which way it is to go
-            if self._under_way(number, motion.side(main, self.word, 0), speed):
+            if not self.later and self._under_way(number, motion.side(main, self.word, 0), speed):
                 self.jog_at = self.now
                 return m.OK
-            return m.ERR_MOVING
+            return self._next(number, 0, speed)
+        return self._set_jog(number, speed)
+
+    def _set_jog(self, number, speed):
+        """Jog a virtual axis toward the step word[0] of its main motor. A code."""
+        motion = self.motion
+        main = motion.rig.main[number] - 1
         code = motion.lay()
         if code:
             return code
@@ -382,11 +422,18 @@ class Virtuals:
         if not motion.rig.main[number]:
             return m.ERR_RANGE
         if motion.state:
-            return m.OK if self._under_way(kind, way, speed) else m.ERR_MOVING
-        code = motion.lay()
+            if not self.later and self._under_way(kind, way, speed):
+                return m.OK
+            return self._next(kind, way, speed)
+        return self._set_line(axis, way, speed)
+
+    def _set_line(self, axis, way, speed):
+        """Jog along an axis of the camera. A code."""
+        code = self.motion.lay()
         if code:
             return code
         r = self.r
+        number = _LINE_AXES[axis]
         if axis <= m.LINE_Z:
             g.camera_axis(r, axis, _AXIS)
             for k in range(0, 6, 2):
@@ -396,7 +443,7 @@ class Virtuals:
                     reals.copy(r, v.WAY + k, _AXIS + k)
         else:
             reals.put(r, v.WAY + 2 * (number - 1), way, 0)
-        return self._follow(kind, way, speed, 1 << number)
+        return self._follow(g.AXES + 1 + axis, way, speed, 1 << number)
 
     # ---------------------------------------------------------------- the aim point
 
@@ -458,6 +505,9 @@ class Virtuals:
             if speed and self._under_way(kind, motion.side(axis, target, i), speed):
                 self.jog_at = self.now
                 return m.OK
+            if speed and self.jogging:
+                self.stop()  # and then it turns, when it is asked for again
+                return m.OK
             return m.ERR_MOVING
         code = motion.lay(True)
         if code:
@@ -491,6 +541,11 @@ class Virtuals:
         number = self._number()
         if not number:
             return m.ERR_RANGE
+        later = self.later
+        if later > g.AXES:
+            later = _LINE_AXES[later - g.AXES - 1]
+        if later == number:
+            self.later = 0
         if self.moved >> number & 1:
             self.stop()
         return m.OK
