@@ -75,7 +75,6 @@ ANSWERS = (
     ("HI", Hi(), _ALWAYS),
     ("CONDITION (framestep's own)", GetCondition(), _ALWAYS),
     ("MOTOR_STATUS", MotorStatus(), _ALWAYS),
-    ("CONDITION, framestep's own", GetCondition(), _ALWAYS),
     ("MOTOR_GET_POSITION", MotorGetPosition(), _ALWAYS),
     ("DMX", Dmx(0, 5, [9]), _ALWAYS),
     ("GIO_OUT", GioOut(0), _ALWAYS),
