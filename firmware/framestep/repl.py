@@ -33,7 +33,7 @@ _WINDOWS = const(50)
 
 REFUSALS = {
     m.ERR_MOVING: "an operation of Dragonframe has the motor",
-    m.ERR_GENERAL: "the rig may not move it: E-stop held, rig file wrong, motor disabled or led by another",
+    m.ERR_GENERAL: "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led",
     m.ERR_RANGE: "there is no such motor or value",
     m.ERR_SOFT_UP: "that is past the upper soft limit",
     m.ERR_SOFT_LOW: "that is past the lower soft limit",
@@ -106,6 +106,8 @@ def _report():
     lines.append("the host is connected" if controller.was_open else "no host is connected")
     lines.append(_dead() or _operation(controller) or ("motors move" if controller.axes.moving else "nothing moves"))
     lines += words.conditions(controller.condition()) + words.faults(controller.fault) + words.positions(controller)
+    if controller.drivers:
+        lines += controller.drivers.states_in_words()
     store = controller.moves.store
     room = controller.moves.cues.room
     kept = store.end - store.start + 1 if store.state == UPLOADED else 0

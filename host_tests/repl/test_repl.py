@@ -5,6 +5,7 @@ import io as text
 import pytest
 
 from framestep import boot, repl
+from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import MotorSetLimits, RtEnd, RtGo, RtPositionFrame, RtRunMove
 from host_tests.end_to_end.realtime import MOVE, loaded
 
@@ -35,6 +36,20 @@ def test_status(bench):
     session.leave()
     session.run(0.1)
     assert says(repl.status)[1] == "no host is connected"
+
+
+def test_status_of_drivers(monkeypatch, capsys):
+    board = SimulatedBoard({"motors": [{"driver": {"run_ma": 500}}] * 2}, board="skr_pico")
+    board.chips[1].powered = False
+    monkeypatch.setattr(boot, "hal", board._board.hal)
+    monkeypatch.setattr(boot, "controller", board._board.controller)
+    board.run_until(600_000_000)
+    repl.status()
+    lines = capsys.readouterr().out.splitlines()
+    assert "driver of motor 1 works" in lines
+    assert "driver of motor 2 does not answer (has it power, and the right address?)" in lines
+    repl.move(2, 100)
+    assert "driver failed" in capsys.readouterr().out
 
 
 def test_status_through_a_run(bench):

@@ -21,8 +21,8 @@
     dmx               what puts light levels on a wire (below)
     watchdog          what starts the board again when it is not fed (below)
     wire              the line of the drivers' UART (below), where Rig.drivers is not None
-    say(motor, text)  tell in words on the REPL what the driver of a motor (from 1) does; not where that is the
-                      protocol's port
+    say(motor, text)  tell in words on the REPL what the driver of a motor (from 1) does, as soon as nothing moves; not
+                      where the REPL is the protocol's port
     flash()           storage that outlives a power cut (below); OSError where there is none. At boot only
 
 and a port is one with

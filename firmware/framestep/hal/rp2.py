@@ -25,6 +25,7 @@ _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a co
 _STEP = const(512)
 _WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
+_SAYINGS = const(16)
 _BEAT_MS = const(128)
 _TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
 
@@ -60,6 +61,9 @@ class Rp2Hal:
         self.board = board
         self.dmx = self._make_dmx(board.get("dmx"), rig)
         self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
+        self._sayings = 0  # what drivers have been said to do, told when nothing moves
+        self._saying_motors = bytearray(_SAYINGS)
+        self._saying_texts = [""] * _SAYINGS
         self.wire = self._make_wire(board["drivers"]) if rig.drivers else None
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
@@ -169,8 +173,10 @@ class Rp2Hal:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
 
     def say(self, motor, text):
-        if self.background:
-            print("framestep: driver of motor", motor, text)
+        if self._sayings < _SAYINGS:
+            self._saying_motors[self._sayings] = motor
+            self._saying_texts[self._sayings] = text
+            self._sayings += 1
 
     def trouble(self):
         return lost_commands(self.motors)
@@ -209,7 +215,7 @@ class Rp2Hal:
             return  # it waited in the scheduler when the passes ended
         try:
             self._poll()
-            if self._controller.fault != self._told or self.task:  # type: ignore[union-attr]
+            if self._controller.fault != self._told or self.task or self._sayings:  # type: ignore[union-attr]
                 self._after()
         except KeyboardInterrupt:
             self._interrupted()
@@ -223,8 +229,13 @@ class Rp2Hal:
             task = self.task
             self.task = None
             task()
-        if self._controller.fault != self._told and not self._controller.was_moving:  # type: ignore[union-attr]
+        if self._controller.was_moving:  # type: ignore[union-attr]
+            return
+        if self._controller.fault != self._told:  # type: ignore[union-attr]
             self._tell()
+        for i in range(self._sayings):
+            print("framestep: driver of motor", self._saying_motors[i], self._saying_texts[i])
+        self._sayings = 0
 
     def _interrupted(self):
         # Meant for a program that runs on the REPL, but it struck in a pass; what was being done
