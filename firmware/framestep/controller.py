@@ -13,6 +13,7 @@ from framestep.motion import stepper
 from framestep.motion.axes import Axes
 from framestep.motion.positions import DRIVER, STEPS
 from framestep.moves.requests import Moves
+from framestep.moves.stage import RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
@@ -22,7 +23,7 @@ VERSION = (0, 1, 0)
 CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
 
 _WRAP = const(0x3FFFFFFF)
-_TEND_MS = const(2)  # from one whole pass to the next
+_TEND_MS = const(4)  # from one whole pass to the next
 _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
 _NAP = const(4)  # then one in so many
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
@@ -59,7 +60,7 @@ class Controller:
         self.broken = broken
         self.port = hal.port
         self.reader = FrameReader()
-        self.writer = FrameWriter(2 * m.LARGEST_FRAME)
+        self.writer = FrameWriter(m.LARGEST_FRAME)
         self.axes = Axes(hal)
         self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
@@ -157,13 +158,16 @@ class Controller:
             self.port.send(self.writer)
         if self.show.plan is not None:
             self.show.poll()
-        if (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
-            self.tended = now
+        if self.stage.state == RUNNING and self.stage.reached():
+            self.say_position = True
+            self._tend(now)
+        elif (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
             self._tend(now)
         return busy
 
     def _tend(self, now):
         """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports."""
+        self.tended = now
         if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
@@ -182,8 +186,7 @@ class Controller:
             self._jogs()
         self.virtuals.poll(now)
         self.axes.feed()
-        if self.moves.poll(now):
-            self.say_position = True
+        self.moves.poll()
         self._watch()
         self._report()
         if self.memory:
@@ -213,8 +216,8 @@ class Controller:
 
     def _attend(self, reader):
         """Answer what has come; whether there was anything."""
-        if self.stage.busy and self.moves.poll(self.now):
-            self.say_position = True  # answers tell how it stands now
+        if self.stage.state != RUNNING:
+            self.stage.poll()  # answers tell how it stands now
         busy = False
         self.backlog = True
         while self.writer.room() >= _REPLY_ROOM:

@@ -24,6 +24,7 @@ KEYS = [
     "reply_ms_median",
     "reply_ms_max",
     "heap_bytes_per_hour",
+    "virtual_update_us",
 ]
 
 

@@ -19,7 +19,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from . import builds
+from framestep.motion import stepper
+
+from . import builds, tick_cost
 from .boards import EmulatedBoard, LockstepPort
 from .client import Client, upload_requests
 from .errors import Command, ToolError
@@ -42,6 +44,7 @@ from .payloads import (
 )
 from .reference import Reference
 from .trace import Trace
+from .virtual_cost import virtual_update_us
 from .wire import encode
 
 RESULT = ROOT / "build" / "bench.json"
@@ -165,6 +168,14 @@ FIGURES = (
         0,
         "gc.mem_alloc() after the mixed move less that before it, the collector off, scaled to an hour",
     ),
+    Figure(
+        "virtual_update_us",
+        "µs",
+        None,
+        None,
+        "the board's clock: from a boom-swing-track pose to the steps of six motors, with nodal offset and boom table, "
+        "nothing playing; a virtual axis in motion needs it for each knot",
+    ),
 )
 
 
@@ -177,13 +188,13 @@ def _number(value: float) -> str:
 # ---- the moves -------------------------------------------------------------------------------------------------
 
 
-def mixed_move(seconds: float = 2.4) -> dict[int, np.ndarray]:
+def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
     """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and ramp down.
 
     The odd motors go up, the even ones down.
     """
-    frames = round(seconds * FPS) + 1
-    t = np.arange(frames) / FPS
+    frames = round(seconds * fps) + 1
+    t = np.arange(frames) / fps
     total = t[-1]
     moves = {}
     for motor, rate in enumerate(STEADY_RATES, 1):
@@ -222,7 +233,7 @@ class Session:
         """Where the motors say they are."""
         return dict(enumerate(self.client.request(MotorGetPosition()).steps, 1))
 
-    def prepare(self, positions: Mapping[int, np.ndarray], velocity: int) -> dict[int, np.ndarray]:
+    def prepare(self, positions: Mapping[int, np.ndarray], velocity: int, fps: int = FPS) -> dict[int, np.ndarray]:
         """Upload a move that begins where the motors stand, and bring them to where it begins. Gives the positions."""
         client = self.client
         stands = self.positions
@@ -231,7 +242,7 @@ class Session:
             client.request(MotorSetSpeed(motor, velocity, STEEPEST))
         count = len(next(iter(moved.values())))
         client.upload_move(1, count, moved, WINDOW)
-        client.request(RtRunMove(FPS * 1000, 1, count, ROLL_MS, ROLL_MS))
+        client.request(RtRunMove(fps * 1000, 1, count, ROLL_MS, ROLL_MS))
         client.wait_idle()
         client.pump(0.05)
         return moved
@@ -343,6 +354,8 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
         say("mixed move")
         _mixed(session, figures)
+        say("virtual axes")
+        figures["virtual_update_us"] = virtual_update_us(session.repl)
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
     say("upload through a single port")
@@ -384,6 +397,80 @@ def _mixed(session: Session, figures: dict[str, float]) -> None:
     figures["reply_ms_median"] = float(np.median(replies))
     figures["reply_ms_max"] = max(replies)
     figures["heap_bytes_per_hour"] = (taken[2] - 2 * taken[1] + taken[0]) / hours
+
+
+_WATCH = """
+import time
+import framestep.boot as boot
+
+class Watch:
+    def __init__(self, controller):
+        self.controller = controller
+        self.fail = controller.fail
+        self.give_up = controller.give_up
+        self.abandon = controller.abandon
+        self.blocks = controller.axes.kernel.blocks
+        self.clear()
+    def clear(self):
+        self.count = self.sum = self.worst = 0
+        self.least = 16
+    def poll(self, now):
+        begun = time.ticks_us()
+        busy = self.controller.poll(now)
+        took = time.ticks_diff(time.ticks_us(), begun)
+        self.count += 1
+        self.sum += took
+        if took > self.worst:
+            self.worst = took
+        if self.count & 7 == 0:
+            for block in self.blocks:
+                if block[{PLANNED}] & {PLAN_SEGMENTS}:
+                    queued = (block[{TAIL}] - block[{HEAD}]) & 0x3FFFFFFF
+                    if queued < self.least:
+                        self.least = queued
+        return busy
+
+watch = Watch(boot.controller)
+boot.hal._controller = watch
+"""
+LOOP_FPS = (25, 60)
+
+
+def loops() -> list[tuple[str, int, int, int, int]]:
+    """[(what, passes in a second, their mean and their longest time in µs, fewest segments queued)]."""
+    names = {name: getattr(stepper, name) for name in ("PLANNED", "PLAN_SEGMENTS", "TAIL", "HEAD")}
+    found = []
+    with EmulatedBoard(trace=False, frozen=True) as board:
+        session = Session(board)
+        client = session.client
+        session.repl(_WATCH.format(**names))
+
+        def watch(what: str) -> None:
+            client.pump(0.3)
+            session.repl("watch.clear()")
+            client.pump(1.0)
+            count, total, worst, least = session.repl("print(watch.count, watch.sum, watch.worst, watch.least)").split()
+            found.append((what, int(count), int(total) // int(count), int(worst), int(least)))
+
+        watch("at rest")
+        for fps in LOOP_FPS:
+            positions = mixed_move(2.4, fps)
+            session.prepare(positions, max(STEADY_RATES) * 11 // 10, fps)
+            client.request(RtGo())
+            watch(f"eight motors at {fps} fps")
+            client.wait_event(RtEnd, 10)
+            client.wait_idle()
+    return found
+
+
+def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
+    """loops() as a table."""
+    result = Table(title="passes of the main loop, flash-cache model on, frozen image", title_justify="left")
+    for name in ("", "in a second", "mean, µs", "longest, µs", "fewest segments queued"):
+        result.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for what, *figures in rows:
+        result.add_row(what, *map(str, figures))
+    return result
 
 
 # ---- showing ---------------------------------------------------------------------------------------------------
@@ -436,9 +523,16 @@ def main(
 
     with ThreadPoolExecutor(2) as pool:
         modelled, ideal = pool.map(run, (True, False))
+    with EmulatedBoard(trace=False) as board:
+        copied = Session(board).info.upload_frames
+    parts = tick_cost.both()
+    passes = loops()
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(modelled, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
+    console.print(f"with copied files instead of a frozen image: {_number(copied)} frames (goal 5 000)")
+    console.print(loop_table(passes))
+    console.print(tick_cost.table(parts))
     console.print(TRUST)
     console.print(f"figures with the cache model in {out}")
 

@@ -63,10 +63,10 @@ class Moves:
         """How many frames can be uploaded for all motors."""
         return self.store.capacity_frames(self.store.motors)
 
-    def poll(self, now):
-        """One pass. True where a frame has been reached that is to be told."""
+    def poll(self):
+        """Every few milliseconds: what is due, and the queues."""
         self.show.poll()
-        return self.stage.poll()
+        self.stage.poll()
 
     # ---------------------------------------------------------------- uploads
 

@@ -227,14 +227,17 @@ class Stage:
             self.state = IDLE
             self.unattended = False
 
+    def reached(self):
+        """In each pass while it runs: whether a frame has been reached that is to be told."""
+        return self.operation.reached(self.axes.kernel.state[stepper.TICKS])
+
     def poll(self):
-        """One pass: feed the queues. True where a frame has been reached that is to be told."""
+        """Every few milliseconds: feed the queues, and go on where something has ended."""
         state = self.state
         if state == IDLE or state == READY:
-            return False
+            return
         if state == RUNNING:
             operation = self.operation
-            told = operation.reached(self.axes.kernel.state[stepper.TICKS])
             operation.feed()
             if operation.finished() and not self.moving():
                 if operation.again():
@@ -244,9 +247,9 @@ class Stage:
                 else:
                     operation.over()
                     self._end()
-            return told
+            return
         if self.moving():
-            return False
+            return
         if state == ENDING:
             self._end()
         elif self.unattended:
@@ -257,7 +260,6 @@ class Stage:
                 self._end()
         else:
             self.state = READY
-        return False
 
     # ---------------------------------------------------------------- within
 

@@ -1,0 +1,267 @@
+"""Pulses of the real kernel and PIO program on the emulated RP2040: every edge on the pins, and what it costs."""
+
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from framestep.motion import stepper
+from framestep_emulator import Emulator, edge_times
+from framestep_tools.files import board_files
+from host_tests.motion.engine import PER_TICK, PER_US, Bench
+from host_tests.motion.profiles import ONE, Profile, trapezoid
+
+MOTORS = 8
+NS = 8  # per cycle
+FIRST_PIN = 2
+_CONSTANT = re.compile(r"stepper\.([A-Z_]+)\b")
+
+SETUP = """
+import gc, machine, time
+from array import array
+from framestep.motion.stepper import StepKernel
+from framestep.hal.rp2_pulses import PulseEngine, lost_commands
+N = 8
+pins = range(2, 2 + 2 * N, 2)
+engine = PulseEngine(list(pins), [pin + 1 for pin in pins], 125_000_000)
+kernel = StepKernel(N, 125_000, 0x40054028)
+
+def configure(width, setup, invert):
+    for i in range(N):
+        kernel.configure(i, engine.fifo(i), width, setup, invert)
+
+# A list of segments for all motors, fed as there is room
+moves = []
+
+def feed():
+    while moves:
+        for i in range(N):
+            b = kernel.blocks[i]
+            if (b[stepper.TAIL] - b[stepper.HEAD]) & 0x3FFFFFFF > 14:
+                return
+        segment = moves.pop(0)
+        for i in range(used):
+            b = kernel.blocks[i]
+            q = kernel.queues[i]
+            at = (b[stepper.TAIL] & 15) * 8
+            for k in range(8):
+                q[at + k] = segment[k]
+            b[stepper.TAIL] = (b[stepper.TAIL] + 1) & 0x3FFFFFFF
+
+def start(segments, motors, brake):
+    global used
+    used = motors
+    moves.extend(segments)
+    feed()
+    state = machine.disable_irq()
+    for i in range(used):
+        kernel.blocks[i][stepper.BRAKE] = brake
+        kernel.blocks[i][stepper.MODE] |= stepper.RUN | stepper.START
+    machine.enable_irq(state)
+
+def run(ms):
+    begun = time.ticks_ms()
+    while time.ticks_diff(time.ticks_ms(), begun) < ms:
+        feed()
+        time.sleep_ms(2)
+
+def away(after, us):
+    "Interrupts off for so long, from some microseconds after a tick on."
+    ticks = kernel.state[stepper.TICKS]
+    while kernel.state[stepper.TICKS] == ticks:
+        pass
+    begun = time.ticks_us()
+    while time.ticks_diff(time.ticks_us(), begun) < after:
+        pass
+    state = machine.disable_irq()
+    while time.ticks_diff(time.ticks_us(), begun) < after + us:
+        pass
+    machine.enable_irq(state)
+
+def end():
+    "What still moves, since its queue ran dry, stops at once."
+    for b in kernel.blocks:
+        b[stepper.BRAKE] = b[stepper.DECEL] = 100 << 22
+    time.sleep_ms(60)
+
+def fresh():
+    kernel.state[stepper.FAULTS] = kernel.state[stepper.WORST_LATE] = 0
+    for b in kernel.blocks:
+        assert b[stepper.MODE] == stepper.IDLE
+        b[stepper.POSITION] = b[stepper.FRACTION] = b[stepper.FAULT] = 0
+
+def result():
+    b = kernel.blocks
+    return [b[0][stepper.POSITION], kernel.state[stepper.FAULTS], kernel.state[stepper.WORST_LATE], lost_commands(N),
+            max(x[stepper.MODE] for x in b), max(x[stepper.POSITION] for x in b) - min(x[stepper.POSITION] for x in b)]
+
+configure(0, 625, False)
+timer = machine.Timer(-1, period=1, mode=machine.Timer.PERIODIC, callback=kernel.tick, hard=True)
+time.sleep_ms(150)
+"""
+
+
+class Board:
+    """The emulated board with kernel and engine, driven by the segments of ideal motions."""
+
+    def __init__(self, emu):
+        self.emu = emu
+        self.repl = emu.repl()
+        self.exec(SETUP)
+
+    def exec(self, code):
+        """Run code in which the kernel's constants, which the board does not know by name, stand as stepper.NAME."""
+        return self.repl.exec(_CONSTANT.sub(lambda m: str(getattr(stepper, m[1])), code)).strip()
+
+    def play(self, profile, ms, motors=MOTORS, rest=True, brake=ONE // 10, meanwhile="", pins=None):
+        """Play a motion on the first motors, and give the edges; `cost_us` and `worst_us` are those of the ticks."""
+        segments = [(*segment, 0, PER_TICK) for segment in profile.segments(rest)]
+        for i in range(0, len(segments), 20):
+            self.exec(f"moves.extend({segments[i : i + 20]})")
+        self.emu.trace_start(pins or range(FIRST_PIN, FIRST_PIN + 2 * motors))
+        with self.emu.measure() as measured:
+            self.exec(f"start([], {motors}, {brake})\n{meanwhile}\nrun({ms})")
+        ticks = measured["exceptions"]["irq3"]
+        self.cost_us = ticks["cycles"] / ticks["count"] / PER_US
+        self.worst_us = ticks["max"] / PER_US
+        self.edges = self.emu.trace_stop()
+        self.place, self.faults, self.late_us, self.lost, self.mode, self.spread = eval(self.exec("print(result())"))
+        assert not self.lost
+        return self
+
+    def rises(self, motor=0):
+        """Times of the rising edges, ns."""
+        return edge_times(self.edges, FIRST_PIN + 2 * motor, 1).astype(float)
+
+    def falls(self, motor=0):
+        """Times of the falling edges, ns; a trace begins with the level that a pin has."""
+        return edge_times(self.edges, FIRST_PIN + 2 * motor, 0).astype(float)[1:]
+
+    def turns(self, motor=0):
+        pin = self.edges[self.edges["pin"] == FIRST_PIN + 2 * motor + 1]
+        return pin["t"][1:].astype(float)
+
+
+@pytest.fixture(scope="module")
+def board():
+    files = board_files()
+    del files["/main.py"]
+    with Emulator(files=files) as emu:
+        yield Board(emu)
+
+
+@pytest.fixture
+def pulses(board):
+    """The board with all motors at rest on 0."""
+    board.exec("end()\nfresh()\nconfigure(0, 625, False)\ntime.sleep_ms(20)")
+    return board
+
+
+def errors_us(board, profile, motor=0, ticks=None, skipped=0.0):
+    """Errors of the edges against the ideal, less their median."""
+    ideal, _ = profile.steps()
+    if ticks is not None:
+        ideal = ideal[ideal < ticks]
+    rises = board.rises(motor)[: len(ideal)]
+    assert len(rises) == len(ideal)
+    error = rises / 1000 - ideal * 1000
+    error -= np.median(error)
+    return error[ideal > skipped]
+
+
+@pytest.mark.parametrize("rate, motors", [(350_000, MOTORS), (500_000, 1)])
+def test_steady(pulses, rate, motors):
+    """design: 350 000 steps/s by eight motors, 500 000 by one, edges within 0.5 µs, at most 60 µs a tick."""
+    profile = Profile([(160, 0)], v=Fraction(rate, 1000))
+    board = pulses.play(profile, 140, motors, rest=False)
+    for motor in range(motors):
+        error = errors_us(board, profile, motor, 130, skipped=3)
+        assert len(error) > 120 * rate / 1000
+        assert np.abs(error).max() < 0.5
+    assert board.cost_us <= 60
+    assert board.faults == 0
+
+
+def test_ramp(pulses):
+    """design: 2 µs in a ramp of 100 000 steps/s². And the same edges as the model of the engine has them."""
+    profile = trapezoid(400, Fraction(1, 10), 20)
+    board = pulses.play(profile, 840)
+    for motor in range(MOTORS):
+        error = errors_us(board, profile, motor)
+        assert np.abs(error[:-1]).max() < 2
+        assert abs(error[-1]) < 50  # where the velocity is nothing, the last bit of the position is long
+    assert (board.place, board.spread, board.faults, board.mode) == (profile.end, 0, 0, stepper.IDLE)
+    # all motors in step: what lies between two of them is the microsecond of the clock and the code between
+    first = np.array([board.rises(motor) for motor in range(MOTORS)])
+    assert np.ptp(first, axis=0).max() < 2500
+    bench = Bench().settle()
+    bench.play([profile.segments()])
+    assert np.array_equal(np.diff(first[0]), np.diff(bench.times()[0]) * NS)
+
+
+@pytest.mark.parametrize("width, setup_us, invert", [(0, 5, False), (4, 20, True), (15, 100, False)])
+def test_pulses_and_turns(pulses, width, setup_us, invert):
+    """Pulse width and set-up time as they were asked for, and each edge as in the model."""
+    pulses.exec(f"configure({width}, {setup_us * PER_US}, {invert})")
+    profile = Profile([(60, Fraction(1, 10)), (120, Fraction(-1, 10)), (60, Fraction(1, 10))])
+    board = pulses.play(profile, 260, 1)
+    rises, falls, turns = board.rises(), board.falls(), board.turns()
+    assert set((falls - rises).tolist()) == {(34 + 32 * width) * NS}
+    for turn in turns:
+        assert not ((rises <= turn) & (falls > turn)).any()
+        later = rises[rises > turn]
+        assert not len(later) or later[0] - turn >= setup_us * 1000
+    bench = Bench(width=width, setup=setup_us * PER_US, invert=invert).settle()
+    bench.play([profile.segments()])
+    model = bench.engines[0]
+    model_turns = np.array(model.turns)
+    assert np.array_equal(np.diff(rises), np.diff(model.rises) * NS)
+    # The model has direction pins change a cycle late; the first change belongs to the start, timed by the clock.
+    there, here = (times[times > first] - first for times, first in ((turns, rises[0]), (model_turns, model.rises[0])))
+    assert len(there) == len(here) and np.abs(there - here * NS).max(initial=0) <= NS
+    assert board.place == profile.end
+
+
+@pytest.mark.parametrize("after_us, away_us", [(500, 200), (500, 1000), (50, 2000)])
+def test_interrupts_off_for_a_while(pulses, after_us, away_us):
+    """No edge moves. after_us: from a tick to the hole; the tick is then late by what the hole goes beyond the next."""
+    profile = Profile([(160, 0)], v=Fraction(20_000, 1000))
+    meanwhile = f"time.sleep_ms(20)\naway({after_us}, {away_us})\ntime.sleep_ms(5)\naway({after_us}, {away_us})"
+    board = pulses.play(profile, 110, rest=False, meanwhile=meanwhile)
+    for motor in range(MOTORS):
+        assert np.abs(errors_us(board, profile, motor, 130, skipped=3)).max() < 0.5
+    assert board.faults == 0
+    assert board.late_us > after_us + away_us - 1000 - 20
+
+
+@pytest.mark.parametrize("after_us, away_us", [(900, 2000), (500, 50_000)])
+def test_interrupts_off_for_too_long(pulses, after_us, away_us):
+    """A fault and a ramp from what velocity is left: no edge faster than before, no burst, no step lost or added."""
+    rate, brake = 20_000, 1000  # a brake of 1000 steps/s each ms
+    profile = Profile([(160, 0)], v=Fraction(rate, 1000))
+    meanwhile = f"time.sleep_ms(20)\naway({after_us}, {away_us})"
+    board = pulses.play(profile, 100, rest=False, brake=ONE, meanwhile=meanwhile)
+    assert board.faults == stepper.FAULT_LATE
+    assert board.mode == stepper.IDLE
+    assert board.spread == 0
+    for motor in range(MOTORS):
+        rises = board.rises(motor)
+        assert len(rises) == board.place
+        gaps = np.diff(rises)[100:]
+        assert gaps.min() > 0.99e9 / rate
+        if away_us > 1000 * rate / brake:
+            # the ramp would have been over by the end of the hole
+            assert gaps.max() < 1.01e9 / rate
+            continue
+        hole = int(np.argmax(gaps > 1.5e9 / rate))
+        after = 1e9 / gaps[hole + 1 :]
+        assert len(after) > 50
+        assert after.max() <= rate - brake + 1
+        assert (np.diff(after) < 20).all()
+    # what comes next is exact again
+    pulses.exec("kernel.state[stepper.FAULTS] = 0\nfor b in kernel.blocks: b[stepper.POSITION] = b[stepper.FAULT] = 0")
+    profile = trapezoid(40, Fraction(1, 10), 0)
+    board = pulses.play(profile, 100)
+    assert (board.place, board.spread, board.faults) == (profile.end, 0, 0)
+    assert np.abs(errors_us(board, profile)[:-1]).max() < 2
