@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools import cli
+from framestep_tools.boards import LockstepPort
+from framestep_tools.client import Client
 from framestep_tools.payloads import (
     Ack,
     HardStop,
@@ -357,3 +360,13 @@ def test_a_limit_switch_or_the_e_stop_in_a_move():
         session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
         session.wait_idle()
         assert session.position(3) == 0
+
+
+def test_the_command_line_tells_and_moves(monkeypatch, capsys):
+    session = configured(XYZ)
+    monkeypatch.setattr(cli.Client, "open", lambda device: Client(LockstepPort(session.board)))
+    assert cli.app.status(["virtual", "x", "pan", "6.5"]) == 0
+    assert capsys.readouterr().out.split() == (
+        ["track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:", "-3.000", "roll:", "0.000"]
+    )
+    assert cli.app.status(["virtual", "x", "roll", "-1e9"]) != 0

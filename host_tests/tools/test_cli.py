@@ -39,6 +39,8 @@ from framestep_tools.wire import encode
             "'--speed': Input should be less than or equal to 10000",
         ),
         (cli.app, ["stop", "/dev/x", "1", "--hard"], 2, "--hard stops all motors"),
+        (cli.app, ["virtual", "/dev/x", "pan"], 2, "an axis needs a position as well"),
+        (cli.app, ["virtual", "/dev/x", "up", "5"], 2, "'up' is not one of"),
         (cli.app, ["upload", "/dev/x", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
         (cli.app, ["run", "/dev/x", "1", "240", "--fps", "0"], 2, "'--fps': Input should be greater than"),
         (cli.app, ["sniff"], 2, "either a capture file or a --device"),

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -35,6 +36,8 @@ from .payloads import (
     RtEnd,
     RtGo,
     RtRunMove,
+    VirtGetPosition,
+    VirtMove,
 )
 from .serve import PtyLink
 from .sniffer import read_capture, relay
@@ -48,6 +51,17 @@ app = Command("framestep", help=__doc__, no_args_is_help=False)
 Url = Annotated[str, typer.Argument(help="device path or socket://HOST:PORT", metavar="DEVICE", show_default=False)]
 Motor = Annotated[int, typer.Argument(help="motor number, from 1", min=1, max=32, show_default=False)]
 Steps = Annotated[int, typer.Argument(help="position in steps", min=-(2**31), max=2**31 - 1, show_default=False)]
+
+
+class VirtualAxisName(StrEnum):
+    """Virtual axes 1 to 6 (field note 9.1)."""
+
+    TRACK = "track"
+    EW = "ew"
+    NS = "ns"
+    PAN = "pan"
+    TILT = "tilt"
+    ROLL = "roll"
 
 
 @contextmanager
@@ -127,6 +141,28 @@ def jog(
         client.request(MotorStop(motor))
         client.wait_idle(STOP_TIME_S)
         print(f"motor {motor}: {client.request(MotorGetPosition()).steps[motor - 1]}")
+
+
+@app.command()
+def virtual(
+    device: Url,
+    axis: Annotated[VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)] = None,
+    position: Annotated[float | None, typer.Argument(help="units or degrees", show_default=False)] = None,
+) -> None:
+    """Say where the virtual axes are, or move one of them; the host has configured them."""
+    if axis is not None and position is None:
+        raise typer.BadParameter("an axis needs a position as well")
+    with Client.open(device) as client, _stopping_on_interrupt(client):
+        if axis is not None and position is not None:
+            number = list(VirtualAxisName).index(axis) + 1
+            client.request(VirtMove(number, round(position * 100_000)))
+            client.wait_idle(timeout_s=float("inf"))
+        found = client.request(VirtGetPosition())
+    values = found.track, found.east_west, found.north_south, found.pan, found.tilt, found.roll
+    for name, value in zip(VirtualAxisName, values, strict=True):
+        print(f"{name.value}: {value / 100_000:.3f}")
+    if found.aim_enabled:
+        print("aim point:", *(f"{(value or 0) / 1000:g}" for value in (found.aim_x, found.aim_y, found.aim_z)))
 
 
 @app.command()
