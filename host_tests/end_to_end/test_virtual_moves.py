@@ -370,3 +370,19 @@ def test_the_command_line_tells_and_moves(monkeypatch, capsys):
         ["track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:", "-3.000", "roll:", "0.000"]
     )
     assert cli.app.status(["virtual", "x", "roll", "-1e9"]) != 0
+
+
+def test_rounding_to_steps_does_not_add_up():
+    """The coordinates that stay do so however often another one is moved."""
+    session = configured(BOOM)
+    start = pose(session)
+    for k in range(12):
+        session.accept(VirtMove(m.VIRT_MOTOR_NS, round((start[2] + 0.337 * (k % 3)) * 100000)))
+        session.wait_idle()
+        session.accept(VirtMove(m.VIRT_MOTOR_EW, round((start[1] + 0.771 * (k % 5)) * 100000)))
+        session.wait_idle()
+    session.accept(VirtMove(m.VIRT_MOTOR_NS, round(start[2] * 100000)))
+    session.wait_idle()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, round(start[1] * 100000)))
+    session.wait_idle()
+    assert [session.position(motor) for motor in range(1, 7)] == [0] * 6

@@ -61,7 +61,8 @@ _Z = const(REGISTERS + 58)
 _W = const(REGISTERS + 60)
 _ZERO = const(REGISTERS + 62)
 _AT = const(REGISTERS + 66)
-FIRST_FREE = const(REGISTERS + 72)
+_REST = const(REGISTERS + 72)  # six: the pose in which it has come to rest, but for the rounding to steps
+FIRST_FREE = const(REGISTERS + 84)
 
 SPAN = const(32)  # ticks from knot to knot, at most: one segment
 _BEGIN = const(4)  # knots queued before anything moves
@@ -322,6 +323,8 @@ class Motion:
         self.bounds = array("i", [0] * (4 * AXES))
         self.ways = array("i", [0] * AXES)  # in which each motor begins to move
         self.word = array("i", [0] * 2)
+        self.rest = array("i", [0] * AXES)  # steps in which a line has ended
+        self.rested = False
         self.present = array("i", [0] * axes.count)
         self.knot = 0  # the last knot that has been placed
         self.queued = 0  # the last one that a phase leads to
@@ -344,6 +347,7 @@ class Motion:
     def adopt(self, rig):
         """Make a configured geometry the rig, or none. At rest."""
         self.rig = rig
+        self.rested = False
         self.bits = 0
         for i in range(AXES):
             self.motor[i] = rig.motor[i] if rig else 0
@@ -364,6 +368,10 @@ class Motion:
         if code:
             return code
         r = self.r
+        if self._rests():
+            # so that rounding to steps does not add up from line to line
+            for k in range(0, 2 * AXES, 2):
+                reals.copy(r, POSE + k, _REST + k)
         self.by_joint = by_joint
         base = JOINT if by_joint else POSE
         for k in range(0, 2 * AXES, 2):
@@ -409,6 +417,25 @@ class Motion:
                 reals.copy(r, OFFSETS + k, _X)
             reals.add(r, POSE + 6 + k, _AIMED + k, OFFSETS + k)
         return 0
+
+    def _rest(self):
+        """Remember the pose in which a line has ended."""
+        if self.aiming or self.by_joint:
+            return
+        along(self.r, _REST, BASE, WAY, S, _X)
+        for i in range(AXES):
+            if self.motor[i]:
+                self.axes[self.motor[i] - 1].position_to(self.rest, i)
+        self.rested = True
+
+    def _rests(self):
+        """Whether the motors present are where the last line has left them."""
+        if self.aiming or not self.rested:
+            return False
+        for i in range(AXES):
+            if self.motor[i] and not reals.equal_words(self.rest, i, self.present, self.motor[i] - 1):
+                return False
+        return True
 
     def _bound(self):
         """What no motor may pass: its soft limits, and where it stands in a limit switch."""
@@ -661,6 +688,7 @@ class Motion:
         """Start along the line that has been surveyed, or with the guide of a jog."""
         hal = self.axes.hal
         r = self.r
+        self.rested = False
         self.loose = False
         for i in range(AXES):
             motor = self.motor[i] - 1
@@ -727,6 +755,8 @@ class Motion:
             if ahead < _AHEAD_TICKS:
                 self._plan()
         elif not self.axes.moving_bits() & self.bits:
+            if state == MOVING:
+                self._rest()
             self.state = IDLE
 
     def _elapsed(self):
