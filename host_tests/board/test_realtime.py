@@ -55,7 +55,7 @@ def levels_sent(session, channel):
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard({"virtuals": 0}) as board:  # copied files leave no room for them
+    with EmulatedBoard() as board:
         session = Session(board)
         for motor in MOVE:
             session.speed(motor, VELOCITY, ACCELERATION)

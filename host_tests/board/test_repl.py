@@ -15,7 +15,7 @@ LED, JUMPER = 25, 27
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard({"virtuals": 0}) as board:  # copied files leave no room for them
+    with EmulatedBoard() as board:
         yield Session(board, reply_s=0.1)
 
 
