@@ -54,7 +54,8 @@ def test_hi(both):
     assert not answer.is_ack and len(answer.payload) == 51
     info = DeviceInfo.unpack(answer.payload)
     assert info.name == "framestep" and info.motors == 8 and info.protocol_version == 2
-    assert info.capabilities & m.CAP_REALTIME and info.upload_frames >= 10_000
+    assert info.capabilities & 0x0683 == 0x0683, "real-time moves, both go-motions, loops, camera"
+    assert info.upload_frames >= 10_000
     assert both.ask(Hi()) == info
 
 
