@@ -142,6 +142,18 @@ def test_one_port():
         session.client.wait_event(RtEnd, 10)
         session.run(0.1)
         assert_played(session, stands, positions)
-        session.port.write(b"\r\x03")
-        board.run_until(board.now_ns + 300_000_000)
-        assert b">>> " in board.protocol.transmit()
+
+        def typed(text):
+            session.port.write(text)
+            board.run_until(board.now_ns + 300_000_000)
+            return board.protocol.transmit()
+
+        assert typed(b"\r\x03").endswith(b">>> ")
+        # it is a REPL as any other: Ctrl-C ends a program, what an exception in the core says is seen
+        assert b">>> " not in typed(b"while True: pass\r\r")
+        assert b"KeyboardInterrupt" in typed(b"\x03")
+        typed(b"import framestep.repl\r")
+        assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
+        typed(b"import framestep.boot as b; b.controller.axes.feed = None\r")
+        said = typed(b"b.hal.run(b.controller)\r")
+        assert b'File "framestep/controller.py", line' in said and b"TypeError" in said and said.endswith(b">>> ")
