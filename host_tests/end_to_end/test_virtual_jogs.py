@@ -78,8 +78,8 @@ def test_a_jog_ends_at_a_soft_limit():
     assert track.places[:, 2].min() >= -9000
     # there it stays, without an error, as a motor's jog does; the other way it goes
     session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
-    session.run(0.1)
-    assert session.moving == []
+    session.run(0.3)
+    assert session.moving == [] and session.position(3) == pytest.approx(-9000, abs=1)
     session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, -FAR))
     session.run(0.2)
     assert session.moving
