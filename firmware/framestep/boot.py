@@ -97,7 +97,7 @@ def start():
         from framestep.hal.rp2 import Rp2Hal
 
         hal = Rp2Hal(settings.board, settings)
-        if hal.watchdog.barked:
+        if hal.watchdog.barked and settings.ports == 2:
             print("framestep: the watchdog has started the board: the firmware hung while motors moved")
         controller = Controller(hal, settings, broken=mistake is not None)
     except MemoryError:

@@ -138,7 +138,8 @@ class Controller:
             restore(memory)
             return memory
         except OSError as error:
-            print("framestep: positions cannot be remembered:", error)
+            if self.rig.ports == 2:  # else the REPL's port is the protocol's
+                print("framestep: positions cannot be remembered:", error)
             return None
 
     # ---------------------------------------------------------------- the main loop
