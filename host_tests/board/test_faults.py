@@ -229,7 +229,10 @@ def test_an_exception_inside_a_handler(rig):
     edges = len(rig.steps(1)[0])
     rig.run(0.3)
     assert len(rig.steps(1)[0]) == edges
-    emulator.reset()
+    assert emulator.pin(ENABLE) == 0
+    emulator.cmd("reset")
+    emulator.advance(300)
+    assert emulator.pin(ENABLE) == 1  # the drivers are off long before the rest has been loaded
     starts_again(rig)
     rig.accept(MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
