@@ -153,8 +153,8 @@ def test_client_over_tcp_and_dtr():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
         with Client.open(tcp_url(server)) as client:
+            # the HI that it says unasked may be there before pyserial, on opening a socket, drops what has come
             assert client.request(Hi()) == INFO
-            assert client.wait_event(DeviceInfo) == INFO  # the one it says unasked
         until(lambda: board.protocol.log == [True, False])
 
 
