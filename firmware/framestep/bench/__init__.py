@@ -1,0 +1,74 @@
+"""What the commands of framestep.repl do; loaded for each of them anew, as memory is scarce. Here: what they share.
+
+Everything is done between two passes of the main loop, so nothing is half done when a pass looks at it.
+"""
+
+from framestep import boot
+from framestep.moves.stage import ENDING, READY
+from framestep.native import CPYTHON
+from framestep.protocol import messages as m
+
+REFUSALS = {
+    m.ERR_MOVING: "an operation of Dragonframe has the motor",
+    m.ERR_GENERAL: "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led",
+    m.ERR_RANGE: "there is no such motor or value",
+    m.ERR_SOFT_UP: "that is past the upper soft limit",
+    m.ERR_SOFT_LOW: "that is past the lower soft limit",
+    m.ERR_HARD_UP: "the upper limit switch is hit",
+    m.ERR_HARD_LOW: "the lower limit switch is hit",
+}
+
+
+def between(function, *arguments):
+    """What the function returns, called between two passes."""
+    hal = boot.hal
+    if CPYTHON or not hal.alive:
+        return function(*arguments)
+    found = []
+
+    def call():
+        try:
+            found.append(function(*arguments))
+        except Exception as error:
+            found.append(None)
+            found.append(error)
+
+    hal.task = call
+    while not found and hal.alive:
+        hal.idle()
+    if len(found) > 1:
+        raise found[1]
+    return found[0]
+
+
+def operation(controller):
+    """What Dragonframe's operation is doing, in words; None if there is none."""
+    if controller.virtuals.engaged:
+        return "a virtual move is on"
+    stage = controller.stage
+    if not stage.busy:
+        return None
+    moves = controller.moves
+    name = "a run" if stage.operation is moves.run else "an exposure" if stage.operation is moves.shoot else "a jog-all"
+    if stage.running and stage.state != ENDING:
+        return "%s is on, at frame %.2f" % (name, stage.move_time / 1000)
+    if stage.state == ENDING:
+        return "%s comes to rest" % name
+    return "%s waits for GO" % name if stage.state == READY else "the motors go to where %s begins" % name
+
+
+def dead():
+    """Why nothing can be done, in words; None as long as the controller runs."""
+    if boot.controller is None:
+        return "framestep has not been started"
+    if boot.hal.alive:
+        return None
+    return "framestep has stopped by a fault in the firmware" if boot.hal.failure else "framestep has been stopped"
+
+
+def refusal(code):
+    """Says why it is not done; True if it is."""
+    if code == m.OK:
+        return True
+    print("refused:", REFUSALS.get(code, "0x%04X" % code) if isinstance(code, int) else code)
+    return False

@@ -1,0 +1,54 @@
+"""timing(): what a tick costs."""
+
+from array import array
+
+from framestep import boot
+from framestep.bench import dead
+from framestep.motion.stepper import CLOCK, HEAD, LATEST, SEGMENTS, TAIL, TICKS, WORST_LATE
+from framestep.native import CPYTHON, const, micropython, ptr32
+
+_WRAP = const(0x3FFFFFFF)
+_QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
+_WINDOW_US = const(4000)  # at a time: passes wait meanwhile
+_WINDOWS = const(50)
+
+
+@micropython.viper
+def _gaps(clock: ptr32, us: int, out: ptr32):
+    """Watch a microsecond counter for `us`: out[0] += the length of all gaps in it, out[1] = the longest one."""
+    begun = clock[0]
+    last = begun
+    while last - begun < us:
+        now = clock[0]
+        gap = now - last
+        if gap > _QUIET_US:
+            out[0] = out[0] + gap
+            if gap > out[1]:
+                out[1] = gap
+        last = now
+
+
+def timing():
+    """What a tick costs, how late it has been, and how many segments wait for each motor that moves."""
+    why = dead()
+    if why:
+        print(why)
+        return
+    kernel = boot.hal.kernel
+    state = kernel.state
+    if not CPYTHON:
+        out = array("i", [0, 0])
+        ticks = 0
+        for _ in range(_WINDOWS):
+            before = state[TICKS]
+            _gaps(state[CLOCK], _WINDOW_US, out)
+            ticks += (state[TICKS] - before) & _WRAP
+        print(
+            "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
+            % (out[0] // max(ticks, 1), out[1])
+        )
+    print("worst lateness of a tick in motion: %d us, bearable are %d" % (state[WORST_LATE], state[LATEST]))
+    for motor in range(boot.controller.count):
+        if boot.controller.axes[motor].moving:
+            block = kernel.blocks[motor]
+            print("motor %d: %d of %d segments wait" % (motor + 1, (block[TAIL] - block[HEAD]) & _WRAP, SEGMENTS))

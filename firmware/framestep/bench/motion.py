@@ -1,0 +1,57 @@
+"""move(), jog(), stop(): motors by hand."""
+
+import sys
+
+from framestep import boot
+from framestep.bench import between, dead, operation, refusal
+from framestep.native import const
+from framestep.protocol import messages as m
+
+_FAR = const(2147483647)  # beyond any position
+
+
+def _send(motor, target, speed):
+    """A code, or words. speed: 1 … 10000, or None for a move."""
+    controller = boot.controller
+    held = dead() or operation(controller)
+    if held:
+        return held
+    if not 1 <= motor <= controller.count or not -_FAR - 1 <= target <= _FAR:
+        return m.ERR_RANGE
+    controller.words[0] = target
+    if speed is None:
+        return controller.move(motor - 1)
+    return controller.jog(motor - 1, speed) if 1 <= speed <= 10000 else m.ERR_RANGE
+
+
+def move(motor, step):
+    """Move a motor (1 …) to a step, with its speed and inside its limits. Whether it was taken."""
+    return refusal(between(_send, motor, step, None))
+
+
+def stop():
+    """All motors come to rest, by ramps; once more within a second: harder. A run of Dragonframe's ends as well."""
+    why = dead()
+    if why:
+        print(why)
+    else:
+        between(boot.controller.stop_all)
+
+
+def jog(motor=1, speed=1000):
+    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key ends.
+
+    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's jog_timeout_ms.
+    """
+    print("+ and - jog motor %d, 1 to 9 choose another, any other key ends" % motor)
+    while True:
+        key = sys.stdin.read(1)
+        if key in ("+", "-"):
+            if not refusal(between(_send, motor, _FAR if key == "+" else -_FAR, speed)):
+                return
+        elif "1" <= key <= "9":
+            motor = int(key)
+            print("motor", motor)
+        else:
+            break
+    stop()
