@@ -164,6 +164,8 @@ class Controller:
             self._tend(now)
         elif (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
             self._tend(now)
+        elif self.was_moving and (now - self.report_at) & _WRAP >= self.rig.report_ms:
+            self._tend(now)
         return busy
 
     def _tend(self, now):

@@ -13,6 +13,7 @@ from framestep_tools.payloads import (
     MotorGetPosition,
     MotorJog,
     MotorMove,
+    MotorSetLimits,
     MotorSetSpeed,
     MotorStop,
     MotorStopAll,
@@ -20,6 +21,7 @@ from framestep_tools.payloads import (
     RtGo,
     RtRunMove,
 )
+from host_tests.end_to_end.session import simulated
 
 COUPLE, REVERSED, LIVE = 0x10, 0x20, 0x08
 INT32_MAX = 2**31 - 1
@@ -304,3 +306,19 @@ def test_a_move_may_follow_a_stop_under_way():
     edges = board.edges()
     assert position(client, 1) == position(client, 2) == 77 == sum(value for _, value in steps(edges, 1))
     assert [value for _, value in steps(edges, 1)] == [value for _, value in steps(edges, 2)]
+
+
+@pytest.mark.parametrize("jerk", [200, 2000])
+def test_retarget_near_a_soft_limit(jerk):
+    """A motor that slows down onto its limit and is called back comes to rest before it, then turns."""
+    session = simulated({"motors": [{"jerk": jerk}]})
+    session.speed(1, 10_000, 40_000)
+    session.accept(MotorSetLimits(1, 0, 0, 1, 6000))
+    for wait in (0.4, 0.5, 0.6, 0.7, 0.8):
+        session.ask(MotorMove(1, 6000))
+        session.run(wait)
+        session.ask(MotorMove(1, 1000))
+        session.wait_idle()
+        assert session.position(1) == session.made(1) == 1000
+        _, signs = session.steps(1)
+        assert np.cumsum(signs).max() <= 6000

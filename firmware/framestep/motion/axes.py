@@ -470,7 +470,14 @@ class Axis:
         reals.copy_word(self.limits, TARGET, target, i)
         lead(self.planned, self.limits, target, i, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
-        if not ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK):
+        bounded = self.lower_enabled or self.upper_enabled
+        planned = ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK, bounded)
+        if planned == ramps.STOP_FIRST:
+            if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
+                self.stop(hal)
+                return True
+            self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # seek() goes on from there
+        elif planned == ramps.NOTHING:
             if self.block[stepper.MODE] != stepper.RUN:
                 return self.moving
             # It comes to rest there already, and prepare() has taken the end off the queue.
@@ -516,11 +523,11 @@ class Axis:
         self.work[_MORE] = 1 if more else 0
 
     def seek(self, hal):
-        """At rest: go on to a target that turning round on the way has missed by the play."""
+        """At rest: go on to a target that turning round has missed by the play, or that a stop came before."""
         self.block[stepper.PLANNED] = 0
         self.refresh()
         if _side(self.place, 0, self.limits, TARGET):
-            self.travel(hal, self.limits, TARGET)
+            self.travel(hal, self.limits, TARGET, self.share or 10000)
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""
@@ -648,8 +655,13 @@ class Axes:
             self._fill(bits)
         for axis in self.loose:
             axis.refresh()
-            if axis.block[stepper.PLANNED] == stepper.PLAN_TARGET and axis.block[stepper.MODE] == stepper.IDLE:
+        bits = stepper.seeking(self.kernel.state)
+        for axis in self.axes:
+            if not bits:
+                break
+            if bits & 1:
                 axis.seek(self.hal)
+            bits >>= 1
 
     def _fill(self, bits):
         """Feed the motors of these bits, but few in a pass: requests are answered between."""

@@ -39,6 +39,11 @@ RAMP = const(0)
 AIM = const(1)
 ONWARD = const(2)
 
+# What plan() has done
+NOTHING = const(0)
+PLANNED = const(1)
+STOP_FIRST = const(2)
+
 _MASK = const(15)
 _PIECE = const(256)  # ticks of an AIM phase that rounding leaves within a ten-thousandth of a step
 
@@ -323,11 +328,13 @@ def _level(phases, cubic):
     reals.add(r, _V, _V, _Y)
 
 
-def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
+def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, bounded=False):
     """Plan from where the cubic is, at its velocity G1, to rest on the step targets[i].
 
     limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
-    for none). Returns False where there is nothing to do.
+    for none). Returns NOTHING where there is nothing to do, PLANNED, or if `bounded` STOP_FIRST where the motor must
+    turn and, within the jerk limit, slows down already: letting that go first would take it past the end of the plan
+    that it follows, and perhaps past a soft limit. Then nothing is planned; plan_stop() is what does not.
     """
     r = scratch
     phases.clear()
@@ -336,11 +343,13 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     reals.fetch(r, _J, limits, jerk)
     distance(r, _S, targets, i, cubic)
     velocity(r, _V, cubic, G1)
+    velocity(r, _X, cubic, G2)
+    slowing = bounded and reals.sign(r, _J) > 0 and reals.sign(r, _V) * reals.sign(r, _X) < 0
     _level(phases, cubic)
     moving = reals.sign(r, _V)
     way = reals.sign(r, _S)
     if not moving and not way:
-        return False
+        return NOTHING
     turned = way < 0 if way else moving < 0
     if turned:
         reals.negate(r, _S, _S)
@@ -351,6 +360,9 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
         _ramp_way(_X, _V, _ZERO)
         reals.add(r, _Y, _S, _LEAVE)
         if reals.sign(r, _V) < 0 or reals.compare(r, _X, _Y) > 0:
+            if slowing:
+                phases.clear()
+                return STOP_FIRST
             against = reals.sign(r, _V) < 0
             if against:
                 reals.negate(r, _V, _V)
@@ -366,7 +378,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
                     reals.negate(r, _S, _S)
             reals.put(r, _V, 0, 0)
             if reals.compare(r, _S, _SHORT) < 0:
-                return True
+                return PLANNED
     _cruise()
     # The way that the two ramps leave is cruised; the last ramp takes what is then left.
     _ramp_way(_X, _V, _C)
@@ -382,7 +394,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     reals.divide(r, _U, _S, _C)
     reals.double(r, _U, _U, 1)
     _push_ramp(phases, _C, _ZERO, True, turned, targets, i)
-    return True
+    return PLANNED
 
 
 def _cruise():

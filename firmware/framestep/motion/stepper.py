@@ -397,6 +397,22 @@ def restless(m: ptr32) -> int:
 
 
 @micropython.viper
+def seeking(m: ptr32) -> int:
+    """One bit per motor that has come to rest with a target still to be met. m: the header."""
+    bits = 0
+    bit = 1
+    a = m[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        if m[MODE] == IDLE:
+            if m[PLANNED] == PLAN_TARGET:
+                bits |= bit
+        bit <<= 1
+    return bits
+
+
+@micropython.viper
 def hungry(m: ptr32, least: int) -> int:
     """One bit per motor that has segments to come and fewer than `least` in its queue. m: the header."""
     bits = 0
