@@ -24,7 +24,7 @@ DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
 AHEAD = const(10)  # segments to keep queued
-_FED = const(2)  # motors that are filled up in a pass
+_FED = const(1)  # motors that are filled up in a pass
 LOW = const(5)  # so few are filled up in this pass, whatever it costs
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
