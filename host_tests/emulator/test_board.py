@@ -123,7 +123,7 @@ def test_trace_file_can_be_followed(emulator, tmp_path):
         emu.trace_stop()
         parts.append(trace.read())
     edges = np.concatenate(parts)
-    assert len(edges) > 100
+    assert len(edges) >= 100
     assert (np.diff(edge_times(edges, 25)[2:]) < 10e6).all(), "an edge each 5 ms"
     assert (np.diff(edges["level"][1:].astype(int)) != 0).all(), "levels alternate"
     # the first part begins with the level from before; a busy computer may be late now and then
