@@ -85,7 +85,8 @@ def frozen(board: str = "pico", checkout: str | None = None) -> Path:
     """
     files = image_files(board)
     folder = ROOT / "boards" / board
-    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py")}
+    recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
+    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py", *recipe)}
     digest = hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
     name = (
         board if checkout is None else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"

@@ -209,7 +209,11 @@ checkout() {
 # BOARD_DIR (a folder of boards/) and FRAMESTEP (a folder of files to freeze) say what, UF2_FAMILY for which chip, IMAGE
 # where to. MICROPYTHON is a checkout of MicroPython to build from, without it Debian's sources are.
 image() {
-    local tree=$MP
+    local tree=$MP recipe
+    recipe=$(cat "$ROOT/tools/micropython/build.sh" "$ROOT/tools/micropython/in_ram.sh" | sha256sum)
+    [ "$(cat "$IMAGE/.recipe" 2>/dev/null)" = "$recipe" ] || rm -rf "$IMAGE"
+    mkdir -p "$IMAGE"
+    printf '%s\n' "$recipe" >"$IMAGE/.recipe"
     if [ -n "${MICROPYTHON:-}" ]; then
         tree=$(checkout)
     else
