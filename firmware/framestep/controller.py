@@ -85,6 +85,7 @@ class Controller:
         per_second = motion.TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
         self.fastest = array("i", [min(motion.FASTEST, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
         self.powered = 0  # bits of motors whose driver is on
+        self.gentler = 0  # bits of motors that wait for a lower acceleration
         self.jogging = 0  # bits of motors that jog
         self.jog_at = array("i", [0] * self.count)
         self.words = array("i", [0] * 2)
@@ -238,7 +239,15 @@ class Controller:
                 self._handle()
         return busy
 
+    def _calm(self):
+        """Motors that have come to rest take the lower acceleration that they were set to under way."""
+        for i in range(self.count):
+            if self.gentler >> i & 1 and self.axes[i].calm():
+                self.gentler ^= 1 << i
+
     def _handle(self):
+        if self.gentler:
+            self._calm()
         reader = self.reader
         kind = reader.type
         handler = self.handlers.get(kind)
@@ -706,7 +715,10 @@ class Controller:
             return m.ERR_RANGE
         if acceleration < 0:
             acceleration = motion.STEEPEST
-        self.axes[motor].set_speed(velocity, acceleration)
+        axis = self.axes[motor]
+        axis.set_speed(velocity, acceleration)
+        if axis.gentler:
+            self.gentler |= 1 << motor
         return m.OK
 
     def _set_limits(self):

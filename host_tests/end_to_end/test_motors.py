@@ -525,6 +525,42 @@ def test_jog_is_held_by_soft_limits(both):
     assert highest.max() == 1500 and highest.min() == -1200
 
 
+GENTLER = {
+    "a slower jog": [MotorJog(1, 500, FARTHEST)],
+    "a jog with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorJog(1, 10000, FARTHEST)],
+    "a move with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorMove(1, 8000)],
+    "a stop with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorStop(1)],
+}
+
+
+@pytest.mark.parametrize("jerk", [0, 300])
+@pytest.mark.parametrize("requests", GENTLER.values(), ids=GENTLER)
+def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
+    """A motor that is near its limit can still stop there, whatever is asked of it meanwhile."""
+    rig = simulated({"motors": [{"jerk": jerk}]})
+    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorSetLimits(1, 1, -100_000, 1, 8000))
+    jog_for(rig, 0.4, MotorJog(1, 10000, FARTHEST))
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    rig.run(0.2)
+    assert 5000 < rig.position(1) < 8000
+    rig.accept(*requests)
+    rig.wait_idle()
+    assert np.cumsum(rig.steps(1)[1]).max() <= 8000
+
+
+def test_less_acceleration_waits_for_the_motor_to_stand(rig):
+    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorMove(1, 8000))
+    rig.run(0.2)
+    rig.accept(MotorSetSpeed(1, 20000, 2000))
+    rig.wait_idle()
+    fast, _ = rig.steps(1)
+    rig.accept(MotorMove(1, 0))
+    rig.wait_idle()
+    slow = rig.steps(1)[0][len(fast) :]
+    assert np.ptp(fast) == pytest.approx(2 * (8000 / 40000) ** 0.5, rel=0.05)
+    assert np.ptp(slow) == pytest.approx(2 * (8000 / 2000) ** 0.5, rel=0.05)
+
+
 def test_jog_past_a_limit_goes_back_only(rig):
     rig.accept(MotorResetPosition(1, 3000), MotorSetLimits(1, 1, 0, 1, 1000))
     jog_for(rig, 0.3, MotorJog(1, 10000, FARTHEST))

@@ -309,13 +309,21 @@ class Axis:
     # ---------------------------------------------------------------- settings
 
     def set_speed(self, velocity, acceleration):
-        """Greatest velocity (steps/s, 1 … FASTEST) and acceleration (steps/s²; 0: half the velocity)."""
+        """Greatest velocity (steps/s, 1 … FASTEST) and acceleration (steps/s²; 0: half the velocity).
+
+        A lower acceleration than that of the motion under way waits in `gentler` for calm(): with less the motor could
+        not stop where it has to, at a soft limit for one.
+        """
         if velocity < SLOWEST:
             velocity = SLOWEST
         if acceleration == 0:
             acceleration = max(velocity // 2, 1)
         if acceleration > STEEPEST:
             acceleration = STEEPEST
+        self.gentler = 0
+        if acceleration < self.acceleration and self.moving:
+            self.gentler = acceleration
+            acceleration = self.acceleration
         self.velocity = velocity
         self.acceleration = acceleration
         self.share = 0  # what travel() has computed from these no longer holds
@@ -327,6 +335,14 @@ class Axis:
         reals.divide(r, STEEP, STEEP, _Y)
         reals.divide(r, STEEP, STEEP, _Y)
         self.block[stepper.BRAKE] = kernel_rate(acceleration)
+
+    def calm(self):
+        """Take a lower acceleration that has waited for the motor to stand; False where it still moves."""
+        if self.moving:
+            return False
+        if self.gentler:
+            self.set_speed(self.velocity, self.gentler)
+        return True
 
     def set_jerk(self, jerk):
         """Greatest jerk in 1000 steps/s³ (up to 2^30 - 1), 0 for plain trapezoids."""
@@ -465,7 +481,11 @@ class Axis:
             reals.put(r, _Y, 10000, 0)
             reals.divide(r, _X, _X, _Y)
             reals.multiply(r, SHARE_TOP, TOP, _X)
-            reals.multiply(r, SHARE_STEEP, STEEP, _X)
+            reals.multiply(r, _Y, STEEP, _X)
+            if self.moving and reals.compare(r, _Y, SHARE_STEEP) < 0:
+                self.share = 0  # under way it must be able to stop as planned before; when it stands this is done again
+            else:
+                reals.copy(r, SHARE_STEEP, _Y)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
         lead(self.planned, self.limits, target, i, 0)
