@@ -65,12 +65,13 @@ def enter(state):
         session.accept(run_request(24, 1, FRAMES))
         session.run(0.005)
     elif state in ("ready", "run", "stop"):
+        for motor in (1, 2):
+            session.speed(motor, 20_000, 20_000)  # just enough for the run, so that a stop takes a while
         session.ready(run_request(24, 1, FRAMES))
         if state != "ready":
             session.accept(RtGo())
             session.run(0.6)
         if state == "stop":
-            slow(session)
             session.accept(MotorStopAll())
     elif state == "back":
         session.ready(run_request(24, 1, 7, flags=2))
