@@ -12,6 +12,7 @@ from array import array
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
+from framestep.motion.reals import order_words
 from framestep.motion.segments import bridge, cut, mark, mirror, settle, shift, snap
 from framestep.native import const, micropython, ptr32
 
@@ -133,18 +134,6 @@ def _replan(planned: ptr32, cut: ptr32, places, i: int):
     step = ptr32(places)[i + 0]
     planned[_PLACE] = step + (cut[1] >> 15)
     planned[_OFFSET] = cut[0] - step
-
-
-@micropython.viper
-def _side(a, i: int, b, j: int) -> int:
-    """The sign of a[i] - b[j]."""
-    x = ptr32(a)
-    y = ptr32(b)
-    if x[i + 0] > y[j + 0]:
-        return 1
-    if x[i + 0] < y[j + 0]:
-        return -1
-    return 0
 
 
 @micropython.viper
@@ -354,7 +343,7 @@ class Axis:
 
     def set_limits(self, lower_enabled, upper_enabled, source, i):
         """Soft limits source[i] and source[i + 1], in steps. False where they cross: nothing is set."""
-        if lower_enabled and upper_enabled and _side(source, i, source, i + 1) > 0:
+        if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
             return False
         reals.copy_word(self.limits, LOWER, source, i)
         reals.copy_word(self.limits, UPPER, source, i + 1)
@@ -373,7 +362,7 @@ class Axis:
         if side:
             limit = UPPER if side > 0 else LOWER
             reals.copy_word(target, i, self.limits, limit)
-            if self.outside(target, i) or _side(self.place, 0, self.limits, limit) == side:
+            if self.outside(target, i) or order_words(self.place, 0, self.limits, limit) == side:
                 reals.copy_word(target, i, self.place, 0)
 
     def heads_for(self, target, i, share):
@@ -381,7 +370,7 @@ class Axis:
         return (
             self.share == share
             and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self.block[stepper.MODE] == stepper.RUN)
-            and _side(target, i, self.limits, TARGET) == 0
+            and order_words(target, i, self.limits, TARGET) == 0
         )
 
     def outside(self, target, i):
@@ -389,19 +378,19 @@ class Axis:
 
         A motor that is already past a limit may move toward the allowed range (field note 4.3).
         """
-        if self.upper_enabled and _side(target, i, self.limits, UPPER) > 0:
-            if _side(self.place, 0, self.limits, UPPER) <= 0 or _side(target, i, self.place, 0) > 0:
+        if self.upper_enabled and order_words(target, i, self.limits, UPPER) > 0:
+            if order_words(self.place, 0, self.limits, UPPER) <= 0 or order_words(target, i, self.place, 0) > 0:
                 return 1
-        if self.lower_enabled and _side(target, i, self.limits, LOWER) < 0:
-            if _side(self.place, 0, self.limits, LOWER) >= 0 or _side(target, i, self.place, 0) < 0:
+        if self.lower_enabled and order_words(target, i, self.limits, LOWER) < 0:
+            if order_words(self.place, 0, self.limits, LOWER) >= 0 or order_words(target, i, self.place, 0) < 0:
                 return -1
         return 0
 
     def beyond(self, target, i):
         """Where target[i] lies past an enabled soft limit, wherever the motor is: 1, -1 or 0."""
-        if self.upper_enabled and _side(target, i, self.limits, UPPER) > 0:
+        if self.upper_enabled and order_words(target, i, self.limits, UPPER) > 0:
             return 1
-        if self.lower_enabled and _side(target, i, self.limits, LOWER) < 0:
+        if self.lower_enabled and order_words(target, i, self.limits, LOWER) < 0:
             return -1
         return 0
 
@@ -546,7 +535,7 @@ class Axis:
         """At rest: go on to a target that turning round has missed by the play, or that a stop came before."""
         self.block[stepper.PLANNED] = 0
         self.refresh()
-        if _side(self.place, 0, self.limits, TARGET):
+        if order_words(self.place, 0, self.limits, TARGET):
             self.travel(hal, self.limits, TARGET, self.share or 10000)
 
     def start(self, hal):

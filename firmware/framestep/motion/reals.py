@@ -349,3 +349,15 @@ def equal_words(a, i: int, b, j: int) -> int:
     if x[i + 0] == y[j + 0]:
         return 1
     return 0
+
+
+@micropython.viper
+def order_words(a, i: int, b, j: int) -> int:
+    """The sign of a[i] - b[j], of array('i') elements of any size."""
+    x = ptr32(a)
+    y = ptr32(b)
+    if x[i + 0] > y[j + 0]:
+        return 1
+    if x[i + 0] < y[j + 0]:
+        return -1
+    return 0

@@ -25,7 +25,7 @@ from array import array
 
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
-from framestep.motion.reals import combine, multiply, put
+from framestep.motion.reals import combine, multiply, order_words, put
 from framestep.native import const, micropython, ptr32
 from framestep.protocol import messages as m
 from framestep.virtuals import aim
@@ -271,18 +271,6 @@ def _hold(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> 
 
 
 @micropython.viper
-def _order(a, i: int, b, j: int) -> int:
-    """The sign of a[i] - b[j]."""
-    x = ptr32(a)
-    y = ptr32(b)
-    if x[i + 0] > y[j + 0]:
-        return 1
-    if x[i + 0] < y[j + 0]:
-        return -1
-    return 0
-
-
-@micropython.viper
 def _tiny(r: ptr32, a: int) -> int:
     """Whether an angle r[a] is below 2^-16 degrees."""
     if r[a + 0] == 0 or r[a + 1] < -46:
@@ -466,11 +454,11 @@ class Motion:
 
     def side(self, i, target, j):
         """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0 or 1."""
-        return _order(target, j, self.present, self.motor[i] - 1)
+        return order_words(target, j, self.present, self.motor[i] - 1)
 
     def turned(self, i, a, b):
         """Which way the motor of axis i goes from the places in row a to those in row b: -1 or 1."""
-        return _order(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
+        return order_words(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
 
     # ---------------------------------------------------------------- places on the line
 
