@@ -166,6 +166,8 @@ rp2_build() {
     export MICROPY_MPYCROSS
     MICROPY_MPYCROSS=$(mpy_cross)
     mkdir -p "$dir"
+    # CMake refuses a build whose tree has moved
+    grep -qsxF "CMAKE_HOME_DIRECTORY:INTERNAL=$tree/ports/rp2" "$dir/CMakeCache.txt" || rm -f "$dir"/{CMakeCache.txt,Makefile}
     [ -e "$dir/Makefile" ] || step rp2-cmake "configuring $title" \
         cmake -S "$tree/ports/rp2" -B "$dir" -DPICO_NO_PICOTOOL=1 "$@"
     # a changed frozen module must reach the firmware: the manifest tool looks at the times itself
