@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -317,7 +318,7 @@ def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float
     return 0.0
 
 
-def upload_rate(session: Session, frames: int) -> float:
+def upload_rate(session: Session, frames: int, during: AbstractContextManager[Any] = nullcontext()) -> float:
     """Bytes per second of an upload of so many frames for eight motors, while they all move."""
     client = session.client
     t = np.arange(frames)
@@ -331,7 +332,8 @@ def upload_rate(session: Session, frames: int) -> float:
     client.request(requests[0])
     client.events.clear()
     begun = client.clock()
-    client.stream(requests[1:-1], WINDOW)
+    with during:
+        client.stream(requests[1:-1], WINDOW)
     took = client.clock() - begun
     if not any(isinstance(event.message, Positions) for event in client.events):
         raise ToolError("no positions were reported during the upload")

@@ -20,7 +20,7 @@ from rich.table import Table
 from . import bench, builds
 from .boards import EmulatedBoard
 from .errors import Command, ToolError
-from .payloads import MotorStatus
+from .payloads import MotorStatus, RtGo
 
 _ENTRANCES = ("fun_viper_call", "fun_native_call", "fun_asm_call")  # called with the function
 _STATES = ("mp_execute_bytecode",)  # called with a code state
@@ -56,15 +56,15 @@ class Symbols:
 
 
 class Profiler:
-    """Profiles a board from `start` to `stop`."""
+    """Profiles a board within its context, and prints what was found."""
 
-    def __init__(self, board: EmulatedBoard):
+    def __init__(self, board: EmulatedBoard, console: Console, rows: int):
+        self.console, self.rows = console, rows
         self.emulator = board.emulator
         self.symbols = Symbols(str(builds.frozen().with_suffix(".elf")))
         self.ms = 0.0
 
-    def start(self) -> None:
-        """Begin."""
+    def __enter__(self) -> None:
         entrances, states = (
             [address for name in names if (address := self.symbols.address(name)) is not None]
             for names in (_ENTRANCES, _STATES)
@@ -72,8 +72,8 @@ class Profiler:
         self.emulator.cmd("profile", on=True, entrances=entrances, states=states)
         self.ms = self.emulator.ns / 1e6
 
-    def stop(self, console: Console, rows: int) -> None:
-        """End, and print what was found."""
+    def __exit__(self, *_: object) -> None:
+        console, rows = self.console, self.rows
         self.ms = self.emulator.ns / 1e6 - self.ms
         found: dict[str, Any] = self.emulator.cmd("profile", on=False)
         total: defaultdict[str, float] = defaultdict(float)
@@ -93,27 +93,20 @@ class Profiler:
         console.print(table)
 
 
-def _upload(session: bench.Session, profiler: Profiler, frames: int) -> None:
-    profiler.start()
-    print(f"{bench.upload_rate(session, frames):.0f} bytes/s, profiling included what comes before and after")
-
-
-def _play(session: bench.Session, profiler: Profiler, go: bool, console: Console, rows: int) -> None:
+def _play(session: bench.Session, profiler: Profiler, wait_s: float, seconds: float) -> None:
+    """Profile so many seconds of the mixed move from a moment after GO on, with requests at random moments."""
     client = session.client
-    positions = session.prepare(bench.mixed_move(), max(bench.STEADY_RATES) * 11 // 10)
+    session.prepare(bench.mixed_move(), max(bench.STEADY_RATES) * 11 // 10)
     random = np.random.default_rng(1)
-    if go:
-        profiler.start()
-    client.code(bench.RtGo())
+    client.pump(0.2)
+    go = client.send(RtGo())
+    client.pump(wait_s)
     begun = client.clock()
-    if not go:
-        client.pump(0.3)
-        profiler.start()
-    while client.clock() - begun < (0.03 if go else 1.5):
-        client.pump(random.uniform(0.001, 0.02))
-        client.answer_to(client.send(MotorStatus()))
-    profiler.stop(console, rows)
-    del positions
+    with profiler:
+        while client.clock() - begun < seconds:
+            client.pump(random.uniform(0.001, 0.02))
+            client.request(MotorStatus())
+    client.answer_to(go)
 
 
 app = Command("profile")
@@ -133,12 +126,13 @@ def main(
     args = [] if cache else ["--xip-miss", "0"]
     with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
         session = bench.Session(board)
-        profiler = Profiler(board)
-        if scenario in (Scenario.upload, Scenario.single_port):
-            _upload(session, profiler, 1500)
-            profiler.stop(console, rows)
+        profiler = Profiler(board, console, rows)
+        if scenario is Scenario.play:
+            _play(session, profiler, 0.3, 1.5)
+        elif scenario is Scenario.go:
+            _play(session, profiler, 0, 0.02)
         else:
-            _play(session, profiler, scenario is Scenario.go, console, rows)
+            console.print(f"{bench.upload_rate(session, 500 if rig.get('ports') else 3000, profiler):.0f} bytes/s")
 
 
 if __name__ == "__main__":
