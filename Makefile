@@ -9,7 +9,7 @@ BOARD ?= pico
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
-	plots bench flash image dist emulator-measure clean
+	plots bench profile flash image dist emulator-measure clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -76,6 +76,9 @@ plots: setup ## draw the pictures in docs again
 
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
 	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
+
+profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play or go
+	@$(PYTHON_VENV) -m framestep_tools.profile $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)

@@ -2,6 +2,7 @@
 
 from .emulator import Emulator, EmulatorError, device_file
 from .ports import PtyBridge, Serial
+from .profile import Profile
 from .repl import Repl, ReplError
 from .trace import TRACE_RECORD, TraceFile, edge_times, edges_from
 
@@ -9,6 +10,7 @@ __all__ = [
     "TRACE_RECORD",
     "Emulator",
     "EmulatorError",
+    "Profile",
     "PtyBridge",
     "Repl",
     "ReplError",

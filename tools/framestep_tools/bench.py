@@ -318,7 +318,7 @@ def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float
     return 0.0
 
 
-def upload_rate(session: Session, frames: int, during: AbstractContextManager[Any] = nullcontext()) -> float:
+def upload_rate(session: Session, frames: int, during: AbstractContextManager[Any] | None = None) -> float:
     """Bytes per second of an upload of so many frames for eight motors, while they all move."""
     client = session.client
     t = np.arange(frames)
@@ -332,7 +332,7 @@ def upload_rate(session: Session, frames: int, during: AbstractContextManager[An
     client.request(requests[0])
     client.events.clear()
     begun = client.clock()
-    with during:
+    with during or nullcontext():
         client.stream(requests[1:-1], WINDOW)
     took = client.clock() - begun
     if not any(isinstance(event.message, Positions) for event in client.events):

@@ -1,15 +1,6 @@
-"""Where the processor's time goes on the emulated board, by Python function and by function of the firmware.
+"""Where the processor's time goes while the emulated board does what `make bench` measures: `make profile`."""
 
-    .cache/venv/bin/python -m framestep_tools.profile upload
-
-The firmware is the frozen image, and what is profiled is what `make bench` measures. Times are per millisecond; a
-Python function's own time has in it what MicroPython does for it (looking up names, calling).
-"""
-
-import bisect
-import subprocess
-from collections import defaultdict
-from enum import Enum
+from enum import StrEnum
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,83 +8,27 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from framestep_emulator.profile import Profile
+
 from . import bench, builds
 from .boards import EmulatedBoard
-from .errors import Command, ToolError
+from .errors import Command
 from .payloads import MotorStatus, RtGo
 
-_ENTRANCES = ("fun_viper_call", "fun_native_call", "fun_asm_call")  # called with the function
-_STATES = ("mp_execute_bytecode",)  # called with a code state
-_PER_MS = 125_000  # cycles
+_OURS = "fun_data_framestep_"  # how the symbols of frozen code begin
+_UPLOAD_FRAMES = {"upload": 3000, "single-port": 500}
 
 
-class Scenario(str, Enum):
+class Scenario(StrEnum):
     """What is profiled."""
 
-    upload = "upload"
-    single_port = "single-port"
-    play = "play"
-    go = "go"
+    UPLOAD = "upload"
+    SINGLE_PORT = "single-port"
+    PLAY = "play"
+    GO = "go"
 
 
-class Symbols:
-    """Names of the addresses of a firmware."""
-
-    def __init__(self, elf: str):
-        lines = subprocess.run(["arm-none-eabi-nm", "-n", elf], capture_output=True, text=True, check=True).stdout
-        found = [line.split() for line in lines.splitlines()]
-        pairs = [(int(f[0], 16), f[2]) for f in found if len(f) == 3 and not f[2].startswith("$")]
-        self.addresses = [address for address, _ in pairs]
-        self.names = [name for _, name in pairs]
-
-    def address(self, name: str) -> int | None:
-        """Where a symbol lies, if there is one."""
-        return self.addresses[self.names.index(name)] if name in self.names else None
-
-    def name(self, address: int) -> str:
-        """The symbol that an address lies in."""
-        return self.names[bisect.bisect_right(self.addresses, address) - 1].removeprefix("fun_data_framestep_")
-
-
-class Profiler:
-    """Profiles a board within its context, and prints what was found."""
-
-    def __init__(self, board: EmulatedBoard, console: Console, rows: int):
-        self.console, self.rows = console, rows
-        self.emulator = board.emulator
-        self.symbols = Symbols(str(builds.frozen().with_suffix(".elf")))
-        self.ms = 0.0
-
-    def __enter__(self) -> None:
-        entrances, states = (
-            [address for name in names if (address := self.symbols.address(name)) is not None]
-            for names in (_ENTRANCES, _STATES)
-        )
-        self.emulator.cmd("profile", on=True, entrances=entrances, states=states)
-        self.ms = self.emulator.ns / 1e6
-
-    def __exit__(self, *_: object) -> None:
-        console, rows = self.console, self.rows
-        self.ms = self.emulator.ns / 1e6 - self.ms
-        found: dict[str, Any] = self.emulator.cmd("profile", on=False)
-        total: defaultdict[str, float] = defaultdict(float)
-        for address, cycles in found["addresses"]:
-            total[self.symbols.name(address)] += cycles
-        scale = 1000 / _PER_MS / self.ms
-        console.print(f"{self.ms:.1f} ms; times in µs per ms")
-        table = Table("Python function", "calls per ms", "own", "with calls")
-        for code, calls, own, inner in sorted(found["functions"], key=lambda f: -f[2])[:rows]:
-            table.add_row(
-                self.symbols.name(code), f"{calls / self.ms:.2f}", f"{own * scale:.1f}", f"{inner * scale:.1f}"
-            )
-        console.print(table)
-        table = Table("function of the firmware", "own")
-        for name, cycles in sorted(total.items(), key=lambda f: -f[1])[:rows]:
-            table.add_row(name, f"{cycles * scale:.1f}")
-        console.print(table)
-
-
-def _play(session: bench.Session, profiler: Profiler, wait_s: float, seconds: float) -> None:
+def _play(session: bench.Session, profile: Profile, wait_s: float, seconds: float) -> None:
     """Profile so many seconds of the mixed move from a moment after GO on, with requests at random moments."""
     client = session.client
     session.prepare(bench.mixed_move(), max(bench.STEADY_RATES) * 11 // 10)
@@ -102,11 +37,23 @@ def _play(session: bench.Session, profiler: Profiler, wait_s: float, seconds: fl
     go = client.send(RtGo())
     client.pump(wait_s)
     begun = client.clock()
-    with profiler:
+    with profile:
         while client.clock() - begun < seconds:
             client.pump(random.uniform(0.001, 0.02))
             client.request(MotorStatus())
     client.answer_to(go)
+
+
+def tables(profile: Profile, rows: int) -> tuple[Table, Table]:
+    """What was found, per millisecond: by Python function, by function of the firmware."""
+    python = Table("Python function", "calls per ms", "own, µs per ms", "with calls")
+    for function in profile.functions[:rows]:
+        figures = function.calls, function.own_us, function.inner_us
+        python.add_row(function.name.removeprefix(_OURS), *(f"{figure / profile.ms:.2f}" for figure in figures))
+    firmware = Table("function of the firmware", "own, µs per ms")
+    for name, us in list(profile.firmware.items())[:rows]:
+        firmware.add_row(name.removeprefix(_OURS), f"{us / profile.ms:.2f}")
+    return python, firmware
 
 
 app = Command("profile")
@@ -115,24 +62,29 @@ app = Command("profile")
 @app.command()
 def main(
     scenario: Annotated[Scenario, typer.Argument(help="what to profile")],
-    rows: Annotated[int, typer.Option(help="lines of each table")] = 60,
+    rows: Annotated[int, typer.Option(help="lines of each table", min=1)] = 40,
     cache: Annotated[bool, typer.Option(help="with the model of the flash cache")] = True,
 ) -> None:
-    """Print where the processor's time goes."""
-    console = Console(width=120)
+    """Print where the processor's time goes: in an upload, in one through a single port, in a move, just after GO."""
     rig: dict[str, Any] = {"motors": [{"pulse_us": bench.PULSE_US}] * bench.MOTORS}
-    if scenario is Scenario.single_port:
+    if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
     args = [] if cache else ["--xip-miss", "0"]
+    elf = builds.frozen().with_suffix(".elf")
+    console = Console(width=120, highlight=False)
     with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
         session = bench.Session(board)
-        profiler = Profiler(board, console, rows)
-        if scenario is Scenario.play:
-            _play(session, profiler, 0.3, 1.5)
-        elif scenario is Scenario.go:
-            _play(session, profiler, 0, 0.02)
+        profile = Profile(board.emulator, elf)
+        if scenario is Scenario.PLAY:
+            _play(session, profile, 0.3, 1.5)
+        elif scenario is Scenario.GO:
+            _play(session, profile, 0, 0.02)
         else:
-            console.print(f"{bench.upload_rate(session, 500 if rig.get('ports') else 3000, profiler):.0f} bytes/s")
+            rate = bench.upload_rate(session, _UPLOAD_FRAMES[scenario.value], profile)
+            console.print(f"{rate:,.0f} bytes/s".replace(",", " "))
+    console.print(f"{profile.ms:.1f} ms of the emulated clock")
+    for table in tables(profile, rows):
+        console.print(table)
 
 
 if __name__ == "__main__":
