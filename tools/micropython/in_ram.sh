@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Compiles a C file of an image, and has the functions named here run from RAM: in_ram.sh COMPILER ARGUMENT...
+# Compiles a C file of an image for speed: in_ram.sh COMPILER ARGUMENT...
 #
-# The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter and framestep's own code together.
+# The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter and framestep's own code together.
 # What calls and looks up most, and what leads to the tick, is copied to RAM at the start: pico-sdk's linker script does
 # it with sections called .time_critical. They take 12 kB; `make bench` shows what they are worth.
 set -euo pipefail
@@ -23,14 +23,38 @@ FUNCTIONS=(
     gc_alloc
 )
 
+# Files of the interpreter that are compiled for speed instead of size
+FAST=(
+    argcheck bc binary builtinimport modthread nativeglue obj objarray objboundmeth objdict objfun objint objtuple objtype
+    qstr runtime scheduler sequence stackctrl
+)
+
 renames=()
 for name in "${FUNCTIONS[@]}"; do renames+=(--rename-section ".text.$name=.time_critical.$name"); done
 
-"$@"
+command=("$@")
+object=
 for ((i = 1; i < $#; i++)); do
-    [ "${!i}" = -o ] || continue
-    object=$((i + 1))
-    case ${!object} in
-        *.o | *.obj) "${1%gcc}objcopy" "${renames[@]}" "${!object}" ;;
+    case ${command[i]} in
+        -o) object=${command[i + 1]} ;;
+        */py/map.c)
+            # Two things about the cache that tells where a name lies: of its bytes only every other one is used, since
+            # names are multiples of 8. And what it tells is taken modulo the table's size, a division for every name;
+            # a place beyond the table may as well be the first, as the name is compared anyway.
+            sed -E 's|\(index\)\) >> 2\)|(index)) >> 3)|
+                    s|MAP_CACHE_ENTRY\(index\) % \(map\)->alloc|MAP_CACHE_ENTRY(index) < (map)->alloc ? MAP_CACHE_ENTRY(index) : 0|
+                    s|pos = \(pos \+ 1\) % map->alloc;|pos = pos + 1 == map->alloc ? 0 : pos + 1;|' "${command[i]}" >"$object.c"
+            command[i]=$object.c
+            ;;
     esac
 done
+for name in "${FAST[@]}"; do
+    case "$object" in
+        */py/$name.c.o) command+=(-O2) ;;
+    esac
+done
+
+"${command[@]}"
+case $object in
+    *.o | *.obj) "${1%gcc}objcopy" "${renames[@]}" "$object" ;;
+esac
