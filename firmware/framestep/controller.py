@@ -35,11 +35,11 @@ FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 
-# The LED: a bit for each eighth of a second, the lowest first (128 ms each)
-LED_WAITING = const(0x0001)
-LED_CONNECTED = const(0xFFFF)
-LED_MOVING = const(0x5555)
-LED_FAULT = const(0x0015)
+# The LED: a bit for each eighth of a second, the lowest first (128 ms each), and the colour of one that has colours
+LED_WAITING = (0x0001, 0x000030)
+LED_CONNECTED = (0xFFFF, 0x080808)
+LED_MOVING = (0x5555, 0x002000)
+LED_FAULT = (0x0015, 0x300000)
 
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4
@@ -48,6 +48,11 @@ SECOND_STOP_MS = const(1000)  # field note 4.4
 def elapsed(now, then):
     """Milliseconds between two readings of a counter modulo 2^30."""
     return (now - then) & _WRAP
+
+
+def glow(light, beat):
+    """What the LED shows in this of 16 beats: a colour 0xRRGGBB, or 0. light: one of LED_."""
+    return light[1] if light[0] >> beat & 1 else 0
 
 
 class Controller:
@@ -353,12 +358,12 @@ class Controller:
         """Switch the LED as its pattern has it."""
         self.beat = beat
         if self.fault or self.broken or self.safety.tripped:
-            pattern = LED_FAULT
+            light = LED_FAULT
         elif self.was_moving:
-            pattern = LED_MOVING
+            light = LED_MOVING
         else:
-            pattern = LED_CONNECTED if self.was_open else LED_WAITING
-        self.hal.led(pattern >> beat & 1)
+            light = LED_CONNECTED if self.was_open else LED_WAITING
+        self.hal.led(glow(light, beat))
 
     # ---------------------------------------------------------------- reports
 

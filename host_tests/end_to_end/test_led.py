@@ -1,4 +1,4 @@
-"""The LED on the host simulation: what it shows in each state, and when a fault no longer shows."""
+"""The LED on the host simulation: what it shows in each state, in which colour, and when a fault no longer shows."""
 
 from framestep.motion import stepper
 from framestep_tools.payloads import MotorMove, MotorSetSpeed
@@ -12,14 +12,23 @@ WAITING, CONNECTED, MOVING, FAULT = (
 )
 
 
+BLUE, WHITE, GREEN, RED = {2}, {0, 1, 2}, {1}, {0}
+COLOURS = {WAITING: BLUE, CONNECTED: WHITE, MOVING: GREEN, FAULT: RED}
+
+
 def shown(session):
-    """The LED over its two seconds, 128 ms each, from where it begins."""
+    """The LED over its two seconds, 128 ms each, from where it begins; its one colour is the pattern's."""
     board = session.board
+    colours = set()
     until = -(-board.now_ns // (2048 * 10**6)) * 2048 * 10**6
     levels = ""
     for i in range(16):
         board.run_until(until + i * 128 * 10**6 + 64 * 10**6)
-        levels += "*" if board._board.hal.lit else "."
+        colour = board._board.hal.colour
+        levels += "*" if colour else "."
+        colours |= {colour} - {0}
+    (colour,) = colours
+    assert {i for i, part in enumerate(colour.to_bytes(3, "big")) if part} == COLOURS[levels]
     return levels
 
 

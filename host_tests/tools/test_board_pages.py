@@ -26,6 +26,9 @@ def change(name, **entries):
     return copy.deepcopy(board_data(name)) | entries
 
 
+FOUR_MOTORS = {"motors": 4, "step": [10, 16, 0, 2], "dir": [9, 15, 1, 3], "enable": [8, 14, 4, 5], "page": {}}
+
+
 @pytest.mark.parametrize(
     ("data", "complaint"),
     [
@@ -41,6 +44,8 @@ def change(name, **entries):
         (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [4]}), "addresses [4]"),
         (change("fysetc_erb", drivers={"pins": [11], "address": [0, 0]}), "drivers: 1 pins for 2 motors"),
         (change("skr_pico", drivers={"pins": [8, 9, 26, 29], "address": [0] * 4}), "not enough state machines for 4"),
+        (change("pico", rgb=29), "8 motors: not enough state machines for the RGB LED"),
+        (change("fysetc_erb", **FOUR_MOTORS), "not enough state machines for 2 driver UARTs and the RGB LED"),
         (change("skr_pico", leds=[1]), "leds: no such entry"),
     ],
 )

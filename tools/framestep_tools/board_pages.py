@@ -75,7 +75,7 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
     found += [Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)]
     for key, what, wire in (
         ("led", "LED", "on the board"),
-        ("rgb", "RGB LED", "not used"),
+        ("rgb", "RGB LED", "DIN of a WS2812 or its like"),
         ("jumper", "jumper", "to GND at power-up: main.py is skipped"),
     ):
         if key in board:
@@ -106,6 +106,21 @@ def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
             yield f"{count} motors{', drivers' if drivers else ''}", fitted(dict(board), count, drivers)
 
 
+def state_machines(board: Mapping[str, Any]) -> int:
+    """How many from the first on are spoken for: one a motor, two a driver's line from the next PIO block (of four) on,
+    and one the RGB LED, in what the motors leave of their last block or behind them all. (Of a block's 32 words the
+    steps take 14, the lines 11, the LED 12.)
+    """
+    wires = board.get("drivers", {}).get("pins", [])[: board["motors"]]
+    count = board["motors"]
+    light = 1 if "rgb" in board else 0
+    if wires:
+        if count % 4 and light:
+            count, light = count + 1, 0
+        count = -(-count // 4) * 4 + 2 * len(wires)
+    return count + light
+
+
 def complaints(board: Mapping[str, Any]) -> list[str]:
     """What is wrong with a board's data, in words; nothing if it is sound."""
     found = [f"{key}: no such entry" for key in board if key not in _KEYS]
@@ -125,9 +140,9 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
         wires = data.get("drivers", {}).get("pins", [])
         if wires and len(wires) != board["motors"]:
             found.append(f"drivers: {len(wires)} pins for {board['motors']} motors")
-        # a wire's programs do not fit into a PIO block together with that of the steps
-        if wires and -(-data["motors"] // 4) * 4 + 2 * len(wires[: data["motors"]]) > engines:
-            found.append(f"{state}: not enough state machines for {len(wires)} driver UARTs")
+        if state_machines(data) > engines:
+            extra = [f"{len(wires)} driver UARTs"] * bool(wires) + ["the RGB LED"] * ("rgb" in data)
+            found.append(f"{state}: not enough state machines for {' and '.join(extra)}")
         for line in lines:
             tx, rx = UART_PINS[line["uart"]]
             if line["tx"] not in tx or line["rx"] not in rx:

@@ -8,7 +8,7 @@
     irq_off() -> x    keep the tick away; irq_on(x) lets it come again. For some microseconds only
     ticks_ms()        milliseconds modulo 2^30
     enable(motor, on) the driver's enable pin
-    led(lit)          switch the board's LED, if there is one
+    led(colour)       light the board's LED, if there is one, in a colour 0xRRGGBB as far as it has colours; 0: off
     trouble() -> int  motors of which a pulse command was lost since the last call, so steps are missing: a bit each
     idle()            nothing to do: wait for the next interrupt
 

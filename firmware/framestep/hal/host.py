@@ -223,7 +223,7 @@ class HostHal:
         self.upload_bytes = UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
-        self.lit = 0  # the LED
+        self.colour = 0  # of the LED, 0xRRGGBB
         self.failure = None  # nothing ends the passes here
         self.alive = True
         self.board = rig.board
@@ -333,8 +333,8 @@ class HostHal:
             if self._watched >> pin & 1:
                 self._handler(None)
 
-    def led(self, lit):
-        self.lit = lit
+    def led(self, colour):
+        self.colour = colour
 
     def trouble(self):
         before, self._lost = self._lost, [engine.lost for engine in self.engines]

@@ -12,7 +12,7 @@ import machine
 from machine import Pin, Timer
 from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
-from framestep.controller import LED_FAULT
+from framestep.controller import LED_FAULT, glow
 from framestep.hal import NoDmx, NoWatchdog
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
@@ -30,7 +30,7 @@ _BEAT_MS = const(128)
 _TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
 
 
-def _no_led(_lit):
+def _no_led(_colour):
     pass
 
 
@@ -74,7 +74,7 @@ class Rp2Hal:
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
         self.task = None  # what framestep.repl wants done between two passes
-        self.led = Pin(board["led"], Pin.OUT, value=0).value if "led" in board else _no_led
+        self.led = self._make_led(board)
         self._told = 0  # what has been told of Controller.fault
 
     def _make_dmx(self, wiring, rig):
@@ -99,6 +99,19 @@ class Rp2Hal:
         from framestep.hal.rp2_wire import Wire
 
         return Wire(wiring, "RP2350" in sys.implementation._machine)
+
+    def _make_led(self, board):
+        if "led" in board:
+            return Pin(board["led"], Pin.OUT, value=0).value
+        if "rgb" not in board:
+            return _no_led
+        from framestep.hal.rp2_rgb import RgbLed
+
+        # The next state machine behind those of the motors, unless the drivers' lines (rp2_one_wire) begin with it.
+        machine = self.motors
+        if machine % 4 == 0:
+            machine += 2 * len(board.get("drivers", {}).get("pins", ()))
+        return RgbLed(board["rgb"], machine).show
 
     def flash(self):
         from framestep.hal.rp2_flash import Flash
@@ -264,7 +277,7 @@ class Rp2Hal:
     def _blink(self, _timer):
         """The LED, when no passes do it any more."""
         self._beat = (self._beat + 1) & 15
-        self.led(LED_FAULT >> self._beat & 1)
+        self.led(glow(LED_FAULT, self._beat))
 
     def stop(self):
         """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""

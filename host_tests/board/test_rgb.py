@@ -1,0 +1,105 @@
+"""The RGB LED on the emulated board: the bits on its pin, their times, and the motors' edges beside them."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.files import board_data
+from framestep_tools.payloads import MotorMove
+from host_tests.end_to_end.session import Session
+from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING, WAITING
+
+BLUE, WHITE, GREEN, RED = "b", "grb", "g", "r"
+BEAT_NS = 128_000_000
+RESET_NS = 280_000  # WS2812B: from here on the LED shows what it got
+
+
+class LitBoard(EmulatedBoard):
+    """Keeps what comes out of the pin of the LED."""
+
+    def __init__(self, name):
+        super().__init__({"virtuals": 0, "estop": "no"}, board=name)
+        self.data = board_data(name)
+        self.light = []
+        self.kept = []
+        self.colour = ""  # that it shows
+        self.emulator.trace_start([*self.pins.pins, self.data["rgb"]])
+
+    def _take(self):
+        records = self.emulator.trace_read()
+        self.light.append(records[records["pin"] == self.data["rgb"]].copy())
+        self.kept += self._decoder.feed(records)
+
+    def edges(self):
+        self._take()
+        kept, self.kept = self.kept, []
+        return kept
+
+    def words(self):
+        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last call."""
+        self._take()
+        records = np.concatenate(self.light)
+        self.light.clear()
+        times, levels = records["t"].astype(np.int64), records["level"]
+        rise, fall = times[levels == 1], times[levels == 0]
+        fall = fall[fall > rise[0]] if len(rise) else fall[:0]  # the first record is the level at the start
+        assert len(rise) == len(fall) and len(rise) % 24 == 0
+        high, period = fall - rise, np.diff(rise)
+        within = np.arange(1, len(rise)) % 24 != 0
+        one = high > 525
+        assert ((high >= 200) & (high <= 500) | one & (high >= 550) & (high <= 1000)).all(), np.unique(high)
+        assert (period[within] >= 1100).all() and (period[within] <= 2000).all(), np.unique(period[within])
+        assert (rise[24::24] - fall[23:-1:24] > RESET_NS).all()
+        bits = np.pad(one.reshape(-1, 24), ((0, 0), (8, 0)))
+        sent = [
+            (int(end), colours(word))
+            for end, word in zip(fall[23::24], np.packbits(bits, axis=1).view(">u4")[:, 0], strict=True)
+        ]
+        if sent:
+            self.colour = sent[-1][1]
+        return sent
+
+
+def colours(word):
+    """Those in a word, in the order in which they are sent."""
+    return "".join(name for name, shift in (("g", 16), ("r", 8), ("b", 0)) if word >> shift & 0xFF)
+
+
+def assert_shows(session, pattern, wanted):
+    """For two seconds, in eighths. When the pattern begins is not known."""
+    board = session.board
+    board.words()
+    sent = [(0, board.colour)]
+    start = board.now_ns
+    session.run(16 * BEAT_NS * 1e-9)
+    sent += board.words()
+    levels = [[shown for end, shown in sent if end <= start + (k + 0.5) * BEAT_NS][-1] for k in range(16)]
+    assert "".join("*" if shown else "." for shown in levels) in 3 * pattern
+    assert set(levels) - {""} == {wanted}
+
+
+@pytest.mark.parametrize(("name", "motors"), [("skr_pico", 4), ("fysetc_erb", 2)])
+def test_light(name, motors):
+    """From waiting to a fault. (fysetc_erb: beside the motors in one PIO block; skr_pico: in a block of its own.)"""
+    with LitBoard(name) as board:
+        session = Session(board, motors=motors, reply_s=0.1)
+        session.run(0.3)
+        assert_shows(session, CONNECTED, WHITE)
+        session.leave()
+        board.run_until(board.now_ns + 10**9)
+        assert_shows(session, WAITING, BLUE)
+        session.come_back()
+        session.run(0.3)
+        assert_shows(session, CONNECTED, WHITE)
+        session.speed(1, 10_000, 50_000)
+        session.forget()
+        session.accept(MotorMove(1, 30_000))
+        session.run(0.3)
+        assert_shows(session, MOVING, GREEN)
+        board.emulator.set_pin(board.data["estop"], 0)
+        session.run(0.5)
+        times, _ = session.steps(1)
+        cruise = np.diff(times[(times > times[0] + 0.3) & (times < times[0] + 2)])
+        assert len(cruise) > 15_000 and np.ptp(cruise) < 0.2e-6, "edges are moved"
+        assert session.made(1) == session.position(1) < 30_000
+        assert_shows(session, FAULT, RED)
