@@ -105,6 +105,7 @@ class Controller:
         self.heard_at = 0
         self.stop_at = -1
         self.fault = 0  # why the motors were stopped, until some are sent somewhere again
+        self.untold = 0  # the same, until the HAL has told it
         self.beat = 0
         # what is to be sent unasked, kept until there is room
         self.say_hi = False
@@ -298,13 +299,18 @@ class Controller:
         self.jogging = 0
         self.say_hard_stop = m.HARD_STOP_FAULT
 
+    def _blame(self, fault):
+        """Keep why the motors are stopped. fault: FAULT_ bits."""
+        self.fault |= fault
+        self.untold |= fault
+
     def _halt(self):
         """A stop input has acted (field note 8.4)."""
         factor = self.rig.hard_stop_factor
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
                 self.positions.cut(self.axes.moving_bits())
-            self.fault |= FAULT_ESTOP
+            self._blame(FAULT_ESTOP)
             self.jogging = 0
             self.stage.stop(factor)
             self.virtuals.halt(factor)
@@ -313,7 +319,7 @@ class Controller:
             return
         bits = self.safety.struck_motors()
         if bits:
-            self.fault |= FAULT_LIMIT
+            self._blame(FAULT_LIMIT)
         self.jogging &= ~bits
         if self.virtuals.engaged & bits:
             self.virtuals.halt()
@@ -328,9 +334,9 @@ class Controller:
         kernel = self.axes.kernel.state
         lost = self.hal.trouble()
         if lost or kernel[stepper.FAULTS]:
-            self.fault |= kernel[stepper.FAULTS]
+            self._blame(kernel[stepper.FAULTS])
             if lost:
-                self.fault |= FAULT_LOST
+                self._blame(FAULT_LOST)
             kernel[stepper.FAULTS] = 0
             for motor in range(self.count):
                 block = self.axes[motor].block
@@ -351,7 +357,7 @@ class Controller:
                 if bits >> motor & 1:
                     self.hal.enable(motor, False)
             self.positions.lose(bits, DRIVER)
-            self.fault |= FAULT_DRIVER
+            self._blame(FAULT_DRIVER)
             self.fail()
 
     def _light(self, beat):

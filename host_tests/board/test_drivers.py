@@ -24,14 +24,15 @@ RIG = {"virtuals": 0, "motors": [{"driver": {"run_ma": 300 * motor, "microsteps"
 class DrivenBoard(EmulatedBoard):
     """A board whose driver UART leads to chips, once `connected`; they begin to answer within half a millisecond."""
 
-    def __init__(self):
+    def __init__(self, **settings):
         self.connected = False
         self.bytes = []  # (ns, value) from the board
-        super().__init__(RIG, board="skr_pico")
+        super().__init__({**RIG, **settings}, board="skr_pico")
         self.chips = [Chip(address) for address in ADDRESSES]
         self.wire = Chips(self.chips, lambda: self.now_ns)
         self.emulator.uart_start(UART)
-        self.repl.open_port(True)
+        if self.repl:
+            self.repl.open_port(True)
 
     def run_until(self, ns, until_output=False):
         if not self.connected:
@@ -86,7 +87,7 @@ def test_nothing_moves_before_the_drivers_answer(talk):
     board = talk.board
     talk.run(1.3)
     said = board.said()
-    assert said.count("nothing comes back on the wire") == 4, said
+    assert said.count("gets no echo on the wire") == 4, said
     talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
     assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
     assert [board.emulator.pin(pin) for pin in ENABLE] == [1, 1, 1, 1]
@@ -177,3 +178,30 @@ def test_a_fault_in_motion(moving):
     talk.accept(MotorMove(2, talk.position(2) + 10))
     talk.run(0.2)
     assert talk.made(2) == 10 and [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
+
+
+def test_one_port_tells_it_with_ctrl_c():
+    """`ports: 1`: the host gets nothing but messages; what could not be said comes with the REPL's prompt."""
+    with DrivenBoard(ports=1) as board:
+        talk = Session(board, motors=4, reply_s=0.1)
+        talk.run(1.3)
+        board.connect()
+        talk.run(2.0)
+        talk.accept(MotorMove(2, 30_000))
+        talk.run(0.3)
+        board.chips[1].status |= 0x02
+        board.chips[1].gstat |= 0x02
+        talk.run(0.8)
+        assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
+        assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER
+        talk.accept(MotorMove(1, 100))  # the LED shows no fault any more, but there was one
+        talk.run(0.3)
+        assert talk.bytes_for(b"", 0.1) == []
+        talk.port.write(b"\r\x03")
+        board.run_until(board.now_ns + 500_000_000)
+        said = board.protocol.transmit().decode()
+        assert "framestep: a driver failed; the motors were ramped down\r\n" in said
+        told = [line for line in said.splitlines() if line.startswith("framestep: driver of motor")]
+        motors = [int(line.split()[4]) for line in told]
+        assert motors[:4] == sorted(motors[4:8]) == [1, 2, 3, 4] and motors[8:] == [2], said
+        assert told[-1].endswith("has switched off, too hot") and said.endswith(">>> ")

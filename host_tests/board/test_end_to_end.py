@@ -12,6 +12,7 @@ from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.judge import judge
 from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
+from framestep_tools.wire import FrameDecoder
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES = 40
@@ -157,3 +158,4 @@ def test_one_port():
         typed(b"import framestep.boot as b; b.controller.axes.feed = None\r")
         said = typed(b"b.hal.run(b.controller)\r")
         assert b'File "framestep/controller.py", line' in said and b"TypeError" in said and said.endswith(b">>> ")
+        assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"

@@ -208,7 +208,7 @@ def test_nothing_on_the_wire():
     bench.wire.receive = lambda buffer, at, limit: 0
     bench.run(1)
     assert bench.drivers.ready == 0b1100
-    assert [text for text in bench.said if "nothing comes back on the wire" in text] == bench.said
+    assert [text for text in bench.said if "gets no echo on the wire" in text] == bench.said
     assert len(bench.said) == 2
 
 

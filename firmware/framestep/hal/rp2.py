@@ -18,6 +18,7 @@ from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
 from framestep.native import const
+from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
@@ -61,7 +62,7 @@ class Rp2Hal:
         self.board = board
         self.dmx = self._make_dmx(board.get("dmx"), rig)
         self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
-        self._sayings = 0  # what drivers have been said to do, told when nothing moves
+        self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
         self.wire = self._make_wire(board["drivers"]) if rig.drivers else None
@@ -75,7 +76,6 @@ class Rp2Hal:
         self.alive = False  # passes go on
         self.task = None  # what framestep.repl wants done between two passes
         self.led = self._make_led(board)
-        self._told = 0  # what has been told of Controller.fault
 
     def _make_dmx(self, wiring, rig):
         if wiring is None or not rig.dmx:
@@ -186,10 +186,10 @@ class Rp2Hal:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
 
     def say(self, motor, text):
-        if self._sayings < _SAYINGS:
-            self._saying_motors[self._sayings] = motor
-            self._saying_texts[self._sayings] = text
-            self._sayings += 1
+        place = self._sayings % _SAYINGS
+        self._saying_motors[place] = motor
+        self._saying_texts[place] = text
+        self._sayings += 1
 
     def trouble(self):
         return lost_commands(self.motors)
@@ -208,10 +208,15 @@ class Rp2Hal:
             while True:
                 if not self._poll():
                     idle()
-        finally:
+        except KeyboardInterrupt:
             self.stop()
+            raise
+        except Exception as error:
+            self.failure = error
+            self._broken()
+        finally:
             self.port.stop()  # the REPL has it again
-            self._tell()
+            self._tell_all()
 
     def _poll(self):
         """One pass, the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words on
@@ -228,7 +233,7 @@ class Rp2Hal:
             return  # it waited in the scheduler when the passes ended
         try:
             self._poll()
-            if self._controller.fault != self._told or self.task or self._sayings:  # type: ignore[union-attr]
+            if self._controller.untold or self.task or self._sayings:  # type: ignore[union-attr]
                 self._after()
         except KeyboardInterrupt:
             self._interrupted()
@@ -242,13 +247,8 @@ class Rp2Hal:
             task = self.task
             self.task = None
             task()
-        if self._controller.was_moving:  # type: ignore[union-attr]
-            return
-        if self._controller.fault != self._told:  # type: ignore[union-attr]
+        if not self._controller.was_moving:  # type: ignore[union-attr]
             self._tell()
-        for i in range(self._sayings):
-            print("framestep: driver of motor", self._saying_motors[i], self._saying_texts[i])
-        self._sayings = 0
 
     def _interrupted(self):
         # Meant for a program that runs on the REPL, but it struck in a pass; what was being done
@@ -265,14 +265,28 @@ class Rp2Hal:
         self._blinker = Timer(-1, period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink)
 
     def _tell(self):
-        """Say in words why motors were stopped. Not on the protocol's own port, nor while they move, as the REPL's host
-        may let the board wait."""
-        self._told = self._controller.fault  # type: ignore[union-attr]
-        if self._told:
+        """Say in words why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors
+        move, as the REPL's host may let the board wait."""
+        if self._controller.untold:  # type: ignore[union-attr]
             from framestep import words
 
-            for line in words.faults(self._told):
+            for line in words.faults(self._controller.untold):  # type: ignore[union-attr]
                 print("framestep:", line)
+            self._controller.untold = 0  # type: ignore[union-attr]
+        if self._sayings > _SAYINGS:
+            print("framestep: drivers:", self._sayings - _SAYINGS, "earlier lines are lost")
+        for i in range(max(0, self._sayings - _SAYINGS), self._sayings):
+            print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
+        self._sayings = 0
+
+    def _tell_all(self):
+        """When the protocol gives back the REPL's port: everything that could not be said there since the start."""
+        from framestep import words
+
+        bits = self._controller.condition() & (CONDITION_BARKED | CONDITION_FORGETFUL)  # type: ignore[union-attr]
+        for line in words.conditions(bits):
+            print("framestep:", line)
+        self._tell()
 
     def _blink(self, _timer):
         """The LED, when no passes do it any more."""

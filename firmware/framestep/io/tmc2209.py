@@ -51,7 +51,7 @@ _TROUBLE = const(0x3F3E)  # FAULTS | SILENT | NO_ECHO | DEAF
 
 # in the order in which they are told; what follows from another is not
 WORDS = (
-    (NO_ECHO, "nothing comes back on the wire: RX, TX and PDN_UART are not connected"),
+    (NO_ECHO, "gets no echo on the wire: RX, TX and PDN_UART are not connected"),
     (SILENT, "does not answer (has it power, and the right address?)"),
     (DEAF, "answers, but does not take its settings"),
     (TOO_HOT, "has switched off, too hot"),
