@@ -23,10 +23,12 @@ FUNCTIONS=(
     gc_alloc
 )
 
-# Files of the interpreter that are compiled for speed instead of size
+# Files that are compiled for speed instead of size
 FAST=(
-    argcheck bc binary builtinimport modthread nativeglue obj objarray objboundmeth objdict objfun objint objtuple objtype
-    qstr runtime scheduler sequence stackctrl
+    # the interpreter
+    argcheck bc binary nativeglue obj objarray objboundmeth objdict objfun objint objtuple objtype qstr runtime scheduler
+    # USB
+    cdc_device dcd_rp2040 mp_usbd mp_usbd_cdc mp_usbd_runtime mphalport rp2040_usb sys_stdio_mphal tusb_fifo usbd
 )
 
 renames=()
@@ -50,7 +52,7 @@ for ((i = 1; i < $#; i++)); do
 done
 for name in "${FAST[@]}"; do
     case "$object" in
-        */py/$name.c.o) command+=(-O2) ;;
+        */$name.c.o) command+=(-O2) ;;
     esac
 done
 
