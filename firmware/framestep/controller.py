@@ -243,6 +243,9 @@ class Controller:
                 self._answer(m.ERR_CHECKSUM)
             else:
                 self._handle()
+            if not reader.waiting:
+                self.backlog = False
+                break
         return busy
 
     def _calm(self):

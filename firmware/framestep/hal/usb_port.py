@@ -40,10 +40,8 @@ _PACKET = const(64)  # full-speed bulk endpoint
 _PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
 _OUTGOING = const(512)  # bytes taken from the writer at a time
 
-# The mark: words 0, 1, 2 and 15 of a packet's place. Only a full packet reaches its last byte.
+# The mark: words 0 and 15 of a packet's place. Only a full packet reaches its last byte.
 _MARK_0 = const(0x1B7E35C9)
-_MARK_1 = const(0x2C49D716)
-_MARK_2 = const(0x35A2684F)
 _MARK_15 = const(0x2B951CE7)
 _MARK_LAST = const(0x2B)
 
@@ -95,8 +93,6 @@ def _arm(port):
     while at < end:
         mark = ptr32(at)
         mark[0] = _MARK_0
-        mark[1] = _MARK_1
-        mark[2] = _MARK_2
         mark[15] = _MARK_15
         at += _PACKET
     s[_END + place] = 0
@@ -104,6 +100,26 @@ def _arm(port):
     s[_DOUBT] = 0
     if port._submit(s[_EP_OUT], port._places[place]):
         s[_ARMED] = 1
+
+
+@micropython.viper
+def _arrived(s: ptr32, look: int) -> int:
+    """Bytes of the running transfer that have arrived, whole packets."""
+    end = s[_SEEN]
+    while s[_ARMED] and end < _PLACE:
+        packet = ptr32(s[_RX] + (s[_FILL] & 1) * _PLACE + end)
+        if packet[15] >> 24 == _MARK_LAST:
+            if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+                break
+            # A short packet, and the callback that tells its length is due; or a full one whose last byte is the
+            # mark's. With no callback by the next look it was full.
+            if s[_DOUBT] == 0 or s[_DOUBT] == look:
+                s[_DOUBT] = look
+                break
+        s[_DOUBT] = 0
+        end += _PACKET
+        s[_SEEN] = end
+    return end
 
 
 @micropython.viper
@@ -298,39 +314,26 @@ class UsbPort:
         s[_LOOK] = look
         moved = 0
         while True:
-            place = (s[_TAKE] & 1) * _PLACE
+            place = s[_TAKE] & 1
             at = s[_AT]
-            if s[_TAKE] != s[_FILL]:  # its transfer has ended
-                end = s[_END + (s[_TAKE] & 1)]
-                if at == end:
-                    s[_AT] = 0
-                    s[_TAKE] = (s[_TAKE] + 1) & 3
-                    if not s[_ARMED] and s[_LIVE]:
-                        _arm(self)
-                    continue
+            ended = s[_TAKE] != s[_FILL]
+            if ended:
+                end = s[_END + place]
+            elif moved:
+                break  # for the next look, which finds it whole, and the reader empty
             else:
-                end = s[_SEEN]
-                while s[_ARMED] and end < _PLACE:
-                    packet = ptr32(s[_RX] + place + end)
-                    if packet[15] >> 24 == _MARK_LAST:
-                        if packet[15] == _MARK_15 and packet[0] == _MARK_0 and packet[1] == _MARK_1:
-                            if packet[2] == _MARK_2:
-                                break
-                        # A short packet, and the callback that tells its length is due; or a full one whose last byte
-                        # is the mark's. With no callback by the next look it was full.
-                        if s[_DOUBT] == 0 or s[_DOUBT] == look:
-                            s[_DOUBT] = look
-                            break
-                    s[_DOUBT] = 0
-                    end += _PACKET
-                    s[_SEEN] = end
-                if at == end:
-                    break
-            taken = int(reader.feed(self._rx, place + at, end - at))
-            s[_AT] = at + taken
-            moved += taken
-            if taken < end - at:
+                end = int(_arrived(s, look))
+            if at < end:
+                taken = int(reader.feed(self._rx, place * _PLACE + at, end - at))
+                at += taken
+                s[_AT] = at
+                moved += taken
+            if at < end or not ended:
                 break
+            s[_AT] = 0
+            s[_TAKE] = (s[_TAKE] + 1) & 3
+            if not s[_ARMED] and s[_LIVE]:
+                _arm(self)
         if moved:
             if not self.open:
                 self._heard()

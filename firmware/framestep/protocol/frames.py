@@ -8,7 +8,7 @@ between a payload and an element of an array('i') without making a number of it.
 
 from array import array
 
-from framestep.native import CPYTHON, const, micropython, ptr8, ptr32
+from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
 from framestep.protocol.checksum import check_bytes, fletcher16
 from framestep.protocol.messages import LARGEST_FRAME
 
@@ -55,32 +55,35 @@ else:
         # The two registers that viper has for locals on ARM hold the two places: `to` is the one, `to_at` the other.
         to = ptr8(int(to) + to_at)
         to_at = int(source) + at
-        if (int(to) ^ to_at) & 3 == 0:
-            while count > 0 and to_at & 3:
+        if count >= 16:
+            while int(to) & 3:
                 to[0] = ptr8(to_at)[0]
                 to = ptr8(int(to) + 1)
                 to_at += 1
                 count -= 1
-            while count >= 16:
-                ptr32(to)[0] = ptr32(to_at)[0]
-                ptr32(to)[1] = ptr32(to_at)[1]
-                ptr32(to)[2] = ptr32(to_at)[2]
-                ptr32(to)[3] = ptr32(to_at)[3]
-                to = ptr8(int(to) + 16)
-                to_at += 16
-                count -= 16
-        while count >= 8:
-            to[0] = ptr8(to_at)[0]
-            to[1] = ptr8(to_at)[1]
-            to[2] = ptr8(to_at)[2]
-            to[3] = ptr8(to_at)[3]
-            to[4] = ptr8(to_at)[4]
-            to[5] = ptr8(to_at)[5]
-            to[6] = ptr8(to_at)[6]
-            to[7] = ptr8(to_at)[7]
-            to = ptr8(int(to) + 8)
-            to_at += 8
-            count -= 8
+            if to_at & 3 == 0:
+                while count >= 16:
+                    ptr32(to)[0] = ptr32(to_at)[0]
+                    ptr32(to)[1] = ptr32(to_at)[1]
+                    ptr32(to)[2] = ptr32(to_at)[2]
+                    ptr32(to)[3] = ptr32(to_at)[3]
+                    to = ptr8(int(to) + 16)
+                    to_at += 16
+                    count -= 16
+            elif to_at & 1:
+                while count >= 8:
+                    ptr32(to)[0] = ptr8(to_at)[0] | ptr16(to_at + 1)[0] << 8 | ptr8(to_at)[3] << 24
+                    ptr32(to)[1] = ptr8(to_at)[4] | ptr16(to_at + 1)[2] << 8 | ptr8(to_at)[7] << 24
+                    to = ptr8(int(to) + 8)
+                    to_at += 8
+                    count -= 8
+            else:
+                while count >= 8:
+                    ptr32(to)[0] = ptr16(to_at)[0] | ptr16(to_at)[1] << 16
+                    ptr32(to)[1] = ptr16(to_at)[2] | ptr16(to_at)[3] << 16
+                    to = ptr8(int(to) + 8)
+                    to_at += 8
+                    count -= 8
         while count > 0:
             to[0] = ptr8(to_at)[0]
             to = ptr8(int(to) + 1)
@@ -127,8 +130,8 @@ class FrameReader:
     ID (`head`) are of use, for the answer ERR_CHECKSUM. The accessors take offsets within the payload and check
     nothing: messages.payload_fits() has been asked before.
 
-    After NOTHING, `waiting` is the count of bytes held of a frame that has begun; its owner watches the clock and
-    calls `abandon()` when the rest does not come.
+    `waiting` is the count of bytes held that poll() has not yet given: 0 after the last frame, and after NOTHING those
+    of a frame that has begun; its owner watches the clock and calls `abandon()` when the rest does not come.
     """
 
     def __init__(self, size=2 * LARGEST_FRAME):
@@ -170,25 +173,27 @@ class FrameReader:
 
     @micropython.viper
     def poll(self) -> int:
-        """FRAME, DAMAGED (wrong checksum) or NOTHING; call again until NOTHING."""
+        """FRAME, DAMAGED (wrong checksum) or NOTHING; call again until NOTHING, or until nothing is waiting."""
         buffer = self.buffer
         words = self._state
         size = int(_search(buffer, words))
         state = ptr32(words)
         at = state[_NEXT]
-        if size == 0:
-            self.waiting = state[_FILL] - at
-            return NOTHING
-        self.waiting = 0
-        self.head = at
-        self.payload = at + _HEADER
-        self.type = state[_TYPE]
-        self.length = state[_LENGTH]
-        if int(fletcher16(buffer, at, size)):
-            state[_NEXT] = at + 2  # field note 1.6: a good frame inside a damaged one is found
-            return DAMAGED
-        state[_NEXT] = at + size
-        return FRAME
+        found = NOTHING
+        if size:
+            self.head = at
+            self.payload = at + _HEADER
+            self.type = state[_TYPE]
+            self.length = state[_LENGTH]
+            if int(fletcher16(buffer, at, size)):
+                at += 2  # field note 1.6: a good frame inside a damaged one is found
+                found = DAMAGED
+            else:
+                at += size
+                found = FRAME
+            state[_NEXT] = at
+        self.waiting = state[_FILL] - at
+        return found
 
     def abandon(self):
         """Give up the frame that has begun: skip its marker. poll() then looks at the bytes behind it."""
@@ -319,34 +324,21 @@ def _put(buffer: ptr8, state: ptr32, value: int, width: int):
 
 
 @micropython.viper
-def _measure(buffer: ptr8, state: ptr32) -> int:
-    """Write the length of the frame begun; its bytes so far, or 0 when it does not fit."""
+def _finish(buffer, words) -> bool:
+    """Write length and check bytes of the frame begun; False, and it is withdrawn, when it does not fit."""
+    state = ptr32(words)
+    to = ptr8(buffer)
     start = state[_END]
     at = state[_PUT]
     if state[_FULL] or state[_LIMIT] - at < 2:
-        return 0
-    size = at - start
-    buffer[start + 8] = size - _HEADER & 0xFF
-    buffer[start + 9] = size - _HEADER >> 8
-    return size
-
-
-@micropython.viper
-def _close(buffer: ptr8, state: ptr32, check: int):
-    """Append the check bytes; the frame is finished."""
-    at = state[_PUT]
-    buffer[at] = check & 0xFF
-    buffer[at + 1] = check >> 8
-    state[_PUT] = at + 2
-    state[_END] = at + 2
-
-
-@micropython.viper
-def _finish(buffer, words) -> bool:
-    size = int(_measure(buffer, words))
-    if size == 0:
         return False
-    _close(buffer, words, check_bytes(fletcher16(buffer, ptr32(words)[_END], size)))
+    size = at - start
+    to[start + 8] = size - _HEADER & 0xFF
+    to[start + 9] = size - _HEADER >> 8
+    check = int(check_bytes(fletcher16(buffer, start, size)))
+    to[at] = check & 0xFF
+    to[at + 1] = check >> 8
+    state[_END] = at + 2
     return True
 
 
@@ -393,9 +385,10 @@ class FrameWriter:
         """Bytes taken so far, modulo 2^30."""
         return self._state[_TAKEN]
 
-    def room(self):
+    @micropython.viper
+    def room(self) -> int:
         """The largest payload that a frame begun now could have, bytes; below 0 when not even an empty one fits."""
-        state = self._state
+        state = ptr32(self._state)
         room = state[_LIMIT] - state[_END] + state[_TAKE] - _OVERHEAD
         return room if room < _LARGEST else _LARGEST
 
