@@ -104,7 +104,6 @@ ANSWERS = (
     ("RT_STOP_LOOP", RtStopLoop(), "15 15 15 15 15 15 OK OK OK 15 15 15"),
     ("RT_JOG_ALL", RtJogAll(12000, 9), "15 15 OK 12 12 16 12 12 12 12 OK 15"),
     ("VIRT_CONFIG: none", VirtConfig(0), _ALWAYS),
-    ("VIRT_CONFIG: none", VirtConfig(), _ALWAYS),
     ("VIRT_CONFIG: motors that have a part", _SWING_PAN, "OK OK OK 12 12 OK 12 12 12 12 12 OK"),
     ("VIRT_MOVE and the other virtual requests", VirtMove(1, 100), _NO_VIRTUALS),
     ("", VirtStop(1), _NO_VIRTUALS),

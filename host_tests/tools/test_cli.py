@@ -20,7 +20,7 @@ from framestep_tools.wire import encode
         (cli.app, [], 2, "framestep: Missing command; framestep --help"),
         (cli.app, ["fly"], 2, "No such command 'fly'"),
         (cli.app, ["status"], 2, "Missing argument 'DEVICE'"),
-        (cli.app, ["status", "/dev/not-there"], 1, "cannot open /dev/not-there"),
+        (cli.app, ["status", "/dev/not-there"], 1, "cannot open /dev/not-there: No such file or directory; name"),
         (cli.app, ["status", "socket://127.0.0.1:1"], 1, "cannot open socket://127.0.0.1:1"),
         (cli.app, ["status", "serial://x"], 1, "cannot open serial://x"),
         (cli.app, ["move", "/dev/x", "one", "5"], 2, "'motor': Input should be a valid integer"),

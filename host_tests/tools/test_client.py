@@ -119,6 +119,7 @@ def test_refusal(size):
     client = always(lambda frame: ack(frame, Ack.ERR_MOVING, size))
     with pytest.raises(RequestRefused, match=r"MOTOR_STOP was refused with ERR_MOVING \(0x0012\)") as refused:
         client.request(MotorStop(1))
+    assert "something moves that must stand for it. It was MotorStop(motor=1)" in str(refused.value)
     assert refused.value.code is Ack.ERR_MOVING
     assert refused.value.request == MotorStop(1)
     assert client.code(MotorStop(1)) is Ack.ERR_MOVING
@@ -161,7 +162,7 @@ def test_data_where_an_acknowledgement_is_expected():
 def test_silence_takes_the_time_that_was_given():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
-    with pytest.raises(NoAnswer, match=r"HI within 1\.5 s"):
+    with pytest.raises(NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep DMC\)"):
         client.request(Hi(), timeout_s=1.5)
     assert device.now == pytest.approx(1.5)
     with pytest.raises(TimeoutError):  # and the default

@@ -167,6 +167,7 @@ def test_response_codes_of_both_dialects():
     assert Ack.unpack(b"\x12\0") is Ack.ERR_MOVING
     assert Ack.unpack(b"\x12\0\0\0") is Ack.ERR_MOVING
     assert Ack.unpack(b"\x42\0").name == "UNKNOWN_0x0042"
+    assert len({code.words for code in (*Ack, Ack(0x42))}) == len(Ack) + 1
 
 
 def test_requests_name_their_replies():

@@ -10,6 +10,8 @@ anything with pyserial's `read`, `write`, `timeout` and `close`. All times are i
 clock: a port with a method `clock()` (an emulated board in lockstep) has its own, others the computer's.
 """
 
+import dataclasses
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -56,9 +58,16 @@ class RequestRefused(ClientError):
     """The device acknowledged a request with another code than OK."""
 
     def __init__(self, request: Payload, code: Ack):
-        super().__init__(f"{type_name(request.TYPE)} was refused with {code.name} (0x{code:04X}): {request}")
+        name = type_name(request.TYPE)
+        super().__init__(f"{name} was refused with {code.name} (0x{code:04X}): {code.words}. It was {_filled(request)}")
         self.request = request
         self.code = code
+
+
+def _filled(request: Payload) -> str:
+    """A request with those of its fields that hold something."""
+    values = ((field.name, getattr(request, field.name)) for field in dataclasses.fields(request))
+    return f"{type(request).__name__}({', '.join(f'{name}={value}' for name, value in values if value is not None)})"
 
 
 class NoAnswer(ClientError, TimeoutError):
@@ -87,6 +96,7 @@ class Client:
         self.events: deque[Event] = deque(maxlen=self.EVENTS_KEPT)
         self.on_event: Callable[[Event], None] | None = None
         self.stray = 0
+        self._heard = False  # a message has come
         self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
         self._decoder = FrameDecoder()
         self._next_id = 1
@@ -101,7 +111,9 @@ class Client:
         try:
             return cls(serial.serial_for_url(url, timeout=timeout_s), timeout_s)
         except (OSError, ValueError) as error:  # SerialException is an OSError
-            raise ClientError(f"cannot open {url}: {error}; name a device path or socket://HOST:PORT") from error
+            number = getattr(error, "errno", None)
+            why = os.strerror(number) if number else str(error)  # pyserial's own text says everything three times
+            raise ClientError(f"cannot open {url}: {why}; name a device path or socket://HOST:PORT") from error
 
     def close(self) -> None:
         """Close the port; the device takes that as its host having gone."""
@@ -176,7 +188,8 @@ class Client:
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         try:
             if not self._pump_until(lambda: id in self._answers, timeout_s):
-                raise NoAnswer(f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s: {request}")
+                other = "" if self._heard else "; a board's other port may be the one (framestep DMC)"
+                raise NoAnswer(f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s{other}")
             frame = self._answers.pop(id)
         finally:
             del self._waiting[id]
@@ -282,6 +295,7 @@ class Client:
 
     def _take(self, data: bytes) -> None:
         for frame in self._decoder.feed(data):
+            self._heard = True
             request = self._waiting.get(frame.id) if frame.id else None
             if request is not None and frame.request_type == request.TYPE:
                 self._answers[frame.id] = frame

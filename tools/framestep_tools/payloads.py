@@ -59,12 +59,35 @@ class Ack(IntEnum):
         unknown._name_, unknown._value_ = f"UNKNOWN_0x{value:04X}", value
         return unknown
 
+    @property
+    def words(self) -> str:
+        """What it means for whoever asked."""
+        return _ACK_WORDS.get(self, "the specification has no such code")
+
     @classmethod
     def unpack(cls, data: bytes) -> "Ack":
         """Either dialect: the code is a WORD, or a DWORD with the code in its low word (field note 1.4)."""
         if len(data) not in (2, 4):
             raise ValueError(f"a response code has 2 or 4 bytes, this one has {len(data)}")
         return cls(int.from_bytes(data[:2], "little"))
+
+
+_ACK_WORDS = {
+    Ack.OK: "it is done or begun",
+    Ack.ERR_CHECKSUM: "it arrived damaged",
+    Ack.ERR_MOVING: "something moves that must stand for it",
+    Ack.ERR_UNSUPPORTED: "the device does not know it",
+    Ack.ERR_RANGE: "there is no such motor, frame or value, or it needs more velocity or acceleration than is set",
+    Ack.ERR_GENERAL: "the E-stop is held, a motor is off, a driver failed, the rig file is wrong, nothing is prepared",
+    Ack.ERR_NOT_IN_POSITION: "the motors are not where it begins",
+    Ack.ERR_PREROLL: "in its pre-roll a motor would pass a limit, or needs a longer one",
+    Ack.ERR_POSTROLL: "in its post-roll a motor would pass a limit, or needs a longer one",
+    Ack.ERR_AIM_COD: "the aim point is too near",
+    Ack.ERR_SOFT_UP: "it leads past the upper soft limit",
+    Ack.ERR_SOFT_LOW: "it leads past the lower soft limit",
+    Ack.ERR_HARD_UP: "the upper limit switch is hit",
+    Ack.ERR_HARD_LOW: "the lower limit switch is hit",
+}
 
 
 _layouts: dict[type, list[tuple[str, Any, bool]]] = {}
