@@ -22,10 +22,12 @@ find_python() {
     die "framestep needs Python 3.11 or newer; found $(python3 --version 2>/dev/null || echo none). Name one with PYTHON=/path/to/python3."
 }
 
+stamp() { cat "$ROOT/pyproject.toml" "$ROOT/tools/constraints.txt" "$ROOT/tools/setup.sh" <(echo "$ROOT") | sha256sum; }
+python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
+node_is_there() { [ -e "$ROOT/tools/emulator/board/node_modules/rp2040js/package.json" ]; }
+
 python_packages() {
-    local stamp python
-    stamp=$(cat "$ROOT/pyproject.toml" "$ROOT/tools/constraints.txt" "$ROOT/tools/setup.sh" <(echo "$ROOT") | sha256sum)
-    [ "$(cat "$VENV/.complete" 2>/dev/null)" != "$stamp" ] || return 0
+    local python
     rm -f "$VENV/.complete"
     python=$(find_python)
     "$python" -c 'import venv, ensurepip' 2>/dev/null || need_packages "make a Python environment" python3-venv
@@ -34,12 +36,11 @@ python_packages() {
         "$VENV/bin/pip" install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev]"
     rm -rf "$CACHE/stubs"
     step stubs "installing MicroPython's type stubs" "$VENV/bin/pip" install --no-deps --target "$CACHE/stubs" "$STUBS"
-    printf '%s\n' "$stamp" >"$VENV/.complete"
+    stamp >"$VENV/.complete"
 }
 
 node_packages() {
     local board=$ROOT/tools/emulator/board
-    [ -e "$board/node_modules/rp2040js/package.json" ] && return
     command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
     node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 18 ? 1 : 0)' ||
         die "The emulated board needs node 18 or newer; found $(node --version)."
@@ -47,9 +48,7 @@ node_packages() {
         npm --prefix "$board" install --no-package-lock --no-audit --no-fund --omit=dev
 }
 
+case ${1:-python} in python | node) ;; *) die "usage: tools/setup.sh [python|node]" ;; esac
+"${1:-python}_is_there" && exit # without waiting for a build that is under way
 lock
-case ${1:-python} in
-    python) python_packages ;;
-    node) node_packages ;;
-    *) die "usage: tools/setup.sh [python|node]" ;;
-esac
+"${1:-python}_is_there" || "${1:-python}_packages"

@@ -64,7 +64,7 @@ MOTOR_SETTINGS = {
         "steps",
         "play of the gears, taken up where the motion turns; positions stay those of the load",
     ),
-    "jerk": (int, 0, 1000000, 0, "1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
+    "jerk": (int, 0, 1000000, 0, "· 1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
     "driver": (
         dict,
         None,

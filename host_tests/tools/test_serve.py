@@ -237,13 +237,27 @@ def test_trace_is_written_while_it_happens(tmp_path):
     assert rows == sorted(rows)
 
 
+def pace(board):
+    """Seconds of the board's time in a second of the wall clock, over 0.4 s."""
+    began, virtual = time.monotonic(), board.now_ns
+    time.sleep(0.4)
+    return (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
+
+
+def keeps_real_time(board):
+    """As soon as a busy computer lets it. It may fall behind, but never be ahead."""
+    for _ in range(20):
+        found = pace(board)
+        assert found < 1.2
+        if found > 0.8:
+            return True
+    return False
+
+
 def test_real_time_is_kept():
     board = FakeBoard()
     with serving(board):
-        began, virtual = time.monotonic(), board.now_ns
-        time.sleep(0.5)
-        ratio = (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
-    assert ratio == pytest.approx(1.0, abs=0.2)
+        assert keeps_real_time(board)
 
 
 def test_full_speed_only_while_there_is_something_to_do():
@@ -254,15 +268,10 @@ def test_full_speed_only_while_there_is_something_to_do():
         with Client.open(tcp_url(server)) as client:
             board.step_every_ns = 10 * MS
             client.request(Hi())
-            began, virtual = time.monotonic(), board.now_ns
-            time.sleep(0.5)
-            fast = (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began)
-            assert fast > 3
+            assert pace(board) > 3
             board.step_every_ns = 0
             time.sleep(0.2)
-            began, virtual = time.monotonic(), board.now_ns
-            time.sleep(0.4)
-            assert (board.now_ns - virtual) * 1e-9 / (time.monotonic() - began) == pytest.approx(1, abs=0.3)
+            assert keeps_real_time(board)
 
 
 def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):

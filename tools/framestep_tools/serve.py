@@ -315,6 +315,7 @@ class Server:
             or any(exchange.channel.pending for exchange in self.exchanges)
         )
         target = self.pace.target(board.now_ns, board.slice_ns, work)
+        behind = target - board.now_ns >= board.slice_ns  # a whole slice: there may be more of them to catch up with
         if target > board.now_ns:
             board.run_until(target)
         sent = sum([exchange.to_client() for exchange in self.exchanges])
@@ -331,7 +332,7 @@ class Server:
                 self._last_flush = time.monotonic()
         if not (work and self.pace.speed is None):
             descriptors = [fd for exchange in self.exchanges for fd in exchange.readable()]
-            select.select(descriptors, [], [], board.slice_ns * 1e-9)
+            select.select(descriptors, [], [], 0 if behind else board.slice_ns * 1e-9)
 
     def close(self) -> None:
         """Close the ports and the trace, then the board."""
