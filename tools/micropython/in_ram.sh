@@ -48,6 +48,12 @@ for ((i = 1; i < $#; i++)); do
                     s|pos = \(pos \+ 1\) % map->alloc;|pos = pos + 1 == map->alloc ? 0 : pos + 1;|' "${command[i]}" >"$object.c"
             command[i]=$object.c
             ;;
+        */mp_usbd_cdc.c)
+            # A full buffer of what the REPL's port has received is filled up again after every byte that is read, which
+            # costs as much as reading it. Let it wait until a packet fits.
+            sed -E 's|(cdc_itf_pending && ringbuf_free\(&stdin_ringbuf\))\)|\1 > 64)|' "${command[i]}" >"$object.c"
+            command[i]=$object.c
+            ;;
     esac
 done
 for name in "${FAST[@]}"; do

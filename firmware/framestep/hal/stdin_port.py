@@ -1,7 +1,7 @@
 """The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1` in rig.json.
 
 The built-in port only has a blocking read, and tells whether a byte waits but not how many. So a frame is read as it
-announces itself: the first byte, the rest of the header, the payload in blocks, each in one call. A host that stops
+announces itself: the first byte, the rest of the header, what remains in blocks, each in one call. A host that stops
 half-way would hold the main loop up; after 10 ms bytes of filling end the read (a stream on os.dupterm gives them),
 are taken out again, and the rest of that frame is read byte by byte, waiting for none. Where MicroPython does not ask
 that stream while it reads (all but rp2) every frame is read like that.
@@ -42,9 +42,13 @@ _HEADER = const(10)
 _OVERHEAD = const(12)  # header and check bytes
 _LARGEST = const(1048)
 
-_BLOCK = const(64)  # bytes of a frame read in one call: as many calls for filling at worst
-_AT = const(2)  # where in the buffer, so that all of a frame comes with the same place in a word as its header
-_SIZE = const(68)  # of the buffer, whole words
+# The buffer: the header at first, then room for it and for a first block, which ends at _BODY, then whole blocks.
+# So the views that bytes are read into are made once, and a frame lies there in one piece.
+_BLOCK = const(128)  # bytes of a frame read in one call: as many calls for filling at worst
+_HEAD = const(3)
+_BODY = const(156)  # whole words
+_SIZE = const(_BODY + 8 * _BLOCK)
+_PACKET = const(64)  # bytes sent in one call
 _PATIENCE_MS = const(10)  # for a block, before the filling begins
 _WAKE_MS = const(5)  # interrupts that wake the processor while it waits in a read
 _CALM_MS = const(50)  # quiet after noise before Ctrl-C counts again
@@ -63,42 +67,51 @@ _HELD = const(5)  # bytes in the buffer that the reader did not take
 _HELD_AT = const(6)
 _WORDS = const(7)
 
+# Words of the filling
+_BEGIN = const(0)  # where in the buffer the read under way puts its bytes
+_END = const(1)
+_DEADLINE = const(2)  # ticks_ms
+_GIVEN = const(3)
+_FILLING_WORDS = const(4)
+
+_WRAP = const(0x3FFFFFFF)
+_HALF = const(0x20000000)
+_ONE = 1  # an object, which a viper function cannot make
+
 
 @micropython.viper
 def _nothing(_timer):
     pass
 
 
-@micropython.viper
-def _end(buffer: ptr8, at: int) -> int:
-    """Where the zeros begin that the buffer ends with, from `at` on."""
-    end = _SIZE
-    while end > at and buffer[end - 1] == 0:
-        end -= 1
-    return end
-
-
 class _Filling(io.IOBase):
-    """Ends a read into `buffer` from `at` on that has waited until `deadline` (ticks_ms): gives the bytes it lacks.
+    """Ends a read that has waited until its deadline: gives the bytes it lacks.
 
-    The host may go on meanwhile, and its bytes come between these. So the buffer is all zeros before, and `after` notes
-    for each of the `given` bytes from where on there were only zeros when it was given: the next that is none is it.
+    The host may go on meanwhile, and its bytes come between these. So the read's place in the buffer is all zeros
+    before, and `after` notes for each byte given from where on there were only zeros then: the next that is none is it.
     """
 
     def __init__(self, buffer):
         self.buffer = buffer
-        self.after = bytearray(_SIZE)
-        self.at = 0
-        self.deadline = 0
-        self.given = 0
+        self.words = array("i", [0] * _FILLING_WORDS)
+        self.after = bytearray(_BLOCK)
+        self._ticks = time.ticks_ms
 
+    @micropython.viper
     def readinto(self, byte):
-        if time.ticks_diff(time.ticks_ms(), self.deadline) < 0:
+        w = ptr32(self.words)
+        if (int(self._ticks()) - w[_DEADLINE]) & _WRAP >= _HALF:
             return None
-        self.after[self.given] = _end(self.buffer, self.at)
-        self.given += 1
-        byte[0] = 0xFF
-        return 1
+        buffer = ptr8(self.buffer)
+        begin = w[_BEGIN]
+        end = w[_END]
+        while end > begin and buffer[end - 1] == 0:
+            end -= 1
+        given = w[_GIVEN]
+        ptr8(self.after)[given + 0] = end - begin
+        w[_GIVEN] = given + 1
+        ptr8(byte)[0] = 0xFF
+        return _ONE
 
     def write(self, data):
         return len(data)
@@ -117,18 +130,19 @@ class StdinPort:
     def __init__(self):
         self._buffer = bytearray(_SIZE)
         self._filling = _Filling(self._buffer)
+        self._filling_words = self._filling.words
         view = memoryview(self._buffer)
-        self._first = view[:1]
-        self._header = view[1:_HEADER]  # without its first byte
-        self._blocks = [view[_AT : _AT + n] for n in range(_BLOCK + 1)]
-        self._out = bytearray(_BLOCK)
+        self._first = view[_HEAD : _HEAD + 1]
+        self._header = view[_HEAD + 1 : _HEAD + _HEADER]  # without its first byte
+        self._starts = [view[_BODY - n : _BODY] for n in range(_BLOCK + 1)]
+        self._blocks = [view[at : at + _BLOCK] for at in range(_BODY, _SIZE, _BLOCK)]
+        self._out = bytearray(_PACKET)
         view = memoryview(self._out)
-        self._packets = [view[:n] for n in range(_BLOCK + 1)]
+        self._packets = [view[:n] for n in range(_PACKET + 1)]
         self._state = array("i", [0] * _WORDS)
         self._readinto = sys.stdin.buffer.readinto
         self._write = sys.stdout.buffer.write
         self._ticks = time.ticks_ms
-        self._later = time.ticks_add
         self._dupterm = os.dupterm
         self._input = select.poll()
         self._output = select.poll()
@@ -179,7 +193,7 @@ class StdinPort:
             s[_HAVE] = 0
         if s[_HAVE] == 0:
             self._readinto(self._first)
-            if chip and ptr8(self._buffer)[0] == _D:
+            if chip and ptr8(self._buffer)[_HEAD] == _D:
                 terminal = self._dupterm(self._filling)
                 try:
                     moved += int(self._read_frame(reader))
@@ -200,57 +214,66 @@ class StdinPort:
     def _read_frame(self, reader) -> int:
         """The first byte is in the buffer: read the rest of the header, then of the frame, in blocks."""
         s = ptr32(self._state)
-        buffer = self._buffer
-        have = 1 + int(self._fill(self._header, 1, _HEADER - 1))
-        moved = int(self._give(reader, 0, have))
+        buffer = ptr8(self._buffer)
+        have = 1 + int(self._fill(self._header, _HEAD + 1, _HEADER - 1))
         s[_HAVE] = have
-        s[_LOW] = ptr8(buffer)[_HEADER - 2]
-        need = _OVERHEAD + s[_LOW] + (ptr8(buffer)[_HEADER - 1] << 8)
-        if have > 1 and ptr8(buffer)[1] != _F or have == _HEADER and need > _LARGEST:
+        s[_LOW] = buffer[_HEAD + 8]
+        need = _OVERHEAD + s[_LOW] + (buffer[_HEAD + 9] << 8)
+        if have > 1 and buffer[_HEAD + 1] != _F or have == _HEADER and need > _LARGEST:
             self._lost()
-        elif have == _HEADER:
-            s[_NEED] = need
-            blocks = self._blocks
-            while have < need and not s[_HELD]:
-                wanted = need - have
-                if wanted > _BLOCK:
-                    wanted = _BLOCK
-                count = int(self._fill(blocks[wanted], _AT, wanted))
-                moved += int(self._give(reader, _AT, count))
-                have += count
-                if count < wanted:
-                    break
-            s[_HAVE] = have
-            if have == need:
-                s[_HAVE] = 0
-                s[_NOISE] = 0
-        return moved
+            return int(self._give(reader, _HEAD, have))
+        if have < _HEADER:
+            return int(self._give(reader, _HEAD, have))
+        s[_NEED] = need
+        wanted = (need - _HEADER - 1 & _BLOCK - 1) + 1
+        at = _BODY - wanted
+        start = at - _HEADER
+        view = self._starts[wanted]
+        blocks = self._blocks
+        block = 0
+        while True:
+            count = int(self._fill(view, at, wanted))
+            have += count
+            at += count
+            if count < wanted or have == need:
+                break
+            wanted = _BLOCK
+            view = blocks[block]
+            block += 1
+        i = 0
+        while i < _HEADER:
+            buffer[start + i] = buffer[_HEAD + i]
+            i += 1
+        s[_HAVE] = have
+        if have == need:
+            s[_HAVE] = 0
+            s[_NOISE] = 0
+        return int(self._give(reader, start, have))
 
     @micropython.viper
     def _fill(self, view, at: int, wanted: int) -> int:
         """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host stops half-way."""
         buffer = ptr8(self._buffer)
-        i = at
-        while i & 3:
-            buffer[i] = 0
-            i += 1
-        while i < _SIZE:
+        i = at & -4
+        end = at + wanted
+        while i < end:
             ptr32(int(buffer) + i)[0] = 0
             i += 4
-        filling = self._filling
-        filling.at = at
-        filling.given = 0
-        filling.deadline = self._later(self._ticks(), _PATIENCE_MS)
+        w = ptr32(self._filling_words)
+        w[_BEGIN] = at
+        w[_END] = end
+        w[_DEADLINE] = int(self._ticks()) + _PATIENCE_MS
+        w[_GIVEN] = 0
         self._readinto(view)
-        given = int(filling.given)
+        given = w[_GIVEN]
         if given == 0:
             return wanted
-        after = ptr8(filling.after)
+        after = ptr8(self._filling.after)
         i = at
         to = at
         found = 0
-        while i < at + wanted:
-            if found < given and i >= after[found] and buffer[i]:
+        while i < end:
+            if found < given and i - at >= after[found] and buffer[i]:
                 found += 1
             else:
                 buffer[to] = buffer[i]
@@ -271,8 +294,8 @@ class StdinPort:
                     break
                 self._readinto(self._first)
             fetch = True
-            byte = buffer[0]
-            buffer[_AT + count] = byte
+            byte = buffer[_HEAD]
+            buffer[_BODY + count] = byte
             count += 1
             have = s[_HAVE] + 1
             s[_HAVE] = have
@@ -297,7 +320,7 @@ class StdinPort:
                 s[_HAVE] = 0
                 s[_NOISE] = 0
                 break
-        return int(self._give(reader, _AT, count))
+        return int(self._give(reader, _BODY, count))
 
     def _lost(self):
         """Where the next frame begins is not known."""
@@ -317,7 +340,7 @@ class StdinPort:
 
         What is given to a closed port goes nowhere.
         """
-        room = _BLOCK
+        room = _PACKET
         if not chip:
             if not next(self._output.ipoll(0), None):
                 return
@@ -325,16 +348,16 @@ class StdinPort:
             room = _FREE
         else:
             if not self.open:
-                while writer.take(self._out, _BLOCK):
+                while writer.take(self._out, _PACKET):
                     pass
             return
         while room:
-            count = writer.take(self._out, _BLOCK)
+            count = writer.take(self._out, _PACKET)
             if not count:
                 return
             self._write(self._packets[count])
             self._sent_at = time.ticks_ms()
-            room -= _BLOCK
+            room -= _PACKET
 
     def _collected(self):
         """Whether the host has collected what was sent to it; keeps `open`."""
