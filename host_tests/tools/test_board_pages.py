@@ -1,6 +1,7 @@
 """Every board's data is sound, its page and drawing are made from it, and its example rig file is valid."""
 
 import copy
+import re
 from xml.etree import ElementTree
 
 import pytest
@@ -14,7 +15,12 @@ BOARDS = board_names()
 
 
 def test_the_boards_that_there_are():
-    assert BOARDS == ["fysetc_erb", "pico", "pico2", "skr_pico"]
+    """The README leads to each of them."""
+    assert {"fysetc_erb", "pico", "pico2", "skr_pico"} <= set(BOARDS)
+    readme = (ROOT / "README.md").read_text()
+    for name in BOARDS:
+        count = board_data(name)["motors"]
+        assert re.search(rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE), name
 
 
 @pytest.mark.parametrize("name", BOARDS)

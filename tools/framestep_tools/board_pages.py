@@ -47,7 +47,7 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
     for key, kind, what, wire in (
         ("estop", "stop", "E-stop", "button to GND, closed while all is well"),
         ("shutter", "camera", "camera shutter", "optocoupler of the release cable"),
-        ("meter", "camera", "camera meter", "the same, half pressed"),
+        ("meter", "camera", "camera meter", "optocoupler of its half-press"),
     ):
         if key in board:
             found.append(Use(board[key], kind, what, wire))
@@ -274,7 +274,7 @@ def drawing(board: Mapping[str, Any]) -> str:
         ("camera", "camera"),
         ("serial", "serial lines"),
         ("gio", "general inputs and outputs"),
-        ("board", "on the board"),
+        ("board", "others"),
     )
     x = 60
     for kind, word in legend:
