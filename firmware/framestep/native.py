@@ -7,7 +7,8 @@ function back, and a pointer is the array itself or, for an address, the array r
 Rules for a kernel, so that the runtimes agree number by number:
 
 * every value fits 32 bits signed; a product that does not is split by the caller;
-* memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one;
+* memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one; a cast to ptr8
+  gives the bytes of any;
 * a pointer to a part of an array is made with `addressof(array)` kept in a state word.
 """
 
@@ -41,6 +42,8 @@ except ImportError:
         def native(function):
             return function
 
+    from array import array
+
     def const(value):
         return value
 
@@ -64,4 +67,8 @@ except ImportError:
     def _pointer(memory):
         return _memory[memory] if memory.__class__ is int else memory
 
-    ptr8 = ptr16 = ptr32 = _pointer
+    ptr16 = ptr32 = _pointer
+
+    def ptr8(memory):
+        memory = _pointer(memory)
+        return memoryview(memory).cast("B") if memory.__class__ is array else memory

@@ -39,7 +39,7 @@ def test_any_stream_in_any_pieces(emulator, cases):
         assert answer == streams.expected(case).hex(), case
 
 
-@given(st.lists(uploads.uploads(steps=12, memories=(2000, 3000)), min_size=4, max_size=4))
+@given(st.lists(uploads.uploads(steps=12, memories=(380, 700, 1100)), min_size=4, max_size=4))
 @settings(max_examples=3, **ONCE)
 def test_any_upload(emulator, scripts):
     script = [step for script in scripts for step in script]

@@ -3,6 +3,7 @@
 `uploads()` makes scripts for host_tests/runtime/store_replay.py, `expected()` gives the answers.
 """
 
+import itertools
 import struct
 
 from hypothesis import strategies as st
@@ -20,31 +21,33 @@ def axis(motor, index, last, positions):
     return wire.encode(messages.MSG_RT_UPLOAD_MOVE_AXIS, head + struct.pack(f"<{len(positions)}i", *positions), 5).hex()
 
 
-def _is_whole(chunk):
-    """Whether a chunk, {frame: position}, has differences that 16 bits do not hold."""
-    before = None
-    for _, position in sorted(chunk.items()):
-        if before is not None and abs(position - before) > 32767:
-            return True
-        before = position
-    return False
+FRAMES, CHUNK, UNIT, MOST_UNITS = 128, 69, 17, 12  # of a chunk; half words
+
+
+def _units(chunk):
+    """Units that a chunk, {frame: position}, takes."""
+    positions = [position for _, position in sorted(chunk.items())]
+    if len(set(positions)) > 1 and any(not -(2**29) <= position < 2**29 for position in positions):
+        return MOST_UNITS
+    steps = [after - before for before, after in itertools.pairwise(positions)]
+    most = max((abs(after - before) for before, after in itertools.pairwise(steps)), default=0)
+    return next((units for units in range(MOST_UNITS) if most < 2 ** (7 + 2 * units)), MOST_UNITS)
 
 
 class Model:
-    """What an UploadStore must do: dictionaries for the positions, and for the memory the count of its chunks."""
+    """What an UploadStore must do: dictionaries for the positions, and for the memory the count of its units."""
 
     def __init__(self, motors, memory_bytes):
         self.motors = motors
-        self.halves = (memory_bytes // 2 - 66) // 64 * 64
-        self.limit = (self.halves - self.halves // 64) // (motors * 66) * 64
+        self.halves = memory_bytes // 2
+        self.limit = self.halves // (motors * (CHUNK + UNIT)) * FRAMES
         self.clear()
 
     def clear(self):
         self.state = "EMPTY"
         self.sent = {}
         self.start = self.end = self.count = 0
-        self.top = self.halves
-        self.free = 0
+        self.in_use = self.used = 0  # units, now and at most
 
     def begin(self, start, end):
         if not -(2**29) < start <= end < 2**29 or end - start >= self.limit:
@@ -62,7 +65,7 @@ class Model:
         if not positions:
             return ERR_RANGE if last else OK
         regions = len(self.sent.keys() | {motor})
-        if regions * self.region() > self.top:
+        if regions * self.region() > self.halves - self.used * UNIT:
             return ERR_RANGE
         changed = dict(self.sent.get(motor, {}))
         changed.update(zip(range(index, stop), positions, strict=True))
@@ -85,27 +88,22 @@ class Model:
 
     def region(self):
         """Half words of a motor's region."""
-        return (self.count + 63) // 64 * 66
+        return -(-self.count // FRAMES) * CHUNK
 
     def change(self, changes, regions):
-        """Put new dictionaries in the place of old ones if at any moment the pool has an entry for each whole chunk."""
-        room = self.free + (self.top - regions * self.region()) // 64
-        top, free, need = self.top, self.free, 0
+        """Put new dictionaries in the place of old ones if at any moment the pool has the units for it."""
+        room = (self.halves - regions * self.region()) // UNIT
+        in_use, used = self.in_use, self.used
         for motor, new in changes:
             old = self.sent.get(motor, {})
-            for chunk in range((self.count + 63) // 64):
-                frames = range(64 * chunk, 64 * chunk + 64)
-                was, now = (_is_whole({f: sent[f] for f in frames if f in sent}) for sent in (old, new))
-                need += now - was
-                if now > was:
-                    if need > room:
-                        return False
-                    if free:
-                        free -= 1
-                    else:
-                        top -= 64
-                free += was > now
-        self.top, self.free = top, free
+            for first in range(0, self.count, FRAMES):
+                frames = range(first, first + FRAMES)
+                was, now = (_units({f: sent[f] for f in frames if f in sent}) for sent in (old, new))
+                in_use += now - was
+                if in_use > room:
+                    return False
+                used = max(used, in_use)
+        self.in_use, self.used = in_use, used
         self.sent.update(changes)
         return True
 
@@ -133,29 +131,38 @@ def expected(script):
             yield "" if answer is None else str(answer)
 
 
-# Positions stay clear of a difference of 2^32, which 32 bits take for none: the memory used, and only it, would differ.
-_far = st.integers(-(2**31) + 2**17, 2**31 - 2**17)
+HIGHEST = 2**31 - 1
+_far = st.integers(-HIGHEST, HIGHEST)
 _near = st.integers(-100_000, 100_000)
+_bend = st.one_of(
+    st.integers(0, 600), st.builds(lambda bits, more: 2**bits + more, st.integers(7, 31), st.integers(-1, 1))
+)
+
+
+def _clipped(position):
+    return max(-HIGHEST, min(HIGHEST, position))
 
 
 @st.composite
 def _positions(draw, index, count, before):
-    """A section's worth from frame `index` on: still, moving evenly, wandering or jumping."""
+    """A section's worth from frame `index` on: still, moving evenly, bending, wandering or jumping."""
     start = draw(st.one_of(_near, _far, st.just(before), st.just(before)))
-    kind = draw(st.sampled_from(["still", "even", "even", "wave", "jumps", "alternate", "edge", "lowest"]))
-    limit = 2**31 - 2**17
+    kind = draw(st.sampled_from(["still", "even", "even", "bends", "bends", "wave", "jumps", "alternate", "edge", "lowest"]))
     if kind == "still":
         return [start] * count
     if kind == "even":
-        slope = draw(
-            st.one_of(
-                st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.sampled_from([32767, -32767, 32768, -32768])
-            )
-        )
-        return [max(-limit, min(limit, start + slope * i)) for i in range(count)]
+        slope = draw(st.one_of(st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.integers(-(2**25), 2**25)))
+        return [_clipped(start + slope * i) for i in range(count)]
+    if kind == "bends":
+        bend, turn = draw(_bend), draw(st.sampled_from([1, 2, 5, 1000]))
+        position, slope, positions = start, 0, []
+        for i in range(count):
+            slope += -bend if i // turn % 2 else bend
+            positions.append(_clipped(position := position + slope))
+        return positions
     if kind == "wave":
         period = draw(st.integers(2, 50))
-        return [max(-limit, min(limit, start + (i % period) * 3000)) for i in range(count)]
+        return [_clipped(start + (i % period) * 3000) for i in range(count)]
     if kind == "jumps":
         jumps = draw(st.dictionaries(st.integers(0, max(0, count - 1)), _far, max_size=3))
         return [jumps.get(i, start) for i in range(count)]
@@ -164,21 +171,21 @@ def _positions(draw, index, count, before):
         return [other if i % 2 else start for i in range(count)]
     positions = [start] * count
     if kind == "lowest" and count:
-        boundary = min(-index % 64, count - 1)  # the first frame of a chunk
+        boundary = min(-index % FRAMES, count - 1)  # the first frame of a chunk
         positions[draw(st.one_of(st.sampled_from([0, boundary, count - 1]), st.integers(0, count - 1)))] = LOWEST
     if kind == "edge" and count:
-        positions = [draw(st.sampled_from([2**31 - 1, LOWEST + 1, LOWEST + 32768]))] * count
+        positions = [draw(st.sampled_from([HIGHEST, -HIGHEST, 2**29, 2**29 - 1, -(2**29), -(2**29) - 1]))] * count
     return positions
 
 
 @st.composite
-def uploads(draw, steps=25, memories=(2000, 3000, 5000, 8000, 20_000)):
+def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
     """A store that is a little too small or large enough, and some uploads into it."""
     motors = draw(st.integers(1, 4))
     memory = draw(st.sampled_from(memories))
     model = Model(motors, memory)
     if model.limit == 0:
-        memory = 3000
+        memory = 1100
         model = Model(motors, memory)
     script = [(f"NEW {motors} {memory}", ("new", motors, memory))]
 
@@ -187,32 +194,43 @@ def uploads(draw, steps=25, memories=(2000, 3000, 5000, 8000, 20_000)):
 
     def begin():
         start = draw(
-            st.one_of(st.integers(-10, 10), st.sampled_from([-(2**29), 1 - 2**29, 2**29 - 300, 2**29 - 1, -(2**30)]))
+            st.one_of(
+                *[st.integers(-10, 10)] * 4, st.sampled_from([-(2**29), 1 - 2**29, 2**29 - 300, 2**29 - 1, -(2**30)])
+            )
         )
         most = model.limit
-        count = draw(st.one_of(st.integers(1, most), st.just(most), st.sampled_from([0, -1, 63, 64, 65, most + 1])))
+        count = draw(
+            st.one_of(
+                *[st.integers(1, most)] * 4, *[st.just(most)] * 4, st.sampled_from([0, -1, 127, 128, 129, most + 1])
+            )
+        )
         end = max(-(2**30), min(start + count - 1, 2**30 - 1))
         add(f"BEGIN {start} {end}", "begin", start, end)
         model.begin(start, end)
 
-    if draw(st.integers(0, 9)):
-        begin()
+    begin()
     in_order, before = {}, {}
     for _ in range(draw(st.integers(0, steps))):
-        kind = draw(st.sampled_from(["section"] * 14 + ["begin", "finish", "clear", "stray"]))
+        kind = draw(st.sampled_from(["section"] * 20 + ["begin", "finish", "clear", "stray"]))
         if kind == "begin":
             begin()
             in_order = {}
         elif kind == "finish":
             add("FINISH", "finish")
             add("READ 3 3", "read", 3, 3)
+            if model.finish() == OK and draw(st.integers(0, 3)):
+                begin()
+                in_order = {}
         elif kind == "clear":
             add("CLEAR", "clear")
+            model.clear()
             in_order = {}
+            if draw(st.integers(0, 3)):
+                begin()
         else:
             motor = draw(st.integers(0, motors - 1))
             size = draw(
-                st.one_of(st.integers(1, 257), st.sampled_from([1, 63, 64, 65, 128, 255, 257]), st.integers(0, 2))
+                st.one_of(st.integers(1, 257), st.sampled_from([1, 2, 127, 128, 129, 255, 257]), st.integers(0, 2))
             )
             at = in_order.get(motor, 0)
             index = draw(st.sampled_from([at, at, at, max(0, at - size), at + draw(st.integers(0, 80)), -1]))
@@ -227,9 +245,10 @@ def uploads(draw, steps=25, memories=(2000, 3000, 5000, 8000, 20_000)):
             in_order[motor] = index + size
             last = draw(st.integers(0, 7)) == 0
             positions = draw(_positions(index, size, before.get(motor, 0)))
-            if positions and abs(positions[-1]) < 2**31 - 2**17:
+            if positions and positions[-1] != LOWEST:
                 before[motor] = positions[-1]
             add(axis(motor + 1, index, last, positions), "section", motor, index, last, positions)
+            model.section(motor, index, last, positions)
     add("FINISH", "finish")
     add("READ 2 2", "read", 2, 2)
     return script

@@ -17,7 +17,7 @@ from framestep.moves.store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
 
-_BYTES_PER_CHANGE = const(192)  # of memory, 7 of which are for the change and its share of the triggers
+_BYTES_PER_CHANGE = const(128)  # of memory, 7 of which are for the change and its share of the triggers
 
 RUN_FLAGS = m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS
 
@@ -53,7 +53,7 @@ class Moves:
         }
 
     def take_memory(self):
-        """The last thing at boot: lights and triggers get 4 % of the memory that is left, positions the rest."""
+        """The last thing at boot: lights and triggers get 5 % of the memory that is left, positions the rest."""
         changes = self.controller.hal.upload_bytes // _BYTES_PER_CHANGE
         self.cues.take(changes, changes // 8)
         self.store.take(self.controller.hal.upload_bytes)

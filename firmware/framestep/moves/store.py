@@ -1,17 +1,26 @@
 """The uploaded move: a position for every frame of every motor, in one block of memory taken at boot.
 
 Memory. A motor gets a region when its first section comes; motors without data take none. A region is a row of
-chunks of 64 frames:
+chunks of 128 frames:
 
-    base, two half words | 64 half words, one a frame
+    base, two half words | velocity, two half words | link | 64 half words, a byte for each frame
 
-base is even: the half words are differences from the frame before (the first from base), signed 16 bits. That holds
-every move that a motor can follow at 24 frames/s, as it asks for less than 32768 steps from one frame to the next.
-base is odd: some difference is greater; the half words are the low halves of the positions and base >> 1 is the place
-of their high halves, taken from a pool that grows down from the end of the memory. A frame that has not been sent is
-the difference -32768, or the position -2^31. Either is read in at most 64 steps.
+A frame's code is by how much the steps per frame have changed from the frame before: code by code it is added to the
+velocity, and the velocity to the position, beginning with velocity and base. Its low eight bits lie in the chunk. Where
+they do not hold every code of the chunk, its units hold two further bits of each, and so on, as many units as it takes:
 
-So a frame costs 2.06 bytes a motor, and 4.06 where a chunk is kept whole.
+    link | 16 half words, two bits for each frame
+
+Units come from a pool that grows down from the end of the memory; links, 0 at the end, make a chain of a chunk's units.
+With twelve of them a code has 32 bits and is the position itself; so is kept what moves outside of ± 2^29 steps or does not
+fit fewer. The lowest code that so many bits can hold stands for a frame that has not been sent, and leaves velocity
+and position alone. The velocity of a chunk is that from its first to its second frame sent, so a chunk's units depend on
+nothing but its positions.
+
+What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one frame to the next,
+and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per frame change by more than 511 from one
+frame to the next, which at 24 frames/s is 294 000 steps/s². Where they change by less, there is memory for
+greater changes elsewhere, of any size.
 
 Nothing but the constructor and take() allocates. Positions go through arrays, as they need not fit a small integer;
 frame numbers and indexes are small integers. An index counts from 0 at the first frame of the range (field note 5.1).
@@ -19,7 +28,7 @@ frame numbers and indexes are small integers. An index counts from 0 at the firs
 
 from array import array
 
-from framestep.native import CPYTHON, const, micropython, ptr16, ptr32
+from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
 from framestep.protocol.frames import copy_bytes
 from framestep.protocol.messages import ERR_GENERAL, ERR_RANGE, OK
 
@@ -30,282 +39,435 @@ READY = const(2)
 
 MOST_POSITIONS = const(257)  # of a section: what the largest frame holds
 
-_FRAMES = const(64)  # of a chunk
-_CHUNK = const(66)  # half words of a chunk; its high halves in the pool take _FRAMES
-_UNSENT = const(0x8000)
-_RESERVE = const(64)  # this part of the memory is left for the pool when the capacity is computed
+_FRAMES = const(128)  # of a chunk
+_BASE = const(0)  # half words of a chunk
+_VELOCITY = const(2)
+_LINK = const(4)
+_CODES = const(5)
+_CHUNK = const(69)
+_UNIT = const(17)  # half words of a unit: its link, its bits
+_MOST_UNITS = const(12)  # of a chunk
+_PER_CHUNK = const(86)  # half words that the capacity counts for a chunk: its own and a unit
+_NOT_SENT = const(0x8080)  # two codes of a chunk without units
 _FARTHEST = const(0x2000_0000)  # frame numbers lie within ± this, so that sums of them are small integers
 
 # Words of the store's block
-_BOTTOM = const(0)  # half words taken by regions
-_TOP = const(1)  # lowest half word that the pool has taken since BEGIN
-_FREE = const(2)  # first free entry of the pool, the others hang on it; half words / 64, 0: none
+_HALVES = const(0)  # half words of the memory
+_BOTTOM = const(1)  # those taken by regions
+_FREE = const(2)  # first free unit of those that have been in use, the others hang on it; 0: none
 _FREE_COUNT = const(3)
-_DRY = const(4)  # 0, or a chunk to write to instead: only NEED is counted
-_NEED = const(5)  # entries that the changes so far would have taken from the pool
-_COUNT = const(6)  # frames of the upload
-_MOTORS = const(7)
-_SPARE = const(8)  # the chunk for DRY
+_USED = const(4)  # units that are or have been in use: number u lies u units before the end of the memory
+_DRY = const(5)  # 1: nothing is written, only NEED is counted
+_NEED = const(6)  # units that the changes so far would have taken
+_COUNT = const(7)  # frames of the upload
+_MOTORS = const(8)
 _STATE = const(9)  # the same as `state`
-_VALUES = const(10)  # positions of a chunk
-_RUN = const(74)  # positions of a section
-_MOTOR = const(331)  # for each motor:
+_KEPT = const(10)  # units of the chunks of a section
+_VALUES = const(14)  # positions of a chunk
+_RUN = const(142)  # positions of a section
+_MOTOR = const(399)  # for each motor:
 _REGION = const(0)  # where its chunks begin, half words; -1: no data
-_MADE = const(1)  # chunks in use, from the first on
-_SENT = const(2)  # frames sent without a gap, from the first on
-_PAST = const(3)  # the frame after the last one sent
-_LAST = const(4)  # the position sent for that last one
-_MOTOR_WORDS = const(5)
-
-
-@micropython.viper
-def _prepare(memory: ptr16, region: int, made: int, needed: int, first: int, last: int):
-    """Make the chunks from `made` to `needed` ones in which no frame has been sent.
-
-    Those between `first` and `last` get no more than a base, as they will be overwritten whole.
-    """
-    while made < needed:
-        at = region + made * _CHUNK
-        memory[at] = 0
-        memory[at + 1] = 0
-        if made <= first or made == last:
-            end = at + _CHUNK
-            at += 2
-            while at < end:
-                memory[at] = _UNSENT
-                memory[at + 1] = _UNSENT
-                memory[at + 2] = _UNSENT
-                memory[at + 3] = _UNSENT
-                at += 4
-        made += 1
-
-
-@micropython.viper
-def _append(i: int, step: int, words: ptr32, memory: ptr16, at: int, stop: int, motor: int) -> int:
-    """Pack RUN into frames `at` to `stop`, when nothing has been sent from `at` on; 0 when a difference does not fit.
-
-    In order, as uploads come: without looking back. (`i` and `step` are parameters because viper keeps the first two in
-    registers on ARM; what is passed does not matter.)
-    """
-    region = words[motor + _REGION]
-    value = words[motor + _LAST]
-    i = words[motor + _PAST]
-    step = 0  # 1: the chunk has a frame before `at`, and `value` is the last
-    if at & 63 and i > 0 and i - 1 >> 6 == at >> 6:
-        step = 1
-    i = _RUN
-    while at < stop:
-        to = region + (at >> 6) * _CHUNK
-        if words[i] < -_FARTHEST:  # from above that, no way to -2^31 in a chunk's small differences
-            return 0
-        if step == 0:
-            value = words[i] & -2
-            memory[to] = value & 0xFFFF
-            memory[to + 1] = value >> 16 & 0xFFFF
-        elif memory[to] & 1:
-            return 0
-        to += 2 + (at & 63)
-        end = i + _FRAMES - (at & 63)
-        if end > i + stop - at:
-            end = i + stop - at
-        at += end - i
-        while i < end:
-            step = words[i] - value
-            if step > 32767:
-                return 0
-            if step < -32767:
-                return 0
-            memory[to] = step & 0xFFFF
-            value = words[i]
-            to += 1
-            i += 1
-        step = 0
-    words[motor + _LAST] = value
-    return 1
-
-
-@micropython.viper
-def _unsend(memory: ptr16, region: int, at: int, stop: int):
-    """Take back what _append() has left; it has not touched a chunk that is kept whole."""
-    while at < stop:
-        chunk = region + (at >> 6) * _CHUNK
-        if memory[chunk] & 1 == 0:
-            memory[chunk + 2 + (at & 63)] = _UNSENT
-        at += 1
-
-
-@micropython.viper
-def _decode(memory: ptr16, words: ptr32, at: int):
-    """Unpack the chunk at `at` into VALUES."""
-    value = memory[at] | ((memory[at + 1] ^ 0x8000) - 0x8000) << 16
-    to = _VALUES
-    end = _VALUES + _FRAMES
-    at += 2
-    if value & 1:
-        high = value >> 1
-        while to < end:
-            words[to] = memory[at] | ((memory[high] ^ 0x8000) - 0x8000) << 16
-            to += 1
-            at += 1
-            high += 1
-        return
-    unsent = -1
-    unsent <<= 31
-    while to < end:
-        step = memory[at]
-        if step == _UNSENT:
-            words[to] = unsent
-        else:
-            value += (step ^ 0x8000) - 0x8000
-            words[to] = value
-        to += 1
-        at += 1
+_SENT = const(1)  # frames sent without a gap, from the first on
+_PAST = const(2)  # the frame after the last one sent; what lies behind has no content yet
+_BEFORE = const(3)  # the position of the frame before the last one sent
+_LAST = const(4)  # of the last one sent
+_CURSOR = const(5)  # a frame read before, -1: none
+_AT = const(6)  # its position
+_PACE = const(7)  # and velocity
+_MOTOR_WORDS = const(8)
 
 
 @micropython.viper
 def _room(words: ptr32) -> int:
-    """Entries that the pool can still give."""
-    return words[_FREE_COUNT] + (words[_TOP] - words[_BOTTOM] >> 6)
+    """Units that the pool can still give."""
+    return words[_FREE_COUNT] + (words[_HALVES] - words[_BOTTOM]) // _UNIT - words[_USED]
 
 
 @micropython.viper
-def _take(memory: ptr16, words: ptr32) -> int:
-    """A new entry of the pool; there is one."""
-    free = words[_FREE]
-    if free:
-        words[_FREE] = memory[free << 6]
-        words[_FREE_COUNT] -= 1
-        return free << 6
-    words[_TOP] -= _FRAMES
-    return words[_TOP]
+def _resize(memory, words, chunk: int, units: int) -> int:
+    """Give a chunk so many units, the first of its own among them; 0 when DRY finds that the pool has not enough."""
+    half = ptr16(memory)
+    word = ptr32(words)
+    top = word[_HALVES]
+    at = chunk + _LINK
+    if word[_DRY]:
+        word[_NEED] += units
+        while half[at]:
+            word[_NEED] -= 1
+            at = top - half[at] * _UNIT
+        return 1 if word[_NEED] <= int(_room(words)) else 0
+    while units > 0:
+        unit = half[at]
+        if unit == 0:
+            unit = word[_FREE]
+            if unit:
+                word[_FREE] = half[top - unit * _UNIT]
+                word[_FREE_COUNT] -= 1
+            else:
+                word[_USED] += 1
+                unit = word[_USED]
+            half[at] = unit
+            half[top - unit * _UNIT] = 0
+        at = top - unit * _UNIT
+        units -= 1
+    unit = half[at]
+    half[at] = 0
+    while unit:
+        at = top - unit * _UNIT
+        after = half[at]
+        half[at] = word[_FREE]
+        word[_FREE] = unit
+        word[_FREE_COUNT] += 1
+        unit = after
+    return 1
 
 
 @micropython.viper
-def _release(memory: ptr16, words: ptr32, at: int):
-    """Give back to the pool what the chunk at `at` has of it."""
-    if memory[at] & 1 == 0:
-        return
-    if words[_DRY]:
-        words[_NEED] -= 1
-        return
-    entry = (memory[at] | memory[at + 1] << 16) >> 1
-    memory[entry] = words[_FREE]
-    words[_FREE] = entry >> 6
-    words[_FREE_COUNT] += 1
+def _pack(i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, start: int, count: int):
+    """Put what the chunk's bytes do not hold of `count` codes, words[start] on, into its units from frame `at` on.
+
+    What the units hold of the frames behind is lost. (`i` and `bits` are parameters because viper keeps the first two
+    in registers on ARM; what is passed does not matter.)
+    """
+    end = start + count
+    shift = 0
+    unit = memory[chunk + _LINK]
+    while unit:
+        to = words[_HALVES] - unit * _UNIT
+        unit = memory[to]
+        to += 1 + (at >> 3)
+        place = (at & 7) << 1
+        bits = memory[to] & (1 << place) - 1
+        i = start
+        while i < end:
+            if place == 0 and end - i >= 8:
+                bits = words[i] >> shift & 3
+                bits |= (words[i + 1] >> shift & 3) << 2
+                bits |= (words[i + 2] >> shift & 3) << 4
+                bits |= (words[i + 3] >> shift & 3) << 6
+                bits |= (words[i + 4] >> shift & 3) << 8
+                bits |= (words[i + 5] >> shift & 3) << 10
+                bits |= (words[i + 6] >> shift & 3) << 12
+                bits |= (words[i + 7] >> shift & 3) << 14
+                memory[to] = bits
+                i += 8
+                to += 1
+                bits = 0
+                continue
+            bits |= (words[i + 0] >> shift & 3) << place
+            i += 1
+            place += 2
+            if place == 16 or i == end:
+                memory[to] = bits
+                to += 1
+                bits = 0
+                place = 0
+        shift += 2
 
 
 @micropython.viper
-def _encode(memory, words, at: int) -> int:
-    """Pack VALUES into the chunk at `at`; 0 when DRY finds that the pool has no room for it."""
+def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) -> int:
+    """Pack RUN into frames `at` to `stop`, which follow on frames sent without a gap; RUN is lost.
+
+    0, and nothing has happened, when they are not plain: far out, with great changes, in a chunk that needs further
+    units, or when there may be too few. (`i` and `code`: as for _pack().)
+    """
+    half = ptr16(memory)
+    word = ptr32(words)
+    plane = ptr8(memory)
+    region = word[motor + _REGION]
+    value = word[motor + _LAST]
+    velocity = value - word[motor + _BEFORE]
+    need = 0
+    kept = _KEPT
+    any_units = 0
+    i = _RUN
+    frame = at
+    while frame < stop:
+        chunk = region + (frame >> 7) * _CHUNK
+        within = frame & 127
+        end = i + _FRAMES - within
+        if end > i + stop - frame:
+            end = i + stop - frame
+        frame += end - i
+        if within == 0:
+            half[chunk + _LINK] = 0
+            velocity = 0
+            if end - i > 1:
+                velocity = word[i + 1] - word[i]
+            value = word[i] - velocity
+        elif within == 1:
+            velocity = word[i] - value
+        # From here no way in small changes to 2^29: all of what follows fits a word.
+        if (value ^ value >> 31) >> 28 or (velocity ^ velocity >> 31) >> 20:
+            return 0
+        if within < 2:
+            base = value
+            if within:
+                base -= velocity
+            half[chunk + _BASE] = base & 0xFFFF
+            half[chunk + _BASE + 1] = base >> 16 & 0xFFFF
+            half[chunk + _VELOCITY] = velocity & 0xFFFF
+            half[chunk + _VELOCITY + 1] = velocity >> 16 & 0xFFFF
+        to = 2 * (chunk + _CODES) + within
+        most = 0
+        while i < end:
+            code = word[i + 0] - value
+            value += code
+            code -= velocity
+            velocity += code
+            plane[to] = code & 0xFF
+            word[i] = code >> 8
+            sign = code >> 31
+            most |= (code ^ sign) - sign
+            to += 1
+            i += 1
+        if most >> 13:
+            return 0
+        units = 0
+        most >>= 7
+        while most:
+            units += 1
+            most >>= 2
+        if within == 0:
+            need += units
+        else:
+            unit = half[chunk + _LINK]
+            held = 0
+            while unit:
+                held += 1
+                unit = half[word[_HALVES] - unit * _UNIT]
+            if units > held or held == _MOST_UNITS:
+                return 0
+            units = held
+        any_units |= units
+        word[kept] = units
+        kept += 1
+    if any_units:
+        if need > int(_room(words)):
+            return 0
+        i = _RUN
+        kept = _KEPT
+        frame = at
+        while frame < stop:
+            chunk = region + (frame >> 7) * _CHUNK
+            within = frame & 127
+            end = _FRAMES - within
+            if end > stop - frame:
+                end = stop - frame
+            if word[kept]:
+                _resize(memory, words, chunk, word[kept])
+                _pack(0, 0, memory, words, chunk, within, i, end)
+            i += end
+            frame += end
+            kept += 1
+    word[motor + _LAST] = value
+    word[motor + _BEFORE] = value - velocity
+    return 1
+
+
+@micropython.viper
+def _encode(memory, words, chunk: int) -> int:
+    """Pack VALUES into the chunk; 0 when DRY finds that the pool has no room for it. VALUES are lost."""
     half = ptr16(memory)
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
-    dry = word[_DRY]
-    chunk = dry if dry else at
     end = _VALUES + _FRAMES
     i = _VALUES
     while i < end and word[i] == unsent:
         i += 1
     base = 0
+    first = 0
     if i < end:
-        base = word[i] & -2
+        base = word[i]
+        i += 1
+        while i < end and word[i] == unsent:
+            i += 1
+        if i < end:
+            first = word[i] - base
+        base -= first
     value = base
-    to = chunk + 2
+    velocity = first
+    far = 0
+    most = 0
     i = _VALUES
     while i < end:
-        step = word[i]
-        if step == unsent:
-            step = _UNSENT
-        else:
-            step -= value
-            if step > 32767 or step < -32767:
-                break
-            value += step
-        half[to] = step & 0xFFFF
-        to += 1
+        code = word[i]
+        if code != unsent:
+            far |= code ^ code >> 31
+            code -= value
+            value += code
+            code -= velocity
+            velocity += code
+            sign = code >> 31
+            most |= (code ^ sign) - sign
         i += 1
-    if i == end:
-        _release(memory, words, at)
-        half[chunk] = base & 0xFFFF
-        half[chunk + 1] = base >> 16 & 0xFFFF
+    bits = 7  # of a code, without its sign
+    if far >> 29 and most | first:
+        bits = 31
+    while bits < 31 and most >> bits:
+        bits += 2
+    if int(_resize(memory, words, chunk, bits - 7 >> 1)) == 0:
+        return 0
+    if word[_DRY]:
         return 1
-    old = half[at] & 1
-    if dry:
-        if old == 0:
-            word[_NEED] += 1
-        return 1 if word[_NEED] <= int(_room(words)) else 0
-    if old:
-        high = (half[at] | half[at + 1] << 16) >> 1
-    else:
-        high = int(_take(memory, words))
-        half[at] = (high << 1 | 1) & 0xFFFF
-        half[at + 1] = high >> 15
-    to = at + 2
+    half[chunk + _BASE] = base & 0xFFFF
+    half[chunk + _BASE + 1] = base >> 16 & 0xFFFF
+    half[chunk + _VELOCITY] = first & 0xFFFF
+    half[chunk + _VELOCITY + 1] = first >> 16 & 0xFFFF
+    plane = ptr8(memory)
+    to = 2 * (chunk + _CODES)
     i = _VALUES
     while i < end:
-        value = word[i]
-        half[to] = value & 0xFFFF
-        half[high] = value >> 16 & 0xFFFF
+        code = word[i]
+        if code == unsent:
+            code = -1 << bits
+        elif bits < 31:
+            code -= base
+            base += code
+            code -= first
+            first += code
+        plane[to] = code & 0xFF
+        word[i] = code >> 8
         to += 1
-        high += 1
         i += 1
+    _pack(0, 0, memory, words, chunk, 0, _VALUES, _FRAMES)
     return 1
 
 
 @micropython.viper
-def _still(memory, words, at: int):
-    """Make every frame of the chunk at `at` VALUES[0]."""
-    _release(memory, words, at)
-    value = ptr32(words)[_VALUES]
-    if ptr32(words)[_DRY]:
-        return
+def _fill(memory, words, chunk: int, position: int, codes: int):
+    """Make every frame of the chunk the same: the position words[position], or, with NOT_SENT as its codes, not sent."""
     half = ptr16(memory)
-    half[at] = value & 0xFFFE
-    half[at + 1] = value >> 16 & 0xFFFF
-    end = at + _CHUNK
-    at += 2
-    first = at
+    word = ptr32(words)
+    _resize(memory, words, chunk, 0)
+    if word[_DRY]:
+        return
+    half[chunk + _BASE] = word[position + 0] & 0xFFFF
+    half[chunk + _BASE + 1] = word[position + 0] >> 16 & 0xFFFF
+    half[chunk + _VELOCITY] = 0
+    half[chunk + _VELOCITY + 1] = 0
+    at = chunk + _CODES
+    end = chunk + _CHUNK
     while at < end:
-        half[at] = 0
-        half[at + 1] = 0
-        half[at + 2] = 0
-        half[at + 3] = 0
+        half[at] = codes
+        half[at + 1] = codes
+        half[at + 2] = codes
+        half[at + 3] = codes
         at += 4
-    half[first] = value & 1
 
 
 @micropython.viper
-def _write(memory, words, motor: int, at: int, count: int, end: int) -> int:
-    """Put the `count` positions of RUN in from `at` on, the last again until `end`; 0 when DRY finds no room."""
+def _read(memory: ptr16, words: ptr32, motor: int, index: int, count: int, frames: int, to: ptr32, k: int):
+    """Positions of `count` frames from `index` on into to[k], to[k + 1], ...; -2^31 for a frame not sent.
+
+    Outside of frames 0 to `frames` that of the nearest. The cursor comes to lie where the next window of five frames
+    that moves on by one begins.
+    """
+    plane = ptr8(memory)
+    frame = words[motor + _CURSOR]
+    value = words[motor + _AT]
+    velocity = words[motor + _PACE]
+    chunk = words[motor + _REGION] + (frame >> 7) * _CHUNK
+    shown = value
+    mark = index
+    if count > 5:
+        mark += count - 5
+    while count > 0:
+        want = index
+        if want < 0:
+            want = 0
+        elif want >= frames:
+            want = frames - 1
+        if want < frame or want >> 7 != frame >> 7:
+            chunk = words[motor + _REGION] + (want >> 7) * _CHUNK
+            value = memory[chunk + _BASE] | ((memory[chunk + _BASE + 1] ^ 0x8000) - 0x8000) << 16
+            velocity = memory[chunk + _VELOCITY] | ((memory[chunk + _VELOCITY + 1] ^ 0x8000) - 0x8000) << 16
+            frame = (want & -128) - 1
+        while frame < want:
+            frame += 1
+            code = plane[2 * (chunk + _CODES) + (frame & 127)]
+            unit = memory[chunk + _LINK]
+            bits = 8
+            if unit == 0:
+                code = (code ^ 0x80) - 0x80
+            while unit:
+                at = words[_HALVES] - unit * _UNIT
+                unit = memory[at]
+                more = memory[at + 1 + ((frame & 127) >> 3)] >> ((frame & 7) << 1) & 3
+                if unit == 0:
+                    more = (more ^ 2) - 2  # the sign
+                code |= more << bits
+                bits += 2
+            shown = -1 << bits - 1
+            if code == shown:
+                shown <<= 32 - bits
+            else:
+                if bits == 32:
+                    value = code
+                else:
+                    velocity += code
+                    value += velocity
+                shown = value
+        to[k] = shown
+        if index == mark:
+            words[motor + _CURSOR] = frame
+            words[motor + _AT] = value
+            words[motor + _PACE] = velocity
+        k += 1
+        index += 1
+        count -= 1
+
+
+@micropython.viper
+def _unpack(memory, words, motor: int, at: int):
+    """VALUES of the chunk that begins at frame `at`."""
     word = ptr32(words)
-    run = _RUN
+    unsent = -1
+    unsent <<= 31
+    count = word[motor + _PAST] - at
+    if count > _FRAMES:
+        count = _FRAMES
+    if count > 0:
+        word[motor + _CURSOR] = -1
+        _read(memory, words, motor, at, count, at + _FRAMES, words, _VALUES)
+        word[motor + _CURSOR] = -1
+    i = _VALUES
+    if count > 0:
+        i += count
+    while i < _VALUES + _FRAMES:
+        word[i] = unsent
+        i += 1
+
+
+@micropython.viper
+def _write(memory, words, motor: int, index: int, count: int, end: int) -> int:
+    """Put the `count` positions of RUN in from `index` on, the last again until `end`; 0 when DRY finds no room."""
+    word = ptr32(words)
+    stop = index + count
     last = _RUN + count - 1
-    region = word[motor + _REGION]
-    if end >= word[motor + _PAST] and word[_DRY] == 0:
-        word[motor + _LAST] = word[last]
+    past = word[motor + _PAST]
+    at = (index if index < past else past) & -128
     while at < end:
-        chunk = region + (at >> 6) * _CHUNK
-        i = _VALUES + (at & 63)
-        stop = i + end - at
-        if stop > _VALUES + _FRAMES:
-            stop = _VALUES + _FRAMES
-        at += stop - i
-        if run > last and i == _VALUES:  # from here on the motor is still
-            word[_VALUES] = word[last]
-            _still(memory, words, chunk)
-            continue
-        if stop - i < _FRAMES:
-            _decode(memory, words, chunk)
-        while i < stop and run <= last:
-            word[i] = word[run]
-            run += 1
-            i += 1
-        while i < stop:
-            word[i] = word[last]
-            i += 1
-        if int(_encode(memory, words, chunk)) == 0:
-            return 0
+        chunk = word[motor + _REGION] + (at >> 7) * _CHUNK
+        behind = at + _FRAMES
+        if at >= past:
+            ptr16(memory)[chunk + _LINK] = 0
+        if at >= stop:  # from here on the motor is still
+            _fill(memory, words, chunk, last, 0)
+        elif at >= past and behind <= index:
+            _fill(memory, words, chunk, last, _NOT_SENT)
+        else:
+            if index > at or end < behind:
+                _unpack(memory, words, motor, at)
+            frame = index if index > at else at
+            while frame < behind and frame < end:
+                word[_VALUES + frame - at] = word[_RUN + frame - index if frame < stop else last]
+                frame += 1
+            if int(_encode(memory, words, chunk)) == 0:
+                return 0
+        at = behind
     return 1
 
 
@@ -323,91 +485,53 @@ def _has_lowest(words: ptr32, count: int) -> int:
 
 
 @micropython.viper
-def _hold(memory, words, motor: int, chunks: int) -> int:
+def _hold(memory, words, motor: int) -> int:
     """Give frames not sent the position before them, the leading ones the first; 0 when DRY finds no room."""
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
     end = _VALUES + _FRAMES
-    value = unsent
-    region = word[motor + _REGION]
-    _prepare(memory, region, word[motor + _MADE], chunks, -1, -1)
-    at = 0
+    past = word[motor + _PAST]
+    begin = 0
     if word[motor + _SENT] > 0:
-        at = word[motor + _SENT] - 1 >> 6
-    chunk = at
-    while chunk < chunks and value == unsent:
-        _decode(memory, words, region + chunk * _CHUNK)
+        begin = word[motor + _SENT] - 1 & -128
+    value = unsent
+    at = begin
+    while value == unsent:
+        _unpack(memory, words, motor, at)
         i = _VALUES
         while i < end and value == unsent:
             value = word[i]
             i += 1
-        chunk += 1
-    past = word[motor + _PAST] + 63 >> 6
-    while at < chunks:
+        at += _FRAMES
+    at = begin
+    while at < word[_COUNT]:
+        chunk = word[motor + _REGION] + (at >> 7) * _CHUNK
         if at >= past:
-            word[_VALUES] = value
-            _still(memory, words, region + at * _CHUNK)
-            at += 1
-            continue
-        _decode(memory, words, region + at * _CHUNK)
-        gaps = 0
-        i = _VALUES
-        while i < end:
-            if word[i] == unsent:
-                word[i] = value
-                gaps = 1
-            else:
-                value = word[i]
-            i += 1
-        if gaps:
-            if int(_encode(memory, words, region + at * _CHUNK)) == 0:
-                return 0
-        at += 1
-    return 1
-
-
-@micropython.viper
-def _read(memory: ptr16, to: ptr32, region: int, index: int, count: int, k: int, frames: int):
-    """Positions of `count` frames from `index` on into to[k], to[k + 1], ...; beyond an end, that of the end."""
-    value = 0
-    high = 0
-    at = 0  # half word of `frame`
-    frame = -1
-    while count > 0:
-        want = index
-        if want < 0:
-            want = 0
-        elif want >= frames:
-            want = frames - 1
-        if want >> 6 != frame >> 6:
-            frame = want & -64
-            at = region + (frame >> 6) * _CHUNK
-            value = memory[at] | ((memory[at + 1] ^ 0x8000) - 0x8000) << 16
-            high = 0
-            if value & 1:
-                high = value >> 1
-            frame -= 1
-            at += 1
-        if high:
-            at += want - frame
-            frame = want
-            value = memory[at] | ((memory[high + (want & 63)] ^ 0x8000) - 0x8000) << 16
+            word[_RUN] = value
+            ptr16(memory)[chunk + _LINK] = 0
+            _fill(memory, words, chunk, _RUN, 0)
         else:
-            while frame < want:
-                frame += 1
-                at += 1
-                value += (memory[at] ^ 0x8000) - 0x8000
-        to[k] = value
-        k += 1
-        index += 1
-        count -= 1
+            _unpack(memory, words, motor, at)
+            gaps = 0
+            i = _VALUES
+            while i < end:
+                if word[i] == unsent:
+                    word[i] = value
+                    gaps = 1
+                else:
+                    value = word[i]
+                i += 1
+            if gaps:
+                if int(_encode(memory, words, chunk)) == 0:
+                    return 0
+        at += _FRAMES
+    return 1
 
 
 def bytes_for(motors, frames):
     """The memory that makes UploadStore.capacity_frames(motors) at least `frames`."""
-    halves = motors * _CHUNK * ((frames + 63) // 64)
-    return 2 * ((halves + _RESERVE - 2) // (_RESERVE - 1) * _RESERVE + _CHUNK)
+    return 2 * motors * _PER_CHUNK * ((frames + _FRAMES - 1) // _FRAMES)
 
 
 class UploadStore:
@@ -420,7 +544,6 @@ class UploadStore:
     def __init__(self, motors, memory_bytes=0):
         """For `motors` motors; `memory_bytes` as for take(), 0: not yet."""
         self.motors = motors
-        self._halves = 0  # of the memory; behind them lies the chunk for DRY
         self._limit = 0
         self._memory = None
         self._words = array("i", [0] * (_MOTOR + _MOTOR_WORDS * motors))
@@ -432,26 +555,20 @@ class UploadStore:
 
     def take(self, memory_bytes):
         """Take that much memory and keep it; ValueError if not a chunk for each motor fits. Allocates one block."""
-        halves = (memory_bytes // 2 - _CHUNK) // 64 * 64
-        self._halves = halves
-        chunks = self._chunks(self.motors)
-        if chunks < 1:
+        self._words[_HALVES] = memory_bytes // 2
+        self._limit = self.capacity_frames(self.motors)
+        if self._limit < 1:
             raise ValueError(
                 "an upload of %d motors needs %d bytes or more, not %d"
                 % (self.motors, bytes_for(self.motors, 1), memory_bytes)
             )
-        self._limit = chunks * _FRAMES
         # On the board a bytearray is what the heap gives without a copy.
-        self._memory = array("H", bytes(2 * (halves + _CHUNK))) if CPYTHON else bytearray(2 * (halves + _CHUNK))
-        self._words[_SPARE] = halves
+        self._memory = array("H", bytes(memory_bytes // 2 * 2)) if CPYTHON else bytearray(memory_bytes // 2 * 2)
         self.clear()
 
-    def _chunks(self, motors):
-        return (self._halves - self._halves // _RESERVE) // (motors * _CHUNK)
-
     def capacity_frames(self, motors):
-        """Frames that fit if this many motors have data and none jumps by more than 32767 steps from frame to frame."""
-        return self._chunks(motors) * _FRAMES
+        """Frames that fit if this many motors have data and no steps per frame change by more than 511 at once."""
+        return self._words[_HALVES] // (motors * _PER_CHUNK) * _FRAMES
 
     def clear(self):
         """Forget the upload."""
@@ -460,7 +577,7 @@ class UploadStore:
         self.end = 0
         words = self._words
         words[_BOTTOM] = 0
-        words[_TOP] = self._halves
+        words[_USED] = 0
         words[_FREE] = 0
         words[_FREE_COUNT] = 0
         words[_DRY] = 0
@@ -492,7 +609,7 @@ class UploadStore:
         They are the DWORDs at payload offset `offset` of the reader's frame. If `last`, the final one also goes to
         every frame after it, sent before or not. Sections may come in any order and again: what comes last counts.
         ERR_GENERAL unless an upload has begun; ERR_RANGE for frames outside it, for a `last` section without a
-        position, for the position -2^31, and when jumps from frame to frame need more memory than there is.
+        position, for the position -2^31, and when what changes from frame to frame needs more memory than there is.
         """
         memory = self._memory
         words = self._words
@@ -506,51 +623,53 @@ class UploadStore:
             return int(ERR_RANGE)
         if count == 0:
             return int(ERR_RANGE) if last else int(OK)
-        copy_bytes(self._bytes, _RUN * 4, reader.buffer, int(reader.payload) + offset, count * 4)
+        buffer = reader.buffer
+        offset += int(reader.payload)
+        copy_bytes(self._bytes, _RUN * 4, buffer, offset, count * 4)
         motor = _MOTOR + motor * _MOTOR_WORDS
         bottom = word[_BOTTOM]
         fresh = word[motor + _REGION] < 0
         if fresh:
-            size = (frames + 63 >> 6) * _CHUNK
-            if bottom + size > word[_TOP]:
+            size = (frames + _FRAMES - 1 >> 7) * _CHUNK
+            if bottom + size > word[_HALVES] - word[_USED] * _UNIT:
                 return int(ERR_RANGE)
             word[_BOTTOM] = bottom + size
             word[motor + _REGION] = bottom
-            word[motor + _MADE] = 0
             word[motor + _SENT] = 0
             word[motor + _PAST] = 0
-        region = word[motor + _REGION]
+            word[motor + _LAST] = 0
+            word[motor + _BEFORE] = 0
+        past = word[motor + _PAST]
         stop = index + count
         end = frames if last else stop
-        made = word[motor + _MADE]
-        needed = end + 63 >> 6
-        if made < needed:
-            _prepare(memory, region, made, needed, index >> 6, stop >> 6)
-        stored = 0
-        if index >= word[motor + _PAST] and end == stop:
-            stored = int(_append(0, 0, words, memory, index, end, motor))
-            if stored == 0:
-                _unsend(memory, region, index, end)
-        if stored == 0:
-            if int(_has_lowest(words, count)) == 0:
-                stored = 1
-                if int(_room(words)) < (stop - 1 >> 6) - (index >> 6) + 1:
-                    word[_DRY] = word[_SPARE]
-                    word[_NEED] = 0
-                    stored = int(_write(memory, words, motor, index, count, end))
-                    word[_DRY] = 0
-            if stored == 0:
-                if fresh:
-                    word[_BOTTOM] = bottom
-                    word[motor + _REGION] = -1
-                return int(ERR_RANGE)
-            _write(memory, words, motor, index, count, end)
-        if made < needed:
-            word[motor + _MADE] = needed
+        if index == past and index == word[motor + _SENT] and end == stop:
+            if int(_append(0, 0, memory, words, motor, index, stop)):
+                word[motor + _SENT] = stop
+                word[motor + _PAST] = stop
+                return int(OK)
+            copy_bytes(self._bytes, _RUN * 4, buffer, offset, count * 4)
+        fits = 0
+        if int(_has_lowest(words, count)) == 0:
+            fits = 1
+            if int(_room(words)) < ((stop - 1 >> 7) - (index >> 7) + 2) * _MOST_UNITS:
+                word[_DRY] = 1
+                word[_NEED] = 0
+                fits = int(_write(memory, words, motor, index, count, end))
+                word[_DRY] = 0
+        if fits == 0:
+            if fresh:
+                word[_BOTTOM] = bottom
+                word[motor + _REGION] = -1
+            return int(ERR_RANGE)
+        _write(memory, words, motor, index, count, end)
+        if end > past:
+            past = end
+            word[motor + _PAST] = end
         if index <= word[motor + _SENT] and end > word[motor + _SENT]:
             word[motor + _SENT] = end
-        if end > word[motor + _PAST]:
-            word[motor + _PAST] = end
+        word[motor + _CURSOR] = -1
+        _read(memory, words, motor, past - 2, 2, past, words, motor + _BEFORE)
+        word[motor + _CURSOR] = -1
         return int(OK)
 
     def finish(self):
@@ -562,22 +681,22 @@ class UploadStore:
         if self.state == EMPTY:
             return ERR_GENERAL
         if self.state == LOADING:
-            if not self._fill(self._halves):
+            if not self._hold(1):
                 return ERR_RANGE
-            self._fill(0)
+            self._hold(0)
             self._words[_STATE] = READY
             self.state = READY
         return OK
 
-    def _fill(self, dry):
+    def _hold(self, dry):
         words = self._words
-        frames = words[_COUNT]
         words[_NEED] = 0
         words[_DRY] = dry
         fits = 1
         for motor in range(_MOTOR, len(words), _MOTOR_WORDS):
-            if words[motor + _REGION] >= 0 and words[motor + _SENT] < frames and fits:
-                fits = _hold(self._memory, words, motor, frames + 63 >> 6)
+            if words[motor + _REGION] >= 0 and words[motor + _SENT] < words[_COUNT] and fits:
+                fits = _hold(self._memory, words, motor)
+            words[motor + _CURSOR] = -1
         words[_DRY] = 0
         return fits
 
@@ -596,9 +715,10 @@ class UploadStore:
         Before the first frame stands the position of the first, beyond the last that of the last. False, and nothing
         written, unless the upload is READY and the motor has data.
         """
-        own = ptr32(self._words)
-        region = own[_MOTOR + motor * _MOTOR_WORDS + _REGION]
-        if region < 0 or own[_STATE] != READY:
+        own = self._words
+        word = ptr32(own)
+        motor = _MOTOR + motor * _MOTOR_WORDS
+        if word[motor + _REGION] < 0 or word[_STATE] != READY:
             return False
-        _read(self._memory, words, region, index, count, k, own[_COUNT])
+        _read(self._memory, own, motor, index, count, word[_COUNT], words, k)
         return True
