@@ -67,7 +67,9 @@ def test_the_longest_move_that_is_promised(firmware):
             moves = changes.cumsum(1).cumsum(1).astype(int)
             client.upload_move(1, info.upload_frames, dict(enumerate(moves, 1)), 4)
         wanted = [int(motor[frame]) for motor in moves for frame in (0, 5555, info.upload_frames - 1)]
-        code = "import framestep.boot as boot, array; words = array.array('i', (0,)); store = boot.controller.moves.store"
+        code = (
+            "import framestep.boot as boot, array; words = array.array('i', (0,)); store = boot.controller.moves.store"
+        )
         emu.repl().exec(code)
         read = f"[store.position(m, f, words, 0) and words[0] for m in range({info.motors}) for f in (0, 5555, {{}})]"
         assert emu.repl().eval(read.format(info.upload_frames - 1)) == wanted

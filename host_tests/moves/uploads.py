@@ -147,7 +147,9 @@ def _clipped(position):
 def _positions(draw, index, count, before):
     """A section's worth from frame `index` on: still, moving evenly, bending, wandering or jumping."""
     start = draw(st.one_of(_near, _far, st.just(before), st.just(before)))
-    kind = draw(st.sampled_from(["still", "even", "even", "bends", "bends", "wave", "jumps", "alternate", "edge", "lowest"]))
+    kind = draw(
+        st.sampled_from(["still", "even", "even", "bends", "bends", "wave", "jumps", "alternate", "edge", "lowest"])
+    )
     if kind == "still":
         return [start] * count
     if kind == "even":

@@ -12,10 +12,10 @@ they do not hold every code of the chunk, its units hold two further bits of eac
     link | 16 half words, two bits for each frame
 
 Units come from a pool that grows down from the end of the memory; links, 0 at the end, make a chain of a chunk's units.
-With twelve of them a code has 32 bits and is the position itself; so is kept what moves outside of ± 2^29 steps or does not
-fit fewer. The lowest code that so many bits can hold stands for a frame that has not been sent, and leaves velocity
-and position alone. The velocity of a chunk is that from its first to its second frame sent, so a chunk's units depend on
-nothing but its positions.
+With twelve of them a code has 32 bits and is the position itself; so is kept what moves outside of ± 2^29 steps or does
+not fit fewer. The lowest code that so many bits can hold stands for a frame that has not been sent, and leaves velocity
+and position alone. The velocity of a chunk is that from its first to its second frame sent, so a chunk's units depend
+on nothing but its positions.
 
 What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one frame to the next,
 and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per frame change by more than 511 from one
@@ -64,8 +64,8 @@ _MOTORS = const(8)
 _STATE = const(9)  # the same as `state`
 _KEPT = const(10)  # units of the chunks of a section
 _VALUES = const(14)  # positions of a chunk
-_RUN = const(142)  # positions of a section
-_MOTOR = const(399)  # for each motor:
+_RUN = const(144)  # positions of a section, two before them
+_MOTOR = const(401)  # for each motor:
 _REGION = const(0)  # where its chunks begin, half words; -1: no data
 _SENT = const(1)  # frames sent without a gap, from the first on
 _PAST = const(2)  # the frame after the last one sent; what lies behind has no content yet
@@ -165,6 +165,67 @@ def _pack(i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, s
         shift += 2
 
 
+if CPYTHON:
+
+    def _changes(words, i, memory, to, count):
+        """Codes of `count` positions from words[i] on, which follow on the two before, into the bytes from `to` on.
+
+        0 if all are within -64 to 63.
+        """
+        plane = ptr8(memory)
+        wide = 0
+        for k in range(count):
+            code = words[i + k] - words[i + k - 1] - words[i + k - 1] + words[i + k - 2]
+            plane[to + k] = code & 0xFF
+            wide |= code + 64
+        return 1 if wide >> 7 else 0
+
+else:
+
+    @micropython.viper
+    def _changes(words: ptr32, i: int, memory: ptr8, to: int, count: int) -> int:
+        # Of the two registers that viper has for locals on ARM `words` holds the place, `i` the code.
+        words = ptr32(int(words) + (i - 2 << 2))
+        memory = ptr8(int(memory) + to)
+        wide = 0
+        while count >= 8:
+            i = words[2] - words[1] - words[1] + words[0]
+            memory[0] = i
+            wide |= i + 64
+            i = words[3] - words[2] - words[2] + words[1]
+            memory[1] = i
+            wide |= i + 64
+            i = words[4] - words[3] - words[3] + words[2]
+            memory[2] = i
+            wide |= i + 64
+            i = words[5] - words[4] - words[4] + words[3]
+            memory[3] = i
+            wide |= i + 64
+            i = words[6] - words[5] - words[5] + words[4]
+            memory[4] = i
+            wide |= i + 64
+            i = words[7] - words[6] - words[6] + words[5]
+            memory[5] = i
+            wide |= i + 64
+            i = words[8] - words[7] - words[7] + words[6]
+            memory[6] = i
+            wide |= i + 64
+            i = words[9] - words[8] - words[8] + words[7]
+            memory[7] = i
+            wide |= i + 64
+            words = ptr32(int(words) + 32)
+            memory = ptr8(int(memory) + 8)
+            count -= 8
+        while count > 0:
+            i = words[2] - words[1] - words[1] + words[0]
+            memory[0] = i
+            wide |= i + 64
+            words = ptr32(int(words) + 4)
+            memory = ptr8(int(memory) + 1)
+            count -= 1
+        return 1 if wide >> 7 else 0
+
+
 @micropython.viper
 def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) -> int:
     """Pack RUN into frames `at` to `stop`, which follow on frames sent without a gap; RUN is lost.
@@ -174,13 +235,15 @@ def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) ->
     """
     half = ptr16(memory)
     word = ptr32(words)
-    plane = ptr8(memory)
     region = word[motor + _REGION]
-    value = word[motor + _LAST]
-    velocity = value - word[motor + _BEFORE]
+    word[_RUN - 2] = word[motor + _BEFORE]
+    word[_RUN - 1] = word[motor + _LAST]
+    i = _RUN + stop - at
+    before = word[i - 2]
+    last = word[i - 1]
     need = 0
-    kept = _KEPT
     any_units = 0
+    kept = _KEPT
     i = _RUN
     frame = at
     while frame < stop:
@@ -190,59 +253,69 @@ def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) ->
         if end > i + stop - frame:
             end = i + stop - frame
         frame += end - i
-        if within == 0:
-            half[chunk + _LINK] = 0
+        to = 2 * (chunk + _CODES) + within
+        if within < 2:
+            # The chunk's velocity is that from its first frame to its second: the codes of both are 0.
+            i -= within
+            value = word[i + 0]
             velocity = 0
-            if end - i > 1:
-                velocity = word[i + 1] - word[i]
-            value = word[i] - velocity
-        elif within == 1:
-            velocity = word[i] - value
+            if i + 1 < end:
+                velocity = word[i + 1] - value
+            code = value - velocity
+            half[chunk + _BASE] = code & 0xFFFF
+            half[chunk + _BASE + 1] = code >> 16 & 0xFFFF
+            half[chunk + _VELOCITY] = velocity & 0xFFFF
+            half[chunk + _VELOCITY + 1] = velocity >> 16 & 0xFFFF
+            if within == 0:
+                half[chunk + _LINK] = 0
+            half[chunk + _CODES] = 0
+            to += 2 - within
+            i += 2
+            if i > end:
+                i = end
+        else:
+            value = word[i - 1]
+            velocity = value - word[i - 2]
         # From here no way in small changes to 2^29: all of what follows fits a word.
         if (value ^ value >> 31) >> 28 or (velocity ^ velocity >> 31) >> 20:
             return 0
-        if within < 2:
-            base = value
-            if within:
-                base -= velocity
-            half[chunk + _BASE] = base & 0xFFFF
-            half[chunk + _BASE + 1] = base >> 16 & 0xFFFF
-            half[chunk + _VELOCITY] = velocity & 0xFFFF
-            half[chunk + _VELOCITY + 1] = velocity >> 16 & 0xFFFF
-        to = 2 * (chunk + _CODES) + within
-        most = 0
-        while i < end:
-            code = word[i + 0] - value
-            value += code
-            code -= velocity
-            velocity += code
-            plane[to] = code & 0xFF
-            word[i] = code >> 8
-            sign = code >> 31
-            most |= (code ^ sign) - sign
-            to += 1
-            i += 1
-        if most >> 13:
-            return 0
         units = 0
-        most >>= 7
-        while most:
-            units += 1
-            most >>= 2
-        if within == 0:
-            need += units
-        else:
-            unit = half[chunk + _LINK]
-            held = 0
-            while unit:
-                held += 1
-                unit = half[word[_HALVES] - unit * _UNIT]
-            if units > held or held == _MOST_UNITS:
+        if within:
+            code = half[chunk + _LINK]
+            while code:
+                units += 1
+                code = half[word[_HALVES] - code * _UNIT]
+        if int(_changes(words, i, memory, to, end - i)) | units:
+            most = 0
+            if within < 2:
+                value += velocity
+                word[i - 1] = 0
+                word[i - 2] = 0
+            while i < end:
+                code = word[i + 0] - value
+                value += code
+                code -= velocity
+                velocity += code
+                word[i] = code >> 8
+                sign = code >> 31
+                most |= (code ^ sign) - sign
+                i += 1
+            if most >> 13 or units == _MOST_UNITS:
                 return 0
-            units = held
+            most >>= 7
+            code = 0
+            while most:
+                code += 1
+                most >>= 2
+            if within == 0:
+                units = code
+                need += units
+            elif code > units:
+                return 0
         any_units |= units
         word[kept] = units
         kept += 1
+        i = end
     if any_units:
         if need > int(_room(words)):
             return 0
@@ -261,8 +334,8 @@ def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) ->
             i += end
             frame += end
             kept += 1
-    word[motor + _LAST] = value
-    word[motor + _BEFORE] = value - velocity
+    word[motor + _LAST] = last
+    word[motor + _BEFORE] = before
     return 1
 
 
@@ -338,7 +411,7 @@ def _encode(memory, words, chunk: int) -> int:
 
 @micropython.viper
 def _fill(memory, words, chunk: int, position: int, codes: int):
-    """Make every frame of the chunk the same: the position words[position], or, with NOT_SENT as its codes, not sent."""
+    """Make every frame of the chunk the position words[position], or, with NOT_SENT as its codes, not sent."""
     half = ptr16(memory)
     word = ptr32(words)
     _resize(memory, words, chunk, 0)
