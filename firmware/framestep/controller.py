@@ -67,6 +67,7 @@ class Controller:
         self.reader = FrameReader()
         self.writer = FrameWriter(m.LARGEST_FRAME)
         self.axes = Axes(hal)
+        self.header = hal.kernel.state  # of the tick
         self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
         self.watchdog = Watchdog(hal, self.writer)
@@ -178,12 +179,13 @@ class Controller:
     def _tend(self, now):
         """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports."""
         self.tended = now
-        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
+        if (now - self.watchdog.looked_at) & _WRAP >= LOOK_MS:
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
         if now >> 7 & 15 != self.beat:
             self._light(now >> 7 & 15)
-        if self.io.news or stepper.restless(self.axes.kernel.state):
+        look = stepper.look(self.header, motion.AHEAD)
+        if look or self.io.news:
             self.awake = _AWAKE
         elif self.awake > _NAP:
             self.awake -= 1
@@ -195,9 +197,12 @@ class Controller:
         if self.jogging:
             self._jogs()
         self.virtuals.poll(now)
-        self.axes.feed()
+        if look & stepper.LOOK_FEED or self.axes.loose:
+            self.axes.feed()
         self.moves.poll()
-        self._watch()
+        lost = self.hal.trouble()
+        if lost or look & stepper.LOOK_FAULT:
+            self._fault(lost)
         self._report()
         if self.memory:
             self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
@@ -228,9 +233,10 @@ class Controller:
         """Answer what has come; whether there was anything."""
         if self.stage.state != RUNNING:
             self.stage.poll()  # answers tell how it stands now
+        writer = self.writer
         busy = False
         self.backlog = True
-        while self.writer.room() >= _REPLY_ROOM:
+        while writer.room() >= _REPLY_ROOM:
             found = reader.poll()
             if found == NOTHING:
                 if reader.waiting and elapsed(self.now, self.heard_at) > STALL_MS:
@@ -239,10 +245,9 @@ class Controller:
                 self.backlog = False
                 break
             busy = True
-            if found == DAMAGED:
-                self._answer(m.ERR_CHECKSUM)
-            else:
-                self._handle()
+            code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
+            if code:
+                writer.ack(reader, code, self.rig.wide)
             if not reader.waiting:
                 self.backlog = False
                 break
@@ -254,23 +259,17 @@ class Controller:
             if self.gentler >> i & 1 and self.axes[i].calm():
                 self.gentler ^= 1 << i
 
-    def _handle(self):
+    def _handle(self, reader):
+        """Do what is asked for. The code to acknowledge with, or 0 where the answer has been given."""
         if self.gentler:
             self._calm()
-        reader = self.reader
         kind = reader.type
         handler = self.handlers.get(kind)
         if handler is None:
-            self._answer(m.ERR_UNSUPPORTED)
-        elif not m.payload_fits(kind, reader.length):
-            self._answer(m.ERR_RANGE)
-        else:
-            code = handler()
-            if code:
-                self._answer(code)
-
-    def _answer(self, code):
-        self.writer.ack(self.reader, code, self.rig.wide)
+            return m.ERR_UNSUPPORTED
+        if not m.payload_fits(kind, reader.length):
+            return m.ERR_RANGE
+        return handler()
 
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
@@ -332,23 +331,19 @@ class Controller:
                     self.stage.stop()
                 self.axes[motor].stop(self.hal, factor)
 
-    def _watch(self):
-        """Faults of the tick kernel and of the engine."""
-        kernel = self.axes.kernel.state
-        lost = self.hal.trouble()
-        if lost or kernel[stepper.FAULTS]:
-            self._blame(kernel[stepper.FAULTS])
-            if lost:
-                self._blame(FAULT_LOST)
-            kernel[stepper.FAULTS] = 0
-            for motor in range(self.count):
-                block = self.axes[motor].block
-                if block[stepper.FAULT] & stepper.FAULT_LATE:
-                    lost |= 1 << motor  # its pulses broke off in motion, which it may not have followed
-                block[stepper.FAULT] = 0
-            if lost:
-                self.positions.lose(lost, STEPS)
-            self.fail()
+    def _fault(self, lost):
+        """The tick kernel has found a fault, or the engine has lost a command of motors of the bits `lost`."""
+        header = self.header
+        self._blame(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
+        header[stepper.FAULTS] = 0
+        for motor in range(self.count):
+            block = self.axes[motor].block
+            if block[stepper.FAULT] & stepper.FAULT_LATE:
+                lost |= 1 << motor  # its pulses broke off in motion, which it may not have followed
+            block[stepper.FAULT] = 0
+        if lost:
+            self.positions.lose(lost, STEPS)
+        self.fail()
 
     def _drivers_failed(self, bits):
         """Drivers of these motors no longer do what they are told (io/tmc2209.py). Motors that were switched on may be
@@ -378,9 +373,9 @@ class Controller:
 
     def _report(self):
         """Send what is due, as far as there is room (field notes 1.3 and 4.6)."""
-        moving = self.axes.moving
+        moving = stepper.moving(self.header) != 0
         if moving:
-            if elapsed(self.now, self.report_at) >= self.rig.report_ms:
+            if (self.now - self.report_at) & _WRAP >= self.rig.report_ms:
                 self.say_position = True
         elif self.was_moving:
             self.say_position = True
@@ -531,7 +526,7 @@ class Controller:
 
     def acknowledge(self, code):
         """Answer the request at once, before it is carried out."""
-        self._answer(code)
+        self.writer.ack(self.reader, code, self.rig.wide)
         self.port.send(self.writer)
 
     def _power(self, bits):

@@ -6,7 +6,7 @@ and the REPL stays what it is. With one port it runs in the foreground, as the p
 
 import gc
 import sys
-import time
+from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
 
 import machine
 from machine import Pin, Timer
@@ -24,7 +24,6 @@ _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
 _STEP = const(512)
-_WRAP = const(0x3FFFFFFF)
 _PASS_MS = const(1)
 _SAYINGS = const(16)
 _BEAT_MS = const(128)
@@ -152,7 +151,7 @@ class Rp2Hal:
     idle = staticmethod(machine.idle)
 
     def ticks_ms(self):
-        return time.ticks_ms() & _WRAP
+        return ticks_ms()
 
     def enable(self, motor, on):
         """Switch a driver on or off; drivers that share a pin are on while one of them is."""
@@ -223,7 +222,7 @@ class Rp2Hal:
         the stack, for which it would otherwise search the whole heap. Returns what the controller's poll() does."""
         heap_lock()
         try:
-            return self._controller.poll(time.ticks_ms() & _WRAP)  # type: ignore[union-attr]
+            return self._controller.poll(ticks_ms())  # type: ignore[union-attr]
         finally:
             heap_unlock()
 

@@ -96,6 +96,11 @@ BLOCK_WORDS = const(28)
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
 
+# What look() finds
+LOOK_BUSY = const(1)  # a motor moves or is planned to
+LOOK_FAULT = const(2)
+LOOK_FEED = const(4)  # queues to be filled, or motors at rest that have not met their target
+
 # Modes
 IDLE = const(0)  # at rest; the segment queue may be filled
 RUN = const(1)  # takes segments from the queue
@@ -383,17 +388,24 @@ def moving(m: ptr32) -> int:
 
 
 @micropython.viper
-def restless(m: ptr32) -> int:
-    """Whether a motor moves or is planned to, or there is a fault. m: the header."""
-    if m[RUNNING] | m[FAULTS]:
-        return 1
+def look(m: ptr32, least: int) -> int:
+    """What the main loop is to look after, LOOK_ bits. m: the header; least: as for hungry()."""
+    bits = LOOK_BUSY if m[RUNNING] else 0
+    if m[FAULTS]:
+        bits |= LOOK_FAULT
     a = m[FIRST]
     while a:
         m = ptr32(a)
-        if m[MODE] | m[PLANNED]:
-            return 1
         a = m[NEXT]
-    return 0
+        planned = m[PLANNED]
+        if m[MODE] | planned:
+            bits |= LOOK_BUSY
+            if planned & PLAN_SEGMENTS:
+                if (m[TAIL] - m[HEAD]) & _WRAP < least:
+                    bits |= LOOK_FEED
+            elif planned and m[MODE] == IDLE:
+                bits |= LOOK_FEED
+    return bits
 
 
 @micropython.viper

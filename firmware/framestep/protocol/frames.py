@@ -134,8 +134,8 @@ class FrameReader:
     of a frame that has begun; its owner watches the clock and calls `abandon()` when the rest does not come.
     """
 
-    def __init__(self, size=2 * LARGEST_FRAME):
-        """`size` bytes of buffer; ValueError below the 1048 of field note 1.6."""
+    def __init__(self, size=LARGEST_FRAME + 44):
+        """`size` bytes of buffer, by default what a USB transfer brings. ValueError below 1048 (field note 1.6)."""
         if size < LARGEST_FRAME:
             raise ValueError("a FrameReader needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
         self.buffer = bytearray(size)
