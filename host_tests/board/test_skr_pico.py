@@ -18,8 +18,7 @@ def test_pins():
         def levels(*pins):
             return [emulator.pin(pin) for pin in pins]
 
-        for pin in (ESTOP, X_STOP):
-            emulator.set_pin(pin, 0)
+        board.wire_switches()
         session = Session(board, motors=4, reply_s=0.1)
         session.run(0.1)
         assert session.ask(Hi()).motors == 4

@@ -5,7 +5,7 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.boards import SimulatedBoard
-from framestep_tools.files import ROOT
+from framestep_tools.files import ROOT, board_names
 from framestep_tools.judge import judge
 from framestep_tools.payloads import (
     GioOut,
@@ -24,6 +24,23 @@ from host_tests.end_to_end.session import Session, run_request
 def session(name, rig=None):
     board = SimulatedBoard(rig, board=name)
     return Session(board, board._board.hal.motors), board
+
+
+@pytest.mark.parametrize("name", board_names())
+def test_example_rig_with_its_switches(name):
+    """As `make sim` has it: the motors move, as the stop button and the limit switches are there."""
+    talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
+    talk.run(2.0)
+    talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
+    board.wire_switches()
+    talk.run(0.05)
+    talk.forget()
+    talk.accept(MotorSetLimits(1, 0, 0, 0, 0, min(1, talk.ask(Hi()).limit_sets)))
+    for target in (100, -100):
+        talk.ask(MotorMove(1, target))
+        talk.wait_idle()
+        assert talk.position(1) == target
+    assert not talk.events(HardStop)
 
 
 def test_twelve_motors():

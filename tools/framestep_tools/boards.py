@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, Self
 
+from framestep.rig import Rig, RigError
+
 from . import driver_chips
 from .driver_chips import Chip, Chips
 from .errors import ToolError
@@ -24,6 +26,15 @@ _BOOT_LIMIT_MS = 10_000
 def read_rig(path: str | Path | None) -> dict[str, Any]:
     """The settings in a rig file, {} for none. What they mean is checked by the controller."""
     return {} if path is None else read(path)
+
+
+def closed_switches(rig: Rig) -> list[int]:
+    """Pins that stop switches hold low while nobody touches them: the normally closed ones."""
+    pins = [rig.board["estop"]] if rig.estop == "nc" else []
+    for limit in rig.limits:
+        if limit["contact"] == "nc":
+            pins += [limit[end] for end in ("high", "low") if limit[end] >= 0]
+    return pins
 
 
 class Channel(Protocol):
@@ -91,6 +102,11 @@ class SimulatedBoard:
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append((time_ns, signal, value))
         self._out = bytearray()
         self.protocol = self
+
+    def wire_switches(self) -> None:
+        """Connect the stop switches that the rig has; nobody touches them."""
+        for pin in closed_switches(self._board.rig):
+            self._board.set_input(pin, 0)
 
     def receive(self, data: bytes) -> None:
         self._board.receive(data)
@@ -213,8 +229,18 @@ class EmulatedBoard:
         except BaseException:
             self.emulator.close()
             raise
+        self._rig, self._data = rig, board_data(board)
         self.protocol: Channel = _EmulatedPort(self.emulator, 0 if single else 1)
         self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
+
+    def wire_switches(self) -> None:
+        """Connect the stop switches that the rig has; nobody touches them. A rig file with a mistake has none."""
+        try:
+            rig = Rig(self._rig or None, self._data)
+        except RigError:
+            return
+        for pin in closed_switches(rig):
+            self.emulator.set_pin(pin, 0)
 
     @property
     def now_ns(self) -> int:

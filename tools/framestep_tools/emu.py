@@ -39,7 +39,9 @@ def main(
     if (repl or repl_tcp) and settings.get("ports") == 1:
         raise typer.BadParameter("with a single port the REPL is on the protocol port: send it Ctrl-C there")
     print("starting the emulated board", file=sys.stderr)
-    Server(EmulatedBoard(settings, trace is not None, flash, board), pace, tcp, trace, repl, repl_tcp).run()
+    emulated = EmulatedBoard(settings, trace is not None, flash, board)
+    emulated.wire_switches()
+    Server(emulated, pace, tcp, trace, repl, repl_tcp).run()
 
 
 if __name__ == "__main__":

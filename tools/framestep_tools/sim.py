@@ -32,7 +32,9 @@ def main(
 ) -> None:
     """Run the controller on the host HAL; prints the path of its pseudo-terminal, then `ready`."""
     pace = parse_speed(speed)
-    Server(SimulatedBoard(read_rig(rig), motors, board), pace, tcp, trace).run()
+    simulated = SimulatedBoard(read_rig(rig), motors, board)
+    simulated.wire_switches()
+    Server(simulated, pace, tcp, trace).run()
 
 
 if __name__ == "__main__":
