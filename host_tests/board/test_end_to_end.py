@@ -155,7 +155,7 @@ def test_one_port():
         assert b"KeyboardInterrupt" in typed(b"\x03")
         typed(b"import framestep.repl\r")
         assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
-        typed(b"import framestep.boot as b; b.controller.axes.feed = None\r")
+        typed(b"import framestep.boot as b; b.controller.moves.poll = None\r")
         said = typed(b"b.hal.run(b.controller)\r")
         assert b'File "framestep/controller.py", line' in said and b"TypeError" in said and said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"

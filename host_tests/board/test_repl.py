@@ -105,7 +105,7 @@ def test_faults_in_words(session):
     assert shows(FAULT, led(board))
     assert {message for _, message in session.events(HardStop)} == {HardStop(100)}
     session.forget()
-    text = repl.exec("b.controller.axes.feed = None\ntime.sleep_ms(200)")
+    text = repl.exec("b.controller.moves.poll = None\ntime.sleep_ms(200)")
     assert "framestep: stopped by a fault in the firmware; a reset starts it again" in text
     assert 'File "framestep/controller.py", line' in text and "TypeError" in text
     assert shows(FAULT, led(board)), "although nothing looks after it any more"

@@ -78,7 +78,7 @@ _ACK_WORDS = {
     Ack.ERR_MOVING: "something moves that must stand for it",
     Ack.ERR_UNSUPPORTED: "the device does not know it",
     Ack.ERR_RANGE: "there is no such motor, frame or value, or it needs more velocity or acceleration than is set",
-    Ack.ERR_GENERAL: "the E-stop is held, a motor is off, a driver failed, the rig file is wrong, nothing is prepared",
+    Ack.ERR_GENERAL: "E-stop held, motor off, driver failed, rig file wrong, or a request missing that goes before",
     Ack.ERR_NOT_IN_POSITION: "the motors are not where it begins",
     Ack.ERR_PREROLL: "in its pre-roll a motor would pass a limit, or needs a longer one",
     Ack.ERR_POSTROLL: "in its post-roll a motor would pass a limit, or needs a longer one",
