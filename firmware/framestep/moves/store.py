@@ -29,7 +29,6 @@ frame numbers and indexes are small integers. An index counts from 0 at the firs
 from array import array
 
 from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
-from framestep.protocol.frames import copy_bytes
 from framestep.protocol.messages import ERR_GENERAL, ERR_RANGE, OK
 
 # States
@@ -62,10 +61,9 @@ _NEED = const(6)  # units that the changes so far would have taken
 _COUNT = const(7)  # frames of the upload
 _MOTORS = const(8)
 _STATE = const(9)  # the same as `state`
-_KEPT = const(10)  # units of the chunks of a section
-_VALUES = const(14)  # positions of a chunk
-_RUN = const(144)  # positions of a section, two before them
-_MOTOR = const(401)  # for each motor:
+_VALUES = const(10)  # positions of a chunk
+_RUN = const(140)  # positions of a section, behind the two before them
+_MOTOR = const(397)  # for each motor:
 _REGION = const(0)  # where its chunks begin, half words; -1: no data
 _SENT = const(1)  # frames sent without a gap, from the first on
 _PAST = const(2)  # the frame after the last one sent; what lies behind has no content yet
@@ -167,6 +165,10 @@ def _pack(i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, s
 
 if CPYTHON:
 
+    def _fetch(words, frame, at, count):
+        """Bring the `count` DWORDs at frame[at] into RUN."""
+        words[_RUN : _RUN + count] = array("i", bytes(frame[at : at + 4 * count]))
+
     def _changes(words, i, memory, to, count):
         """Codes of `count` positions from words[i] on, which follow on the two before, into the bytes from `to` on.
 
@@ -183,12 +185,62 @@ if CPYTHON:
 else:
 
     @micropython.viper
+    def _fetch(words: ptr32, frame: ptr8, at: int, count: int):
+        # Viper keeps the first two parameters in registers on ARM: the places. Words are read where they are whole.
+        words = ptr32(int(words) + _RUN * 4)
+        at += int(frame)
+        frame = ptr8(at & -4)
+        at &= 3
+        if at == 0:
+            while count >= 4:
+                words[0] = ptr32(frame)[0]
+                words[1] = ptr32(frame)[1]
+                words[2] = ptr32(frame)[2]
+                words[3] = ptr32(frame)[3]
+                words = ptr32(int(words) + 16)
+                frame = ptr8(int(frame) + 16)
+                count -= 4
+        elif at == 1:
+            while count >= 4:
+                words[0] = frame[1] | ptr16(frame)[1] << 8 | ptr32(frame)[1] << 24
+                words[1] = frame[5] | ptr16(frame)[3] << 8 | ptr32(frame)[2] << 24
+                words[2] = frame[9] | ptr16(frame)[5] << 8 | ptr32(frame)[3] << 24
+                words[3] = frame[13] | ptr16(frame)[7] << 8 | ptr32(frame)[4] << 24
+                words = ptr32(int(words) + 16)
+                frame = ptr8(int(frame) + 16)
+                count -= 4
+        elif at == 2:
+            while count >= 4:
+                words[0] = ptr16(frame)[1] | ptr32(frame)[1] << 16
+                words[1] = ptr16(frame)[3] | ptr32(frame)[2] << 16
+                words[2] = ptr16(frame)[5] | ptr32(frame)[3] << 16
+                words[3] = ptr16(frame)[7] | ptr32(frame)[4] << 16
+                words = ptr32(int(words) + 16)
+                frame = ptr8(int(frame) + 16)
+                count -= 4
+        else:
+            while count >= 4:
+                words[0] = frame[3] | ptr32(frame)[1] << 8
+                words[1] = frame[7] | ptr32(frame)[2] << 8
+                words[2] = frame[11] | ptr32(frame)[3] << 8
+                words[3] = frame[15] | ptr32(frame)[4] << 8
+                words = ptr32(int(words) + 16)
+                frame = ptr8(int(frame) + 16)
+                count -= 4
+        frame = ptr8(int(frame) + at)
+        while count > 0:
+            words[0] = frame[0] | frame[1] << 8 | frame[2] << 16 | frame[3] << 24
+            words = ptr32(int(words) + 4)
+            frame = ptr8(int(frame) + 4)
+            count -= 1
+
+    @micropython.viper
     def _changes(words: ptr32, i: int, memory: ptr8, to: int, count: int) -> int:
         # Of the two registers that viper has for locals on ARM `words` holds the place, `i` the code.
         words = ptr32(int(words) + (i - 2 << 2))
         memory = ptr8(int(memory) + to)
         wide = 0
-        while count >= 8:
+        while count >= 4:
             i = words[2] - words[1] - words[1] + words[0]
             memory[0] = i
             wide |= i + 64
@@ -201,21 +253,9 @@ else:
             i = words[5] - words[4] - words[4] + words[3]
             memory[3] = i
             wide |= i + 64
-            i = words[6] - words[5] - words[5] + words[4]
-            memory[4] = i
-            wide |= i + 64
-            i = words[7] - words[6] - words[6] + words[5]
-            memory[5] = i
-            wide |= i + 64
-            i = words[8] - words[7] - words[7] + words[6]
-            memory[6] = i
-            wide |= i + 64
-            i = words[9] - words[8] - words[8] + words[7]
-            memory[7] = i
-            wide |= i + 64
-            words = ptr32(int(words) + 32)
-            memory = ptr8(int(memory) + 8)
-            count -= 8
+            words = ptr32(int(words) + 16)
+            memory = ptr8(int(memory) + 4)
+            count -= 4
         while count > 0:
             i = words[2] - words[1] - words[1] + words[0]
             memory[0] = i
@@ -227,121 +267,60 @@ else:
 
 
 @micropython.viper
-def _append(i: int, code: int, memory, words, motor: int, at: int, stop: int) -> int:
-    """Pack RUN into frames `at` to `stop`, which follow on frames sent without a gap; RUN is lost.
+def _append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> int:
+    """Pack RUN into frames `at` to `stop`, which follow on frames sent without a gap, if their chunks need no units.
 
-    0, and nothing has happened, when they are not plain: far out, with great changes, in a chunk that needs further
-    units, or when there may be too few. (`i` and `code`: as for _pack().)
+    0, and nothing has happened, if they do, or might. (`i` and `end`: as for _pack().)
     """
     half = ptr16(memory)
     word = ptr32(words)
-    region = word[motor + _REGION]
     word[_RUN - 2] = word[motor + _BEFORE]
     word[_RUN - 1] = word[motor + _LAST]
-    i = _RUN + stop - at
-    before = word[i - 2]
-    last = word[i - 1]
-    need = 0
-    any_units = 0
-    kept = _KEPT
     i = _RUN
-    frame = at
-    while frame < stop:
-        chunk = region + (frame >> 7) * _CHUNK
-        within = frame & 127
+    while at < stop:
+        chunk = word[motor + _REGION] + (at >> 7) * _CHUNK
+        within = at & 127
         end = i + _FRAMES - within
-        if end > i + stop - frame:
-            end = i + stop - frame
-        frame += end - i
-        to = 2 * (chunk + _CODES) + within
-        if within < 2:
+        if end > i + stop - at:
+            end = i + stop - at
+        at += end - i
+        if within > 1:
+            value = word[i - 1]
+            velocity = value - word[i - 2]
+        else:
             # The chunk's velocity is that from its first frame to its second: the codes of both are 0.
             i -= within
             value = word[i + 0]
             velocity = 0
             if i + 1 < end:
                 velocity = word[i + 1] - value
-            code = value - velocity
-            half[chunk + _BASE] = code & 0xFFFF
-            half[chunk + _BASE + 1] = code >> 16 & 0xFFFF
+            half[chunk + _BASE] = value - velocity & 0xFFFF
+            half[chunk + _BASE + 1] = value - velocity >> 16 & 0xFFFF
             half[chunk + _VELOCITY] = velocity & 0xFFFF
             half[chunk + _VELOCITY + 1] = velocity >> 16 & 0xFFFF
-            if within == 0:
-                half[chunk + _LINK] = 0
+            half[chunk + _LINK] = 0
             half[chunk + _CODES] = 0
-            to += 2 - within
+            within = 2
             i += 2
             if i > end:
                 i = end
-        else:
-            value = word[i - 1]
-            velocity = value - word[i - 2]
         # From here no way in small changes to 2^29: all of what follows fits a word.
-        if (value ^ value >> 31) >> 28 or (velocity ^ velocity >> 31) >> 20:
+        if (value ^ value >> 31) >> 28 | (velocity ^ velocity >> 31) >> 20 | half[chunk + _LINK]:
             return 0
-        units = 0
-        if within:
-            code = half[chunk + _LINK]
-            while code:
-                units += 1
-                code = half[word[_HALVES] - code * _UNIT]
-        if int(_changes(words, i, memory, to, end - i)) | units:
-            most = 0
-            if within < 2:
-                value += velocity
-                word[i - 1] = 0
-                word[i - 2] = 0
-            while i < end:
-                code = word[i + 0] - value
-                value += code
-                code -= velocity
-                velocity += code
-                word[i] = code >> 8
-                sign = code >> 31
-                most |= (code ^ sign) - sign
-                i += 1
-            if most >> 13 or units == _MOST_UNITS:
-                return 0
-            most >>= 7
-            code = 0
-            while most:
-                code += 1
-                most >>= 2
-            if within == 0:
-                units = code
-                need += units
-            elif code > units:
-                return 0
-        any_units |= units
-        word[kept] = units
-        kept += 1
+        if int(_changes(words, i, memory, 2 * (chunk + _CODES) + within, end - i)):
+            return 0
         i = end
-    if any_units:
-        if need > int(_room(words)):
-            return 0
-        i = _RUN
-        kept = _KEPT
-        frame = at
-        while frame < stop:
-            chunk = region + (frame >> 7) * _CHUNK
-            within = frame & 127
-            end = _FRAMES - within
-            if end > stop - frame:
-                end = stop - frame
-            if word[kept]:
-                _resize(memory, words, chunk, word[kept])
-                _pack(0, 0, memory, words, chunk, within, i, end)
-            i += end
-            frame += end
-            kept += 1
-    word[motor + _LAST] = last
-    word[motor + _BEFORE] = before
+    word[motor + _LAST] = word[i - 1]
+    word[motor + _BEFORE] = word[i - 2]
     return 1
 
 
 @micropython.viper
-def _encode(memory, words, chunk: int) -> int:
-    """Pack VALUES into the chunk; 0 when DRY finds that the pool has no room for it. VALUES are lost."""
+def _encode(i: int, code: int, memory, words, chunk: int) -> int:
+    """Pack VALUES into the chunk; 0 when DRY finds that the pool has no room for it. VALUES are lost.
+
+    (`i` and `code`: as for _pack().)
+    """
     half = ptr16(memory)
     word = ptr32(words)
     unsent = -1
@@ -432,18 +411,21 @@ def _fill(memory, words, chunk: int, position: int, codes: int):
 
 
 @micropython.viper
-def _read(memory: ptr16, words: ptr32, motor: int, index: int, count: int, frames: int, to: ptr32, k: int):
+def _read(frame: int, code: int, memory: ptr16, words: ptr32, motor: int, index: int, count: int, to: ptr32, k: int):
     """Positions of `count` frames from `index` on into to[k], to[k + 1], ...; -2^31 for a frame not sent.
 
-    Outside of frames 0 to `frames` that of the nearest. The cursor comes to lie where the next window of five frames
-    that moves on by one begins.
+    Outside of the upload that of the nearest frame. The cursor comes to lie where a window of five frames that moves
+    with these begins. (`frame` and `code`: as for _pack().)
     """
     plane = ptr8(memory)
+    top = words[_HALVES]
+    unsent = -1
+    unsent <<= 31
     frame = words[motor + _CURSOR]
     value = words[motor + _AT]
     velocity = words[motor + _PACE]
-    chunk = words[motor + _REGION] + (frame >> 7) * _CHUNK
     shown = value
+    chunk = words[motor + _REGION] + (frame >> 7) * _CHUNK
     mark = index
     if count > 5:
         mark += count - 5
@@ -451,38 +433,46 @@ def _read(memory: ptr16, words: ptr32, motor: int, index: int, count: int, frame
         want = index
         if want < 0:
             want = 0
-        elif want >= frames:
-            want = frames - 1
-        if want < frame or want >> 7 != frame >> 7:
+        elif want >= words[_COUNT]:
+            want = words[_COUNT] - 1
+        if want >> 7 != frame >> 7 or frame - want > want & 127:
+            frame = (want & -128) - 1
             chunk = words[motor + _REGION] + (want >> 7) * _CHUNK
             value = memory[chunk + _BASE] | ((memory[chunk + _BASE + 1] ^ 0x8000) - 0x8000) << 16
             velocity = memory[chunk + _VELOCITY] | ((memory[chunk + _VELOCITY + 1] ^ 0x8000) - 0x8000) << 16
-            frame = (want & -128) - 1
-        while frame < want:
-            frame += 1
+        while frame != want:
+            back = 1
+            if frame < want:
+                back = 0
+                frame += 1
             code = plane[2 * (chunk + _CODES) + (frame & 127)]
             unit = memory[chunk + _LINK]
             bits = 8
             if unit == 0:
                 code = (code ^ 0x80) - 0x80
             while unit:
-                at = words[_HALVES] - unit * _UNIT
+                at = top - unit * _UNIT
                 unit = memory[at]
                 more = memory[at + 1 + ((frame & 127) >> 3)] >> ((frame & 7) << 1) & 3
                 if unit == 0:
                     more = (more ^ 2) - 2  # the sign
                 code |= more << bits
                 bits += 2
-            shown = -1 << bits - 1
-            if code == shown:
-                shown <<= 32 - bits
+            if back:
+                value -= velocity
+                velocity -= code
+                frame -= 1
+                if bits == 32:  # there is no way back
+                    frame = (want & -128) - 1
+            elif code == -1 << bits - 1:
+                shown = unsent
+                continue
+            elif bits == 32:
+                value = code
             else:
-                if bits == 32:
-                    value = code
-                else:
-                    velocity += code
-                    value += velocity
-                shown = value
+                velocity += code
+                value += velocity
+            shown = value
         to[k] = shown
         if index == mark:
             words[motor + _CURSOR] = frame
@@ -504,7 +494,7 @@ def _unpack(memory, words, motor: int, at: int):
         count = _FRAMES
     if count > 0:
         word[motor + _CURSOR] = -1
-        _read(memory, words, motor, at, count, at + _FRAMES, words, _VALUES)
+        _read(0, 0, memory, words, motor, at, count, words, _VALUES)
         word[motor + _CURSOR] = -1
     i = _VALUES
     if count > 0:
@@ -538,7 +528,7 @@ def _write(memory, words, motor: int, index: int, count: int, end: int) -> int:
             while frame < behind and frame < end:
                 word[_VALUES + frame - at] = word[_RUN + frame - index if frame < stop else last]
                 frame += 1
-            if int(_encode(memory, words, chunk)) == 0:
+            if int(_encode(0, 0, memory, words, chunk)) == 0:
                 return 0
         at = behind
     return 1
@@ -596,7 +586,7 @@ def _hold(memory, words, motor: int) -> int:
                     value = word[i]
                 i += 1
             if gaps:
-                if int(_encode(memory, words, chunk)) == 0:
+                if int(_encode(0, 0, memory, words, chunk)) == 0:
                     return 0
         at += _FRAMES
     return 1
@@ -620,7 +610,6 @@ class UploadStore:
         self._limit = 0
         self._memory = None
         self._words = array("i", [0] * (_MOTOR + _MOTOR_WORDS * motors))
-        self._bytes = memoryview(self._words).cast("B") if CPYTHON else self._words
         self._words[_MOTORS] = motors
         self.clear()
         if memory_bytes:
@@ -696,9 +685,7 @@ class UploadStore:
             return int(ERR_RANGE)
         if count == 0:
             return int(ERR_RANGE) if last else int(OK)
-        buffer = reader.buffer
-        offset += int(reader.payload)
-        copy_bytes(self._bytes, _RUN * 4, buffer, offset, count * 4)
+        _fetch(words, reader.buffer, int(reader.payload) + offset, count)
         motor = _MOTOR + motor * _MOTOR_WORDS
         bottom = word[_BOTTOM]
         fresh = word[motor + _REGION] < 0
@@ -720,7 +707,6 @@ class UploadStore:
                 word[motor + _SENT] = stop
                 word[motor + _PAST] = stop
                 return int(OK)
-            copy_bytes(self._bytes, _RUN * 4, buffer, offset, count * 4)
         fits = 0
         if int(_has_lowest(words, count)) == 0:
             fits = 1
@@ -741,7 +727,7 @@ class UploadStore:
         if index <= word[motor + _SENT] and end > word[motor + _SENT]:
             word[motor + _SENT] = end
         word[motor + _CURSOR] = -1
-        _read(memory, words, motor, past - 2, 2, past, words, motor + _BEFORE)
+        _read(0, 0, memory, words, motor, past - 2, 2, words, motor + _BEFORE)
         word[motor + _CURSOR] = -1
         return int(OK)
 
@@ -793,5 +779,5 @@ class UploadStore:
         motor = _MOTOR + motor * _MOTOR_WORDS
         if word[motor + _REGION] < 0 or word[_STATE] != READY:
             return False
-        _read(self._memory, own, motor, index, count, word[_COUNT], words, k)
+        _read(0, 0, self._memory, own, motor, index, count, words, k)
         return True
