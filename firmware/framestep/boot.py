@@ -115,8 +115,9 @@ def start():
     try:
         controller.moves.take_memory()
     except ValueError as error:
-        print("framestep: too little memory is left for moves:", error)
-        print(_SAVE)
+        if settings.ports == 2:  # else the port is the protocol's by now; HI tells that there is room for no frame
+            print("framestep: too little memory is left for moves:", error)
+            print(_SAVE)
     del spare
     gc.collect()
     gc.threshold(-1)
