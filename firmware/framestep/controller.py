@@ -13,7 +13,7 @@ from framestep.motion import stepper
 from framestep.motion.axes import Axes
 from framestep.motion.positions import DRIVER, STEPS
 from framestep.moves.requests import Moves
-from framestep.moves.stage import RUNNING
+from framestep.moves.stage import ENDING, POSITIONING, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
@@ -98,6 +98,7 @@ class Controller:
         self.now = 0
         self.tended = 0
         self.awake = _AWAKE
+        self.planning = False  # the next pass plans on
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
@@ -164,27 +165,39 @@ class Controller:
                 self._drivers_failed(bits)
         if busy:
             self.awake = _AWAKE
+            self.planning = True
             self.port.send(self.writer)
         if self.show.plan is not None:
             self.show.poll()
         if self.stage.state == RUNNING and self.stage.reached():
             self.say_position = True
-            self._tend(now)
+            self._tend(now, False)
+        elif (
+            self.was_moving
+            and (now - self.report_at) & _WRAP >= self.rig.report_ms
+            and (now - self.tended) & _WRAP < 2 * _TEND_MS
+        ):
+            self._tend(now, False)
         elif (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
-            self._tend(now)
-        elif self.was_moving and (now - self.report_at) & _WRAP >= self.rig.report_ms:
-            self._tend(now)
+            self.tended = now
+            self._tend(now, True)
+        elif self.planning:
+            self._plan(now)
+            if self.stage.ended:
+                self._tend(now, False)
         return busy
 
-    def _tend(self, now):
-        """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports."""
-        self.tended = now
+    def _tend(self, now, whole):
+        """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports.
+
+        whole: if not, what is to be planned waits for the next pass.
+        """
         if (now - self.watchdog.looked_at) & _WRAP >= LOOK_MS:
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
         if now >> 7 & 15 != self.beat:
             self._light(now >> 7 & 15)
-        look = stepper.look(self.header, motion.AHEAD)
+        look = stepper.look(self.header)
         if look or self.io.news:
             self.awake = _AWAKE
         elif self.awake > _NAP:
@@ -196,10 +209,10 @@ class Controller:
             self.awake = _NAP  # now and then, for what had to wait until the host takes it
         if self.jogging:
             self._jogs()
-        self.virtuals.poll(now)
-        if look & stepper.LOOK_FEED or self.axes.loose:
-            self.axes.feed()
-        self.moves.poll()
+        if whole:
+            self._plan(now)
+        else:
+            self.planning = True
         lost = self.hal.trouble()
         if lost or look & stepper.LOOK_FAULT:
             self._fault(lost)
@@ -207,6 +220,13 @@ class Controller:
         if self.memory:
             self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
         self.port.send(self.writer)
+
+    def _plan(self, now):
+        """A piece of what is to be planned, a frame or segments of one motor: the rest waits for the next pass."""
+        planned = self.virtuals.poll(now)
+        if self.moves.poll():
+            planned = True
+        self.planning = self.axes.feed(planned) or planned
 
     def _listen(self):
         """Take in what has come and answer it."""
@@ -231,7 +251,7 @@ class Controller:
 
     def _attend(self, reader):
         """Answer what has come; whether there was anything."""
-        if self.stage.state != RUNNING:
+        if self.stage.state == POSITIONING or self.stage.state == ENDING:
             self.stage.poll()  # answers tell how it stands now
         writer = self.writer
         busy = False
@@ -395,12 +415,12 @@ class Controller:
             self.writer.u8(self.say_hard_stop)
             if self.writer.end():
                 self.say_hard_stop = -1
+        if self.say_virtual and (not self.virtuals.configured or self.virtuals.send_positions(None)):
+            self.say_virtual = False  # field note 9.8
         if self.say_position and self._send_positions(None):
             self.say_position = False
             self.report_at = self.now
-            self.say_virtual = self.virtuals.configured
-        if self.say_virtual and self.virtuals.send_positions(None):
-            self.say_virtual = False  # field note 9.8
+            self.say_virtual = self.virtuals.configured  # a pass later, since they are to be calculated
         if self.say_end and not self.say_position:
             self.writer.begin(m.MSG_RT_END, None)
             if self.writer.end():

@@ -54,7 +54,7 @@ except ImportError:
         """Give an array an address that a pointer cast finds it under; the same each time."""
         address = _addresses.get(id(memory))
         if address is None:
-            address = 0x1000_0000 + 0x1_0000 * len(_memory)
+            address = 0x1000_0000 + 0x100 * len(_memory)
             _addresses[id(memory)] = address
             _memory[address] = memory
         return address

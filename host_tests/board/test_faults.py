@@ -34,7 +34,7 @@ RIG = {
 }
 HANG = """
 import framestep.boot as b
-def hang():
+def hang(urgent):
     while True:
         pass
 b.controller.axes.feed = hang
@@ -138,7 +138,7 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     """The main loop has other things to do for a second and a half, and comes back."""
     before = start(rig, *away(rig))
     repl = rig.board.emulator.repl()
-    repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda: None")
+    repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda urgent: None")
     watched = "print(machine.mem32[0x40058000] >> 30 & 1)"  # ENABLE of the watchdog's CTRL, RP2040 datasheet 4.7.6
     assert repl.exec("import machine\n" + watched) == "1\n"
     failed = rig.now

@@ -99,7 +99,7 @@ def test_pulses_that_broke_off(moving):
 def test_stops_that_lose_nothing(moving):
     """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is counted."""
     axes = moving.board._board.controller.axes
-    feed, axes.feed = axes.feed, lambda: None
+    feed, axes.feed = axes.feed, lambda urgent: None
     moving.run(2)
     axes.feed = feed
     at_rest_afterwards(moving)

@@ -23,6 +23,7 @@ KEYS = [
     "rx_bytes_per_s_single_port",
     "reply_ms_median",
     "reply_ms_max",
+    "virtual_reply_ms_max",
     "heap_bytes_per_hour",
     "virtual_update_us",
 ]

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from framestep.motion import stepper
+from framestep.protocol import messages
 
 from . import builds, tick_cost
 from .boards import EmulatedBoard, LockstepPort
@@ -42,10 +43,15 @@ from .payloads import (
     RtGo,
     RtRunMove,
     RtUploadMoveEnd,
+    VirtConfig,
+    VirtJogOnLine,
+    VirtMove,
+    VirtStop,
 )
 from .reference import Reference
 from .trace import Trace
 from .virtual_cost import virtual_update_us
+from .virtual_reference import Axis, Rig
 from .wire import encode
 
 RESULT = ROOT / "build" / "bench.json"
@@ -59,6 +65,20 @@ TOP_RATES = (500_000, 475_000, 450_000, 425_000, 400_000, 375_000, 350_000, 325_
 STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ideal
 STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)  # of the motors in the mixed move
 _WIDTH = 120  # of the table where there is no terminal
+AT_ONCE = 40  # requests that follow each other at once, right after GO
+ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and where the axes stand
+    1,
+    tuple(
+        Axis(motor, steps, place)
+        for motor, (steps, place) in enumerate(
+            ((250.0, 3.0), (300.0, 10.0), (80.0, 4000.0), (250.0, -10.0), (250.0, -3.0), (250.0, 0.0)), 1
+        )
+    ),
+    length=857.7,
+    extension=78.0,
+    nodal=(20.0, 35.5, -12.0),
+)
+ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
 WINDOW = 4  # sections of an upload on their way at once
 
 
@@ -159,9 +179,18 @@ FIGURES = (
         "ms",
         None,
         2,
-        "emulated clock: from the host writing a request to having its whole reply, at random moments of that move",
+        "emulated clock: from the host writing a request to having its whole reply, one after the other right after GO "
+        "and then at random moments of that move",
     ),
     Figure("reply_ms_max", "ms", None, 10, "the slowest of these"),
+    Figure(
+        "virtual_reply_ms_max",
+        "ms",
+        None,
+        15,
+        "the same, the slowest, while a boom-swing-track rig of six motors does a virtual move and a jog on line; the "
+        "requests that start and stop them are not counted",
+    ),
     Figure(
         "heap_bytes_per_hour",
         "bytes/h",
@@ -358,6 +387,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         _mixed(session, figures)
         say("virtual axes")
         figures["virtual_update_us"] = virtual_update_us(session.repl)
+        figures["virtual_reply_ms_max"] = max(virtual_replies(session))
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
     say("upload through a single port")
@@ -366,19 +396,55 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
     return {figure.key: figures[figure.key] for figure in FIGURES}
 
 
+class Asker:
+    """Asks for something when it is called, and notes in `ms` how long the answer takes."""
+
+    KINDS = (MotorStatus, MotorGetPosition, Hi)
+
+    def __init__(self, client: Client, at_once: int = AT_ONCE):
+        """at_once: so many requests follow each other at once, those after them at random moments."""
+        self.client = client
+        self.at_once = at_once
+        self.ms: list[float] = []
+        self._random = np.random.default_rng(1)
+
+    def __call__(self) -> None:
+        client = self.client
+        if len(self.ms) >= self.at_once:
+            client.pump(self._random.uniform(0.001, 0.02))
+        begun = client.clock()
+        client.answer_to(client.send(self.KINDS[len(self.ms) % len(self.KINDS)]()))
+        self.ms.append(1000 * (client.clock() - begun))
+
+    def until_idle(self) -> None:
+        """Ask until nothing moves any more."""
+        while not self.client.request(MotorStatus()).idle:
+            self()
+
+
+def virtual_replies(session: Session) -> list[float]:
+    """How long answers take while a rig moves along lines, ms."""
+    client = session.client
+    for axis in ARM.axes:
+        client.request(MotorSetSpeed(axis.motor, *ARM_SPEED))
+    client.request(VirtConfig.unpack(ARM.payload()))
+    ask = Asker(client)
+    client.request(VirtMove(messages.VIRT_MOTOR_EW, 250 * 100_000))
+    ask.until_idle()
+    jog = Asker(client)
+    client.request(VirtJogOnLine(messages.LINE_X, -8000))
+    begun = client.clock()
+    while client.clock() - begun < 1:
+        jog()
+    client.request(VirtStop(messages.VIRT_MOTOR_EW))
+    jog.until_idle()
+    return ask.ms + jog.ms
+
+
 def _mixed(session: Session, figures: dict[str, float]) -> None:
     client = session.client
     positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
-    random = np.random.default_rng(1)
-    kinds = (MotorStatus, MotorGetPosition, Hi)
-    replies: list[float] = []
-
-    def ask() -> None:
-        client.pump(random.uniform(0.001, 0.02))
-        begun = client.clock()
-        client.answer_to(client.send(kinds[len(replies) % len(kinds)]()))
-        replies.append(1000 * (client.clock() - begun))
-
+    ask = Asker(client)
     session.repl("import gc\ngc.collect()\ngc.disable()")
     taken = [int(session.repl("print(gc.mem_alloc())")) for _ in range(2)]
     begun = client.clock()
@@ -396,8 +462,8 @@ def _mixed(session: Session, figures: dict[str, float]) -> None:
     figures["frame_error_us"] = played.verdict.worst_time_us
     figures["tick_us_8"] = ticks["cycles"] / 125 / played.measured["ms"]
     figures["cpu_load_8_percent"] = 100 * played.measured["load"]
-    figures["reply_ms_median"] = float(np.median(replies))
-    figures["reply_ms_max"] = max(replies)
+    figures["reply_ms_median"] = float(np.median(ask.ms[AT_ONCE:]))
+    figures["reply_ms_max"] = max(ask.ms)
     figures["heap_bytes_per_hour"] = (taken[2] - 2 * taken[1] + taken[0]) / hours
 
 

@@ -14,7 +14,7 @@ from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
 from framestep.motion.reals import order_words
 from framestep.motion.segments import bridge, cut, mark, mirror, settle, shift, snap
-from framestep.native import const, micropython, ptr32
+from framestep.native import addressof, as_word, const, micropython, ptr32
 
 TICKS_PER_SECOND = const(1000)
 SLOWEST = const(10)  # steps/s below which a set velocity is lifted (field note 4.1)
@@ -25,8 +25,9 @@ DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
 AHEAD = const(10)  # segments to keep queued
-_FED = const(1)  # motors that are filled up in a pass
-LOW = const(5)  # so few are filled up in this pass, whatever it costs
+LOW = const(5)  # with fewer a moving motor is filled up in any pass
+_PIECE = const(8)  # segments cut in a pass, at least
+_CALL = const(2)  # so many could have been cut in the time that it takes to begin with a motor
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
 SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
@@ -69,10 +70,15 @@ _PHASE_WORDS = const(10)  # of a phase, as ramps has them
 _PHASE_MASK = const(15)
 _PHASE_HEAD = const(160)  # words behind the phases
 _PHASE_TAIL = const(161)
-_POSITION = const(7)  # stepper.POSITION and the like, as constants for the kernels below
+_FIRST = const(6)  # stepper.FIRST and the like, as constants for the kernels below
+_NEXT = const(0)
+_MODE = const(1)
+_POSITION = const(7)
 _HEAD = const(17)
 _TAIL = const(18)
 _PLANNED = const(27)
+_WORK = const(28)
+_PHASES = const(29)
 _SEGMENTS_TO_COME = const(1)  # stepper.PLAN_SEGMENTS
 
 if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
@@ -82,7 +88,14 @@ if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
     _PHASE_TAIL,
 ):
     raise ValueError("axes.py and ramps.py disagree about the phases")
-if (stepper.POSITION, stepper.HEAD, stepper.TAIL, stepper.PLANNED) != (_POSITION, _HEAD, _TAIL, _PLANNED):
+if (stepper.FIRST, stepper.NEXT, stepper.MODE, stepper.POSITION, stepper.HEAD, stepper.TAIL) != (
+    _FIRST,
+    _NEXT,
+    _MODE,
+    _POSITION,
+    _HEAD,
+    _TAIL,
+) or (stepper.PLANNED, stepper.WORK, stepper.PHASES) != (_PLANNED, _WORK, _PHASES):
     raise ValueError("axes.py and stepper.py disagree about the block")
 
 
@@ -246,6 +259,33 @@ def _feed(parts, other, bases, most: int, enough: int):
                 return
 
 
+@micropython.viper
+def _neediest(m: ptr32, least: int, modes: int) -> int:
+    """Whose queue is to be filled next: 32 times the motor, from 1, and how many segments it has; 0 for none.
+
+    It has the fewest of those with fewer than `least` (up to 16) and something to cut more from. m: the header.
+    modes: only motors in one of them (MODE's bits), 0: any.
+    """
+    found = 0
+    motor = 0
+    a = m[_FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[_NEXT]
+        motor += 32
+        if m[_PLANNED] & _SEGMENTS_TO_COME:
+            n = (m[_TAIL] - m[_HEAD]) & _ALL_BITS
+            if modes and m[_MODE] & modes == 0:
+                n = least
+            if n < least:
+                w = ptr32(m[_WORK])
+                p = ptr32(m[_PHASES])
+                if w[_LEFT] or w[_MORE] == 0 or p[_PHASE_HEAD] != p[_PHASE_TAIL]:
+                    least = n
+                    found = motor + n
+    return found
+
+
 def kernel_rate(acceleration):
     """steps/s² (up to STEEPEST) as the kernel's deceleration, Q22 steps per tick²; at least 1."""
     rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
@@ -267,6 +307,8 @@ class Axis:
         self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
         self.cut = array("i", [0] * 2)  # the same where trim() has cut the queue
         self.work = array("i", [0] * _WORK_WORDS)
+        self.block[stepper.WORK] = as_word(addressof(self.work))
+        self.block[stepper.PHASES] = as_word(addressof(self.phases.words))
         self.parts = (
             self.work,
             self.cubic,
@@ -657,31 +699,39 @@ class Axes:
         self[motor].set_backlash(steps)
         self.loose = [axis for axis in self.axes if axis.backlash]
 
-    def feed(self):
-        """Keep the queues filled; once per pass of the main loop."""
-        bits = stepper.hungry(self.kernel.state, AHEAD)
-        if bits:
-            self._fill(bits)
+    def feed(self, urgent=False):
+        """Fill the queue of the motor that has the fewest segments, if fewer than AHEAD; whether there was one.
+
+        When that takes little, the next one's as well: in one pass of the main loop a piece of the work is done, so
+        that requests are answered between. urgent: only motors that move and have fewer than LOW.
+        """
+        state = self.kernel.state
+        left = _PIECE
+        found = 1
+        while left > 0:
+            found = _neediest(state, LOW, stepper.RUN) if urgent else _neediest(state, AHEAD, 0)
+            if not found:
+                break
+            axis = self.axes[(found >> 5) - 1]
+            tail = axis.block[stepper.TAIL]
+            axis.feed(min((found & 31) + AHEAD, MOST))
+            left -= ((axis.block[stepper.TAIL] - tail) & _ALL_BITS) + _CALL
         for axis in self.loose:
             axis.refresh()
         bits = stepper.seeking(self.kernel.state)
-        for axis in self.axes:
-            if not bits:
-                break
-            if bits & 1:
-                axis.seek(self.hal)
+        if not bits:
+            return found != 0
+        motor = 0
+        while not bits & 1:
             bits >>= 1
+            motor += 1
+        self.axes[motor].seek(self.hal)
+        return True
 
-    def _fill(self, bits):
-        """Feed the motors of these bits, but few in a pass: requests are answered between."""
-        low = stepper.hungry(self.kernel.state, LOW)
-        fed = 0
-        for axis in self.axes:
-            if bits & 1 and (low & 1 or fed < _FED):
-                axis.feed()
-                fed += 1
-            bits >>= 1
-            low >>= 1
+    @property
+    def filled(self):
+        """Whether every queue has AHEAD segments, or all that there is to cut."""
+        return _neediest(self.kernel.state, AHEAD, 0) == 0
 
     def tell(self, writer):
         """Append where each motor is to a frames.FrameWriter."""

@@ -91,7 +91,9 @@ INVERT = const(24)  # 1 swaps the level of the direction pin
 SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
 WHOLE_SPAN = const(26)  # cycles per tick
 PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
-BLOCK_WORDS = const(28)
+WORK = const(28)  # addresses of what the queue is filled from, see axes.py; nothing to the tick either
+PHASES = const(29)
+BLOCK_WORDS = const(30)
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
@@ -99,7 +101,6 @@ PLAN_TARGET = const(2)  # a target that must be met
 # What look() finds
 LOOK_BUSY = const(1)  # a motor moves or is planned to
 LOOK_FAULT = const(2)
-LOOK_FEED = const(4)  # queues to be filled, or motors at rest that have not met their target
 
 # Modes
 IDLE = const(0)  # at rest; the segment queue may be filled
@@ -388,8 +389,8 @@ def moving(m: ptr32) -> int:
 
 
 @micropython.viper
-def look(m: ptr32, least: int) -> int:
-    """What the main loop is to look after, LOOK_ bits. m: the header; least: as for hungry()."""
+def look(m: ptr32) -> int:
+    """What the main loop is to look after, LOOK_ bits. m: the header."""
     bits = LOOK_BUSY if m[RUNNING] else 0
     if m[FAULTS]:
         bits |= LOOK_FAULT
@@ -397,14 +398,8 @@ def look(m: ptr32, least: int) -> int:
     while a:
         m = ptr32(a)
         a = m[NEXT]
-        planned = m[PLANNED]
-        if m[MODE] | planned:
+        if m[MODE] | m[PLANNED]:
             bits |= LOOK_BUSY
-            if planned & PLAN_SEGMENTS:
-                if (m[TAIL] - m[HEAD]) & _WRAP < least:
-                    bits |= LOOK_FEED
-            elif planned and m[MODE] == IDLE:
-                bits |= LOOK_FEED
     return bits
 
 
@@ -419,22 +414,6 @@ def seeking(m: ptr32) -> int:
         a = m[NEXT]
         if m[MODE] == IDLE:
             if m[PLANNED] == PLAN_TARGET:
-                bits |= bit
-        bit <<= 1
-    return bits
-
-
-@micropython.viper
-def hungry(m: ptr32, least: int) -> int:
-    """One bit per motor that has segments to come and fewer than `least` in its queue. m: the header."""
-    bits = 0
-    bit = 1
-    a = m[FIRST]
-    while a:
-        m = ptr32(a)
-        a = m[NEXT]
-        if m[PLANNED] & PLAN_SEGMENTS:
-            if (m[TAIL] - m[HEAD]) & _WRAP < least:
                 bits |= bit
         bit <<= 1
     return bits

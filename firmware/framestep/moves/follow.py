@@ -219,14 +219,12 @@ class Follower:
         reals.add_word(places, motor, places, motor, reals.floor(r, X, HALF))
         return axis.beyond(places, motor) == 0
 
-    def begin(self, bits):
-        """Make the motors ready for phases."""
-        for motor in range(self.count):
-            if bits >> motor & 1:
-                axis = self.axes[motor]
-                axis.prepare(self.axes.hal)
-                axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-                axis.expect(True)
+    def begin(self, motor):
+        """Make a motor ready for phases."""
+        axis = self.axes[motor]
+        axis.prepare(self.axes.hal)
+        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+        axis.expect(True)
 
     def close(self, bits):
         """No further phases come: the motors rest where the last one ends."""

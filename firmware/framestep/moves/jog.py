@@ -110,9 +110,11 @@ class JogAll(Operation):
             self.later = to
             return
         if reals.sign(r, _RATE) == 0:
-            # between a landing and the way back
+            # between a landing and the way back, or before it has begun
             self._aim(to)
-            self.closed = to == self.at
+            if to == self.at:
+                self.follower.close(self.bits)
+                self.closed = True
             return
         landing = self._landing()
         if (to - landing) * self.step >= 0:
@@ -190,16 +192,16 @@ class JogAll(Operation):
 
     # ---------------------------------------------------------------- the motion
 
-    def start(self):
-        r = self.follower.numbers
-        for motor in range(self.follower.count):
-            if self.bits >> motor & 1:
-                reals.put(r, speed(motor), 0, 0)
-        self.feed()
+    def lead(self, motor):
+        reals.put(self.follower.numbers, speed(motor), 0, 0)
+        if self.closed:  # sent back before it has begun
+            self.follower.axes[motor].expect(False)
 
     def feed(self):
-        while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
-            self._queue()
+        if self.closed or self.follower.ahead(self.bits) >= _AHEAD:
+            return False
+        self._queue()
+        return True
 
     def _queue(self):
         """Append the way to the next frame to each motor."""

@@ -64,9 +64,9 @@ class Moves:
         return self.store.capacity_frames(self.store.motors)
 
     def poll(self):
-        """Every few milliseconds: what is due, and the queues."""
+        """Every few milliseconds: what is due, and what is to be planned. Whether there may be more to plan at once."""
         self.show.poll()
-        self.stage.poll()
+        return self.stage.poll()
 
     # ---------------------------------------------------------------- uploads
 

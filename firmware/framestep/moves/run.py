@@ -199,30 +199,31 @@ class RunMove(Operation):
         reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
         reals.divide(r, _DURATION, _DURATION, THOUSAND)
         reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
-        onward = self.step == plan.step
-        rolls = plan.pre_rolls if onward else plan.post_rolls
-        places = plan.begins if onward else plan.ends
-        for motor in range(follower.count):
-            if plan.bits >> motor & 1:
-                own = speed(motor)
-                if plan.frames:
-                    follower.velocity(own, motor, self.first, self.step)
-                else:
-                    reals.put(r, own, 0, 0)
-                reals.fetch(r, _ROLL, rolls, 2 * motor)
-                # whoever needs less time than the slowest waits, so that all come to the first frame at once
-                reals.put(r, X, self.begin_ms, 0)
-                reals.subtract(r, X, X, _ROLL)
-                if reals.sign(r, X) > 0:
-                    follower.axes[motor].aim(X, ZERO, ZERO, r, places, motor)
-                if reals.sign(r, _ROLL):
-                    self.store.position(motor, self.first, follower.place, 0)
-                    follower.axes[motor].aim(_ROLL, ZERO, own, r, follower.place, 0)
         self.queue_clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.closed = False
         self.told = 0
-        self.feed()
+
+    def lead(self, motor):
+        follower = self.follower
+        plan = self.plan
+        r = follower.numbers
+        axis = follower.axes[motor]
+        onward = self.step == plan.step
+        own = speed(motor)
+        if plan.frames:
+            follower.velocity(own, motor, self.first, self.step)
+        else:
+            reals.put(r, own, 0, 0)
+        reals.fetch(r, _ROLL, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
+        # whoever needs less time than the slowest waits, so that all come to the first frame at once
+        reals.put(r, X, self.begin_ms, 0)
+        reals.subtract(r, X, X, _ROLL)
+        if reals.sign(r, X) > 0:
+            axis.aim(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
+        if reals.sign(r, _ROLL):
+            self.store.position(motor, self.first, follower.place, 0)
+            axis.aim(_ROLL, ZERO, own, r, follower.place, 0)
 
     def started(self, tick):
         tick = (tick + self.begin_ms) & _WRAP
@@ -230,14 +231,16 @@ class RunMove(Operation):
         self.show.begin(self.plan, self.first, self.step, tick, not self.looping)
 
     def feed(self):
-        if self.bits:
-            while not self.closed and self.follower.ahead(self.bits) < _AHEAD:
-                self._queue()
-        else:
-            # lights alone: no queue fills up
-            while not self.closed and self.queued <= self.told:
-                self._queue()
         self.show.feed()
+        if self.closed:
+            return False
+        if self.bits:
+            if self.follower.ahead(self.bits) >= _AHEAD:
+                return False
+        elif self.queued > self.told:  # lights alone: no queue fills up
+            return False
+        self._queue()
+        return True
 
     def _queue(self):
         """Append the cubic to the next frame to each motor, after the last one the post-roll."""

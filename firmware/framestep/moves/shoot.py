@@ -238,18 +238,21 @@ class ShootFrame(Operation):
         reals.fetch(r, _WINDOW, shot.window, 0)
         reals.fetch(r, _WAIT, shot.wait, 0)
         reals.put(r, _ROLL, RUN_UP_MS, 0)
-        for motor in range(follower.count):
-            if shot.bits >> motor & 1:
-                own = speed(motor)
-                reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-                reals.divide(r, own, own, _WINDOW)
-                axis = follower.axes[motor]
-                axis.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
-                axis.aim(_ROLL, ZERO, own, r, shot.a, motor)
-                axis.aim(_WINDOW, own, own, r, shot.b, motor)
-                axis.aim(_ROLL, own, ZERO, r, shot.ends, motor)
-        follower.close(shot.bits)
         self.done = False
+
+    def lead(self, motor):
+        follower = self.follower
+        r = follower.numbers
+        shot = self.shot
+        own = speed(motor)
+        reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+        reals.divide(r, own, own, _WINDOW)
+        axis = follower.axes[motor]
+        axis.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
+        axis.aim(_ROLL, ZERO, own, r, shot.a, motor)
+        axis.aim(_WINDOW, own, own, r, shot.b, motor)
+        axis.aim(_ROLL, own, ZERO, r, shot.ends, motor)
+        axis.expect(False)
 
     def started(self, tick):
         shot = self.shot

@@ -1,16 +1,19 @@
 """The state machine that every real-time operation goes through, whatever it plays.
 
-                 take()                 all there               go()
-    IDLE --------------------> POSITIONING -------> READY -------------> RUNNING
-     ^                              ^   |             |                   |   |
-     |                              |   | stop()      | stop()     stop() |   | its end
-     |                              |   v             v                   |   v
-     |       RT_END, all at rest    |  ENDING <---------------------------+  done?
-     +------------------------------+---^                                     |
-                                    +-------- another pass (a loop) ----------+
+                 take()                 all there         go()          queues filled
+    IDLE --------------------> POSITIONING -------> READY ----> STARTING ----> RUNNING
+     ^                              ^   |             |             |           |   |
+     |                              |   | stop()      | stop()      | stop()    |   | its end
+     |                              |   v             v             v           |   v
+     |       RT_END, all at rest    |  ENDING <-----------------------+---------+  done?
+     +------------------------------+---^                                           |
+                                    +-------- another pass (a loop) ----------------+
 
 An operation (run.py, shoot.py, jog.py) says where the motors begin, queues phases and cues, and says
-whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at RUNNING.
+whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at STARTING.
+
+What takes long for eight motors is done for one of them in each pass of the main loop, so that requests are answered
+between.
 """
 
 from framestep.motion import stepper
@@ -33,6 +36,7 @@ POSITIONING = const(1)
 READY = const(2)
 RUNNING = const(3)
 ENDING = const(4)  # ramping down
+STARTING = const(5)  # the first phases are planned, one motor after the other
 
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
@@ -48,10 +52,14 @@ class Operation:
         self.bits = 0  # motors that have a part in it
 
     def start(self):
-        """Queue the first phases; the motors are prepared. begins is where they stand."""
+        """A pass begins."""
+
+    def lead(self, motor):
+        """Queue a motor's first phases; it has been prepared, and stands where `begins` has it."""
 
     def feed(self):
-        """Queue further phases."""
+        """Queue further phases, a frame's at most. Whether there were any."""
+        return False
 
     def started(self, tick):
         """The first segment is taken in this tick."""
@@ -91,6 +99,7 @@ class Stage:
         self.state = IDLE
         self.operation = Operation(self)
         self.begins = None  # where the motors of the operation begin, by motor
+        self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.move_time = 0  # thousandths of a scene frame
         self.ended = False  # RT_END is due
         self.unattended = False  # the next pass starts without a GO
@@ -175,26 +184,28 @@ class Stage:
         return OK if self._there() else ERR_NOT_IN_POSITION
 
     def go(self):
-        """Start the operation that waits; may_go() has said OK. All motors in the same tick."""
+        """Start the operation that waits; may_go() has said OK."""
         self.unattended = False
         self.perform(self.operation)
 
     def perform(self, operation):
         """Start an operation from where the motors are."""
         self.operation = operation
+        self.state = STARTING
+        self.waiting = operation.bits
+        operation.start()
+
+    def _release(self):
+        """All motors start in the same tick."""
         self.state = RUNNING
         axes = self.axes
-        bits = operation.bits
-        self.follower.begin(bits)
-        operation.start()
-        self.axes.feed()
         kernel = axes.kernel.state
         irq = axes.hal.irq_off()
         tick = (kernel[stepper.TICKS] + 1) & _WRAP
-        axes.release(bits)
+        axes.release(self.operation.bits)
         axes.hal.irq_on(irq)
         # the pulses come LEAD ticks after the tick that queues them
-        operation.started((tick + kernel[stepper.LEAD]) & _WRAP)
+        self.operation.started((tick + kernel[stepper.LEAD]) & _WRAP)
 
     def stop(self, factor=1, land=False):
         """Ramp down whatever this moves; RT_END follows once all stand.
@@ -211,6 +222,7 @@ class Stage:
                 self.axes[motor].stop(self.axes.hal, factor)
         self.operation.over()
         self.unattended = False
+        self.waiting = 0
         self.state = ENDING
         return 0
 
@@ -232,34 +244,48 @@ class Stage:
         return self.operation.reached(self.axes.kernel.state[stepper.TICKS])
 
     def poll(self):
-        """Every few milliseconds: feed the queues, and go on where something has ended."""
+        """Every few milliseconds: plan ahead, and go on where something has ended.
+
+        Whether it has planned, and so there may be more to plan at once.
+        """
         state = self.state
         if state == IDLE or state == READY:
-            return
+            return False
         if state == RUNNING:
             operation = self.operation
-            operation.feed()
+            if operation.feed():
+                return True
             if operation.finished() and not self.moving():
                 if operation.again():
-                    self._travel(operation.bits, self.begins)
+                    self.waiting = operation.bits
                     self.unattended = True
                     self.state = POSITIONING
-                else:
-                    operation.over()
-                    self._end()
-            return
+                    return True
+                operation.over()
+                self._end()
+            return False
+        if self.waiting:
+            self._attend()
+            return True
+        if state == STARTING:
+            if self.operation.feed():
+                return True
+            if self.axes.filled:
+                self._release()
+            return False
         if self.moving():
-            return
+            return False
         if state == ENDING:
             self._end()
         elif self.unattended:
             if self.operation.wanted():
                 self.go()
-            else:
-                self.operation.over()
-                self._end()
+                return True
+            self.operation.over()
+            self._end()
         else:
             self.state = READY
+        return False
 
     # ---------------------------------------------------------------- within
 
@@ -272,6 +298,18 @@ class Stage:
             if self.operation.bits >> motor & 1 and not self.axes[motor].stands_on(self.begins, motor):
                 return False
         return True
+
+    def _attend(self):
+        """See to the next of the motors that wait."""
+        motor = 0
+        while not self.waiting >> motor & 1:
+            motor += 1
+        self.waiting ^= 1 << motor
+        if self.state == STARTING:
+            self.follower.begin(motor)
+            self.operation.lead(motor)
+        else:
+            self.axes[motor].travel(self.axes.hal, self.begins, motor)
 
     def _travel(self, bits, places):
         axes = self.axes

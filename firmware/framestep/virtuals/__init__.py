@@ -12,7 +12,7 @@ class NoVirtuals:
         self.handlers = {}
 
     def poll(self, now):
-        pass
+        return False
 
     def leads(self, motor):
         return False

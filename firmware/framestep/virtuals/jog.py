@@ -28,6 +28,11 @@ _STEPS = const(256)  # sixteenths of a step: the least that a motor moves in a c
 
 _LARGE = const(0x8000000)
 
+# What is the next step of the survey
+_PROBE = const(0)  # a cell is measured
+_RATE = const(1)  # it gets its velocity and acceleration
+_LEAVE = const(2)  # how fast each cell may be left is computed anew
+
 # Registers
 _X = const(v.FIRST_FREE)
 _Y = const(v.FIRST_FREE + 2)
@@ -45,6 +50,7 @@ class Guide:
         self.head = 0
         self.count = 0
         self.level = 0
+        self.step = _PROBE
         self.share = 0
         self.closed = True
         self.rows = array("i", [v.SURVEY, v.SURVEY + v.ROW, v.SURVEY + 2 * v.ROW])
@@ -62,6 +68,7 @@ class Guide:
         self.share = max(share, INCHING)
         self.head = 0
         self.count = 0
+        self.step = _PROBE
         self.closed = False
         motion.guide = self
         motion.greatest_clear()
@@ -129,17 +136,32 @@ class Guide:
         return motion.inside(rows[0], rows[1], rows[2])
 
     def extend(self):
-        """Survey one more cell, or find that it must be shorter. False where there is nothing to do."""
-        if self.closed or self.count == CELLS:
-            return False
-        motion = self.motion
-        r = motion.r
-        if self._probe():
+        """Survey a cell more, a step at a time, or find that it must be shorter. False where there is nothing to do."""
+        if self.step == _PROBE:
+            if self.closed or self.count == CELLS:
+                return False
+            if not self._probe():
+                self.step = _RATE
+                return True
             self.level += 1
             if self.level > _HALVINGS:
                 self.closed = True
-            return True
+        elif self.step == _RATE:
+            self._append()
+            self.step = _LEAVE
+        else:
+            self.count += 1
+            self._exits()
+            self.step = _PROBE
+        return True
+
+    def _append(self):
+        """Take the cell that has been probed."""
+        motion = self.motion
+        r = motion.r
         motion.rates(self.share)
+        reals.double(r, _REACH, v.HALF_CELL, 1 - self.level)
+        reals.add(r, _REACH, v.END, _REACH)
         if reals.sign(r, v.END) == 0:
             motion.head(self.rows[0], self.rows[1])
         cells = self.cells
@@ -151,7 +173,6 @@ class Guide:
         reals.fetch(cells, k + _LENGTH, r, _X)
         cells[k + _SPAN] = motion.span
         reals.copy(r, v.END, _REACH)
-        self.count += 1
         rows = self.rows
         rows[0], rows[2] = rows[2], rows[0]
         if self.level:
@@ -164,8 +185,6 @@ class Guide:
                 reals.double(r, v.HALF_CELL, v.HALF_CELL, 1)
                 for i in range(AXES):
                     motion.greatest[i] = min(motion.greatest[i], _LARGE) * 2
-        self._exits()
-        return True
 
     def _exits(self):
         """From the last cell back: how fast each may be left, so that it comes to rest at the end of the survey."""

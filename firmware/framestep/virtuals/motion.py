@@ -68,7 +68,7 @@ SPAN = const(32)  # ticks from knot to knot, at most: one segment
 _BEGIN = const(4)  # knots queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
 _SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
-_NOTICE = const(30)  # ticks from a request to the first knot that it may change
+_NOTICE = const(40)  # ticks from a request to the first knot that it may change
 _KNOTS = const(16)  # remembered
 
 ROW = const(12)  # words of the places of all motors: step and Q16 fraction of each
@@ -710,8 +710,6 @@ class Motion:
                     self.halt()
                 return
             self.stopping = True
-            self._plan()
-            self._plan()
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
@@ -723,29 +721,33 @@ class Motion:
             self.closed = True
 
     def poll(self):
-        """One pass: plan ahead."""
+        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at once."""
         state = self.state
         if state == IDLE:
-            return
+            return False
         if state == STARTING:
-            if self.guide and self.guide.extend():
-                return
-            self._plan()
             if self.closed or self.queued >= _BEGIN:
-                self._release()
-            elif self.guide and not self.guide.count:
+                if self.axes.filled:
+                    self._release()
+                return False
+            if self.guide and self.guide.extend():
+                return True
+            self._plan()
+            if not self.closed and self.guide and not self.guide.count:
                 self.halt()  # no way to go
-            return
+            return True
         if state == MOVING and not self.closed:
             ahead = self.times[self.queued % _KNOTS] - self._elapsed()
             if self.guide and ahead > _SCARCE_TICKS and self.guide.extend():
-                return
+                return True
             if ahead < _AHEAD_TICKS:
                 self._plan()
+                return True
         elif not self.axes.moving_bits() & self.bits:
             if state == MOVING:
                 self._rest()
             self.state = IDLE
+        return False
 
     def _elapsed(self):
         """Ticks of the motion that have been done."""
@@ -754,7 +756,6 @@ class Motion:
     def _release(self):
         """All motors start in the same tick."""
         axes = self.axes
-        axes.feed()
         irq = axes.hal.irq_off()
         self.tick = (axes.kernel.state[stepper.TICKS] + 1) & _WRAP
         axes.release(self.bits)
@@ -770,25 +771,20 @@ class Motion:
         reals.fetch(self.marks, k + 2, self.r, V)
 
     def _plan(self):
-        """Place the next knot, and queue the phases to the one before it, which it takes to know the velocity there."""
-        if self.closed:
-            return
-        r = self.r
+        """Place the next knot, or queue the phases to the one before it, which it takes to know the velocity there."""
         knot = self.knot
-        if not self._advance():
-            return
-        knot += 1
-        following = ROW * (knot % _KNOTS)
-        if self.place(S, following):
-            self.halt()  # the survey has said that it can be reached
-            return
-        self._note(knot)
-        self.times[knot % _KNOTS] = self.times[(knot - 1) % _KNOTS] + reals.floor(r, _T, _HALF)
-        self.knot = knot
         if self.queued < knot - 1:
             self._queue(knot - 1)
-        if reals.sign(r, V) == 0:
+        elif self.queued < knot and reals.sign(self.r, V) == 0:
             self._finish(knot)
+        elif self._advance():
+            knot += 1
+            if self.place(S, ROW * (knot % _KNOTS)):
+                self.halt()  # the survey has said that it can be reached
+                return
+            self._note(knot)
+            self.times[knot % _KNOTS] = self.times[(knot - 1) % _KNOTS] + reals.floor(self.r, _T, _HALF)
+            self.knot = knot
 
     def _queue(self, knot):
         """Append the phase to a knot that has one on either side."""

@@ -127,17 +127,19 @@ class Virtuals:
         return self.motion.engaged
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^30."""
+        """One pass; now: milliseconds modulo 2^30. Whether there may be more to plan at once."""
         self.now = now
         motion = self.motion
+        planned = False
         if motion.state:
             limit = self.controller.rig.jog_timeout_ms
             if self.jog_at >= 0 and limit and (now - self.jog_at) & _WRAP >= limit:
                 self.jog_at = -1
                 motion.stop()
-            motion.poll()
+            planned = motion.poll()
             if self.later and not motion.state:
                 self._turn(limit)
+        return planned
 
     def stop(self):
         """Slow down along the line."""
