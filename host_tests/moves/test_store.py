@@ -75,6 +75,16 @@ def test_small_steps_down_to_the_lowest_position():
     assert answered[-1] == str(ERR_RANGE)
 
 
+@pytest.mark.parametrize("there", [2**31 - 1, 2**30, -(2**30), -(2**31) + 1])
+@pytest.mark.parametrize("at", [1, 129])
+def test_far_out_after_the_first_frame_of_a_chunk(at, there):
+    move = [-there] * at + [there] * (200 - at)
+    answered = answers(
+        "NEW 1 2000", "BEGIN 1 200", axis(1, 0, 0, move[:at]), axis(1, at, 0, move[at:]), "FINISH", "READ 0 0"
+    )
+    assert answered[-1] == ",".join(map(str, move))
+
+
 def test_a_refused_section_leaves_no_trace_behind_what_has_been_sent():
     # small steps at first, so that it is packed as it comes; then the position that is refused
     refused = axis(1, 10, 0, [100 + i for i in range(60)] + [-(2**31)])

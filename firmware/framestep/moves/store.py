@@ -294,6 +294,10 @@ def _append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> 
             velocity = 0
             if i + 1 < end:
                 velocity = word[i + 1] - value
+        # From here no way in small changes to 2^29: all of what follows fits a word.
+        if (value ^ value >> 31) >> 28 | (velocity ^ velocity >> 31) >> 20:
+            return 0
+        if within < 2:
             half[chunk + _BASE] = value - velocity & 0xFFFF
             half[chunk + _BASE + 1] = value - velocity >> 16 & 0xFFFF
             half[chunk + _VELOCITY] = velocity & 0xFFFF
@@ -304,8 +308,7 @@ def _append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> 
             i += 2
             if i > end:
                 i = end
-        # From here no way in small changes to 2^29: all of what follows fits a word.
-        if (value ^ value >> 31) >> 28 | (velocity ^ velocity >> 31) >> 20 | half[chunk + _LINK]:
+        if half[chunk + _LINK]:
             return 0
         if int(_changes(words, i, memory, 2 * (chunk + _CODES) + within, end - i)):
             return 0
@@ -505,8 +508,11 @@ def _unpack(memory, words, motor: int, at: int):
 
 
 @micropython.viper
-def _write(memory, words, motor: int, index: int, count: int, end: int) -> int:
-    """Put the `count` positions of RUN in from `index` on, the last again until `end`; 0 when DRY finds no room."""
+def _write(i: int, to: int, memory, words, motor: int, index: int, count: int, end: int) -> int:
+    """Put the `count` positions of RUN in from `index` on, the last again until `end`; 0 when DRY finds no room.
+
+    (`i` and `to`: as for _pack().)
+    """
     word = ptr32(words)
     stop = index + count
     last = _RUN + count - 1
@@ -524,10 +530,24 @@ def _write(memory, words, motor: int, index: int, count: int, end: int) -> int:
         else:
             if index > at or end < behind:
                 _unpack(memory, words, motor, at)
-            frame = index if index > at else at
-            while frame < behind and frame < end:
-                word[_VALUES + frame - at] = word[_RUN + frame - index if frame < stop else last]
-                frame += 1
+            i = _RUN
+            to = _VALUES + index - at
+            if index < at:
+                i += at - index
+                to = _VALUES
+            stretch = to + last + 1 - i
+            if stretch > _VALUES + _FRAMES:
+                stretch = _VALUES + _FRAMES
+            while to < stretch:
+                word[to] = word[i + 0]
+                i += 1
+                to += 1
+            stretch = _VALUES + end - at
+            if stretch > _VALUES + _FRAMES:
+                stretch = _VALUES + _FRAMES
+            while to < stretch:
+                word[to] = word[last]
+                to += 1
             if int(_encode(0, 0, memory, words, chunk)) == 0:
                 return 0
         at = behind
@@ -535,15 +555,15 @@ def _write(memory, words, motor: int, index: int, count: int, end: int) -> int:
 
 
 @micropython.viper
-def _has_lowest(words: ptr32, count: int) -> int:
-    """Whether -2^31, which stands for a frame not sent, is in RUN."""
+def _has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
+    """Whether -2^31, which stands for a frame not sent, is in RUN. (`i` and `lowest`: as for _pack().)"""
     lowest = -1
     lowest <<= 31
-    i = _RUN
-    while i < _RUN + count:
-        if words[i] == lowest:
+    i = _RUN + count
+    while i > _RUN:
+        i -= 1
+        if words[i + 0] == lowest:
             return 1
-        i += 1
     return 0
 
 
@@ -708,19 +728,19 @@ class UploadStore:
                 word[motor + _PAST] = stop
                 return int(OK)
         fits = 0
-        if int(_has_lowest(words, count)) == 0:
+        if int(_has_lowest(0, 0, words, count)) == 0:
             fits = 1
             if int(_room(words)) < ((stop - 1 >> 7) - (index >> 7) + 2) * _MOST_UNITS:
                 word[_DRY] = 1
                 word[_NEED] = 0
-                fits = int(_write(memory, words, motor, index, count, end))
+                fits = int(_write(0, 0, memory, words, motor, index, count, end))
                 word[_DRY] = 0
         if fits == 0:
             if fresh:
                 word[_BOTTOM] = bottom
                 word[motor + _REGION] = -1
             return int(ERR_RANGE)
-        _write(memory, words, motor, index, count, end)
+        _write(0, 0, memory, words, motor, index, count, end)
         if end > past:
             past = end
             word[motor + _PAST] = end
