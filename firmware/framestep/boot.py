@@ -16,7 +16,7 @@ from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
-_HEAP_LEFT = const(12 * 1024)  # for the REPL and for what a user's own code needs, in one piece
+_HEAP_LEFT = const(13 * 1024)  # for the REPL and for what a user's own code needs, in one piece
 
 hal = None
 controller = None
