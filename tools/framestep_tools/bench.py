@@ -438,6 +438,7 @@ def virtual_replies(session: Session) -> list[float]:
         jog()
     client.request(VirtStop(messages.VIRT_MOTOR_EW))
     jog.until_idle()
+    client.request(VirtConfig.unpack(b"\0"))  # none: else what is measured next has virtual positions reported as well
     return ask.ms + jog.ms
 
 

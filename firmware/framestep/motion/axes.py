@@ -26,7 +26,7 @@ INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2
 
 AHEAD = const(10)  # segments to keep queued
 LOW = const(5)  # with fewer a moving motor is filled up in any pass
-_PIECE = const(8)  # segments cut in a pass, at least
+_PIECE = const(4)  # segments cut in a pass, at least
 _CALL = const(2)  # so many could have been cut in the time that it takes to begin with a motor
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
