@@ -38,8 +38,7 @@ class Settings:
 def _settings(board):
     from framestep import rig
 
-    # Code that was copied takes so much memory that the virtual axes are there only if asked for.
-    found, mistake = rig.load(board=board, defaults={"virtuals": 0} if framestep.__file__[0] == "/" else None)
+    found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
     del sys.modules["framestep.rig"]
     del framestep.rig

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_data, board_files, compiled, march
+from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_data, board_modules, compiled, march
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -70,8 +70,7 @@ def image_files(board: str) -> dict[str, bytes]:
     Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
     """
     processor = march(board_data(board)["chip"])
-    files = {name.removeprefix("/lib/"): data for name, data in board_files(processor, board).items()}
-    del files["/main.py"]
+    files = board_modules(processor, board)
     in_ram = {name: files.pop(name) for name in IN_RAM}
     files["framestep/ram_files.mpy"] = compiled("framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor)
     return files | {"main.py": IMAGE_MAIN.read_bytes()}

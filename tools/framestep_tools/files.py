@@ -17,6 +17,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from . import code_file
+from .code_file import CodeFile
 from .constants import fold
 from .errors import ToolError
 
@@ -28,9 +30,12 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _HOST_ONLY = {"framestep/hal/host.py"}
-IN_RAM = ("framestep/motion/tick.mpy",)  # what a frozen image runs from RAM
+IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
+
+_IN_FLASH = "armv6m"  # the architecture whose copied functions run from flash: it has 264 kB of RAM, others 520
+_WHOLE = (*IN_RAM, "framestep/native.mpy", "framestep/hal/rp2_code.mpy")  # the last two make the rest run
 
 _PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 
@@ -99,15 +104,35 @@ def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
     return {name: text.encode() for name, text in fold(texts, hide, _ON_BOARDS).items()}
 
 
+def _board_sources(board: str) -> dict[str, bytes]:
+    sources = folded({"framestep/board.py": board_module(board)}, hide=True)
+    return {name: source for name, source in sources.items() if name not in _HOST_ONLY}
+
+
+def _mpy(name: str) -> str:
+    return name.removesuffix(".py") + ".mpy"
+
+
+def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
+    """{"framestep/motion/axes.mpy": content} of the modules for a board, as they are compiled."""
+    return {_mpy(name): compiled(name, source, march) for name, source in _board_sources(board).items()}
+
+
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """{device path: content} of everything a board gets, ready for Emulator(files=...) or image.make_image()."""
-    files = {
-        "/lib/" + name.removesuffix(".py") + ".mpy": compiled(name, source, march)
-        for name, source in folded({"framestep/board.py": board_module(board)}, hide=True).items()
-        if name not in _HOST_ONLY
-    }
-    files["/main.py"] = (FIRMWARE / "main.py").read_bytes()
-    return files
+    """{device path: content} of everything that is copied to a board, ready for Emulator(files=...).
+
+    Where memory is short, functions run from flash: most of them are in one file then, framestep.code_file says why.
+    """
+    modules = board_modules(march, board)
+    if march == _IN_FLASH:
+        code = CodeFile()
+        for name, source in _board_sources(board).items():
+            if _mpy(name) not in _WHOLE:
+                finished = compiled(name, source + code_file.FORWARD, march)
+                modules[_mpy(name)] = code.take(name, source.decode(), finished) or modules[_mpy(name)]
+        modules[code_file.NAME] = code.packed()
+    files = {"/lib/" + name: content for name, content in modules.items()}
+    return files | {"/main.py": (FIRMWARE / "main.py").read_bytes()}
 
 
 def compiled_tree(march: str = "x86") -> Path:

@@ -1,0 +1,146 @@
+"""Functions of copied modules that run from where they lie in flash.
+
+Copied .mpy files have placeholders for most functions; the functions themselves are in one file beside them, code.bin
+(framestep_tools.code_file tells its form). The blocks of a file stay where they are as long as nobody writes to it,
+and flash can be read, and run, like memory. So the last that a module of placeholders does when it is imported is to
+call `forward`, which looks through memory for pointers to placeholders and makes them point into flash. The
+placeholders then are garbage.
+"""
+
+import errno
+from array import array
+from binascii import crc32
+
+import rp2
+import vfs
+
+from framestep.native import addressof, const, micropython, ptr32
+
+_FILE = "/lib/framestep/code.bin"
+_MAGIC = b"framestp"
+_PAGE = const(4096)
+_MOST_PAGES = const(127)
+_HEAD = const(32)
+_INDEX = const(2048)
+_MARK = const(0x1AF2C0DE)
+_RAM = const(0x2000_0000)
+_RAM_END = const(0x2004_0000)  # the stack lies behind
+_NO_BLOCK = const(-0x3_FFF1)  # bits in which what the heap gives out is like _RAM: all but those of _RAM_END - 16
+_NO_CODE = const(-0x106_0001)  # bits that are 0 in the first word of what MicroPython loads for a function
+_AGAIN = "; copy framestep to the board again (make flash), or put an image of it there (make image)"
+
+
+class _Flash:
+    """The board's flash, read only, as a block device that remembers which block was read last."""
+
+    def __init__(self, flash):
+        self.flash = flash
+        self.block = 0
+
+    def readblocks(self, block, buffer, offset=0):
+        self.block = block
+        self.flash.readblocks(block, buffer, offset)
+
+    def writeblocks(self, *_):
+        raise OSError(errno.EROFS)
+
+    def ioctl(self, command, argument):
+        return self.flash.ioctl(command, argument)
+
+
+def _word(data, at):
+    return data[at] | data[at + 1] << 8 | data[at + 2] << 16 | data[at + 3] << 24
+
+
+def _find():
+    """Addresses of the file's pages, and the number of functions in it. RuntimeError in words."""
+    flash = rp2.Flash()
+    device = _Flash(flash)
+    try:
+        files = vfs.VfsLfs2(device)
+    except OSError:
+        raise RuntimeError("the file system is not littlefs, in which code can run from files" + _AGAIN)
+    try:
+        file = files.open(_FILE, "rb")
+    except OSError:
+        raise RuntimeError("there is no " + _FILE + _AGAIN)
+    with file:
+        head = file.read(_HEAD)
+        count = _word(head, 8) if len(head) == _HEAD and head[: len(_MAGIC)] == _MAGIC else 0
+        file.seek(-1, 2)
+        file.read(1)  # it is in the last block
+    block = device.block
+    memory = memoryview(flash)
+    blocks = flash.ioctl(4, 0)
+    pages = array("i", range(count if count <= _MOST_PAGES else 0))
+    for i in range(len(pages) - 1, -1, -1):
+        if 0 <= block < blocks:
+            pages[i] = block * _PAGE
+            block = _word(memory, pages[i])  # a block of littlefs but the first begins with where the one before is
+    check = 0
+    for at in pages:
+        check = crc32(memory[at + _HEAD : at + _PAGE], check)
+    if not pages or check != _word(head, 16):
+        raise RuntimeError(_FILE + " is damaged" + _AGAIN)
+    for i in range(len(pages)):
+        pages[i] += addressof(flash)
+    return pages, _word(head, 12)
+
+
+@micropython.viper
+def _place(pages: ptr32, count: int, key: int) -> int:
+    """Where the function with this key lies, 0 if it is not in the file."""
+    low = 0
+    while low < count:
+        middle = (low + count) >> 1
+        entry = ptr32(pages[middle >> 8] + _INDEX + ((middle & 255) << 3))
+        if entry[0] == key:
+            return pages[entry[1] >> 12] + (entry[1] & (_PAGE - 1))
+        if entry[0] < key:
+            low = middle + 1
+        else:
+            count = middle
+    return 0
+
+
+@micropython.viper
+def _forward(pages, count: int) -> int:
+    """Make all pointers to placeholders point at functions in flash. The number of those whose function there is not.
+
+    Looks at each 16 bytes of memory, the units of the heap, whether they begin a function (py/objfun.h: its code is the
+    fourth word, and its type, in flash, the first) or what has been loaded to make functions of (py/emitglue.h).
+    """
+    unknown = 0
+    at = _RAM
+    while at < _RAM_END:
+        words = ptr32(at)
+        code = words[3]
+        if not (code ^ _RAM) & _NO_BLOCK:
+            if ptr32(code)[4] == _MARK:
+                if words[0] >> 28 == 1:
+                    place = int(_place(pages, count, ptr32(code)[5]))
+                    if place:
+                        words[3] = place
+                    else:
+                        unknown += 1
+        code = words[1]
+        if not (code ^ _RAM) & _NO_BLOCK:
+            if ptr32(code)[4] == _MARK:
+                if not words[0] & _NO_CODE:
+                    place = int(_place(pages, count, ptr32(code)[5]))
+                    if place:
+                        words[1] = place
+                    else:
+                        unknown += 1
+        at += 16
+    return unknown
+
+
+def forward():
+    """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError in words."""
+    if _forward(_pages, _count):
+        raise RuntimeError(_FILE + " is of another version" + _AGAIN)
+
+
+_pages, _count = _find()
+del _find, _word, _Flash
