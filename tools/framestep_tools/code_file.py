@@ -193,7 +193,7 @@ class CodeFile:
         module = parse(compiled)
         tree = ast.parse(source)
         at_import = _AtImport(tree).found
-        before = len(self.bodies)
+        taken = False
         for body, scope in _pairs(module, tree, name):
             if scope in at_import or len(body.code) <= _WORTH or len(body.code) > PAGE - HEAD:
                 continue
@@ -202,7 +202,8 @@ class CodeFile:
             start = _raising(body) if body.kind == Kind.BYTECODE else _raising_machine_code(module.function_table)
             if len(start) <= MARK_AT:
                 body.code = start.ljust(MARK_AT, b"\0") + struct.pack("<II", MARK, self._add(body.code))
-        return module.packed() if len(self.bodies) > before else None
+                taken = True
+        return module.packed() if taken else None
 
     def _add(self, code: bytes) -> int:
         key = int.from_bytes(sha256(code).digest()[:4], "little") >> 2  # a small integer on the board

@@ -173,7 +173,7 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
         if original in modules[source].public
     }
     folded = {name for name, stands_for in module.modules.items() if modules[stands_for].public}
-    hidden = {name: _free(module, "_" + name) for name in module.public.keys() - module.given.keys()} if hide else {}
+    hidden = _hidden(module) if hide else {}
     targets = {id(target) for _, _, target in _definitions(module)}
     attributes = set()  # the X of X.name, where name is a constant
     for node in ast.walk(module.tree):
@@ -227,12 +227,15 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
     return edits.text()
 
 
-def _free(module: _Module, name: str) -> str:
-    """The name, with more underscores if the module has it already."""
+def _hidden(module: _Module) -> dict[str, str]:
+    """Names with an underscore for its constants, more of them where the module has that name already."""
     used = {node.id for node in ast.walk(module.tree) if isinstance(node, ast.Name)}
-    while name in used:
-        name = "_" + name
-    return name
+    hidden = {}
+    for name in module.public.keys() - module.given.keys():
+        hidden[name] = "_" + name
+        while hidden[name] in used:
+            hidden[name] = "_" + hidden[name]
+    return hidden
 
 
 def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) -> None:

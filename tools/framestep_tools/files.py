@@ -105,17 +105,18 @@ def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
 
 
 def _board_sources(board: str) -> dict[str, bytes]:
+    """{"framestep/motion/axes.mpy": source} of what is compiled for a board."""
     sources = folded({"framestep/board.py": board_module(board)}, hide=True)
-    return {name: source for name, source in sources.items() if name not in _HOST_ONLY}
+    return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
 
 
-def _mpy(name: str) -> str:
-    return name.removesuffix(".py") + ".mpy"
+def _compiled(mpy: str, source: bytes, march: str) -> bytes:
+    return compiled(mpy.removesuffix(".mpy") + ".py", source, march)
 
 
 def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """{"framestep/motion/axes.mpy": content} of the modules for a board, as they are compiled."""
-    return {_mpy(name): compiled(name, source, march) for name, source in _board_sources(board).items()}
+    """{"framestep/motion/axes.mpy": content} of the modules for a board, each whole."""
+    return {name: _compiled(name, source, march) for name, source in _board_sources(board).items()}
 
 
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
@@ -123,16 +124,24 @@ def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
 
     Where memory is short, functions run from flash: most of them are in one file then, framestep.code_file says why.
     """
-    modules = board_modules(march, board)
     if march == _IN_FLASH:
-        code = CodeFile()
-        for name, source in _board_sources(board).items():
-            if _mpy(name) not in _WHOLE:
-                finished = compiled(name, source + code_file.FORWARD, march)
-                modules[_mpy(name)] = code.take(name, source.decode(), finished) or modules[_mpy(name)]
-        modules[code_file.NAME] = code.packed()
+        modules = _with_code_file(_board_sources(board), march)
+    else:
+        modules = board_modules(march, board)
     files = {"/lib/" + name: content for name, content in modules.items()}
     return files | {"/main.py": (FIRMWARE / "main.py").read_bytes()}
+
+
+def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes]:
+    """Modules with placeholders, and the file that has their functions."""
+    code = CodeFile()
+    files = {}
+    for name, source in sources.items():
+        taken = None
+        if name not in _WHOLE:
+            taken = code.take(name, source.decode(), _compiled(name, source + code_file.FORWARD, march))
+        files[name] = taken or _compiled(name, source, march)
+    return files | {code_file.NAME: code.packed()}
 
 
 def compiled_tree(march: str = "x86") -> Path:

@@ -38,7 +38,7 @@ class Body:
 
     @property
     def signature(self) -> bytes:
-        """Of bytecode: the bytes before its size, which say how it is called, how deep its stack is, and of what kind."""
+        """Of bytecode: the bytes before its size, which say how it is called and how deep its stack is."""
         return self.code[: self._signature()[1]]
 
     @property
