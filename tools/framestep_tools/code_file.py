@@ -88,11 +88,16 @@ def _scopes(node: ast.AST, inside: bool = True) -> Iterator[_Scope]:
         yield from _scopes(child, False)
 
 
-class _AtImport:
-    """Finds the scopes of a module that run, or may run, while it is imported.
+def runs_at_import(tree: ast.Module) -> set[ast.AST]:
+    """The scopes of a module that run, or may run, while it is imported.
 
-    A call is taken for one of every function of the module that has the name.
+    A call is taken for one of every function of the module that has the name; functions of other modules have been
+    made to run from flash when they are called.
     """
+    return _AtImport(tree).found
+
+
+class _AtImport:
 
     def __init__(self, tree: ast.Module):
         self.found: set[ast.AST] = set()
@@ -122,7 +127,7 @@ class _AtImport:
                         self._visit(part)
                 return
             case ast.Call():
-                for called in (node.func, *node.args):
+                for called in (node.func, *node.args, *(argument.value for argument in node.keywords)):
                     self._call(_identifier(called))
         if isinstance(node, _SCOPES):
             self.found.add(node)
@@ -192,7 +197,7 @@ class CodeFile:
         """
         module = parse(compiled)
         tree = ast.parse(source)
-        at_import = _AtImport(tree).found
+        at_import = runs_at_import(tree)
         taken = False
         for body, scope in _pairs(module, tree, name):
             if scope in at_import or len(body.code) <= _WORTH or len(body.code) > PAGE - HEAD:
@@ -201,11 +206,12 @@ class CodeFile:
                 continue
             start = _raising(body) if body.kind == Kind.BYTECODE else _raising_machine_code(module.function_table)
             if len(start) <= MARK_AT:
-                body.code = start.ljust(MARK_AT, b"\0") + struct.pack("<II", MARK, self._add(body.code))
+                body.code = start.ljust(MARK_AT, b"\0") + struct.pack("<II", MARK, self.add(body.code))
                 taken = True
         return module.packed() if taken else None
 
-    def _add(self, code: bytes) -> int:
+    def add(self, code: bytes) -> int:
+        """Put a body in; its key."""
         key = int.from_bytes(sha256(code).digest()[:4], "little") >> 2  # a small integer on the board
         while self.bodies.setdefault(key, code) != code:
             key += 1

@@ -35,7 +35,15 @@ _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves
 
 
 _IN_FLASH = "armv6m"  # the architecture whose copied functions run from flash: it has 264 kB of RAM, others 520
-_WHOLE = (*IN_RAM, "framestep/native.mpy", "framestep/hal/rp2_code.mpy")  # the last two make the rest run
+_WHOLE = (
+    *IN_RAM,
+    "framestep/native.mpy",
+    "framestep/hal/rp2_code.mpy",  # makes the rest run
+    "framestep/boot.mpy",  # and what it needs to switch the drivers off at once
+    "framestep/hal/rp2_pins.mpy",
+    "framestep/rig.mpy",
+    "framestep/io/tmc2209_setup.mpy",
+)
 
 _PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 

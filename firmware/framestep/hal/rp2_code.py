@@ -27,7 +27,7 @@ _RAM = const(0x2000_0000)
 _RAM_END = const(0x2004_0000)  # the stack lies behind
 _NO_BLOCK = const(-0x3_FFF1)  # bits in which what the heap gives out is like _RAM: all but those of _RAM_END - 16
 _NO_CODE = const(-0x106_0001)  # bits that are 0 in the first word of what MicroPython loads for a function
-_AGAIN = "; copy framestep to the board again (make flash), or put an image of it there (make image)"
+_AGAIN = ": run make flash again"
 
 
 class _Flash:
@@ -59,7 +59,7 @@ def _find():
     try:
         files = vfs.VfsLfs2(device)
     except OSError:
-        raise RuntimeError("the file system is not littlefs, in which code can run from files" + _AGAIN)
+        raise RuntimeError("copied code needs a littlefs file system: put an image on the board (make image)")
     try:
         file = files.open(_FILE, "rb")
     except OSError:
@@ -67,7 +67,7 @@ def _find():
     with file:
         head = file.read(_HEAD)
         count = _word(head, 8) if len(head) == _HEAD and head[: len(_MAGIC)] == _MAGIC else 0
-        file.seek(-1, 2)
+        file.seek(max(file.seek(0, 2) - 1, 0))
         file.read(1)  # it is in the last block
     block = device.block
     memory = memoryview(flash)
