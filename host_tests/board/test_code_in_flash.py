@@ -195,7 +195,7 @@ def test_a_traceback_names_file_and_line(board):
     emulator.wait_usb(10_000, ports=2)
     repl = emulator.repl()
     printed = repl.exec(
-        "import sys\nfrom framestep.controller import Controller\ntry:\n    Controller._tend(None)\n"
+        "import sys\nfrom framestep.controller import Controller\ntry:\n    Controller._tend(None, 0)\n"
         "except AttributeError as error:\n    sys.print_exception(error)"
     )
     assert f'File "framestep/controller.py", line {line}, in _tend' in printed
