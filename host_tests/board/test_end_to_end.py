@@ -18,12 +18,12 @@ from host_tests.end_to_end.session import Session, run_request
 FRAMES = 40
 
 
-def move(session, motors=(1, 2, 3, 4)):
+def move(session, motors=(1, 2, 3, 4), frames=FRAMES):
     """Positions that begin where the motors are."""
     stands = session.positions
-    k = np.arange(FRAMES)
+    k = np.arange(frames)
     return {
-        motor: stands[motor] + np.round((100 + 150 * motor) * (1 - np.cos(2 * np.pi * k / (FRAMES - 1)))).astype(int)
+        motor: stands[motor] + np.round((100 + 150 * motor) * (1 - np.cos(2 * np.pi * k / (frames - 1)))).astype(int)
         for motor in motors
     }
 
@@ -32,7 +32,7 @@ def load(session, positions):
     for motor in positions:
         session.speed(motor, 20_000, 100_000)
     session.upload(positions)
-    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.ready(run_request(24, 1, len(next(iter(positions.values()))), 300, 300))
     stands = session.positions
     session.forget()
     return stands

@@ -38,7 +38,7 @@ def test_bench_commands_beside_a_run(session):
     board = session.board
     repl = board.emulator.repl()
     assert shows(CONNECTED, led(board))
-    positions = move(session)
+    positions = move(session, frames=80)
     stands = load(session, positions)
     session.accept(RtGo())
     before = repl.eval("(__import__('gc').collect(), __import__('gc').mem_free())[1]")

@@ -98,7 +98,6 @@ def runs_at_import(tree: ast.Module) -> set[ast.AST]:
 
 
 class _AtImport:
-
     def __init__(self, tree: ast.Module):
         self.found: set[ast.AST] = set()
         self._functions: dict[str, list[ast.FunctionDef]] = {}

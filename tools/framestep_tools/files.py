@@ -43,6 +43,17 @@ _WHOLE = (
     "framestep/hal/rp2_pins.mpy",
     "framestep/rig.mpy",
     "framestep/io/tmc2209_setup.mpy",
+    "framestep/controller.mpy",  # run so often that from flash they would hold up answers and the tick
+    "framestep/hal/rp2.mpy",
+    "framestep/hal/usb_port.mpy",
+    "framestep/motion/reals.mpy",
+    "framestep/motion/segments.mpy",
+    "framestep/repl.mpy",  # asked for while motors run, when there is no time to look through memory
+    "framestep/words.mpy",
+    "framestep/bench/__init__.mpy",
+    "framestep/bench/figures.mpy",
+    "framestep/bench/motion.mpy",
+    "framestep/bench/state.mpy",
 )
 
 _PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}

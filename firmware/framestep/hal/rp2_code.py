@@ -104,30 +104,30 @@ def _place(pages: ptr32, count: int, key: int) -> int:
 
 
 @micropython.viper
-def _forward(pages, count: int) -> int:
+def _forward(at: int, no_block: int, pages, count: int) -> int:
     """Make all pointers to placeholders point at functions in flash. The number of those whose function there is not.
 
     Looks at each 16 bytes of memory, the units of the heap, whether they begin a function (py/objfun.h: its code is the
     fourth word, and its type, in flash, the first) or what has been loaded to make functions of (py/emitglue.h).
     """
     unknown = 0
-    at = _RAM
     while at < _RAM_END:
-        words = ptr32(at)
-        code = words[3]
-        if not (code ^ _RAM) & _NO_BLOCK:
-            if ptr32(code)[4] == _MARK:
+        if not (ptr32(at)[3] ^ _RAM) & no_block:
+            words = ptr32(at)
+            code = ptr32(words[3])
+            if code[4] == _MARK:
                 if words[0] >> 28 == 1:
-                    place = int(_place(pages, count, ptr32(code)[5]))
+                    place = int(_place(pages, count, code[5]))
                     if place:
                         words[3] = place
                     else:
                         unknown += 1
-        code = words[1]
-        if not (code ^ _RAM) & _NO_BLOCK:
-            if ptr32(code)[4] == _MARK:
+        if not (ptr32(at)[1] ^ _RAM) & no_block:
+            words = ptr32(at)
+            code = ptr32(words[1])
+            if code[4] == _MARK:
                 if not words[0] & _NO_CODE:
-                    place = int(_place(pages, count, ptr32(code)[5]))
+                    place = int(_place(pages, count, code[5]))
                     if place:
                         words[1] = place
                     else:
@@ -138,7 +138,7 @@ def _forward(pages, count: int) -> int:
 
 def forward():
     """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError in words."""
-    if _forward(_pages, _count):
+    if _forward(_RAM, _NO_BLOCK, _pages, _count):
         raise RuntimeError(_FILE + " is of another version" + _AGAIN)
 
 
