@@ -352,23 +352,18 @@ class Rig:
         return self.motors[i] if i < len(self.motors) else _read(MOTOR_SETTINGS, {}, "")
 
 
-def load(path="/rig.json", board=None, defaults=None):
-    """The rig of a file and the mistake in it, or None: (Rig, None) or (Rig with defaults, text).
-
-    defaults: {key: value} instead of those of SETTINGS.
-    """
+def load(path="/rig.json", board=None):
+    """The rig of a file and the mistake in it, or None: (Rig, None) or (Rig with defaults, text)."""
     import json
 
     try:
         with open(path) as file:
             found = json.load(file)
     except OSError:
-        return Rig(defaults, board), None
+        return Rig(board=board), None
     except ValueError as error:
-        return Rig(defaults, board), "%s: not valid JSON (%s)" % (path, error)
-    if defaults and isinstance(found, dict):
-        found = dict(defaults, **found)
+        return Rig(board=board), "%s: not valid JSON (%s)" % (path, error)
     try:
         return Rig(found, board), None
     except RigError as error:
-        return Rig(defaults, board), "%s: %s" % (path, error)
+        return Rig(board=board), "%s: %s" % (path, error)

@@ -14,7 +14,7 @@ FLASH = 0x1000_0000
 RAM, RAM_SIZE = 0x2000_0000, 264 * 1024
 CODE_OF_A_FUNCTION = 12  # offset of the pointer to its code (py/objfun.h, mp_obj_fun_bc_t)
 
-# Every function of a module, and of the classes in it, with what is nested in it: loaded functions have a table of these
+# Every function of a module, and of the classes in it, with what is nested in it: a loaded function has a table of that
 # (py/emitglue.h, mp_raw_code_t), whose length is not known: what follows it is looked at, too.
 LOOK = f"""
 from machine import mem32

@@ -29,7 +29,7 @@ OUTPUT, SAFE_ON, SHUTTER, ENABLE = 26, 22, 20, 18
 RIG = {
     "remember_positions": True,
     "outputs": [{"pin": OUTPUT}, {"pin": SAFE_ON, "safe": "on"}],
-    "motor_count": 6,  # this and no DMX: to have room for a move beside the code copied to the board
+    "motor_count": 6,
     "dmx": False,
 }
 HANG = """

@@ -98,14 +98,3 @@ def test_a_file_with_a_mistake_leaves_the_defaults_of_the_board(tmp_path):
     rig, mistake = load(str(path), BOARD)
     assert "outputs[1].pin: found 99" in mistake
     assert [o["pin"] for o in rig.outputs] == [22, 26]
-
-
-def test_other_defaults_than_those_of_the_table(tmp_path):
-    """As copied code has them: they hold unless the file says otherwise, in a wrong file too."""
-    path = tmp_path / "rig.json"
-    for text, virtuals in (("{}", 0), ('{"virtuals": 32}', 32), ('{"virtuals": "x"}', 0), ("[]", 0), ("{", 0)):
-        path.write_text(text)
-        rig, mistake = load(str(path), BOARD, {"virtuals": 0})
-        assert rig.virtuals == virtuals and bool(mistake) == (text not in ("{}", '{"virtuals": 32}'))
-    assert load(str(tmp_path / "none"), BOARD, {"virtuals": 0})[0].virtuals == 0
-    assert load(str(tmp_path / "none"), BOARD)[0].virtuals != 0

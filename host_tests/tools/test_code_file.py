@@ -162,7 +162,7 @@ def test_what_a_board_gets(modules):
     pages = in_flash(files["/lib/" + NAME])
     count = struct.unpack_from("<I", pages[0], 12)[0]
     taken = 0
-    for name, content in modules.items():
+    for name in modules:
         new = parse(files["/lib/" + name])
         for body in new.body.walk():
             if len(body.code) == MARK_AT + 8 and struct.unpack_from("<I", body.code, MARK_AT)[0] == MARK:

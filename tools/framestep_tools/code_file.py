@@ -46,46 +46,48 @@ _SCOPES = (ast.FunctionDef, ast.Lambda, ast.ClassDef, ast.ListComp, ast.SetComp,
 # ---- which functions run while a module is imported ----------------------------------------------------------------
 
 
-def _scopes(node: ast.AST, inside: bool = True) -> Iterator[_Scope]:
-    """The scopes directly in a node, in the order in which the compiler comes to them. inside: not the node itself."""
-    if not inside:
-        match node:
-            case ast.FunctionDef(args=args) | ast.Lambda(args=args):
-                before = [*(node.decorator_list if isinstance(node, ast.FunctionDef) else ()), *args.defaults]
-                for part in (*before, *(default for default in args.kw_defaults if default)):
-                    yield from _scopes(part, False)
-                yield node
-                return
-            case ast.ClassDef():
-                yield node
-                for base in node.bases:
-                    yield from _scopes(base, False)
-                return
-            case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
-                yield node
-                yield from _scopes(node.generators[0].iter, False)
-                return
-            case ast.Assert():
-                return
-    elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-        for statement in node.body:
-            yield from _scopes(statement, False)
-        return
-    elif isinstance(node, ast.Lambda):
-        yield from _scopes(node.body, False)
-        return
-    elif isinstance(node, _SCOPES):
-        first, *rest = node.generators
-        parts = [*first.ifs, *rest, *([node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt])]
-        for part in parts:
-            yield from _scopes(part, False)
-        return
-    if isinstance(node, ast.If) and isinstance(node.test, ast.Constant):
-        for statement in node.body if node.test.value else node.orelse:
-            yield from _scopes(statement, False)
-        return
-    for child in ast.iter_child_nodes(node):
-        yield from _scopes(child, False)
+def _nested(scope: ast.Module | _Scope) -> Iterator[_Scope]:
+    """The scopes directly in a scope, in the order in which the compiler comes to them."""
+    parts: list[ast.AST]
+    match scope:
+        case ast.Module(body=body) | ast.FunctionDef(body=body) | ast.ClassDef(body=body):
+            parts = [*body]
+        case ast.Lambda(body=value):
+            parts = [value]
+        case ast.DictComp(key=key, value=value, generators=[first, *rest]):
+            parts = [*first.ifs, *rest, key, value]
+        case ast.ListComp(elt=value, generators=[first, *rest]) | ast.SetComp(elt=value, generators=[first, *rest]):
+            parts = [*first.ifs, *rest, value]
+        case ast.GeneratorExp(elt=value, generators=[first, *rest]):
+            parts = [*first.ifs, *rest, value]
+    for part in parts:
+        yield from _scopes(part)
+
+
+def _scopes(node: ast.AST) -> Iterator[_Scope]:
+    """The scopes in a node that are not in another one; the node itself, if it is one."""
+    parts: list[ast.AST]
+    match node:
+        case ast.FunctionDef(args=args) | ast.Lambda(args=args):
+            decorators = node.decorator_list if isinstance(node, ast.FunctionDef) else []
+            for before in (*decorators, *args.defaults, *(default for default in args.kw_defaults if default)):
+                yield from _scopes(before)
+            yield node
+            return
+        case ast.ClassDef():
+            yield node
+            parts = [*node.bases]
+        case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
+            yield node
+            parts = [node.generators[0].iter]
+        case ast.Assert():
+            parts = []
+        case ast.If(test=ast.Constant(value=value)):
+            parts = [*(node.body if value else node.orelse)]
+        case _:
+            parts = list(ast.iter_child_nodes(node))
+    for part in parts:
+        yield from _scopes(part)
 
 
 def runs_at_import(tree: ast.Module) -> set[ast.AST]:
@@ -160,8 +162,8 @@ def _identifier(node: ast.AST) -> str:
 def _pairs(module: MpyFile, tree: ast.Module, name: str) -> Iterator[tuple[Body, _Scope]]:
     """Each body of a compiled module with the piece of source that it was made of. MpyError where they do not fit."""
 
-    def nested(body: Body, node: ast.AST) -> Iterator[tuple[Body, _Scope]]:
-        for child, scope in zip_longest(body.children, _scopes(node), fillvalue=None):
+    def nested(body: Body, node: ast.Module | _Scope) -> Iterator[tuple[Body, _Scope]]:
+        for child, scope in zip_longest(body.children, _nested(node)):
             if child is None or scope is None or not _fits(module, child, scope):
                 line = getattr(scope or node, "lineno", 1)
                 raise MpyError(f"{name}, line {line}: what was compiled is not what the source says")

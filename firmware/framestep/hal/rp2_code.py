@@ -7,17 +7,18 @@ call `forward`, which looks through memory for pointers to placeholders and make
 placeholders then are garbage.
 """
 
-import errno
 from array import array
 from binascii import crc32
 
 import rp2
 import vfs
+from uctypes import bytearray_at
 
 from framestep.native import addressof, const, micropython, ptr32
 
 _FILE = "/lib/framestep/code.bin"
 _MAGIC = b"framestp"
+_COUNT = const(4)  # command of a block device
 _PAGE = const(4096)
 _MOST_PAGES = const(127)
 _HEAD = const(32)
@@ -41,9 +42,6 @@ class _Flash:
         self.block = block
         self.flash.readblocks(block, buffer, offset)
 
-    def writeblocks(self, *_):
-        raise OSError(errno.EROFS)
-
     def ioctl(self, command, argument):
         return self.flash.ioctl(command, argument)
 
@@ -57,7 +55,7 @@ def _find():
     flash = rp2.Flash()
     device = _Flash(flash)
     try:
-        files = vfs.VfsLfs2(device)
+        files = vfs.VfsLfs2(device)  # type: ignore[arg-type]
     except OSError:
         raise RuntimeError("copied code needs a littlefs file system: put an image on the board (make image)")
     try:
@@ -70,8 +68,9 @@ def _find():
         file.seek(max(file.seek(0, 2) - 1, 0))
         file.read(1)  # it is in the last block
     block = device.block
-    memory = memoryview(flash)
-    blocks = flash.ioctl(4, 0)
+    start = addressof(flash)
+    blocks = flash.ioctl(_COUNT, 0) or 0
+    memory = memoryview(bytearray_at(start, blocks * _PAGE))
     pages = array("i", range(count if count <= _MOST_PAGES else 0))
     for i in range(len(pages) - 1, -1, -1):
         if 0 <= block < blocks:
@@ -83,7 +82,7 @@ def _find():
     if not pages or check != _word(head, 16):
         raise RuntimeError(_FILE + " is damaged" + _AGAIN)
     for i in range(len(pages)):
-        pages[i] += addressof(flash)
+        pages[i] += start
     return pages, _word(head, 12)
 
 
