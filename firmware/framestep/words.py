@@ -48,7 +48,7 @@ CONDITIONS = {
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
 FAULTS = {
-    FAULT_DRY: "a motor's queue ran dry in motion; the motors were ramped down",
+    FAULT_DRY: "a motor's queue ran dry in a motion; the motors were ramped down",
     FAULT_LATE: "the interrupt came too late, so pulses broke off; the motors were ramped down",
     FAULT_PIN: "a segment did not begin where its motor was; the motors were ramped down",
     FAULT_LOST: "a pulse command was lost, so steps are missing; the motors were ramped down",

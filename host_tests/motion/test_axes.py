@@ -388,7 +388,27 @@ def test_an_axis_whose_feed_stops_faults():
     assert rig.place() == len(rises)
 
 
+@pytest.mark.parametrize("timed", [stepper.PLAN_TIMED, 0])
+def test_a_motor_that_stands_in_a_timed_motion_faults_without_its_feed(timed):
+    rig = Rig()
+    axis = rig[0]
+    numbers = array("i", [0] * 4)
+    reals.put(numbers, 0, 50, 0)
+    axis.prepare(rig.bench)
+    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | timed
+    axis.expect(True)
+    axis.aim(0, 2, 2, numbers, word(0), 1)
+    axis.feed()
+    axis.start(rig.bench)
+    rig.bench.run(40)
+    assert rig.bench.state[stepper.FAULTS] == 0
+    rig.bench.run(40)
+    assert rig.bench.state[stepper.FAULTS] == (stepper.FAULT_DRY if timed else 0)
+    assert not rig.bench.engines[0].rises
+
+
 def test_numbers_of_a_block_fit_its_kernels():
     """Kernels in other modules name a block's words by constants of their own."""
     assert segments._TAIL == stepper.TAIL and segments._QUEUE == stepper.QUEUE
+    assert motion._TIMED == stepper.PLAN_TIMED
     assert motion._POSITION == stepper.POSITION

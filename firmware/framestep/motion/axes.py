@@ -80,6 +80,7 @@ _PLANNED = const(27)
 _WORK = const(28)
 _PHASES = const(29)
 _SEGMENTS_TO_COME = const(1)  # stepper.PLAN_SEGMENTS
+_TIMED = const(4)  # stepper.PLAN_TIMED
 
 if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
     _PHASE_WORDS,
@@ -227,7 +228,7 @@ def _feed(parts, other, bases, most: int, enough: int):
                     mirror(block, other, bases, led - 1)
                 w[_PART] = 0
                 w[_AIMED] = 0
-                b[_PLANNED] = b[_PLANNED] & (-1 - _SEGMENTS_TO_COME)
+                b[_PLANNED] = b[_PLANNED] & (-1 - _SEGMENTS_TO_COME - _TIMED)
                 break
             took = int(load(words, p[_PHASE_HEAD] * _PHASE_WORDS, cubic, whole, parts[5], parts[7]))
             if took:

@@ -97,6 +97,7 @@ BLOCK_WORDS = const(30)
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
+PLAN_TIMED = const(4)  # with PLAN_SEGMENTS: others move at the same times, so the queue must not run dry at rest either
 
 # What look() finds
 LOOK_BUSY = const(1)  # a motor moves or is planned to
@@ -111,7 +112,7 @@ START = const(8)  # with RUN: the engine may stand still and must be brought int
 # RUN and DRAIN: the last pulses of the motion before are still on their way
 
 # Faults
-FAULT_DRY = const(1)  # the segment queue ran dry in motion
+FAULT_DRY = const(1)  # the segment queue ran dry in motion, or at rest within a timed one
 FAULT_LATE = const(2)  # the interrupt came so late that the engine ran dry
 FAULT_PIN = const(4)  # a segment did not begin where the motor was
 

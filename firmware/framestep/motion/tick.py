@@ -44,6 +44,8 @@ from framestep.motion.stepper import (
     ONE,
     OUT_CLEAR,
     OUT_SET,
+    PLAN_TIMED,
+    PLANNED,
     POSITION,
     QUEUE,
     RESERVE,
@@ -202,10 +204,10 @@ class Header(array):
                                 m[JERK] = q[k + 5]
                                 m[SPAN] = q[k + 7]
                         else:
-                            # The end, or with a velocity left a queue that was not filled in time
+                            # The end, or with a velocity left or more to come a queue that was not filled in time
                             if m[MODE] & STOP:
                                 pass
-                            elif m[VELOCITY]:
+                            elif m[VELOCITY] | (m[PLANNED] & PLAN_TIMED):
                                 m[FAULT] = m[FAULT] | FAULT_DRY
                                 h[FAULTS] = h[FAULTS] | FAULT_DRY
                                 m[DECEL] = m[BRAKE]

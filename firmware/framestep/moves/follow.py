@@ -223,7 +223,7 @@ class Follower:
         """Make a motor ready for phases."""
         axis = self.axes[motor]
         axis.prepare(self.axes.hal)
-        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
         axis.expect(True)
 
     def close(self, bits):
