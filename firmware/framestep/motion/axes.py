@@ -24,7 +24,7 @@ DEFAULT_VELOCITY = const(5000)  # field note 4.1
 DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
-AHEAD = const(10)  # segments to keep queued
+AHEAD = const(11)  # segments to keep queued
 LOW = const(5)  # with fewer a moving motor is filled up in any pass
 _PIECE = const(4)  # segments cut in a pass, at least
 _CALL = const(2)  # so many could have been cut in the time that it takes to begin with a motor
