@@ -36,7 +36,7 @@ def script():
     go, stop_all, stop_loop, status = frame(0x113, b"", BIG), frame(0x33), frame(0x116), frame(0x30)
     far = 2**30 + 4000  # positions that are no small integers
     pairs = b"\x01" + words(far, far + 400) + b"\x02" + words(90, -30)
-    levels = b"".join(frame(0x102, struct.pack("<HI", 7 + c, 0x80000000) + bytes(range(c, 40 + c))) for c in range(3))
+    levels = b"".join(frame(0x102, struct.pack("<HI", 7 + c, 0x80000000) + bytes(range(c, 40 + c))) for c in range(4))
     triggers = struct.pack("<III", MASK, 0, VALUES) + struct.pack("<IIII", 3, 0xFFFFFFFF, 39, 2)
     return [
         (3, frame(0x38, b"\x01" + words(20000, 100000)) + frame(0x38, b"\x02" + words(20000, 100000))),

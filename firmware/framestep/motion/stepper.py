@@ -290,6 +290,10 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
         a = a + j
         whole = whole + (rem >> 22)
         rem = rem - ((rem >> 22) << 22)
+        if bridge and n == 0 and head != m[TAIL]:
+            # between two bridges nothing tells the velocity: on to the end of the second
+            q = ptr32(m[QUEUE])
+            n = q[((head & (SEGMENTS - 1)) << 3) + 6]
     if bridge:
         if head == m[TAIL]:
             pass

@@ -461,12 +461,12 @@ def _read(frame: int, code: int, memory: ptr16, words: ptr32, motor: int, index:
                     more = (more ^ 2) - 2  # the sign
                 code |= more << bits
                 bits += 2
-            if back:
+            if back and bits == 32:  # no way back: once more from the chunk's start
+                frame = (want & -128) - 1
+            elif back:
                 value -= velocity
                 velocity -= code
                 frame -= 1
-                if bits == 32:  # there is no way back
-                    frame = (want & -128) - 1
             elif code == -1 << bits - 1:
                 shown = unsent
                 continue
