@@ -74,15 +74,14 @@ class Motor:
         gone = [*self.gone, 0.0]
         top = max(map(abs, gone)) * 1e3
         assert top <= velocity * 1.0001 + 0.1, f"{top} steps/s"
-        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick shows. The last
-        # 256th of a step is not planned for, the motor just counts as there; no pulse comes of it. A stop ends with a
-        # whole tick: what turns back in that very tick is half a tick's change of velocity ahead.
-        slow = 2 * acceleration / 1e6
-        for before, way, after in zip(gone, gone[1:], [*gone[2:], 0.0], strict=False):
-            if after or abs(way) > 1 / 250:
-                steepness = abs(way - before) * 1e6
-                share, step = (1.5, 1000) if max(abs(before), abs(way)) < slow else (1.01, 500)
-                assert steepness <= acceleration * share + step, f"{steepness} steps/s²"
+        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick shows. Near a
+        # standstill it may be more: a stop ends with a whole tick, and what turns back in that very tick is half a
+        # tick's change ahead; and the last 256th of a step is not planned for, the motor just counts as there.
+        slow = max(2 * acceleration / 1e6, 1 / 250)
+        for before, way in pairwise(gone):
+            share, step = (1.5, 4000) if max(abs(before), abs(way)) < slow else (1.01, 500)
+            steepness = abs(way - before) * 1e6
+            assert steepness <= acceleration * share + step, f"{steepness} steps/s²"
 
 
 def shortest(way, v, velocity, acceleration):
