@@ -13,7 +13,7 @@ from framestep.motion import stepper
 from framestep.motion.axes import Axes
 from framestep.motion.positions import DRIVER, STEPS
 from framestep.moves.requests import Moves
-from framestep.moves.stage import ENDING, POSITIONING, RUNNING
+from framestep.moves.stage import ENDING, POSITIONING, READY, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
@@ -40,6 +40,20 @@ LED_WAITING = (0x0001, 0x000030)
 LED_CONNECTED = (0xFFFF, 0x080808)
 LED_MOVING = (0x5555, 0x002000)
 LED_FAULT = (0x0015, 0x300000)
+
+# Requests that leave alone what an operation has planned before GO (Stage.retract)
+_ASIDE = (
+    m.MSG_RT_GO,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_GET_POSITION,
+    m.MSG_HI,
+    m.MSG_CONDITION,
+    m.MSG_DMX,
+    m.MSG_GIO_OUT,
+    m.MSG_GIO_IN,
+    m.MSG_GIO_CAM,
+    m.MSG_VIRT_GET_POSITION,
+)
 
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4
@@ -284,6 +298,8 @@ class Controller:
         if self.gentler:
             self._calm()
         kind = reader.type
+        if self.stage.state == READY and kind not in _ASIDE:
+            self.stage.retract()
         handler = self.handlers.get(kind)
         if handler is None:
             return m.ERR_UNSUPPORTED

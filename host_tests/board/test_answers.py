@@ -1,13 +1,17 @@
 """How soon requests are answered while motors play, by the emulated clock, with the model of the flash cache."""
 
+import numpy as np
 import pytest
 
 from framestep_tools import bench
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import HardStop, RtEnd, RtGo
+from framestep_tools.payloads import HardStop, MotorSetSpeed, MotorStatus, RtEnd, RtGo
+from framestep_tools.trace import Trace
 
 WORST_MS = 10  # design.md's goal
 WORST_VIRTUAL_MS = 15
+EDGE_MS = 10  # from GO to the first edge, 3 of them until the ramp comes to the first step
+APART_NS = 1000  # of the motors' first edges
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +34,26 @@ def test_right_after_go_and_in_play(session, fps):
     client.wait_idle()
     assert len(ask.ms) > bench.AT_ONCE + 20
     assert max(ask.ms) < WORST_MS
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
+def test_from_go_to_the_first_edge(session, again):
+    """READY for 300 ms, what waits is there already: acknowledgement and edges at once, those of all motors in step."""
+    client = session.client
+    board = session.board
+    session.prepare({motor: np.arange(20) * 2000 for motor in range(1, 9)}, 60_000, 25)
+    if again:
+        client.request(MotorSetSpeed(1, 70_000, bench.STEEPEST))  # what had been planned is dropped
+    client.pump(0.3)
+    assert client.request(MotorStatus()).idle
+    board.emulator.trace_start(board.pins.pins)
+    begun = board.now_ns
+    client.request(RtGo())
+    client.wait_event(RtEnd, 10)
+    trace = Trace.from_records(board.emulator.trace_stop(), board.pins)
+    first = [int(trace.steps(motor)[0][0]) for motor in range(1, 9)]
+    assert max(first) - min(first) < APART_NS
+    assert begun < min(first) < begun + EDGE_MS * 1_000_000
 
 
 def test_while_a_rig_moves_along_lines(session):

@@ -8,6 +8,7 @@ from array import array
 
 import numpy as np
 
+from framestep.moves.stage import READY
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client
 from framestep_tools.payloads import (
@@ -245,5 +246,8 @@ def state(session):
             for name, part in parts:
                 walk(part, f"{path}.{name}")
 
-    walk(session.board._board.controller, "")
+    controller = session.board._board.controller
+    if controller.stage.state == READY:
+        session.run(0.05)  # what any request drops has been planned anew by then
+    walk(controller, "")
     return {path: value for path, value in found.items() if not _SCRATCH.search(path)}

@@ -13,6 +13,7 @@ from framestep_tools.payloads import (
     Dmx,
     MotorConfigure,
     MotorGetPosition,
+    MotorMove,
     MotorSetLimits,
     MotorStop,
     MotorStopAll,
@@ -86,6 +87,49 @@ def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
         begin = told[0][0] - 1 / fps - roll / 2
         verdicts.append(judge_pass(session, begin, told[-1][0] + roll / 2, before, positions, fps))
     return verdicts
+
+
+# ---- what is planned before GO ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ms", [0, 1, 2, 3, 5, 8, 12, 20, 50])
+def test_go_at_any_moment_of_planning(ms):
+    """The same run, whether its beginning has been planned, is being planned, or was dropped meanwhile."""
+    session = loaded()
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.speed(1, VELOCITY, ACCELERATION)  # begun anew
+    session.run(ms / 1000)
+    assert not session.moving
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    to_the_end(session)
+    assert len(judged(session, before, roll=0.3)) == 1
+
+
+def test_what_is_planned_before_go_makes_no_edge():
+    session = loaded()
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.run(0.3)
+    before = session.positions
+    session.forget()
+    session.accept(MotorStopAll())
+    to_the_end(session, 1)
+    assert session.positions == before
+    assert not session.trace().motors
+    session.refuse(Ack.ERR_GENERAL, RtGo())
+    # away and back: MOVE starts from where the motor stands
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.run(0.3)
+    for place in (before[1] + 700, before[1]):
+        session.accept(MotorMove(1, place))
+        session.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+        session.wait_idle()
+        session.run(0.1)
+    session.forget()
+    session.accept(RtGo())
+    to_the_end(session)
+    assert len(judged(session, before, roll=0.3)) == 1
 
 
 # ---- loops -----------------------------------------------------------------------------------------------

@@ -752,6 +752,15 @@ class Axes:
             if bits >> i & 1:
                 self.axes[i].release()
 
+    def discard(self, bits):
+        """Drop what has been prepared for the motors of these bits, which are at rest and not planned to move."""
+        for i in range(self.count):
+            if bits >> i & 1 and self.axes[i].partner:
+                bits |= 2 << i
+        irq = self.hal.irq_off()
+        stepper.discard(self.kernel.state, bits)
+        self.hal.irq_on(irq)
+
     def stop(self, factor=1, spared=0, smooth=False):
         """Ramp all motors down but those of the bits `spared`; see Axis.stop."""
         for i in range(self.count):

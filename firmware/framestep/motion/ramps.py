@@ -116,7 +116,7 @@ class Phases:
         self.words = array("i", [0] * (PHASES * PHASE_WORDS + 2))
 
     def clear(self):
-        self.words[HEAD] = self.words[TAIL]
+        self.words[HEAD] = self.words[TAIL] = 0
 
     def count(self):
         """Phases ahead."""

@@ -394,6 +394,46 @@ def moving(m: ptr32) -> int:
 
 
 @micropython.viper
+def hold(m: ptr32) -> int:
+    """Take timed motions out of what is planned, so that their motors count as at rest; their bits. m: the header."""
+    bits = 0
+    bit = 1
+    a = m[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        if m[PLANNED] & PLAN_TIMED:
+            m[PLANNED] = 0
+            bits |= bit
+        bit <<= 1
+    return bits
+
+
+@micropython.viper
+def discard(m: ptr32, bits: int):
+    """Drop what is queued for motors of these bits, which are at rest. With interrupts off. m: the header."""
+    a = m[FIRST]
+    while bits:
+        m = ptr32(a)
+        a = m[NEXT]
+        if bits & 1:
+            m[TAIL] = m[HEAD]
+        bits >>= 1
+
+
+@micropython.viper
+def unhold(m: ptr32, bits: int):
+    """Plan on where hold() has told these bits. m: the header."""
+    a = m[FIRST]
+    while bits:
+        m = ptr32(a)
+        a = m[NEXT]
+        if bits & 1:
+            m[PLANNED] = PLAN_SEGMENTS | PLAN_TIMED
+        bits >>= 1
+
+
+@micropython.viper
 def look(m: ptr32) -> int:
     """What the main loop is to look after, LOOK_ bits. m: the header."""
     bits = LOOK_BUSY if m[RUNNING] else 0

@@ -12,7 +12,7 @@ from framestep.moves.jog import JogAll
 from framestep.moves.run import RunMove
 from framestep.moves.shoot import ShootFrame
 from framestep.moves.show import OUTPUTS, Show
-from framestep.moves.stage import Stage
+from framestep.moves.stage import READY, Stage
 from framestep.moves.store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
@@ -66,6 +66,8 @@ class Moves:
     def poll(self):
         """Every few milliseconds: what is due, and what is to be planned. Whether there may be more to plan at once."""
         self.show.poll()
+        if self.stage.state == READY and self.controller.virtuals.engaged:
+            return False  # its motors are not at rest, whether they move or not
         return self.stage.poll()
 
     # ---------------------------------------------------------------- uploads

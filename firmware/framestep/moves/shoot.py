@@ -238,7 +238,6 @@ class ShootFrame(Operation):
         reals.fetch(r, _WINDOW, shot.window, 0)
         reals.fetch(r, _WAIT, shot.wait, 0)
         reals.put(r, _ROLL, RUN_UP_MS, 0)
-        self.done = False
 
     def lead(self, motor):
         follower = self.follower
@@ -255,6 +254,7 @@ class ShootFrame(Operation):
         axis.expect(False)
 
     def started(self, tick):
+        self.done = False
         shot = self.shot
         show = self.show
         opens = tick + shot.begin_ms

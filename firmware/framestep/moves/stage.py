@@ -13,7 +13,9 @@ An operation (run.py, shoot.py, jog.py) says where the motors begin, queues phas
 whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at STARTING.
 
 What takes long for eight motors is done for one of them in each pass of the main loop, so that requests are answered
-between.
+between. What STARTING does is begun in READY already, while all motors stand: then GO only has to release them. Between
+two passes nothing of it shows (`stepper.hold`): the motors are at rest. Whatever might make it untrue drops it as a
+whole (`retract`), and it is begun anew.
 """
 
 from framestep.motion import stepper
@@ -37,6 +39,12 @@ READY = const(2)
 RUNNING = const(3)
 ENDING = const(4)  # ramping down
 STARTING = const(5)  # the first phases are planned, one motor after the other
+
+# How far that is in READY
+_NOT_YET = const(0)  # to be begun once nothing moves
+_BEGUN = const(1)
+_DONE = const(2)
+_IDLE = const(3)  # not to be begun: the motors are not where the operation begins
 
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
@@ -100,6 +108,8 @@ class Stage:
         self.operation = Operation(self)
         self.begins = None  # where the motors of the operation begin, by motor
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
+        self.early = _NOT_YET
+        self.held = 0  # bits of motors that have more to come than has been queued early
         self.move_time = 0  # thousandths of a scene frame
         self.ended = False  # RT_END is due
         self.unattended = False  # the next pass starts without a GO
@@ -186,7 +196,11 @@ class Stage:
     def go(self):
         """Start the operation that waits; may_go() has said OK."""
         self.unattended = False
-        self.perform(self.operation)
+        if self.state == READY and (self.early == _BEGUN or self.early == _DONE):
+            stepper.unhold(self.axes.kernel.state, self.held)
+            self.state = STARTING
+        else:
+            self.perform(self.operation)
 
     def perform(self, operation):
         """Start an operation from where the motors are."""
@@ -233,8 +247,17 @@ class Stage:
         self.forsaken = True
         self.ended = False
 
+    def retract(self):
+        """In READY: drop what has been planned early, since it may no longer hold."""
+        if self.early == _BEGUN or self.early == _DONE:
+            self.axes.discard(self.operation.bits)
+            self.waiting = self.held = 0
+        self.early = _NOT_YET
+
     def drop(self):
         """Forget an operation that is prepared but has not begun."""
+        if self.state == READY:
+            self.retract()
         if self.state == READY or self.state == POSITIONING:
             self.state = IDLE
             self.unattended = False
@@ -249,8 +272,10 @@ class Stage:
         Whether it has planned, and so there may be more to plan at once.
         """
         state = self.state
-        if state == IDLE or state == READY:
+        if state == IDLE:
             return False
+        if state == READY:
+            return self._plan_early()
         if state == RUNNING:
             operation = self.operation
             if operation.feed():
@@ -284,7 +309,9 @@ class Stage:
             self.operation.over()
             self._end()
         else:
+            self.early = _NOT_YET
             self.state = READY
+            return True
         return False
 
     # ---------------------------------------------------------------- within
@@ -299,13 +326,36 @@ class Stage:
                 return False
         return True
 
+    def _plan_early(self):
+        """In READY: a piece of what STARTING would do. Whether there may be more."""
+        axes = self.axes
+        if self.early == _NOT_YET:
+            if axes.moving:
+                return False
+            if self.may_go() != OK:
+                self.early = _IDLE
+                return False
+            self.early = _BEGUN
+            self.held = 0
+            self.waiting = self.operation.bits
+            self.operation.start()
+        elif self.early != _BEGUN:
+            return False
+        stepper.unhold(axes.kernel.state, self.held)
+        if self.waiting:
+            self._attend()
+        elif not self.operation.feed() and not axes.feed():
+            self.early = _DONE
+        self.held = stepper.hold(axes.kernel.state)
+        return self.early == _BEGUN
+
     def _attend(self):
         """See to the next of the motors that wait."""
         motor = 0
         while not self.waiting >> motor & 1:
             motor += 1
         self.waiting ^= 1 << motor
-        if self.state == STARTING:
+        if self.state != POSITIONING:
             self.follower.begin(motor)
             self.operation.lead(motor)
         else:
