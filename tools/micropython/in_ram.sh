@@ -3,7 +3,7 @@
 #
 # The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter
 # and framestep's own code together. What calls and looks up most, and what leads to the tick, is copied to RAM at the
-# start: pico-sdk's linker script does it with sections called .time_critical. They take 12 kB; `make bench` shows what
+# start: pico-sdk's linker script does it with sections called .time_critical. They take 13 kB; `make bench` shows what
 # they are worth.
 set -euo pipefail
 
