@@ -66,14 +66,16 @@ def colours(word):
 
 
 def assert_shows(session, pattern, wanted):
-    """For two seconds, in eighths. When the pattern begins is not known."""
+    """For two seconds, in the middle of each beat. When the pattern begins is not known."""
     board = session.board
     board.words()
     sent = [(0, board.colour)]
     start = board.now_ns
-    session.run(16 * BEAT_NS * 1e-9)
+    session.run(17 * BEAT_NS * 1e-9)
     sent += board.words()
-    levels = [[shown for end, shown in sent if end <= start + (k + 0.5) * BEAT_NS][-1] for k in range(16)]
+    phase = (sent[1][0] - start) % BEAT_NS if len(sent) > 1 else 0
+    middles = [start + phase + (k + 0.5) * BEAT_NS for k in range(16)]
+    levels = [[shown for end, shown in sent if end <= middle][-1] for middle in middles]
     assert "".join("*" if shown else "." for shown in levels) in 3 * pattern
     assert set(levels) - {""} == {wanted}
 

@@ -206,6 +206,12 @@ def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
     assert answered[-1] == ",".join(map(str, [0] * 128 + [100_000] * 128))
 
 
+def test_what_lies_behind_the_upload_takes_no_memory_at_the_end():
+    positions = [50 * k * k for k in range(141)]  # 14 000 steps per frame where it ends
+    lines = [f"NEW 1 {memory_for(2, 2)}", "BEGIN 0 150", axis(1, 10, 0, positions), "FINISH", "READ 0 0"]
+    assert answers(*lines)[2:] == [str(OK), str(OK), ",".join(map(str, [0] * 10 + positions))]
+
+
 def test_what_a_refused_section_needed_is_not_counted_at_the_end():
     lines = [f"NEW 1 {memory_for(4, 6)}", "BEGIN 0 511", axis(1, 0, 0, [0] * 70), axis(1, 256, 0, [0, 100_000] * 100)]
     answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")  # five units needed, and six there

@@ -79,8 +79,12 @@ def test_any_requests(seed, unix32f, replays, tmp_path):
     script = tmp_path / "requests"
     script.write_text("".join(f"{wait} {data.hex()}\n" for wait, data in played))
     lines = []
-    replays.replay(lines.append, played)
-    assert unix32f.run(PLAY, script, path=[HERE], heap="4M").split("\n")[:-1] == lines
+    said = unix32f.run(PLAY, script, path=[HERE], heap="4M").split("\n")[:-1]
+    try:
+        replays.replay(lines.append, played)
+    except OverflowError:  # a position beyond the end of a word comes round on the board, CPython's arrays refuse it
+        said = said[: len(lines)]
+    assert said == lines
     # and most of them were understood
     codes = [f.payload[:2] for line in lines[:-1] for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))]
     assert len(set(codes)) > 5 and len(codes) > REQUESTS // 2

@@ -573,7 +573,6 @@ def _hold(memory, words, motor: int) -> int:
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
-    end = _VALUES + _FRAMES
     past = word[motor + _PAST]
     begin = 0
     if word[motor + _SENT] > 0:
@@ -583,7 +582,7 @@ def _hold(memory, words, motor: int) -> int:
     while value == unsent:
         _unpack(memory, words, motor, at)
         i = _VALUES
-        while i < end and value == unsent:
+        while i < _VALUES + _FRAMES and value == unsent:
             value = word[i]
             i += 1
         at += _FRAMES
@@ -597,6 +596,9 @@ def _hold(memory, words, motor: int) -> int:
         else:
             _unpack(memory, words, motor, at)
             gaps = 0
+            end = _VALUES + _FRAMES  # or that of the upload: what lies behind takes no units
+            if word[_COUNT] - at < _FRAMES:
+                end = _VALUES + word[_COUNT] - at
             i = _VALUES
             while i < end:
                 if word[i] == unsent:
