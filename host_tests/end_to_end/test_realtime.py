@@ -107,6 +107,40 @@ def test_go_at_any_moment_of_planning(ms):
     assert len(judged(session, before, roll=0.3)) == 1
 
 
+@pytest.mark.parametrize("ms", [1, 4, 9, 20, 60])
+@pytest.mark.parametrize("cause", ["E-stop", "lost host"])
+def test_a_stop_while_the_beginning_is_planned(cause, ms):
+    """Nothing moves, GO is refused, and afterwards the same run goes as if nothing had been."""
+    session = loaded(estop="nc")
+    board = session.board._board
+    board.set_input("estop", 0)
+    session.run(0.05)
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.speed(1, VELOCITY, ACCELERATION)  # planning begins anew
+    session.run(ms / 1000)
+    before = session.positions
+    session.forget()
+    if cause == "E-stop":
+        board.set_input("estop", 1)
+        session.run(0.1)
+        session.refuse(Ack.ERR_GENERAL, RtGo())
+        board.set_input("estop", 0)
+        session.run(0.1)
+    else:
+        session.leave()
+        session.board.run_until(session.board.now_ns + 10**8)
+        session.come_back()
+        session.run(0.1)
+    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.run(0.5)
+    assert session.positions == before and not session.moving and not session.trace().motors
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.forget()
+    session.accept(RtGo())
+    to_the_end(session)
+    assert len(judged(session, before, roll=0.3)) == 1
+
+
 def test_what_is_planned_before_go_makes_no_edge():
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 300, 300))
