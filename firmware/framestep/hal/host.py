@@ -216,11 +216,11 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig, barked=False, wire=None, flash=None):
+    def __init__(self, motors, rig, barked=False, wire=None, flash=None, upload_bytes=UPLOAD_BYTES):
         self._flash = flash
         self.motors = motors
         self.now_ns = 0
-        self.upload_bytes = UPLOAD_BYTES
+        self.upload_bytes = upload_bytes
         self.port = HostPort()
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
@@ -278,6 +278,8 @@ class HostHal:
         pass
 
     def flash(self):
+        if self._flash is False:
+            raise OSError("no flash")
         return self._flash or HostFlash()
 
     def irq_off(self):
@@ -354,14 +356,29 @@ class HostBoard:
 
     rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
     the board has. barked: as if the watchdog had started the board. wire: called with the HAL, gives what the drivers'
-    UART is connected to. flash: what has outlived a power cut.
+    UART is connected to. flash: what has outlived a power cut, False where there is none. upload_bytes: memory for the
+    uploaded move. broken: as with a mistake in the rig file.
     """
 
-    def __init__(self, rig=None, motors=None, board=BOARD, barked=False, wire=None, flash=None):
+    def __init__(
+        self,
+        rig=None,
+        motors=None,
+        board=BOARD,
+        barked=False,
+        wire=None,
+        flash=None,
+        upload_bytes=UPLOAD_BYTES,
+        broken=False,
+    ):
         self.rig = Rig(rig, board)
-        self.hal = HostHal(motors or self.rig.board["motors"], self.rig, barked, wire, flash)
-        self.controller = Controller(self.hal, self.rig)
-        self.controller.moves.take_memory()
+        count = motors or self.rig.board.get("motors") or len(self.rig.board["step"])
+        self.hal = HostHal(count, self.rig, barked, wire, flash, upload_bytes)
+        self.controller = Controller(self.hal, self.rig, broken)
+        try:
+            self.controller.moves.take_memory()
+        except ValueError:
+            pass  # too little of it: as in boot.py, HI tells that there is room for no frame
         self.next_tick = TICK_DELAY_NS
 
     @property

@@ -1,0 +1,138 @@
+"""Session scripts: what happens to a board from its start, as a text that CPython and MicroPython both read.
+
+    # what the script shows
+    board pico                    of boards/, fitted to the rig; "host" for hal.host.BOARD
+    rig {"hard_stop_factor": 2}   what the rig file holds; text that is no JSON is a rig file cut short
+    motors 3                      how many, whatever the board has
+    memory 4096                   bytes that the uploaded move may take
+    flash 0 5a00ff                how a block of the flash for positions begins; "flash none" for no flash
+    0 open                        the host opens the port (DTR), likewise close
+    12 rx 4446…                   bytes from the host
+    12 pin estop 0                an input's level, by its name or its number
+    12 hold 40                    the main loop is away: for 40 ms ticks come, but no pass
+    12 skip 3                     interrupts are off: three ticks are missed, then made late; nor are there passes
+    12 full                       the host takes no more bytes, until drain
+    500 end
+
+Times are whole milliseconds of the board's clock, ascending. What happens in a millisecond comes first, in the order of
+the lines; then its tick, then one pass of the main loop. Millisecond 0 is the first.
+
+Nothing here needs CPython, and it imports nothing of this package.
+"""
+
+import json
+
+VERBS = ("open", "close", "rx", "pin", "hold", "skip", "full", "drain")
+_NUMBERS = ("hold", "skip")
+
+
+class ScriptError(ValueError):
+    """A line that is none of a script; the text names it."""
+
+
+class Script:
+    """A script in parts. rig: a dictionary, or None where the file cannot be read. events: [(ms, verb, argument)],
+    the argument bytes for rx, (name, level) for pin, milliseconds for hold and skip, else None. memory: bytes or None;
+    flash: {block: bytes}, or None for a board without. says: the comment lines at the top."""
+
+    def __init__(self, board="host", rig=None):
+        self.says = []
+        self.board = board
+        self.rig = {} if rig is None else rig
+        self.rig_text = None  # as it stands in the file, where it is no JSON
+        self.motors = None
+        self.memory = None
+        self.flash = {}
+        self.events = []
+        self.end = 0
+
+    def lines(self):
+        """The text, line by line."""
+        for text in self.says:
+            yield "# " + text
+        yield "board " + self.board
+        yield "rig " + (json.dumps(self.rig) if self.rig is not None else self.rig_text or "{")
+        if self.motors:
+            yield f"motors {self.motors}"
+        if self.memory is not None:
+            yield f"memory {self.memory}"
+        if self.flash is None:
+            yield "flash none"
+        else:
+            for block in self.flash:
+                yield f"flash {block} {bytes(self.flash[block]).hex()}"
+        for ms, verb, argument in self.events:
+            if verb == "rx":
+                argument = bytes(argument).hex()
+            elif verb == "pin":
+                argument = f"{argument[0]} {argument[1]}"
+            yield f"{ms} {verb}" if argument is None else f"{ms} {verb} {argument}"
+        yield f"{self.end} end"
+
+
+def event(line):
+    """(ms, verb, argument) of a line with an event; ("end" is one, too)."""
+    parts = line.split()
+    try:
+        ms = int(parts[0])
+        verb = parts[1]
+        argument = None
+        if verb == "rx":
+            argument = bytes.fromhex(parts[2])
+        elif verb == "pin":
+            argument = (int(parts[2]) if parts[2].isdigit() else parts[2], int(parts[3]))
+        elif verb in _NUMBERS:
+            argument = int(parts[2])
+        elif verb != "end" and verb not in VERBS:
+            raise ValueError
+    except (ValueError, IndexError):
+        raise ScriptError("no line of a session script: " + line)  # noqa: B904 - MicroPython knows no "from None"
+    return ms, verb, argument
+
+
+def _header(script, word, rest):
+    if word == "board":
+        script.board = rest
+    elif word == "rig":
+        try:
+            script.rig = json.loads(rest)
+        except ValueError:
+            script.rig, script.rig_text = None, rest
+    elif word == "motors":
+        script.motors = int(rest)
+    elif word == "memory":
+        script.memory = int(rest)
+    elif word == "flash":
+        if rest == "none":
+            script.flash = None
+        else:
+            block, content = rest.split(" ", 1)
+            script.flash[int(block)] = bytes.fromhex(content)
+    else:
+        return False
+    return True
+
+
+def parse(lines):
+    """The Script in these lines, a file for instance. ScriptError for what is none."""
+    script = Script()
+    for line in lines:
+        line = line.strip()
+        if line.startswith("#"):
+            if not script.events:
+                script.says.append(line[1:].strip())
+            continue
+        if not line:
+            continue
+        word, _, rest = line.partition(" ")
+        if _header(script, word, rest):
+            continue
+        ms, verb, argument = event(line)
+        if script.events and ms < script.events[-1][0]:
+            raise ScriptError("earlier than the line before: " + line)
+        if verb == "end":
+            script.end = ms
+            return script
+        script.events.append((ms, verb, argument))
+    script.end = script.events[-1][0] if script.events else 0
+    return script
