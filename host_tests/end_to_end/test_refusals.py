@@ -11,6 +11,8 @@ from framestep_tools.payloads import (
     Ack,
     BlurMotor,
     Dmx,
+    GioCam,
+    GioOut,
     MotorConfigure,
     MotorJog,
     MotorMove,
@@ -18,6 +20,7 @@ from framestep_tools.payloads import (
     MotorSetLimits,
     MotorSetSpeed,
     MotorStop,
+    MotorStopAll,
     Positions,
     RtEnd,
     RtGo,
@@ -54,8 +57,8 @@ def prepared(dialect="spec"):
 
 # ---- lengths -----------------------------------------------------------------------------------------------
 
-# Payload lengths of the field notes' section 2, once more and apart from the firmware's own table:
-# (least, of each further entry), or all that there are
+# Payload lengths of field note 2, once more and apart from the firmware's own table: (least, of each further entry), or
+# all known forms, the longest of which may be followed by more (field note 1.8)
 LENGTHS = {
     0x0001: [0],
     0x0020: (3, 1),
@@ -97,14 +100,14 @@ TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
 def fits(kind, length):
     lengths = LENGTHS[kind]
     if isinstance(lengths, list):
-        return length in lengths
+        return length >= min(lengths)
     least, entry = lengths
     return length >= least and (length - least) % entry == 0
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_wrong_lengths(dialect):
-    """Field note 1.8: 0x14 for each length that does not fit its type, and nothing has changed."""
+    """Field note 1.8: 0x14 for each length that is too short or uneven, and nothing has changed."""
     rig = prepared(dialect)
     handled = set(rig.board._board.controller.handlers)
     assert {0x0001, *range(0x0020, 0x0024), *range(0x0030, 0x003A), *range(0x0100, 0x0105)} <= handled
@@ -121,9 +124,78 @@ def test_wrong_lengths(dialect):
         for frame in answers.values():
             assert frame.type == kind | m.MSG_FLAG_ACK, f"type {kind:#06x}, {frame.id - 1} bytes"
             assert Ack.unpack(frame.payload) == expected, f"type {kind:#06x}, {frame.id - 1} bytes"
-    assert asked > 1000
+    assert asked > 300
     assert state(rig) == before
     assert rig.moving == []
+
+
+LONGER = [
+    (Ack.OK, MotorStop(3)),
+    (Ack.OK, MotorStopAll()),
+    (Ack.OK, MotorStopAll(1)),
+    (Ack.OK, MotorResetPosition(3, -70)),
+    (Ack.OK, MotorJog(3, 5000, 900)),
+    (Ack.OK, MotorConfigure(5, 3)),
+    (Ack.OK, MotorSetSpeed(5, 900, 7000)),
+    (Ack.OK, MotorSetLimits(5, 1, -4, 1, 5)),
+    (Ack.ERR_RANGE, MotorSetSpeed(1, 0, 7)),
+    (Ack.OK, GioOut(0)),
+    (Ack.OK, GioCam(0)),
+    (Ack.OK, RtPositionFrame(7)),
+    (Ack.OK, RtJogAll(24000, 9)),
+    (Ack.OK, RtUploadMoveEnd()),
+    (Ack.OK, RtUploadMoveBegin(1, 9)),
+]
+
+
+def settings_of(rig):
+    kept = (".flags", ".velocity", ".acceleration", ".bounds", ".store.state", ".store.start", ".store.end")
+    return {path: value for path, value in state(rig).items() if path.endswith(kept)}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("more", [1, 2, 3, 4, 9, 40, 1000])
+def test_longer_than_known(dialect, more):
+    """Field note 1.8: a fixed layout that goes on is taken, and what follows is ignored, whatever it is."""
+    plain, longer = (simulated({"dialect": dialect}) for _ in range(2))
+    answers = []
+    for rig, tail in ((plain, b""), (longer, bytes(range(200, 256)) * 20)):
+        for motor in MOVE:
+            rig.speed(motor, 15000, 90_000)
+        rig.upload(MOVE, start_frame=5)
+        for kind in (m.MSG_HI, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_GET_POSITION, m.MSG_GIO_IN):
+            answers.append(rig.answer_to(kind, tail[:more]).payload)
+        for code, request in LONGER:
+            rig.run(1.1)  # apart from the STOP_ALL before
+            rig.wait_idle()
+            frame = rig.answer_to(request.TYPE, request.pack() + tail[:more])
+            assert frame.is_ack and Ack.unpack(frame.payload) == code, request
+        rig.wait_idle()
+    assert answers[:4] == answers[4:]
+    assert longer.positions == plain.positions
+    assert settings_of(longer) == settings_of(plain)
+
+
+def test_run_move_between_its_forms():
+    """Field note 1.8: a RUN_MOVE of 30 bytes is one of 29, one of 32 to 34 has flags and no angles, more have all."""
+    rig = prepared()
+    run = rig.board._board.controller.moves.run
+    whole = RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
+    for length, flags, angles in (
+        (29, 0, None),
+        (30, 0, None),
+        (31, 0x22, None),
+        (32, 0x22, None),
+        (34, 0x22, None),
+        (35, 0x22, (10, 300)),
+        (36, 0x22, (10, 300)),
+        (90, 0x22, (10, 300)),
+    ):
+        rig.wait_idle()
+        frame = rig.answer_to(m.MSG_RT_RUN_MOVE, (whole + bytes([255] * 90))[:length])
+        assert Ack.unpack(frame.payload) == Ack.OK
+        assert run.plan.flags == flags, length
+        assert ((run.plan.open_angle, run.plan.close_angle) == (10, 300)) == bool(angles), length
 
 
 @pytest.mark.parametrize("kind", [0x0000, 0x0002, 0x003A, 0x0114, 0x0204, 0x0300, 0x7FFF, 0x8031, 0xFFFF])

@@ -40,6 +40,8 @@ from framestep_tools.payloads import (
     VirtPositions,
     VirtualAxis,
 )
+from framestep_tools.sniffer import describe
+from framestep_tools.wire import Frame
 
 AXES = tuple(VirtualAxis(i, 1000 * i, -i) for i in range(1, 7))
 NUMBERS = {"B": (0, 255), "H": (0, 0xFFFF), "h": (-0x8000, 0x7FFF), "I": (0, 2**32 - 1), "i": (-(2**31), 2**31 - 1)}
@@ -189,3 +191,13 @@ def test_status_names_the_motors():
 def test_messages_cannot_be_changed():
     with pytest.raises(dataclasses.FrozenInstanceError):
         MotorMove(1, 2).motor = 3
+
+
+def test_what_follows_is_ignored_when_asked_so():
+    """Field note 1.8, for what a host sends: the fields that are known, and how many bytes follow them."""
+    assert MotorMove.unpack_known(MotorMove(3, -2).pack() + b"12") == (MotorMove(3, -2), 2)
+    with pytest.raises(ValueError, match="left over"):
+        MotorMove.unpack(MotorMove(3, -2).pack() + b"12")
+    with pytest.raises(ValueError, match="too few"):
+        MotorMove.unpack_known(b"1234")
+    assert "motor=3  position=-2" in describe(Frame(5, MotorMove.TYPE, MotorMove(3, -2).pack() + b"12"), True)

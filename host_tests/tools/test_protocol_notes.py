@@ -1,5 +1,6 @@
 """docs/protocol-notes.md: every number that is cited exists, and the frames that it shows are what is sent."""
 
+import itertools
 import re
 import subprocess
 
@@ -53,7 +54,7 @@ def test_notes_count_up():
     order = [
         tuple(map(int, n.split("."))) for n in re.findall(r"^\*\*(\d+\.\d+)\*\* ", NOTES.read_text(), re.MULTILINE)
     ]
-    for before, after in zip(order, order[1:], strict=False):
+    for before, after in itertools.pairwise(order):
         assert after in ((before[0], before[1] + 1), (before[0] + 1, 1), (before[0] + 2, 1)), after
 
 

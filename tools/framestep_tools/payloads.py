@@ -132,7 +132,15 @@ class Payload:
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read a data section."""
+        """Read a data section; ValueError where it is not of this layout."""
+        said, rest = cls.unpack_known(data)
+        if rest:
+            raise ValueError(f"{cls.__name__}: {rest} of {len(data)} bytes are left over")
+        return said
+
+    @classmethod
+    def unpack_known(cls, data: bytes) -> tuple[Self, int]:
+        """Read the known fields of a data section, and how many bytes follow them (field note 1.8)."""
         values, rest = {}, memoryview(data)
         for name, code, optional in _layout(cls):
             if optional and not rest:
@@ -141,9 +149,7 @@ class Payload:
                 values[name], rest = _unpack_field(code, rest)
             except struct.error:
                 raise ValueError(f"{cls.__name__}: {len(data)} bytes are too few, {name} is not there") from None
-        if rest:
-            raise ValueError(f"{cls.__name__}: {len(rest)} of {len(data)} bytes are left over")
-        return cls(**values)
+        return cls(**values), len(rest)
 
 
 def _pack_field(code: str, value: Any) -> bytes:

@@ -34,6 +34,11 @@ def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None
             return table[frame.type].unpack(frame.payload)
         except (KeyError, ValueError):
             continue
+    if from_host is not False and frame.type in REQUESTS:
+        try:
+            return REQUESTS[frame.type].unpack_known(frame.payload)[0]  # field note 1.8: what follows is ignored
+        except ValueError:
+            pass
     return None
 
 

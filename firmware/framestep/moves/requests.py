@@ -135,7 +135,7 @@ class Moves:
         code = self._may_begin()
         if code != m.OK:
             return code
-        flags = reader.u16(29) if reader.length > 29 else 0
+        flags = reader.u16(29) if reader.length >= m.RUN_FLAGS_BYTES else 0
         channel = reader.u16(25)
         if reader.u8(20) > 1 or channel > 512 or flags & ~RUN_FLAGS:
             return m.ERR_RANGE
@@ -144,7 +144,7 @@ class Moves:
         plan.bloop_bits = reader.u16(21) | (reader.u16(23) & OUTPUTS >> 16) << 16
         plan.bloop_channel = channel
         plan.bloop_ms = reader.u16(27)
-        angles = reader.length > 31
+        angles = reader.length >= m.RUN_ANGLES_BYTES
         code = self.run.prepare(
             reader.count(0),
             reader.i32(4),

@@ -121,6 +121,8 @@ RUN_PING_PONG = const(0x01)
 RUN_LOOP = const(0x02)
 RUN_VIDEO = const(0x10)
 RUN_STILLS = const(0x20)
+RUN_FLAGS_BYTES = const(31)  # a RUN_MOVE of so many bytes has FLAGS, one of so many the angles as well
+RUN_ANGLES_BYTES = const(35)
 
 VIRT_NONE = const(0)
 VIRT_BOOM_SWING_TRACK = const(1)
@@ -160,7 +162,7 @@ VIRT_POSITION_REPLY_BYTES = const(24)
 VIRT_POSITION_AIM_REPLY_BYTES = const(37)
 AIM_POINT_REPLY_BYTES = const(13)
 
-# -- Payload bytes of requests (field note 2): least, bytes of each further entry (0: none), longer variants.
+# -- Payload bytes of requests (field note 2): of the shortest form, and of each further entry (0: a fixed layout).
 #    What a host may send and nothing else: a type that is not here is unknown (field note 1.7).
 
 REQUESTS = {
@@ -172,7 +174,7 @@ REQUESTS = {
     MSG_MOTOR_STATUS: (0, 0),
     MSG_MOTOR_MOVE: (5, 0),
     MSG_MOTOR_STOP: (1, 0),
-    MSG_MOTOR_STOP_ALL: (0, 0, 4),
+    MSG_MOTOR_STOP_ALL: (0, 0),  # or 4, with flags
     MSG_MOTOR_GET_POSITION: (0, 0),
     MSG_MOTOR_RESET_POSITION: (5, 0),
     MSG_MOTOR_JOG: (7, 0),
@@ -185,7 +187,7 @@ REQUESTS = {
     MSG_RT_UPLOAD_MOVE_END: (0, 0),
     MSG_RT_UPLOAD_MOVE_TRIGGERS: (4, 8),
     MSG_RT_POSITION_FRAME: (4, 0),
-    MSG_RT_RUN_MOVE: (29, 0, 31, 35),
+    MSG_RT_RUN_MOVE: (29, 0),  # see RUN_FLAGS_BYTES and RUN_ANGLES_BYTES
     MSG_RT_SHOOT_FRAME: (11, 9),
     MSG_RT_GO: (0, 0),
     MSG_RT_SHOOT_FRAME2: (12, 9),
@@ -208,17 +210,11 @@ def known(kind):
 
 
 def payload_fits(kind, length):
-    """Whether a request of this type may have a payload of `length` bytes (field notes 1.8 and 2); False if unknown."""
+    """Whether a request of this type may have a payload of `length` bytes; False for an unknown type.
+
+    A fixed layout may be longer than this firmware knows it: handlers ignore what follows (field note 1.8).
+    """
     sizes = REQUESTS.get(kind)
-    if sizes is None:
+    if sizes is None or length < sizes[0]:
         return False
-    least = sizes[0]
-    if length == least:
-        return True
-    stride = sizes[1]
-    if stride:
-        return length > least and (length - least) % stride == 0
-    for at in range(2, len(sizes)):
-        if length == sizes[at]:
-            return True
-    return False
+    return not sizes[1] or (length - sizes[0]) % sizes[1] == 0
