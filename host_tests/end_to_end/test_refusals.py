@@ -312,14 +312,15 @@ def test_refusals_within_an_upload():
     before = state(rig)
     for code, request in (
         (Ack.ERR_RANGE, RtUploadMoveAxis(1, 10, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 9, (1, 2))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(2, 0, tuple(range(11)))),
+        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 11, (1, 2))),
         (Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (1,))),
         (Ack.ERR_RANGE, RtUploadMoveAxis(9, 0, (1,))),
         (Ack.ERR_RANGE, RtUploadMoveAxis(2, 0x7FFF_FFFF, (1,))),
         (Ack.ERR_RANGE, RtUploadMoveDmx(513, 0, (1,))),
         (Ack.ERR_RANGE, RtUploadMoveDmx(1, 10, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(0, 1), Trigger(10, 1)))),
+        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(10, 1), Trigger(0, 1)))),
+        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(0, 1), Trigger(2**32 - 1, 1)))),
+        (Ack.ERR_RANGE, RtUploadMoveBegin(1_000_001, 1_000_002)),
         (Ack.ERR_RANGE, RtUploadMoveBegin(3, 2)),
         (Ack.ERR_GENERAL, RtPositionFrame(1)),
         (Ack.ERR_GENERAL, run_request(24, 1, 2)),

@@ -23,7 +23,10 @@ from framestep_tools.payloads import (
     RtRunMove,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
+    RtUploadMoveDmx,
     RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
 )
 from host_tests.end_to_end.session import DIALECTS, assert_within, deceleration, run_request, simulated
 
@@ -99,7 +102,8 @@ def test_upload_refused(both):
     both.refuse(Ack.ERR_GENERAL, RtPositionFrame(1), run_request(24, 1, 2), RtGo())
     both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(5, 4), RtUploadMoveBegin(1, 1 + info_frames))
     both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(-(2**31), 2**31 - 1), RtUploadMoveBegin(2**31 - 1, -(2**31)))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 4, (9,)), RtUploadMoveAxis(1, 3, (9, 9)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 4, (9,)), RtUploadMoveAxis(1, 5, (9, 9)))
+    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(999_999, 1_000_001), RtUploadMoveBegin(-1_000_001, -999_999))
     both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (9,)), RtUploadMoveAxis(9, 0, (9,)))
     both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)), RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)))
     both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 2**30, (9,)), RtUploadMoveAxis(1, 0x10001, (9,)))
@@ -109,6 +113,35 @@ def test_upload_refused(both):
     both.accept(RtPositionFrame(4))
     both.wait_idle()
     assert both.position(1) == 4
+
+
+def test_a_frame_more(both):
+    """Field note 5.3: sections that reach past the end are stored as far as they lie inside; END and a run work."""
+    for motor in MOVE:
+        both.speed(motor, 20000, 100_000)
+    both.accept(RtUploadMoveBegin(1, FRAMES))
+    for motor, steps in MOVE.items():
+        both.accept(RtUploadMoveAxis(motor, 0, steps[:10]))
+        both.accept(RtUploadMoveAxis(motor, 10 | LAST_SECTION, (*steps[10:], steps[-1], -(2**31), 2**31 - 1)))
+        both.accept(RtUploadMoveAxis(motor, FRAMES - 1, (steps[-1], 99_999)))
+    both.accept(RtUploadMoveDmx(9, LAST_SECTION, range(FRAMES + 3)))
+    both.accept(RtUploadMoveTriggers(1, (Trigger(FRAMES - 1, 1), Trigger(FRAMES, 1))), RtUploadMoveEnd())
+    before = both.play(run_request(24, 1, FRAMES))
+    assert_played(both, before, MOVE, 24)
+    both.refuse(Ack.ERR_RANGE, RtPositionFrame(FRAMES + 1))
+
+
+def test_frame_numbers_at_their_ends(rig):
+    """Field note 5.3: ±1 000 000 is the last frame number; MOVE TIME tells it."""
+    for start in (-1_000_000, 1_000_000 - FRAMES + 1):
+        rig.upload(MOVE, start_frame=start)
+        for frame in (start, start + FRAMES - 1):
+            rig.accept(RtPositionFrame(frame))
+            rig.wait_idle()
+            assert rig.ask_positions().move_time == frame * 1000
+        before = rig.play(run_request(24, start, start + FRAMES - 1))
+        assert_played(rig, before, MOVE, 24)
+        assert set(rig.frames_told()) >= {1000 * (start + i) for i in range(FRAMES)}
 
 
 def test_a_new_upload_replaces(loaded):

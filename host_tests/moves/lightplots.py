@@ -66,8 +66,9 @@ class Model:
     def levels(self, channel, index, last, values):
         if self.state != "LOADING":
             return ERR_GENERAL
+        values = values[: max(0, self.frames - index)]
         stop = index + len(values)
-        if not 1 <= channel <= 512 or index >= self.frames or stop > self.frames:
+        if not 1 <= channel <= 512 or index >= self.frames:
             return ERR_RANGE
         if not values:
             return ERR_RANGE if last else OK
@@ -86,8 +87,11 @@ class Model:
     def triggers(self, mask, pairs):
         if self.state != "LOADING":
             return ERR_GENERAL
-        new = {**self.outputs, **dict(pairs)}
-        if any(frame >= self.frames for frame, _ in pairs) or len(new) > self.most_triggers:
+        inside = {frame: values for frame, values in pairs if frame < self.frames}
+        new = {**self.outputs, **inside}
+        if pairs and pairs[0][0] >= self.frames or any(frame >= 2**31 for frame, _ in pairs):
+            return ERR_RANGE
+        if len(new) > self.most_triggers:
             return ERR_RANGE
         self.outputs = new
         self.mask = mask
@@ -148,9 +152,9 @@ FAR = [
     (f"BEGIN {2**25}", ""),
     (levels(1, _FAR, 0, [1]), str(ERR_RANGE)),
     (levels(1, _FAR - 2, 0, [1, 2]), str(OK)),
-    (levels(1, _FAR - 1, 0, [3, 4]), str(ERR_RANGE)),
+    (levels(1, _FAR - 1, 0, [2, 4]), str(OK)),
     (triggers(1, [(_FAR, 1)]), str(ERR_RANGE)),
-    (triggers(1, [(_FAR - 1, 1)]), str(OK)),
+    (triggers(1, [(_FAR - 1, 1), (_FAR, 1)]), str(OK)),
     ("FINISH", ""),
     (f"PLAY {_FAR - 3} {_FAR + 2}", "1=1;;1=2;;;"),
     (f"PLAY {2**22} {2**22 + 2}", "1=2;;"),
@@ -230,7 +234,7 @@ def plots(draw, steps=30):
             index = draw(st.sampled_from([at.get(channel, 0), at.get(channel, 0), draw(st.integers(0, frames))]))
             index = min(index, frames - 1)
             size = draw(st.one_of(st.integers(1, 20), st.integers(0, frames)))
-            size = min(size, frames - index)
+            size = min(size, frames - index + draw(st.sampled_from([0, 0, 0, 1, 9])))
             if kind == "stray":
                 channel = draw(st.sampled_from([0, 1, 512, 513, 65535]))
                 index = draw(st.one_of(st.integers(0, frames + 2), st.integers(0, 2**31 - 1)))

@@ -152,7 +152,7 @@ def test_codes():
         levels(0, 0, 0, [1]),
         levels(513, 0, 0, [1]),
         levels(512, 9, 0, [1]),
-        levels(512, 9, 0, [1, 2]),
+        levels(512, 10, 0, [1, 2]),
         levels(512, 10, 0, [1]),
         levels(512, 2**30, 0, [1]),
         triggers(1, []),
@@ -161,3 +161,26 @@ def test_codes():
     ]
     codes = (OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, *[ERR_RANGE] * 6)
     assert answers("NEW 5 5", "BEGIN 10", *lines)[2:] == [str(code) for code in codes]
+
+
+def test_what_lies_past_the_end_is_ignored():
+    """Field note 5.3: a section or a list of triggers that begins inside the range and reaches past its end."""
+    lines = [
+        levels(3, 8, 0, [1, 2, 3, 4]),
+        levels(4, 0, 1, range(1, 13)),
+        triggers(7, [(9, 1), (10, 2), (2**31 - 1, 3)]),
+    ]
+    answered = answers(
+        "NEW 20 2",
+        "BEGIN 10",
+        *lines,
+        triggers(7, [(1, 4), (9, 5), (11, 6)]),
+        "FINISH",
+        "SEEK 9",
+        "SEEK 20",
+        "TRIGGERS 0 12",
+    )
+    assert answered[2:6] == [str(OK)] * 4
+    assert answered[7:] == ["3=2,4=10", "3=2,4=10", "7 1:4 9:5"]
+    before_the_range = triggers(7, [(1, 8), (2**32 - 1, 1)])
+    assert answers("NEW 20 2", "BEGIN 10", before_the_range, "FINISH", "HAS")[2:] == [str(ERR_RANGE), "", "0 0 0"]

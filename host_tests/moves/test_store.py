@@ -227,7 +227,7 @@ def test_codes():
             "BEGIN 5 4",
             "BEGIN 1 100",
             axis(1, 100, 0, [1]),  # past the range
-            axis(1, 99, 0, [1, 2]),
+            axis(1, 101, 0, [1, 2]),
             axis(3, 0, 0, [1]),
             axis(0, 0, 0, [1]),
             axis(1, 2**30, 0, [1]),
@@ -350,3 +350,30 @@ def test_too_little_memory_is_refused_with_what_is_needed(motors):
     assert UploadStore(motors, needed).capacity_frames(motors) == 128
     with pytest.raises(ValueError):
         UploadStore(motors, needed - 2)
+
+
+@pytest.mark.parametrize("frames", [1, 5, 127, 128, 129, 200])
+@pytest.mark.parametrize("last", [0, 1])
+def test_a_section_past_the_end_is_stored_as_far_as_it_fits(frames, last):
+    """Field note 5.3: in one piece, in pieces, again; what lies past the end is not even looked at."""
+    whole = [(-3) ** (i % 5) + i for i in range(frames)]
+    beyond = [-(2**31), 2**31 - 1, 5]
+    for cut in {0, frames // 2, frames - 1}:
+        sections = [axis(1, 0, 0, whole[:cut])] if cut else []
+        sections += [axis(1, cut, last, whole[cut:] + beyond), axis(1, frames - 1, last, whole[-1:] + beyond)]
+        answered = answers("NEW 1 8000", f"BEGIN 1 {frames}", *sections, "FINISH", "READ 0 0")
+        assert set(answered[1:-1]) == {str(OK)}
+        assert answered[-1] == ",".join(map(str, whole))
+
+
+def test_frame_numbers_of_a_million():
+    begins = [
+        "BEGIN 999990 1000000",
+        "BEGIN -1000000 -999990",
+        "BEGIN 1000000 1000000",
+        "BEGIN 999990 1000001",
+        "BEGIN -1000001 -999990",
+        "BEGIN 1000001 1000001",
+        f"BEGIN {2**30 - 5} {2**30 - 1}",
+    ]
+    assert answers("NEW 1 8000", *begins)[1:] == [str(OK)] * 3 + [str(ERR_RANGE)] * 4

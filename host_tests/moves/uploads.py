@@ -12,6 +12,7 @@ from framestep.protocol import messages
 from framestep_tools import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
+FARTHEST = 1_000_000  # frame numbers, either way
 LOWEST = -(2**31)
 
 
@@ -50,7 +51,7 @@ class Model:
         self.in_use = self.used = 0  # units, now and at most
 
     def begin(self, start, end):
-        if not -(2**29) < start <= end < 2**29 or end - start >= self.limit:
+        if not -FARTHEST <= start <= end <= FARTHEST or end - start >= self.limit:
             return ERR_RANGE
         self.clear()
         self.state, self.start, self.end, self.count = "LOADING", start, end, end - start + 1
@@ -59,8 +60,9 @@ class Model:
     def section(self, motor, index, last, positions):
         if self.state != "LOADING":
             return ERR_GENERAL
+        positions = positions[: max(0, self.count - index)]
         stop = index + len(positions)
-        if not 0 <= motor < self.motors or index >= self.count or stop > self.count or LOWEST in positions:
+        if not 0 <= motor < self.motors or index >= self.count or LOWEST in positions:
             return ERR_RANGE
         if not positions:
             return ERR_RANGE if last else OK
@@ -197,7 +199,8 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
     def begin():
         start = draw(
             st.one_of(
-                *[st.integers(-10, 10)] * 4, st.sampled_from([-(2**29), 1 - 2**29, 2**29 - 300, 2**29 - 1, -(2**30)])
+                *[st.integers(-10, 10)] * 4,
+                st.sampled_from([-FARTHEST - 1, -FARTHEST, FARTHEST - 300, FARTHEST, -(2**30)]),
             )
         )
         most = model.limit
@@ -240,7 +243,7 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
                 index = draw(st.integers(0, max(0, model.count - 1)))
             if kind == "section":
                 index = min(index, max(0, model.count - 1))
-                size = min(size, max(0, model.count - index))
+                size = min(size, max(0, model.count - index) + draw(st.sampled_from([0, 0, 0, 1, 200])), 257)
             else:
                 motor = draw(st.integers(-1, motors))
                 index = draw(st.one_of(st.integers(0, model.count + 3), st.integers(0, 2**31 - 1)))

@@ -216,11 +216,11 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig, barked=False, wire=None, flash=None, upload_bytes=UPLOAD_BYTES):
+    def __init__(self, motors, rig, barked=False, wire=None, flash=None, upload_bytes=0):
         self._flash = flash
         self.motors = motors
         self.now_ns = 0
-        self.upload_bytes = upload_bytes
+        self.upload_bytes = upload_bytes or UPLOAD_BYTES
         self.port = HostPort()
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
@@ -368,7 +368,7 @@ class HostBoard:
         barked=False,
         wire=None,
         flash=None,
-        upload_bytes=UPLOAD_BYTES,
+        upload_bytes=0,
         broken=False,
     ):
         self.rig = Rig(rig, board)

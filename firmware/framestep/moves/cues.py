@@ -311,15 +311,20 @@ def _fill_levels(levels: ptr8, keys: ptr32, values: ptr16, changes: int, at: int
 
 @micropython.viper
 def _reserve(words, table, source, at: int, count: int) -> int:
-    """Make an entry, marked, for each frame sent that has none; 0 when one does not fit or lies outside the range."""
+    """Make an entry, marked, for each frame sent that has none; 0 when one does not fit, or lies before the range, or
+    when the first lies past its end. Others there are left out."""
     word = ptr32(words)
     entries = ptr32(table)
     sent = ptr8(source)
+    first = at
     end = at + count * 8
     while at < end:
         frame = sent[at] | sent[at + 1] << 8 | sent[at + 2] << 16
         if sent[at + 3] or frame >= word[_FRAMES]:
-            return 0
+            if at == first or sent[at + 3] >> 7:
+                return 0
+            at += 8
+            continue
         held = word[_TRIGGERS]
         i = int(_first_at(table, 2, 1, held, frame))
         if i == held or entries[i * 2] >> 1 != frame:
@@ -416,11 +421,13 @@ class CueStore:
     def levels(self, channel: int, index: int, last: int, reader, offset: int, count: int) -> int:
         """Store `count` levels of a channel from frame `index` on (spec: MSG_RT_UPLOAD_MOVE_DMX).
 
-        They are the bytes at payload offset `offset` of the reader's frame. If `last`, the final one also goes to every
-        frame after it, sent before or not. Sections may come in any order and again: what comes last counts. A frame
-        that is never sent holds the level before it, and before the first frame sent, that one's.
-        ERR_GENERAL unless an upload has begun; ERR_RANGE for frames outside it, for other channels than 1 to 512, for a
-        `last` section without a level, and when there are more changes than fit. What is refused changes nothing.
+        They are the bytes at payload offset `offset` of the reader's frame; those past the end of the range are ignored
+        (field note 5.3). If `last`, the final one also goes to every frame after it, sent before or not. Sections may
+        come in any order and again: what comes last counts. A frame that is never sent holds the level before it, and
+        before the first frame sent, that one's.
+        ERR_GENERAL unless an upload has begun; ERR_RANGE for a section that begins outside it, for other channels than
+        1 to 512, for a `last` section without a level, and when there are more changes than fit. What is refused
+        changes nothing.
         """
         words = self._words
         word = ptr32(words)
@@ -429,8 +436,10 @@ class CueStore:
             return int(ERR_GENERAL)
         if channel < 1 or channel > CHANNELS or index < 0 or index >= frames:
             return int(ERR_RANGE)
-        if count < 0 or count > frames - index:
+        if count < 0:
             return int(ERR_RANGE)
+        if count > frames - index:
+            count = frames - index
         if count == 0:
             return int(ERR_RANGE) if last else int(OK)
         keys = self._keys
@@ -489,11 +498,12 @@ class CueStore:
         held = word[_TRIGGERS]
         while count > 0:
             frame = sent[at] | sent[at + 1] << 8 | sent[at + 2] << 16
-            i = int(_first_at(table, 2, 1, held, frame)) * 2
-            entries[i] = frame << 1
-            entries[i + 1] = (
-                sent[at + 4] | sent[at + 5] << 8 | sent[at + 6] << 16 | ((sent[at + 7] ^ 0x80) - 0x80) << 24
-            )
+            if sent[at + 3] == 0 and frame < word[_FRAMES]:
+                i = int(_first_at(table, 2, 1, held, frame)) * 2
+                entries[i] = frame << 1
+                entries[i + 1] = (
+                    sent[at + 4] | sent[at + 5] << 8 | sent[at + 6] << 16 | ((sent[at + 7] ^ 0x80) - 0x80) << 24
+                )
             at += 8
             count -= 1
         reader.word_to(0, words, _MASK)

@@ -48,7 +48,7 @@ _UNIT = const(17)  # half words of a unit: its link, its bits
 _MOST_UNITS = const(12)  # of a chunk
 _PER_CHUNK = const(86)  # half words that the capacity counts for a chunk: its own and a unit
 _NOT_SENT = const(0x8080)  # two codes of a chunk without units
-_FARTHEST = const(0x2000_0000)  # frame numbers lie within ± this, so that sums of them are small integers
+FARTHEST_FRAME = const(1000000)  # ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
 
 # Words of the store's block
 _HALVES = const(0)  # half words of the memory
@@ -674,9 +674,9 @@ class UploadStore:
         """Begin the upload of scene frames `start` to `end` (spec: MSG_RT_UPLOAD_MOVE_BEGIN); the old one is gone.
 
         Frame numbers are small integers and may be negative. ERR_RANGE for more frames than fit, an end before the
-        start, and frames beyond ± 2^29.
+        start, and frames beyond ± FARTHEST_FRAME.
         """
-        if not (-_FARTHEST < start <= end < _FARTHEST) or end - start >= self._limit:
+        if not (-FARTHEST_FRAME <= start <= end <= FARTHEST_FRAME) or end - start >= self._limit:
             return ERR_RANGE
         self.clear()
         self.state = LOADING
@@ -690,10 +690,12 @@ class UploadStore:
     def section(self, motor: int, index: int, last: int, reader, offset: int, count: int) -> int:
         """Store `count` positions of a motor from frame `index` on (spec: MSG_RT_UPLOAD_MOVE_AXIS).
 
-        They are the DWORDs at payload offset `offset` of the reader's frame. If `last`, the final one also goes to
-        every frame after it, sent before or not. Sections may come in any order and again: what comes last counts.
-        ERR_GENERAL unless an upload has begun; ERR_RANGE for frames outside it, for a `last` section without a
-        position, for the position -2^31, and when what changes from frame to frame needs more memory than there is.
+        They are the DWORDs at payload offset `offset` of the reader's frame; those past the end of the range are
+        ignored (field note 5.3). If `last`, the final one also goes to every frame after it, sent before or not.
+        Sections may come in any order and again: what comes last counts.
+        ERR_GENERAL unless an upload has begun; ERR_RANGE for a section that begins outside it, for a `last` section
+        without a position, for the position -2^31, and when what changes from frame to frame needs more memory than
+        there is.
         """
         memory = self._memory
         words = self._words
@@ -703,7 +705,9 @@ class UploadStore:
             return int(ERR_GENERAL)
         if motor < 0 or motor >= word[_MOTORS] or index < 0 or index >= frames:
             return int(ERR_RANGE)
-        if count < 0 or count > frames - index or count > MOST_POSITIONS:
+        if count > frames - index:
+            count = frames - index
+        if count < 0 or count > MOST_POSITIONS:
             return int(ERR_RANGE)
         if count == 0:
             return int(ERR_RANGE) if last else int(OK)
