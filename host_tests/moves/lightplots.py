@@ -89,7 +89,7 @@ class Model:
             return ERR_GENERAL
         inside = {frame: values for frame, values in pairs if frame < self.frames}
         new = {**self.outputs, **inside}
-        if pairs and pairs[0][0] >= self.frames or any(frame >= 2**31 for frame, _ in pairs):
+        if (pairs and pairs[0][0] >= self.frames) or any(frame >= 2**31 for frame, _ in pairs):
             return ERR_RANGE
         if len(new) > self.most_triggers:
             return ERR_RANGE
