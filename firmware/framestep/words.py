@@ -1,6 +1,6 @@
 """Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
-from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST
+from framestep.faults import FAULTS, outcome
 from framestep.motion.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -15,7 +15,6 @@ from framestep.motion.positions import (
     UNPOWERED,
     UNSET,
 )
-from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
 from framestep.protocol.messages import (
     CONDITION_BARKED,
     CONDITION_BROKEN,
@@ -47,15 +46,6 @@ CONDITIONS = {
     CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
-FAULTS = {
-    FAULT_DRY: "a motor's queue ran dry in a motion; the motors were ramped down",
-    FAULT_LATE: "the interrupt came too late, so pulses broke off; the motors were ramped down",
-    FAULT_PIN: "a segment did not begin where its motor was; the motors were ramped down",
-    FAULT_LOST: "a pulse command was lost, so steps are missing; the motors were ramped down",
-    FAULT_ESTOP: "the E-stop was pressed; the motors were ramped down",
-    FAULT_DRIVER: "a driver failed; the motors were ramped down",
-    FAULT_LIMIT: "a limit switch was hit; its motor was ramped down",
-}
 LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
 
 
@@ -71,7 +61,7 @@ def conditions(bits):
 
 def faults(bits):
     """A line for each bit of Controller.fault."""
-    return [FAULTS[bit] for bit in sorted(FAULTS) if bits & bit]
+    return [text + outcome(bit) for bit, text in FAULTS if bits & bit]
 
 
 def positions(controller):

@@ -65,6 +65,35 @@ def test_bench_commands_beside_a_run(session):
     assert session.position(8) == 200
 
 
+CTRL_C = """
+struck = 0
+while struck < {count}:
+    try:
+        while True:
+            pass
+    except KeyboardInterrupt:
+        struck += 1
+"""
+
+
+def test_ctrl_c_beside_a_run(session):
+    """It ends a program on the REPL each time, also where it strikes in a pass, and moves no edge."""
+    positions = move(session, frames=60)
+    stands = load(session, positions)
+    session.accept(RtGo())
+    repl = session.board.emulator.repl()
+    count = 25
+    repl.start(CTRL_C.format(count=count))
+    for _ in range(count):
+        session.run(0.083)
+        repl.serial.write(b"\x03")
+    session.run(0.05)
+    assert repl.finish(1) == ""
+    assert session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert_played(session, stands, positions)
+
+
 def test_jog_by_keys(session):
     """On the prompt, as a person has it."""
     board = session.board

@@ -37,6 +37,16 @@ class Body:
         return self._signature()[0]
 
     @property
+    def frame_words(self) -> int:
+        """Of bytecode: words of a call's frame, its locals and stack, and three for each `try` nested in another."""
+        state = self.code[0] >> 3 & 15
+        tries = self.code[0] >> 2 & 1
+        for n, byte in enumerate(self.code[1 : self._signature()[1]]):
+            state |= (byte & 0x30) << 2 * n
+            tries |= (byte & 2) << n
+        return state + 1 + 3 * tries
+
+    @property
     def signature(self) -> bytes:
         """Of bytecode: the bytes before its size, which say how it is called and how deep its stack is."""
         return self.code[: self._signature()[1]]

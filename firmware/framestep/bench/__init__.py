@@ -8,6 +8,9 @@ from framestep.moves.stage import ENDING, READY
 from framestep.native import CPYTHON
 from framestep.protocol import messages as m
 
+if not CPYTHON:
+    from micropython import heap_lock, heap_unlock
+
 REFUSALS = {
     m.ERR_MOVING: "an operation of Dragonframe has the motor",
     m.ERR_GENERAL: "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led",
@@ -24,21 +27,39 @@ def between(function, *arguments):
     hal = boot.hal
     if CPYTHON or not hal.alive:
         return function(*arguments)
-    found = []
+    done = False
+    found = failure = None
 
     def call():
+        nonlocal done, found, failure
         try:
-            found.append(function(*arguments))
+            found = function(*arguments)
         except Exception as error:
-            found.append(None)
-            found.append(error)
+            failure = error
+        finally:
+            done = True  # although a Ctrl-C came
 
     hal.task = call
-    while not found and hal.alive:
+    while not done and hal.alive:
         hal.idle()
-    if len(found) > 1:
-        raise found[1]
-    return found[0]
+    if failure:
+        raise failure
+    return found
+
+
+def locked(function, *arguments):
+    """Call it as a pass does, with the heap locked: so it takes no longer where memory is full. Two arguments at most."""
+    if CPYTHON:
+        return function(*arguments)
+    first = arguments[0] if arguments else None
+    second = arguments[1] if len(arguments) > 1 else None
+    heap_lock()
+    try:
+        if not arguments:
+            return function()
+        return function(first, second) if len(arguments) > 1 else function(first)
+    finally:
+        heap_unlock()
 
 
 def operation(controller):

@@ -3,7 +3,7 @@
 import sys
 
 from framestep import boot
-from framestep.bench import between, dead, operation, refusal
+from framestep.bench import between, dead, locked, operation, refusal
 from framestep.native import const
 from framestep.protocol import messages as m
 
@@ -20,8 +20,8 @@ def _send(motor, target, speed):
         return m.ERR_RANGE
     controller.words[0] = target
     if speed is None:
-        return controller.move(motor - 1)
-    return controller.jog(motor - 1, speed) if 1 <= speed <= 10000 else m.ERR_RANGE
+        return locked(controller.move, motor - 1)
+    return locked(controller.jog, motor - 1, speed) if 1 <= speed <= 10000 else m.ERR_RANGE
 
 
 def move(motor, step):
@@ -35,7 +35,7 @@ def stop():
     if why:
         print(why)
     else:
-        between(boot.controller.stop_all)
+        between(locked, boot.controller.stop_all)
 
 
 def jog(motor=1, speed=1000):

@@ -5,7 +5,9 @@ and the REPL stays what it is. With one port it runs in the foreground, as the p
 """
 
 import gc
+import io
 import sys
+from os import dupterm, dupterm_notify  # type: ignore[attr-defined]
 from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
 
 import machine
@@ -13,11 +15,12 @@ from machine import Pin, Timer
 from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
 from framestep.controller import LED_FAULT, glow
+from framestep.faults import FAULTS, outcome
 from framestep.hal import NoDmx, NoWatchdog
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.motion.stepper import StepKernel
-from framestep.native import const
+from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
@@ -27,11 +30,34 @@ _STEP = const(512)
 _PASS_MS = const(1)
 _SAYINGS = const(16)
 _BEAT_MS = const(128)
+_CTRL_C = const(3)
 _TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
 
 
 def _no_led(_colour):
     pass
+
+
+class _CtrlC(io.IOBase):
+    """A terminal on which somebody has pressed Ctrl-C."""
+
+    def readinto(self, buffer):
+        buffer[0] = _CTRL_C
+        return 1
+
+    def write(self, data):
+        return len(data)
+
+    def ioctl(self, request, argument):
+        return 0
+
+
+@micropython.viper
+def _interrupt(terminal, notify, ctrl_c):
+    """Let a KeyboardInterrupt strike as soon as MicroPython goes on with what this has interrupted."""
+    before = terminal(ctrl_c)
+    notify(None)
+    terminal(before)
 
 
 class Rp2Hal:
@@ -68,12 +94,20 @@ class Rp2Hal:
         self.port = self._make_port(rig.ports)
         self.background = rig.ports == 2
         self._ticker = None
-        self._passes = None
+        # Made now, as there may be no memory for them later
+        self._passes = Timer(-1)
         self._pass_callback = self._pass
+        self._blink_callback = self._blink
+        self._beat = 0
         self._controller = None
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
         self.task = None  # what framestep.repl wants done between two passes
+        self._due = False  # something is to be done after this pass
+        self._failing = False  # a pass was broken off: the next one stops the motors
+        self._failed = False  # that is to be told
+        self._struck = False  # Ctrl-C came in a pass: it is passed on to whom it was for
+        self._ctrl_c = _CtrlC()
         self.led = self._make_led(board)
 
     def _make_dmx(self, wiring, rig):
@@ -194,13 +228,18 @@ class Rp2Hal:
         return lost_commands(self.motors)
 
     # ---------------------------------------------------------------- running a controller
+    #
+    # A pass runs with the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words
+    # on the stack, for which it would otherwise search the whole heap, and collect it where it is full: 30 ms for each
+    # frame. What runs outside the lock has smaller frames (a test counts them), or may take long. A program on the REPL
+    # may have taken all memory: then everything goes on, and what needs no memory is told.
 
     def run(self, controller):
         """Run it: in the background, and return at once, or until a Ctrl-C on its own port."""
         self._controller = controller
         self.alive = True
         if self.background:
-            self._passes = Timer(-1, period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
+            self._passes.init(period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
             return
         idle = machine.idle
         try:
@@ -218,73 +257,116 @@ class Rp2Hal:
             self._tell_all()
 
     def _poll(self):
-        """One pass, the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words on
-        the stack, for which it would otherwise search the whole heap. Returns what the controller's poll() does."""
+        """One pass in the foreground. Returns what the controller's poll() does."""
         heap_lock()
         try:
             return self._controller.poll(ticks_ms())  # type: ignore[union-attr]
         finally:
             heap_unlock()
 
-    # Outside _poll() the heap is not locked, so this is kept to the few words that a call frame has on the stack.
-    def _pass(self, error):
-        if self._passes is None:
-            return  # it waited in the scheduler when the passes ended
+    # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front of _turn(), which
+    # expects it, nor behind the last line, which passes it on.
+    def _pass(self, _timer):
+        heap_lock()
         try:
-            self._poll()
-            if self._controller.untold or self.task or self._sayings:  # type: ignore[union-attr]
-                self._after()
+            self._turn()
+        finally:
+            heap_unlock()
+        if self._due:
+            self._after()
+        if self._struck:
+            self._struck = False
+            _interrupt(dupterm, dupterm_notify, self._ctrl_c)
+
+    def _turn(self):
+        """One pass in the background, whatever strikes in it. Ctrl-C is meant for a program that runs on the REPL."""
+        controller = self._controller
+        try:
+            if not self.alive:
+                return  # this pass waited in the scheduler when they ended
         except KeyboardInterrupt:
-            self._interrupted()
+            self._struck = True  # where nothing is half done
+        try:
+            if self._failing:
+                controller.fail()  # type: ignore[union-attr]
+                self._failing = False
+                self._failed = True
+            controller.poll(ticks_ms())  # type: ignore[union-attr]
+        except KeyboardInterrupt:
+            self._struck = self._failing = True
+            return
         except Exception as error:
             self.failure = error
-            self._broken()
-
-    def _after(self):
-        """What a pass may not do itself: it allocates, and it prints."""
-        if self.task:
-            task = self.task
-            self.task = None
-            task()
-        if not self._controller.was_moving:  # type: ignore[union-attr]
+            self._end()
+            self._due = True
+            return
+        self._due = self.task is not None
+        if (controller.untold or self._sayings or self._failed) and not controller.was_moving:  # type: ignore[union-attr]
             self._tell()
 
-    def _interrupted(self):
-        # Meant for a program that runs on the REPL, but it struck in a pass; what was being done
-        # is half done. (At the prompt Ctrl-C is a character and strikes nothing.)
-        self._controller.fail()  # type: ignore[union-attr]
-        print("framestep: Ctrl-C came in the middle of the controller's work; motors stop")
+    def _after(self):
+        """What a pass may not do itself, as it allocates."""
+        if not self.alive:
+            self._due = False
+            self._traceback()
+            return
+        task = self.task
+        self.task = None
+        self._due = False
+        try:
+            task()  # type: ignore[misc]
+        except KeyboardInterrupt:
+            self._struck = self._failing = True
+        except Exception as error:
+            sys.print_exception(error)  # type: ignore[attr-defined]
 
-    def _broken(self):
+    def _end(self):
+        """An exception has ended the passes."""
         self.stop()
         self._controller.give_up()  # type: ignore[union-attr]
+
+    def _broken(self):
+        """The same in the foreground."""
+        heap_lock()
+        try:
+            self._end()
+        finally:
+            heap_unlock()
+        self._traceback()
+
+    def _traceback(self):
+        self._passes.init(period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink_callback)
         print("framestep: stopped by a fault in the firmware; a reset starts it again")
         sys.print_exception(self.failure)  # type: ignore[attr-defined]
-        self._beat = 0
-        self._blinker = Timer(-1, period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink)
 
     def _tell(self):
-        """Say in words why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors
-        move, as the REPL's host may let the board wait."""
-        if self._controller.untold:  # type: ignore[union-attr]
-            from framestep import words
-
-            for line in words.faults(self._controller.untold):  # type: ignore[union-attr]
-                print("framestep:", line)
-            self._controller.untold = 0  # type: ignore[union-attr]
-        if self._sayings > _SAYINGS:
-            print("framestep: drivers:", self._sayings - _SAYINGS, "earlier lines are lost")
-        for i in range(max(0, self._sayings - _SAYINGS), self._sayings):
-            print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
+        """Say why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors move, as
+        the REPL's host may let the board wait. Allocates nothing."""
+        untold = self._controller.untold  # type: ignore[union-attr]
+        self._controller.untold = 0  # type: ignore[union-attr]
+        for bit, text in FAULTS:
+            if untold & bit:
+                print("framestep: ", text, outcome(bit), sep="")
+        if self._failed:
+            self._failed = False
+            print("framestep: Ctrl-C came in the middle of the controller's work; the motors were ramped down")
+        sayings = self._sayings
         self._sayings = 0
+        if sayings > _SAYINGS:
+            print("framestep: drivers:", sayings - _SAYINGS, "earlier lines are lost")
+        for i in range(max(0, sayings - _SAYINGS), sayings):
+            print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
 
     def _tell_all(self):
         """When the protocol gives back the REPL's port: everything that could not be said there since the start."""
-        from framestep import words
+        try:
+            from framestep import words
 
-        bits = self._controller.condition() & (CONDITION_BARKED | CONDITION_FORGETFUL)  # type: ignore[union-attr]
-        for line in words.conditions(bits):
-            print("framestep:", line)
+            bits = self._controller.condition() & (CONDITION_BARKED | CONDITION_FORGETFUL)  # type: ignore[union-attr]
+            for line in words.conditions(bits):
+                print("framestep:", line)
+        except MemoryError:
+            pass
         self._tell()
 
     def _blink(self, _timer):
@@ -295,10 +377,12 @@ class Rp2Hal:
     def stop(self):
         """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""
         self.alive = False
-        self.led(0)
-        self.watchdog.disarm()
-        if self._passes:
-            self._passes.deinit()
-            self._passes = None
-        if self._controller:
-            self._controller.abandon()
+        self._passes.deinit()
+        heap_lock()
+        try:
+            self.led(0)
+            self.watchdog.disarm()
+            if self._controller:
+                self._controller.abandon()
+        finally:
+            heap_unlock()

@@ -1,0 +1,21 @@
+"""Why motors were stopped, in words. Always there: the code that tells it may neither import nor allocate."""
+
+from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST
+from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
+
+FAULTS = (
+    (FAULT_DRY, "a motor's queue ran dry in a motion"),
+    (FAULT_LATE, "the interrupt came too late, so pulses broke off"),
+    (FAULT_PIN, "a segment did not begin where its motor was"),
+    (FAULT_LOST, "a pulse command was lost, so steps are missing"),
+    (FAULT_ESTOP, "the E-stop was pressed"),
+    (FAULT_LIMIT, "a limit switch was hit"),
+    (FAULT_DRIVER, "a driver failed"),
+)
+_ALL = "; the motors were ramped down"
+_ONE = "; its motor was ramped down"
+
+
+def outcome(bit):
+    """What a fault has led to: the end of its line."""
+    return _ONE if bit == FAULT_LIMIT else _ALL

@@ -1,0 +1,149 @@
+"""Not a byte of memory is left for anybody: every request is answered, every stop works, and the REPL tells it."""
+
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.payloads import (
+    Ack,
+    DeviceInfo,
+    GetCondition,
+    GioOut,
+    HardStop,
+    MotorMove,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+)
+from host_tests.board.test_end_to_end import assert_played, load, move
+from host_tests.end_to_end.session import Session, assert_within
+
+ESTOP, OUTPUT = 19, 22
+VELOCITY, ACCELERATION = 10_000, 50_000
+RIG = {"estop": "nc", "outputs": [{"pin": OUTPUT}], "dmx": False}
+# Takes all memory in ever smaller pieces. While the output is on, something on the REPL holds interrupts off, which is
+# a fault where motors move. Once the output has been on, off and on again, it lets go of the memory.
+FILL = f"""
+import gc, time, machine
+pin = machine.Pin({OUTPUT})
+def fill():
+    kept = None
+    size = 8192
+    while size >= 8:
+        try:
+            kept = [kept, bytearray(size)]
+        except MemoryError:
+            size //= 2
+    return kept
+def wait(level):
+    while pin.value() != level:
+        time.sleep_ms(2)
+kept = irq = None  # now, as a new name needs memory
+kept = fill()
+print("full")
+wait(1)
+irq = machine.disable_irq()
+{"time.sleep_us(900);" * 10}
+machine.enable_irq(irq)
+wait(0)
+wait(1)
+kept = None
+gc.collect()
+print("free")
+"""
+WORDS = (
+    "framestep: the E-stop was pressed; the motors were ramped down",
+    "framestep: the interrupt came too late, so pulses broke off; the motors were ramped down",
+)
+
+
+@pytest.fixture(scope="module")
+def board():
+    with EmulatedBoard(RIG) as board:
+        board.wire_switches()
+        yield board
+
+
+@pytest.fixture(scope="module")
+def full(board):
+    """A session while a program on the REPL has all memory."""
+    session = Session(board, reply_s=0.1)
+    session.positions_before = move(session, frames=40)
+    session.stands = load(session, session.positions_before)
+    session.accept(MotorStopAll())  # the run is uploaded and ends again before it began
+    session.run(0.3)
+    session.forget()
+    session.speed(8, VELOCITY, ACCELERATION)
+    session.repl = board.emulator.repl()
+    session.repl.start(FILL, until="full")
+    return session
+
+
+def under_way(session, steps=20_000):
+    session.accept(MotorMove(8, session.position(8) + steps))
+    session.forget()
+    session.run(0.4)
+    assert session.moving == [8]
+
+
+def at_rest(session):
+    session.wait_idle(5)
+    assert_within(*session.steps(8), VELOCITY * 1.001, 4 * ACCELERATION * 1.05)
+    assert not session.moving
+
+
+def test_a_stop(full):
+    under_way(full)
+    full.accept(MotorStopAll())
+    at_rest(full)
+    under_way(full)
+    full.accept(MotorStopAll(), MotorStopAll())
+    at_rest(full)
+
+
+def test_the_estop(full):
+    emulator = full.board.emulator
+    under_way(full)
+    emulator.set_pin(ESTOP, 1)
+    at_rest(full)
+    assert [message for _, message in full.events(HardStop)] == [HardStop(0)]
+    full.refuse(Ack.ERR_GENERAL, MotorMove(8, 0))
+    assert full.ask(GetCondition()).bits & m.CONDITION_ESTOP
+    emulator.set_pin(ESTOP, 0)
+    full.run(0.3)
+    under_way(full, -20_000)
+    full.accept(MotorStopAll())
+    at_rest(full)
+
+
+def test_a_lost_host(full):
+    under_way(full)
+    full.leave()
+    full.board.run_until(full.board.now_ns + 800_000_000)
+    full.come_back()
+    full.client.wait_event(DeviceInfo)
+    at_rest(full)
+
+
+def test_a_run(full):
+    positions = full.positions_before
+    stands = load(full, positions)
+    full.accept(RtGo())
+    full.client.wait_event(RtEnd, 10)
+    full.run(0.3)
+    assert_played(full, stands, positions)
+
+
+def test_a_fault_and_words_for_all_of_it(full):
+    """Words need no memory, either."""
+    under_way(full)
+    full.accept(GioOut(1))
+    full.run(0.4)
+    assert [message for _, message in full.events(HardStop)] == [HardStop(100)]
+    full.wait_idle(5)
+    full.accept(GioOut(0))
+    full.run(0.1)
+    full.accept(GioOut(1))
+    full.run(0.2)
+    assert full.repl.finish().splitlines() == [*WORDS, "free"]
+    assert full.repl.eval("__import__('framestep.boot').boot.hal.failure") is None
