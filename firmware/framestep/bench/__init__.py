@@ -48,7 +48,7 @@ def between(function, *arguments):
 
 
 def locked(function, *arguments):
-    """Call it as a pass does, with the heap locked: so it takes no longer where memory is full. Two arguments at most."""
+    """Call it as a pass does, with the heap locked: no slower where memory is full. Two arguments at most."""
     if CPYTHON:
         return function(*arguments)
     first = arguments[0] if arguments else None
