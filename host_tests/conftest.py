@@ -8,6 +8,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from hypothesis.internal.conjecture import providers
 
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
@@ -18,9 +19,19 @@ _HEAP = "240k"
 
 _IN_CI = bool(os.environ.get("CI"))
 
-# No time limit on a single example: the computer may be busy with other things. CI tries the same examples each time.
-hypothesis.settings.register_profile("framestep", deadline=None, derandomize=_IN_CI, print_blob=True)
+# `make test` gives the same verdict each time: each test draws the same examples, in any order and however busy the
+# computer is. So there are no time limits, and nothing is remembered from the run before. `make fuzz` draws anew.
+hypothesis.settings.register_profile(
+    "framestep",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    print_blob=True,
+)
 hypothesis.settings.load_profile("framestep")
+# Otherwise it also draws numbers that it finds in the modules imported so far, which depend on what has run before
+providers._get_local_constants = lambda: providers._local_constants
 
 
 @pytest.hookimpl(wrapper=True)
@@ -71,7 +82,7 @@ class Runtime:
         self.executable = executable
         self._scratch = scratch
 
-    def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 100) -> str:
+    def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 1000) -> str:
         if not isinstance(script, Path):
             script_file = self._scratch / "script.py"
             script_file.write_text(script)

@@ -27,7 +27,7 @@ def test_second_usb_port(emulator):
     second.hold(False)
     assert second.read(5) == b"later"
     second.close()
-    with emu.free_running(), emu.tcp_serial(1, timeout=2) as tcp:
+    with emu.free_running(), emu.tcp_serial(1, timeout=100) as tcp:
         tcp.write(b"over TCP")
         repl.exec("import time; time.sleep_ms(20); port.write(port.rx[:8])")
         assert tcp.read(8) == b"over TCP", "the second port on TCP"

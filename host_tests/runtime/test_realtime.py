@@ -19,7 +19,7 @@ def said():
 
 
 def test_both_runtimes_say_the_same(unix32f):
-    output = unix32f.run("from realtime_replay import replay\nreplay(print)\n", path=[HERE], heap="400k", timeout=300)
+    output = unix32f.run("from realtime_replay import replay\nreplay(print)\n", path=[HERE], heap="400k")
     assert output.split("\n")[:-1] == said()
 
 

@@ -143,12 +143,12 @@ def test_traffic_between_a_terminal_and_a_device():
             got += os.read(fd, 100)
         assert got == answer
         assert device.got == encode(Hi.TYPE, b"", 7)
-        end = time.monotonic() + 2
+        end = time.monotonic() + 100
         while len(said) < 2 and time.monotonic() < end:
             time.sleep(0.005)
     finally:
         ends.append(True)
-        thread.join(2)
+        thread.join()
         os.close(fd)
         link.close()
     assert [line.split()[1:] for line in said] == [

@@ -104,11 +104,11 @@ def serving(board, **options):
         yield server
     finally:
         server.stop()
-        thread.join(5)
+        thread.join()
         server.close()
 
 
-def until(condition, seconds=3.0):
+def until(condition, seconds=100):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "nothing happened"
@@ -183,7 +183,7 @@ def test_one_client_at_a_time():
         assert first.request(Hi()) == INFO
         host, port = tcp_url(server).removeprefix("socket://").split(":")
         with socket.create_connection((host, int(port))) as second:
-            second.settimeout(2)
+            second.settimeout(100)
             assert second.recv(1) == b""  # closed at once
         with Client.open(server.announcements[0], timeout_s=0.2) as third, pytest.raises(NoAnswer):
             third.request(Hi())
@@ -245,13 +245,15 @@ def pace(board):
 
 
 def keeps_real_time(board):
-    """As soon as a busy computer lets it. It may fall behind, but never be ahead."""
-    for _ in range(20):
-        found = pace(board)
-        assert found < 1.2
-        if found > 0.8:
-            return True
-    return False
+    """As soon as a busy computer lets it. It may fall behind, and make up for a tenth of a second, but not be ahead."""
+    until(lambda: kept_pace(board) > 0.8)
+    return True
+
+
+def kept_pace(board):
+    found = pace(board)
+    assert found < 1.3
+    return found
 
 
 def test_real_time_is_kept():
@@ -263,12 +265,11 @@ def test_real_time_is_kept():
 def test_full_speed_only_while_there_is_something_to_do():
     board = FakeBoard()
     with serving(board, speed=None, tcp="127.0.0.1:0") as server:
-        time.sleep(0.2)
-        assert board.now_ns < 0.5e9  # nobody there: the wall clock's pace
+        assert keeps_real_time(board)  # nobody there
         with Client.open(tcp_url(server)) as client:
             board.step_every_ns = 10 * MS
             client.request(Hi())
-            assert pace(board) > 3
+            until(lambda: pace(board) > 3)
             board.step_every_ns = 0
             time.sleep(0.2)
             assert keeps_real_time(board)

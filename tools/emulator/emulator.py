@@ -194,18 +194,15 @@ class Emulator:
     def wait_usb(self, ms=BOOT_LIMIT_MS, after=0, ports=None):
         """Wait until the host has configured the board's USB device (at `after` ns or later, with so many ports).
 
-        ms is a limit of virtual time in lockstep, of real time when running freely.
+        ms is a limit of virtual time.
         """
-
-        def now_ms():
-            return self.ns / 1e6 if self.lockstep else time.monotonic() * 1e3
 
         def configured():
             return [e["ports"] for e in self.events() if e["type"] == "usb-configured" and e["t"] >= after]
 
-        deadline = now_ms() + ms
+        deadline = self.ns / 1e6 + ms
         while not (seen := configured()) or ports not in (None, seen[-1]):
-            left = deadline - now_ms()
+            left = deadline - self.ns / 1e6
             if left <= 0:
                 raise EmulatorError(f"no USB device with {ports or 'any'} serial ports within {ms} ms; seen: {seen}")
             if self.lockstep:

@@ -1,0 +1,85 @@
+"""`make test` gives the same verdict each time: nothing in the tests depends on chance, or on what has run before."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+from framestep_tools.files import ROOT
+
+TESTS = ROOT / "host_tests"
+SEEDED = {"Random", "default_rng"}  # with an argument
+DRAWN = """
+import json, sys
+sys.path[:0] = [{tests!r}, {core!r}]
+import conftest
+from hypothesis import given, strategies as st
+for name in sys.argv[1:]:
+    __import__(name)
+drawn = []
+@given(st.lists(st.integers(), min_size=3), st.floats(), st.text())
+def draw(a, b, c):
+    drawn.append(repr((a, b, c)))
+draw()
+print(json.dumps(drawn))
+"""
+
+
+def sources():
+    return {path: ast.parse(path.read_text()) for path in sorted(TESTS.rglob("*.py"))}
+
+
+def calls(tree):
+    """(module or object, function, node) of each call of an attribute."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            yield ast.unparse(node.func.value), node.func.attr, node
+
+
+def test_every_source_of_chance_has_a_seed():
+    for path, tree in sources().items():
+        if path == Path(__file__):
+            continue
+        for owner, name, node in calls(tree):
+            where = f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}"
+            if name in SEEDED:
+                assert node.args, f"{where} needs a seed"
+            elif owner in ("random", "np.random", "numpy.random") and name[0].islower():
+                # np.random.default_rng(3) is often named `random`
+                named = any(isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and n.id == owner
+                            for n in ast.walk(tree)) or any(isinstance(n, ast.arg) and n.arg == owner
+                                                            for n in ast.walk(tree))  # fmt: skip
+                assert named, f"{where} draws from the module's own generator"
+            assert name not in ("urandom", "uuid4", "token_bytes", "SystemRandom"), where
+
+
+def test_no_test_leaves_the_profile():
+    """Examples are drawn from a fixed seed; none is remembered; a slow computer is no failure."""
+    profile = hypothesis.settings()
+    assert profile.derandomize and profile.database is None and profile.deadline is None
+    assert hypothesis.HealthCheck.too_slow in profile.suppress_health_check
+    for path, tree in sources().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "settings":
+                given = {k.arg: ast.unparse(k.value) for k in node.keywords}
+                where = f"{path.relative_to(ROOT)}:{node.lineno}"
+                assert given.get("derandomize", "True") == "True", where
+                assert given.get("database", "None") == "None", where
+                assert given.get("deadline", "None") == "None", where
+                assert given.get("suppress_health_check", "list(HealthCheck)") == "list(HealthCheck)", where
+
+
+@pytest.mark.parametrize("imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]])
+def test_examples_do_not_depend_on_what_is_imported(imported):
+    """Hypothesis would draw numbers of the modules that are there, and so of the tests that have run before."""
+    script = DRAWN.format(tests=str(TESTS), core=str(ROOT / "firmware"))
+
+    def drawn(*modules):
+        return subprocess.run(
+            [sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True
+        ).stdout
+
+    assert drawn() == drawn(*imported) != ""
