@@ -9,6 +9,7 @@ from framestep_tools.payloads import (
     HardStop,
     MotorSetLimits,
     MotorStop,
+    MotorStopAll,
     VirtJog,
     VirtJogOnLine,
     VirtMove,
@@ -222,3 +223,59 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
     session.accept(VirtJogOnLine(m.LINE_Y, 5000), VirtStop(m.VIRT_MOTOR_NS))
     session.run(2)
     assert session.moving == []
+
+
+def end_of_a_jog(kind, begun, seconds):
+    """Let go of a jog that has been under way for `seconds`, in one of the ways in which it ends."""
+    end = begun.now + seconds
+    while begun.now < end - 1e-6:
+        begun.run(min(0.2, end - begun.now))
+        if kind != "time-out":
+            begun.code(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    if kind == "VIRT_STOP":
+        begun.accept(VirtStop(m.VIRT_MOTOR_EW))
+    elif kind == "STOP":
+        begun.accept(MotorStop(2))
+    elif kind == "STOP_ALL":
+        begun.accept(MotorStopAll())
+    elif kind == "two STOP_ALL":
+        begun.accept(MotorStopAll(), MotorStopAll())
+    elif kind == "another jog":
+        begun.accept(VirtJog(m.VIRT_MOTOR_NS, 10_000, FAR), VirtStop(m.VIRT_MOTOR_NS))
+    elif kind == "host lost":
+        begun.leave()
+    begun.run(3)
+
+
+WAYS_TO_END = ["VIRT_STOP", "STOP", "STOP_ALL", "two STOP_ALL", "another jog", "host lost"]
+
+
+@pytest.mark.parametrize("kind", WAYS_TO_END)
+@pytest.mark.parametrize(("rig", "motor", "limits"), [(BOOM, 3, (-9000, 400)), (NODAL, 1, (0, 7000))])
+def test_a_stop_keeps_the_limit_that_a_jog_brakes_for(rig, motor, limits, kind):
+    """In whatever moment it comes: no motor goes farther than it would have gone."""
+    for k in range(5):
+        session = configured(rig, 10_000, 20_000)
+        session.accept(MotorSetLimits(motor, 1, limits[0], 1, limits[1], 0))
+        before = session.positions
+        session.forget()
+        end_of_a_jog(kind, session, 0.7 + 0.14 * k)
+        track = Track(session, before)
+        assert limits[0] <= track.places[:, motor - 1].min() and track.places[:, motor - 1].max() <= limits[1]
+        track.limits(10_000, 20_000 * (4 if kind == "two STOP_ALL" else 1))
+        if kind == "host lost":
+            session.come_back()
+        assert not session.events(HardStop) and session.moving == []
+
+
+@pytest.mark.parametrize("timeout_ms", range(300, 900, 75))
+def test_a_time_out_keeps_the_limit_that_a_jog_brakes_for(timeout_ms):
+    session = configured(BOOM, 10_000, 20_000, settings={"jog_timeout_ms": timeout_ms})
+    session.accept(MotorSetLimits(3, 1, -3000, 1, 400, 0))
+    before = session.positions
+    session.forget()
+    session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
+    session.wait_idle()
+    track = Track(session, before)
+    assert track.places[:, 2].min() >= -3000
+    track.limits(10_000, 20_000)

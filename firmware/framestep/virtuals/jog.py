@@ -14,7 +14,8 @@ from framestep.protocol.messages import ERR_RANGE
 from framestep.virtuals import motion as v
 from framestep.virtuals.geometry import AXES
 
-CELLS = const(8)
+CELLS = const(8)  # ahead of the point
+_RING = const(32)  # with those behind it: a stop takes it back to a knot that has been planned already
 _CELL = const(11)  # words: s at its end, velocity, acceleration, length, square of the velocity at its end, span
 _TOP = const(2)
 _STEEP = const(4)
@@ -46,9 +47,10 @@ class Guide:
 
     def __init__(self, motion):
         self.motion = motion
-        self.cells = array("i", [0] * (CELLS * _CELL))
-        self.head = 0
-        self.count = 0
+        self.cells = array("i", [0] * (_RING * _CELL))
+        self.head = 0  # the cell of the point
+        self.count = 0  # from there on
+        self.behind = 0  # before that
         self.level = 0
         self.step = _PROBE
         self.share = 0
@@ -68,6 +70,7 @@ class Guide:
         self.share = max(share, INCHING)
         self.head = 0
         self.count = 0
+        self.behind = 0
         self.step = _PROBE
         self.closed = False
         motion.guide = self
@@ -138,7 +141,7 @@ class Guide:
     def extend(self):
         """Survey a cell more, a step at a time, or find that it must be shorter. False where there is nothing to do."""
         if self.step == _PROBE:
-            if self.closed or self.count == CELLS:
+            if self.closed or self.count >= CELLS:
                 return False
             if not self._probe():
                 self.step = _RATE
@@ -165,7 +168,8 @@ class Guide:
         if reals.sign(r, v.END) == 0:
             motion.head(self.rows[0], self.rows[1])
         cells = self.cells
-        k = _CELL * ((self.head + self.count) % CELLS)
+        k = _CELL * ((self.head + self.count) % _RING)
+        self.behind = min(self.behind, _RING - 1 - self.count)
         reals.subtract(r, _X, _REACH, v.END)
         reals.fetch(cells, k, r, _REACH)
         reals.fetch(cells, k + _TOP, r, v.TOP)
@@ -193,7 +197,7 @@ class Guide:
         reals.put(r, _Z, 0, 0)
         i = self.count - 1
         while i >= 0:
-            k = _CELL * ((self.head + i) % CELLS)
+            k = _CELL * ((self.head + i) % _RING)
             reals.fetch(r, _X, cells, k + _TOP)
             reals.multiply(r, _X, _X, _X)
             if reals.compare(r, _X, _Z) < 0:
@@ -209,21 +213,42 @@ class Guide:
                 reals.copy(r, _Z, _REACH)
             i -= 1
 
+    def back(self):
+        """The point has been taken back to S. False where its cell is not remembered any more."""
+        r = self.motion.r
+        cells = self.cells
+        self.closed = True
+        while self.behind:
+            k = _CELL * ((self.head - 1) % _RING)
+            reals.fetch(r, _X, cells, k)
+            if reals.compare(r, _X, v.S) <= 0:
+                return True
+            self.head = (self.head - 1) % _RING
+            self.count += 1
+            self.behind -= 1
+        # the first of those remembered
+        k = _CELL * self.head
+        reals.fetch(r, _X, cells, k)
+        reals.fetch(r, _Y, cells, k + _LENGTH)
+        reals.subtract(r, _X, _X, _Y)
+        return reals.compare(r, _X, v.S) <= 0
+
     def look(self):
         """Set TOP, STEEP and LEFT of the motion for where its point is. False where nothing is surveyed."""
         r = self.motion.r
         cells = self.cells
+        if not self.count:
+            return False
         while self.count > 1:
             reals.fetch(r, _X, cells, _CELL * self.head)
             if reals.compare(r, _X, v.S) > 0:
                 break
-            self.head = (self.head + 1) % CELLS
+            self.head = (self.head + 1) % _RING
             self.count -= 1
-        if not self.count:
-            return False
+            self.behind += 1
         # the cells that the next knot may lie in
         for i in range(self.count):
-            k = _CELL * ((self.head + i) % CELLS)
+            k = _CELL * ((self.head + i) % _RING)
             if i:
                 self.motion.span = min(self.motion.span, cells[k + _SPAN])
                 reals.fetch(r, _X, cells, k + _TOP)

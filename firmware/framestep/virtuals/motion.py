@@ -705,11 +705,12 @@ class Motion:
         if self.state == STARTING:
             self.halt()
         elif self.state == MOVING and not self.stopping:
-            if not self._cut():
-                if not self.closed:
+            if self._cut():
+                self.stopping = True
+                if self.guide and not self.guide.back():
                     self.halt()
-                return
-            self.stopping = True
+            elif not self.closed:
+                self.halt()
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
@@ -862,17 +863,6 @@ class Motion:
     def _advance(self):
         """s and velocity of the next knot in S and V, the ticks to it in _T. False: it cannot be told yet."""
         r = self.r
-        if self.stopping:
-            if self.guide:
-                self.guide.look()
-            reals.put(r, _T, self.span, 0)
-            reals.multiply(r, _NEXT, STEEP, _T)
-            reals.subtract(r, _NEXT, V, _NEXT)
-            if reals.sign(r, _NEXT) <= 0:
-                reals.divide(r, _T, V, STEEP)
-                reals.put(r, _NEXT, 0, 0)
-            self._step()
-            return True
         guide = self.guide
         surveyed = not guide or guide.look()
         reals.subtract(r, _LAST_T, END, S)
@@ -889,8 +879,9 @@ class Motion:
                     return False
                 if ticks < 0:
                     reals.put(r, _T, 1, 0)
-                reals.copy(r, S, END)
-                reals.put(r, V, 0, 0)
+                if not self.stopping or not self._rest_before(_T):
+                    reals.copy(r, S, END)
+                    reals.put(r, V, 0, 0)
                 return True
             if ticks < 2 * span:
                 span = ticks // 2 + 1
@@ -902,10 +893,15 @@ class Motion:
         if not surveyed:
             return False
         reals.put(r, _T, span, 0)
+        if self.stopping and self._rest_before(_T):
+            return True
         # as steep as it may, to the greatest velocity, but not above the one from which it can stop at the end:
         # (V + v)·T/2 + v²/2a = LEFT
         reals.multiply(r, _X, STEEP, _T)
-        reals.add(r, _NEXT, V, _X)
+        if self.stopping:
+            reals.subtract(r, _NEXT, V, _X)
+        else:
+            reals.add(r, _NEXT, V, _X)
         if reals.compare(r, _NEXT, TOP) > 0:
             reals.subtract(r, _NEXT, V, _X)
             if reals.compare(r, _NEXT, TOP) < 0:
@@ -924,6 +920,17 @@ class Motion:
             if reals.sign(r, _Z) <= 0:
                 reals.double(r, _Z, V, -1)  # where cells of a jog in which it may slow down less follow each other
             reals.copy(r, _NEXT, _Z)
+        self._step()
+        return True
+
+    def _rest_before(self, ticks):
+        """If it can come to rest within r[ticks]: S, V and _T for that. Whether it can."""
+        r = self.r
+        reals.divide(r, _X, V, STEEP)
+        if reals.compare(r, _X, ticks) > 0:
+            return False
+        reals.copy(r, _T, _X)
+        reals.put(r, _NEXT, 0, 0)
         self._step()
         return True
 
