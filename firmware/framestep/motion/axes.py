@@ -134,6 +134,13 @@ def lead(planned: ptr32, limits: ptr32, targets, i: int, part: int):
 
 
 @micropython.viper
+def _follow(planned: ptr32, limits: ptr32, places, i: int):
+    """limits[PHYSICAL] = the motor's step for the place places[i] with the play as it is, whichever way that is."""
+    planned[_PLACE] = ptr32(places)[i + 0]
+    limits[PHYSICAL] = planned[_PLACE] + planned[_OFFSET]
+
+
+@micropython.viper
 def _take_up(planned: ptr32, limits: ptr32, way: int):
     if way > 0:
         planned[_OFFSET] = 0
@@ -164,6 +171,17 @@ def _play(place: ptr32, block: ptr32, backlash: int):
 def _gap(place: ptr32, block: ptr32) -> int:
     """Steps from the load's place to the motor's."""
     return block[_POSITION] - place[0]
+
+
+@micropython.viper
+def _taken_up(place: ptr32, block: ptr32, backlash: int, way: int) -> int:
+    """Whether the play is taken up for a motion up (way > 0) or down (< 0); 0: whatever it is."""
+    gap = block[_POSITION] - place[0]
+    if way > 0:
+        return 1 if gap == 0 else 0
+    if way < 0:
+        return 1 if gap + backlash == 0 else 0
+    return 1
 
 
 @micropython.viper
@@ -331,6 +349,7 @@ class Axis:
         # The place that the phases lead to, from there to the motor's step (-backlash where the load is moved down),
         # and the backlash
         self.planned = array("i", [0] * 3)
+        self.way = 0  # for what direction the play is to be taken up at TARGET: 1 up, -1 down, 0 for either
         self.easing = False  # a stop within the jerk limit is under way
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
@@ -463,12 +482,21 @@ class Axis:
         """Bring `place` up to date: before it is read, and often enough to see every turn."""
         _play(self.place, self.block, self.backlash)
 
-    def stands_on(self, source, i):
-        """Whether it stands still on source[i]."""
+    def stands_on(self, source, i, way=0):
+        """Whether it stands still on source[i], with its play taken up for a motion `way` (1 up, -1 down, 0 either)."""
         if self.moving:
             return False
         self.refresh()
-        return reals.equal_words(self.place, 0, source, i) != 0
+        return (
+            reals.equal_words(self.place, 0, source, i) != 0
+            and _taken_up(self.place, self.block, self.backlash, way) != 0
+        )
+
+    def heading(self):
+        """For what direction the play is taken up where the phases lead to: 1 up, -1 down, 0 without play."""
+        if not self.backlash:
+            return 0
+        return -1 if self.planned[_OFFSET] else 1
 
     def set_backlash(self, steps):
         """Steps of play, 0 … 10000. Only at rest."""
@@ -500,9 +528,11 @@ class Axis:
         reals.copy_word(self.planned, 0, self.place, 0)
         self.planned[_OFFSET] = _gap(self.place, block)
 
-    def travel(self, hal, target, i, share=10000):
+    def travel(self, hal, target, i, share=10000, way=0):
         """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
 
+        way: what the motor is to do next, 1 up, -1 down, 0 unknown. It comes to rest with its play taken up for that
+        direction, by a second motion where it comes from the other side (see stands_on).
         Under way it bends to the new target, stopping first where it must turn (field note 4.8).
         Returns whether anything moves. The motion starts with the next tick.
         """
@@ -520,7 +550,11 @@ class Axis:
                 reals.copy(r, SHARE_STEEP, _Y)
         self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
-        lead(self.planned, self.limits, target, i, 0)
+        self.way = way
+        if reals.equal_words(target, i, self.planned, _PLACE):
+            _take_up(self.planned, self.limits, way)
+        else:
+            lead(self.planned, self.limits, target, i, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
         bounded = self.lower_enabled or self.upper_enabled
         planned = ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK, bounded)
@@ -542,6 +576,12 @@ class Axis:
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
         lead(self.planned, self.limits, targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
+
+    def coast(self, duration, start, end, numbers, places, i):
+        """Append an AIM phase to the place places[i] with the play as it is, so that none of it is taken up on the
+        way: for ramps. Where that is the other way than the motion before it, the load stays behind by the play."""
+        _follow(self.planned, self.limits, places, i)
+        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL)
 
     def take_up(self, duration, zero, numbers, way):
         """Append a phase in which the motor takes up its play for a motion up (way > 0) or down (< 0)."""
@@ -575,11 +615,11 @@ class Axis:
         self.work[_MORE] = 1 if more else 0
 
     def seek(self, hal):
-        """At rest: go on to a target that turning round has missed by the play, or that a stop came before."""
+        """At rest: go on to a target that turning round has missed by the play, or that a stop came before, and take
+        up the play there."""
         self.block[stepper.PLANNED] = 0
-        self.refresh()
-        if order_words(self.place, 0, self.limits, TARGET):
-            self.travel(hal, self.limits, TARGET, self.share or 10000)
+        if not self.stands_on(self.limits, TARGET, self.way):
+            self.travel(hal, self.limits, TARGET, self.share or 10000, self.way)
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""

@@ -135,11 +135,29 @@ class Follower:
         else:
             path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE)
 
-    def check(self, bits, begin, count, fps_milli, ramp=0):
-        """Whether the motors can follow `count` frames from `begin` at that rate (field note 5.5).
+    def way(self, motor, index, step, count):
+        """Which way the load first moves in `count` frames from `index` on, played in direction `step`: 1 up, -1 down.
 
-        ramp: frames/s² with which that rate is come to on the way. OK, ERR_RANGE where one is asked for
-        more than its velocity or acceleration, or the code of a soft limit.
+        0 if it does not move, or if the motor has no play, to which it would matter.
+        """
+        if not self.axes.axes[motor].backlash:
+            return 0
+        found = 0
+        while not found and count > 1:
+            batch = min(count, _BATCH)
+            self.store.positions(motor, index if step > 0 else index - batch + 1, batch, self.values, 0)
+            found = path.way(self.values, batch, step)
+            index += step * (batch - 1)
+            count -= batch - 1
+        return found
+
+    def check(self, bits, begin, count, fps_milli, step, ways, ramp=0):
+        """Whether the motors can follow `count` frames from `begin`, played in direction `step`, at that rate (field
+        note 5.5).
+
+        ways: for what direction each motor's play is taken up at the first frame. ramp: frames/s² with which that rate
+        is come to on the way. OK, ERR_RANGE where one is asked for more than its velocity or acceleration, also to
+        take up its play where the path turns, or the code of a soft limit.
         """
         r = self.numbers
         words = self.words
@@ -176,15 +194,21 @@ class Follower:
             words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
             words[path.SEEN] = 0
             words[path.PLAY] = axis.backlash
+            words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+            words[path.TAKEN] = 0
             words[path.LOW_SET] = 1 if axis.lower_enabled else 0
             words[path.HIGH_SET] = 1 if axis.upper_enabled else 0
             reals.copy_word(words, path.LOWEST, axis.limits, motion.LOWER)
             reals.copy_word(words, path.HIGHEST, axis.limits, motion.UPPER)
+            # without play it does not matter which way they are played, and forward is faster to read
+            order = step if axis.backlash else 1
+            at = begin if order == step else begin + step * (count - 1)
             done = 0
             while done < count:
                 batch = min(count - done, _BATCH)
-                self.store.positions(motor, begin + done, batch, values, 0)
-                found = path.check(words, values, batch)
+                self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
+                at += order * batch
+                found = path.check(words, values, batch, order)
                 if found != path.FITS:
                     if found == path.TOO_FAST:
                         return ERR_RANGE

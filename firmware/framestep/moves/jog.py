@@ -9,7 +9,7 @@ from array import array
 
 from framestep.motion import reals
 from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
-from framestep.moves.stage import ENDING, Operation
+from framestep.moves.stage import ENDING, POSITIONING, Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
@@ -43,6 +43,8 @@ class JogAll(Operation):
         self.closed = True
         self.later = -1  # a destination for after the turn
         self.places = array("i", [0] * stage.axes.count)
+        self.ways = array("i", [0] * stage.axes.count)  # which way each motor goes from there
+        self.draft = array("i", [0] * stage.axes.count)  # the same, of a request that may be refused
 
     # ---------------------------------------------------------------- the request
 
@@ -58,6 +60,7 @@ class JogAll(Operation):
         if under_way and (stage.operation is not self or stage.state == ENDING):
             return ERR_MOVING
         to = frame - store.start
+        going = False  # on from where it is in motion, without a rest
         bits = self.bits if under_way else self.follower.motors()
         if not under_way:
             if stage.axes.moving:
@@ -67,8 +70,15 @@ class JogAll(Operation):
                 return ERR_NOT_IN_POSITION
         else:
             at = self.at
-        low = min(at, to)
-        code = self.follower.check(bits, low, max(at, to) - low + 1, fps_milli, ACCELERATION)
+            if not self.closed and reals.sign(self.follower.numbers, _RATE):
+                landing = self._landing()
+                going = (to - landing) * self.step >= 0
+                if not going:
+                    at = landing  # where it turns
+        step = 1 if to >= at else -1
+        frames = (to - at) * step + 1
+        self._ways(self.draft, bits, at, step, frames, going)
+        code = self.follower.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION)
         if code == OK and not under_way:
             code = self._barred(bits, at, to)
         if code != OK:
@@ -83,8 +93,25 @@ class JogAll(Operation):
         if to == at:
             return OK
         self._aim(to)
-        stage.perform(self)
+        self._approach()
         return OK
+
+    def _ways(self, ways, bits, at, step, frames, going):
+        """Which way each motor goes first in so many frames from the index `at` on. going: it comes there in motion."""
+        follower = self.follower
+        for motor in range(follower.count):
+            ways[motor] = 0
+            if bits >> motor & 1:
+                ways[motor] = follower.axes[motor].heading() if going else follower.way(motor, at, step, frames)
+
+    def _approach(self):
+        """From where the motors stand take up their play for the way to `to`, then go."""
+        follower = self.follower
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                self.store.position(motor, self.at, self.places, motor)
+        self._ways(self.ways, self.bits, self.at, self.step, (self.to - self.at) * self.step + 1, False)
+        self.stage.approach(self, self.places, self.ways)
 
     def _aim(self, to):
         self.to = to
@@ -105,16 +132,23 @@ class JogAll(Operation):
 
     def _retarget(self, to):
         """Under way: bend to the new destination; where it lies behind, land first and turn."""
-        r = self.follower.numbers
+        if self.stage.state == POSITIONING:
+            # before it has begun, or between a landing and the way back
+            self._aim(to)
+            self.closed = to == self.at
+            self._approach()
+            return
         if self.closed:
             self.later = to
             return
-        if reals.sign(r, _RATE) == 0:
-            # between a landing and the way back, or before it has begun
-            self._aim(to)
-            if to == self.at:
+        if reals.sign(self.follower.numbers, _RATE) == 0:
+            if (to - self.at) * self.step > 0:
+                self.to = to
+                self.later = -1
+            else:
                 self.follower.close(self.bits)
                 self.closed = True
+                self.later = to
             return
         landing = self._landing()
         if (to - landing) * self.step >= 0:
@@ -258,9 +292,7 @@ class JogAll(Operation):
         if self.later < 0 or self.later == self.at:
             return False
         self._aim(self.later)
-        for motor in range(self.follower.count):
-            self.follower.axes[motor].position_to(self.places, motor)
-        self.stage.begins = self.places
+        self._approach()
         return True
 
     def wanted(self):

@@ -107,7 +107,8 @@ PLAY = const(9)  # steps of backlash
 LAST = const(10)  # the last frame's position, the motor's step for it less that
 OFFSET = const(11)
 RAMP = const(12)  # what of a step from frame to frame counts as a change of it, Q15: at most half
-CHECK_WORDS = const(13)
+TAKEN = const(13)  # 1: from the frame before the last one to the last one the motor has taken up its play
+CHECK_WORDS = const(14)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -116,35 +117,50 @@ TOO_LOW = const(3)
 
 
 @micropython.viper
-def check(words: ptr32, values: ptr32, count: int) -> int:
-    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH or TOO_LOW."""
+def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
+    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH or TOO_LOW.
+
+    order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0 at the first one, or
+    -PLAY if the play has been taken up for a motion down. Where its motion turns, the motor takes it up.
+
+    The frame in which it does so begins or ends with next to no velocity. So its cubic is faster than its mean: by up
+    to half of that, and an eighth of a neighbour's mean where that goes the other way. That has to be within FASTEST.
+    """
     a = words[BEFORE]
     b = words[BEFORE + 1]
     seen = words[SEEN]
     fastest = words[FASTEST]
     steepest = words[STEEPEST]
     play = words[PLAY]
+    taken = words[TAKEN]
     i = 0
-    while i < count:
+    if order < 0:
+        i = count - 1
+    while count > 0:
+        count -= 1
         p = values[i + 0]
         i += 1
+        if order < 0:
+            i -= 2
         if words[HIGH_SET]:
             if p > words[HIGHEST]:
                 return TOO_HIGH
         if words[LOW_SET]:
             if p < words[LOWEST]:
                 return TOO_LOW
+        before = taken
         if play:
-            # the motor's own steps: it takes up the play where the motion turns
+            # the motor's own steps
+            taken = 0
             if seen:
                 if p > words[LAST]:
+                    if words[OFFSET]:
+                        taken = 1
                     words[OFFSET] = 0
                 elif p < words[LAST]:
+                    if words[OFFSET] == 0:
+                        taken = 1
                     words[OFFSET] = 0 - play
-                if seen == 1:
-                    b = words[LAST] + words[OFFSET]
-            else:
-                words[OFFSET] = 0
             words[LAST] = p
             p = p + words[OFFSET]
         if seen:
@@ -155,6 +171,21 @@ def check(words: ptr32, values: ptr32, count: int) -> int:
             step = p - b
             if step > fastest or step < 0 - fastest:
                 return TOO_FAST
+            if taken | before:
+                last = 0
+                if seen > 1:
+                    last = b - a
+                    if last < 0:
+                        last = 0 - last
+                most = step
+                if most < 0:
+                    most = 0 - most
+                if taken:
+                    if most + (most >> 1) + (last >> 3) > fastest:
+                        return TOO_FAST
+                if before:
+                    if last + (last >> 1) + (most >> 3) > fastest:
+                        return TOO_FAST
             if seen > 1:
                 change = step - (b - a)
                 if change < 0:
@@ -171,7 +202,28 @@ def check(words: ptr32, values: ptr32, count: int) -> int:
     words[BEFORE] = a
     words[BEFORE + 1] = b
     words[SEEN] = seen
+    words[TAKEN] = taken
     return FITS
+
+
+@micropython.viper
+def way(values: ptr32, count: int, order: int) -> int:
+    """Which way the first change of `count` positions goes: 1 up, -1 down, 0 if they are all the same.
+
+    order: as for check().
+    """
+    i = 1
+    if order < 0:
+        i = count - 2
+    while count > 1:
+        count -= 1
+        last = values[i - order]
+        if values[i + 0] > last:
+            return 1
+        if values[i + 0] < last:
+            return -1
+        i += order
+    return 0
 
 
 @micropython.viper

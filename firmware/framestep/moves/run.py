@@ -63,7 +63,9 @@ class Plan:
         self.bloop_channel = 0
         self.bloop_ms = 0
         self.begins = array("i", [0] * motors)  # where each motor waits
+        self.begin_ways = array("i", [0] * motors)  # which way it goes from there: 1 up, -1 down, 0 not at all
         self.ends = array("i", [0] * motors)  # where it comes to rest
+        self.end_ways = array("i", [0] * motors)  # which way it goes from there, played the other way round
 
 
 class RunMove(Operation):
@@ -115,8 +117,12 @@ class RunMove(Operation):
         plan.open_angle = open_angle
         plan.close_angle = close_angle
         follower.frame_rate(fps_milli)
-        begin = plan.first if plan.step > 0 else plan.first - plan.frames
-        code = follower.check(plan.bits, begin, plan.frames + 1, fps_milli)
+        last = plan.first + plan.step * plan.frames
+        self._ways(plan, plan.begin_ways, plan.first, plan.step)
+        self._ways(plan, plan.end_ways, last, -plan.step)
+        code = follower.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
+        if code == OK and flags & RUN_PING_PONG:
+            code = follower.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
         if code == OK:
             code = self._rolls(plan, pre_ms, post_ms)
         if code == OK:
@@ -133,8 +139,18 @@ class RunMove(Operation):
         self.begin_ms = plan.pre_ms
         self.end_ms = plan.post_ms
         self.looping = flags & (RUN_LOOP | RUN_PING_PONG) != 0
-        self.stage.take(self, plan.begins, start)
+        self.stage.take(self, plan.begins, plan.begin_ways, start)
         return OK
+
+    def _ways(self, plan, ways, index, step):
+        """Find which way each motor goes first when the run is played from `index` on in direction `step`."""
+        follower = self.follower
+        r = follower.numbers
+        for motor in range(follower.count):
+            ways[motor] = 0
+            if plan.bits >> motor & 1 and plan.frames and follower.axes[motor].backlash:
+                follower.velocity(X, motor, index, step)
+                ways[motor] = reals.sign(r, X) or follower.way(motor, index, step, plan.frames + 1)
 
     def _rolls(self, plan, pre_ms, post_ms):
         """Find where the motors wait and where they come to rest (field note 6.2)."""
@@ -220,10 +236,10 @@ class RunMove(Operation):
         reals.put(r, X, self.begin_ms, 0)
         reals.subtract(r, X, X, _ROLL)
         if reals.sign(r, X) > 0:
-            axis.aim(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
+            axis.coast(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
         if reals.sign(r, _ROLL):
             self.store.position(motor, self.first, follower.place, 0)
-            axis.aim(_ROLL, ZERO, own, r, follower.place, 0)
+            axis.coast(_ROLL, ZERO, own, r, follower.place, 0)
 
     def started(self, tick):
         tick = (tick + self.begin_ms) & _WRAP
@@ -256,7 +272,7 @@ class RunMove(Operation):
                 if plan.bits >> motor & 1:
                     reals.fetch(r, _ROLL, rolls, 2 * motor)
                     if reals.sign(r, _ROLL):
-                        follower.axes[motor].aim(_ROLL, speed(motor), ZERO, r, places, motor)
+                        follower.axes[motor].coast(_ROLL, speed(motor), ZERO, r, places, motor)
             follower.close(plan.bits)
             self.closed = True
             return
@@ -287,7 +303,9 @@ class RunMove(Operation):
             self.first += self.step * plan.frames
             self.step = -self.step
             self.begin_ms, self.end_ms = self.end_ms, self.begin_ms
-            self.stage.begins = plan.ends if self.step != plan.step else plan.begins
+            onward = self.step == plan.step
+            self.stage.begins = plan.begins if onward else plan.ends
+            self.stage.ways = plan.begin_ways if onward else plan.end_ways
         return True
 
     def over(self):

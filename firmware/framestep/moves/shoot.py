@@ -47,6 +47,7 @@ class Shot:
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the run-up
         self.starts = array("i", [0] * motors)  # where the motors wait
+        self.ways = array("i", [0] * motors)  # which way they go from there: 1 up, -1 down, 0 not at all
         self.a = array("i", [0] * motors)  # A, or where the shutter opens before it
         self.b = array("i", [0] * motors)  # B, or where the shutter closes after it
         self.ends = array("i", [0] * motors)  # where they come to rest
@@ -121,7 +122,7 @@ class ShootFrame(Operation):
         self.shot = shot
         self.bits = shot.bits
         self.done = True
-        self.stage.take(self, shot.starts, frame)
+        self.stage.take(self, shot.starts, shot.ways, frame)
         return OK
 
     def _from_path(self, motor, index, backward, shot):
@@ -196,6 +197,7 @@ class ShootFrame(Operation):
                 cut = reals.floor(r, X, HALF)
                 reals.add_word(shot.a, motor, shot.a, motor, cut)
                 reals.add_word(shot.b, motor, shot.b, motor, -cut)
+            shot.ways[motor] = reals.order_words(shot.b, motor, shot.a, motor)
             own = speed(motor)
             reals.put_difference(r, own, shot.b, motor, shot.a, motor)
             reals.divide(r, own, own, _WINDOW)

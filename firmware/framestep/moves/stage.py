@@ -9,8 +9,12 @@
      +------------------------------+---^                                           |
                                     +-------- another pass (a loop) ----------------+
 
-An operation (run.py, shoot.py, jog.py) says where the motors begin, queues phases and cues, and says
-whether another pass follows. JOG_ALL has no begin and no RT_END: it enters at STARTING.
+An operation (run.py, shoot.py, jog.py) says where the motors begin and which way each of them goes from
+there, queues phases and cues, and says whether another pass follows. JOG_ALL has no GO and no RT_END: it
+begins as a further pass does.
+
+When POSITIONING ends, each motor's play has been taken up for the way that it goes (Axis.travel), by a
+motion within the motor's limits. So no operation begins with a jump in the motor's own position.
 
 What takes long for eight motors is done for one of them in each pass of the main loop, so that requests are answered
 between. What STARTING does is begun in READY already, while all motors stand: then GO only has to release them. Between
@@ -81,7 +85,7 @@ class Operation:
         return True
 
     def again(self):
-        """Whether another pass follows; if so `begins` is where it starts."""
+        """Whether another pass follows; if so the stage's `begins` and `ways` are those of that one."""
         return False
 
     def wanted(self):
@@ -107,6 +111,7 @@ class Stage:
         self.state = IDLE
         self.operation = Operation(self)
         self.begins = None  # where the motors of the operation begin, by motor
+        self.ways = None  # which way they go from there: 1 up, -1 down, 0 not at all
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.early = _NOT_YET
         self.held = 0  # bits of motors that have more to come than has been queued early
@@ -171,11 +176,15 @@ class Stage:
                     return code
         return OK
 
-    def take(self, operation, begins, frame):
-        """Prepare an operation: its motors go to where it begins. frame: the scene's, for reports."""
+    def take(self, operation, begins, ways, frame):
+        """Prepare an operation: its motors go to where it begins. frame: the scene's, for reports.
+
+        begins: where, by motor. ways: which way each goes from there, 1 up, -1 down, 0 unknown or not at all.
+        """
         self.operation = operation
         self.begins = begins
-        self._travel(operation.bits, begins)
+        self.ways = ways
+        self._travel(operation.bits, begins, ways)
         self.move_time = frame * 1000
         self.state = POSITIONING
         self.unattended = False
@@ -201,6 +210,16 @@ class Stage:
             self.state = STARTING
         else:
             self.perform(self.operation)
+
+    def approach(self, operation, begins, ways):
+        """Start an operation without a GO, as soon as its motors are where it begins; see take()."""
+        self.operation = operation
+        self.begins = begins
+        self.ways = ways
+        self.waiting = operation.bits
+        self.unattended = True
+        self.forsaken = False
+        self.state = POSITIONING
 
     def perform(self, operation):
         """Start an operation from where the motors are."""
@@ -282,9 +301,7 @@ class Stage:
                 return True
             if operation.finished() and not self.moving():
                 if operation.again():
-                    self.waiting = operation.bits
-                    self.unattended = True
-                    self.state = POSITIONING
+                    self.approach(operation, self.begins, self.ways)
                     return True
                 operation.over()
                 self._end()
@@ -322,7 +339,9 @@ class Stage:
 
     def _there(self):
         for motor in range(self.axes.count):
-            if self.operation.bits >> motor & 1 and not self.axes[motor].stands_on(self.begins, motor):
+            if self.operation.bits >> motor & 1 and not self.axes[motor].stands_on(
+                self.begins, motor, self.ways[motor]
+            ):
                 return False
         return True
 
@@ -359,13 +378,13 @@ class Stage:
             self.follower.begin(motor)
             self.operation.lead(motor)
         else:
-            self.axes[motor].travel(self.axes.hal, self.begins, motor)
+            self.axes[motor].travel(self.axes.hal, self.begins, motor, 10000, self.ways[motor])
 
-    def _travel(self, bits, places):
+    def _travel(self, bits, places, ways=None):
         axes = self.axes
         for motor in range(axes.count):
             if bits >> motor & 1:
-                axes[motor].travel(axes.hal, places, motor)
+                axes[motor].travel(axes.hal, places, motor, 10000, ways[motor] if ways else 0)
 
     def _end(self):
         self.state = IDLE

@@ -1,0 +1,200 @@
+"""The play of gears is taken up before an operation begins, by a motion within the motor's limits.
+
+Judged from the edges: no motor is ever faster or steeper than it is set to, and the load is where it was asked for.
+"""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    BlurMotor,
+    MotorConfigure,
+    MotorMove,
+    MotorStop,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtShootFrame,
+    RtShootFrame2,
+    RtStopLoop,
+)
+from host_tests.end_to_end.realtime import upload
+from host_tests.end_to_end.session import assert_within, run_request, simulated
+
+PLAY = 200
+VELOCITY, ACCELERATION = 2000, 20_000
+FRAMES = 25
+UP = 1000 + 40 * np.arange(FRAMES)  # 960 steps/s at 24 frames/s
+SWING = np.rint(900 * np.sin(np.arange(121) * 2 * np.pi / 120)).astype(int)
+LOOP, PING_PONG = 2, 1
+
+
+def rig(**settings):
+    session = simulated({"motors": [{"backlash": PLAY}, {"backlash": PLAY}], **settings})
+    for motor in (1, 2):
+        session.speed(motor, VELOCITY, ACCELERATION)
+        session.accept(MotorConfigure(motor, 0x03))
+    return session
+
+
+def load(signs, play=PLAY):
+    """Where the load is after each step of the motor; both begin at 0, the play taken up for a motion up."""
+    motor, place, places = 0, 0, []
+    for step in signs:
+        motor += step
+        place = min(max(place, motor), motor + play)
+        places.append(place)
+    return places
+
+
+def assert_kept(session, motors=(1, 2)):
+    """All edges so far are within the limits, and the load stands where the report says."""
+    for motor in motors:
+        times, signs = session.steps(motor)
+        assert_within(times, signs, VELOCITY * 1.002, ACCELERATION * 1.01, window=0.02)
+        assert load(signs)[-1] == session.position(motor)
+
+
+@pytest.mark.parametrize("side", [-300, 300], ids=["from below", "from above"])
+@pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1)], ids=["forward", "backward"])
+@pytest.mark.parametrize("roll", [0, 60])
+def test_a_run(side, first, last, roll):
+    session = rig()
+    upload(session, {1: UP, 2: UP[::-1]})
+    for motor in (1, 2):
+        session.ask(MotorMove(motor, int(UP[first - 1]) + side))
+    session.wait_idle()
+    session.ready(run_request(24, first, last, roll, roll))
+    places = session.positions
+    session.accept(RtGo())
+    session.client.wait_event(RtEnd, 20)
+    session.run(0.1)
+    assert_kept(session)
+    # once it waits for GO no motor goes the other way any more
+    for motor, way in ((1, last - first), (2, first - last)):
+        _, signs = session.steps(motor)
+        at = np.array(load(signs))
+        begun = np.flatnonzero(at == places[motor])[-1]
+        assert np.all(signs[begun + 1 :] == np.sign(way))
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_every_pass(flags):
+    session = rig()
+    upload(session, {1: UP, 2: UP[::-1]})
+    session.ready(run_request(24, 1, FRAMES, 0, 0, flags=flags))
+    session.accept(RtGo())
+    session.run(12)
+    session.accept(RtStopLoop())
+    session.client.wait_event(RtEnd, 20)
+    session.run(0.1)
+    assert_kept(session)
+    frames = [message for _, message in session.events(Positions) if message.move_time == 1000 * FRAMES]
+    assert len(frames) >= 3
+
+
+def test_a_turn_at_the_first_and_the_last_frame():
+    """The ramp before a peak goes up, the frame behind it down; likewise at the other end, and in a ping-pong."""
+    session = rig()
+    peak = np.concatenate((400 - 4 * np.abs(np.arange(-8, 9)) ** 2, [148, 150, 152, 154, 156, 158]))
+    upload(session, {1: peak, 2: -peak}, frames=len(peak))
+    for first, last in ((8, 22), (9, 22), (10, 22), (22, 9), (18, 9), (17, 18)):
+        for flags in (0, PING_PONG):
+            request = run_request(12, first, last, 100, 100, flags=flags)
+            if session.code(request) != Ack.OK:
+                continue
+            session.wait_idle()
+            session.accept(RtGo())
+            session.run(8)
+            if flags:
+                session.accept(RtStopLoop())
+                session.client.wait_event(RtEnd, 20)
+            session.wait_idle()
+            assert_kept(session)
+
+
+@pytest.mark.parametrize("fps", [0.5, 6, 24])
+def test_jog_all(fps):
+    session = rig()
+    path = np.arange(121) * 30
+    upload(session, {1: path, 2: SWING}, frames=121)
+    session.accept(RtPositionFrame(60))
+    session.wait_idle()
+    for frame in (62, 61, 58, 60, 57, 57, 59):
+        session.accept(RtJogAll(round(fps * 1000), frame))
+        session.client.wait_idle(60, 0.05)
+        session.run(0.05)
+        assert session.position(1) == path[frame - 1] and session.position(2) == SWING[frame - 1]
+    assert_kept(session)
+
+
+def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
+    """In each moment of it; the last destination counts."""
+    session = rig()
+    path = np.arange(121) * 30
+    upload(session, {1: path, 2: -path}, frames=121)
+    session.accept(RtPositionFrame(60))
+    session.wait_idle()
+    at = 60
+    for wait in np.arange(0, 0.6, 0.03):
+        session.accept(RtJogAll(6000, at + 2))
+        session.run(wait)
+        session.accept(RtJogAll(6000, at - 1))
+        session.client.wait_idle(60, 0.05)
+        session.run(0.05)
+        at -= 1
+        assert session.position(1) == path[at - 1]
+    session.accept(RtJogAll(6000, at - 1))
+    session.run(0.05)
+    session.accept(RtJogAll(6000, at), MotorStop(1))
+    session.wait_idle()
+    assert session.position(1) in (path[at - 2], path[at - 1])
+    assert_kept(session)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("second", [False, True])
+def test_shoot_frame(way, second):
+    session = rig()
+    upload(session, {1: UP, 2: UP[::-1]})
+    session.accept(RtPositionFrame(12))
+    session.wait_idle()
+    for at in (0, 300, -300):
+        motors = tuple(BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
+        request = RtShootFrame2(12, 1000, 0, 360, motors) if second else RtShootFrame(12, 0, 1000, 1000, motors)
+        session.play(request)
+    motors = ()
+    session.play(RtShootFrame2(12, 1000, 0, 360, motors) if second else RtShootFrame(12, way > 0, 1000, 500, motors))
+
+
+@pytest.mark.parametrize("start", [1, 17])
+@pytest.mark.parametrize("fps", [6, 24])
+def test_a_turn_within_the_path(fps, start):
+    """Between two frames the motor makes up for all of the play: refused where that is faster than it may be, and
+    where it is not refused no edge comes too soon."""
+    taken = refused = 0
+    for play in (20, 60, 100, 150, 240):
+        session = rig(motors=[{"backlash": play}, {}])
+        session.speed(1, VELOCITY, 4_000_000)
+        for rate in (0.1, 0.3, 0.5, 0.7, 0.9):
+            step = rate * VELOCITY / fps
+            path = np.rint(step * np.abs(np.arange(FRAMES) - 12)).astype(int)
+            upload(session, {1: path})
+            for first, last in ((start, FRAMES), (FRAMES, start)):
+                if session.code(run_request(fps, first, last, 1000, 1000)) != Ack.OK:
+                    refused += 1
+                    assert start == 1
+                    assert 1.5 * (step + play) + step / 8 > VELOCITY / fps - 3
+                    continue
+                taken += 1
+                session.wait_idle()
+                session.forget()
+                session.accept(RtGo())
+                session.client.wait_event(RtEnd, 60)
+                session.run(0.1)
+                times, _ = session.steps(1)
+                assert np.diff(times).min() >= 1 / (VELOCITY * 1.002) - 5e-6
+    assert taken and (refused or start == 17)
