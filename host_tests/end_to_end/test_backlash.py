@@ -155,6 +155,14 @@ def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
     assert_kept(session)
 
 
+def assert_no_play_made(session, request):
+    """From GO to the end each motor makes the steps that its load goes, and none for its play."""
+    before = session.play(request)
+    for motor in (1, 2):
+        _, signs = session.steps(motor)
+        assert 0 < len(signs) == abs(session.position(motor) - before[motor])
+
+
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("second", [False, True])
 def test_shoot_frame(way, second):
@@ -165,9 +173,8 @@ def test_shoot_frame(way, second):
     for at in (0, 300, -300):
         motors = tuple(BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
         request = RtShootFrame2(12, 1000, 0, 360, motors) if second else RtShootFrame(12, 0, 1000, 1000, motors)
-        session.play(request)
-    motors = ()
-    session.play(RtShootFrame2(12, 1000, 0, 360, motors) if second else RtShootFrame(12, way > 0, 1000, 500, motors))
+        assert_no_play_made(session, request)
+    assert_no_play_made(session, RtShootFrame2(12, 1000, 0, 360) if second else RtShootFrame(12, way > 0, 1000, 500))
 
 
 @pytest.mark.parametrize("start", [1, 17])
