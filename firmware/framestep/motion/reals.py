@@ -342,6 +342,22 @@ def add_word(to, i: int, source, j: int, small: int):
 
 
 @micropython.viper
+def add_within(to, i: int, source, j: int, small: int) -> int:
+    """As add_word(), but 0 where the sum does not fit a word: then nothing has changed. small: below 2^30."""
+    s = ptr32(source)
+    top = 0x3FFFFFFF
+    top = top + top + 1
+    if small > 0:
+        if s[j + 0] > top - small:
+            return 0
+    elif s[j + 0] < 0 - top - 1 - small:
+        return 0
+    t = ptr32(to)
+    t[i] = s[j + 0] + small
+    return 1
+
+
+@micropython.viper
 def equal_words(a, i: int, b, j: int) -> int:
     """Whether a[i] == b[j], of array('i') elements of any size."""
     x = ptr32(a)

@@ -196,10 +196,8 @@ class Follower:
             words[path.PLAY] = axis.backlash
             words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
             words[path.TAKEN] = 0
-            words[path.LOW_SET] = 1 if axis.lower_enabled else 0
-            words[path.HIGH_SET] = 1 if axis.upper_enabled else 0
-            reals.copy_word(words, path.LOWEST, axis.limits, motion.LOWER)
-            reals.copy_word(words, path.HIGHEST, axis.limits, motion.UPPER)
+            reals.copy_word(words, path.LOWEST, axis.bounds, path.LOWER)
+            reals.copy_word(words, path.HIGHEST, axis.bounds, path.UPPER)
             # without play it does not matter which way they are played, and forward is faster to read
             order = step if axis.backlash else 1
             at = begin if order == step else begin + step * (count - 1)
@@ -212,7 +210,9 @@ class Follower:
                 if found != path.FITS:
                     if found == path.TOO_FAST:
                         return ERR_RANGE
-                    return ERR_SOFT_UP if found == path.TOO_HIGH else ERR_SOFT_LOW
+                    if found == path.TOO_HIGH:
+                        return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
+                    return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
                 done += batch
         return OK
 
@@ -220,7 +220,7 @@ class Follower:
         """Move places[motor] by the way of a ramp between rest and a velocity (field note 6.2).
 
         velocity, ticks: registers; half of their product, taken off if `backward`. False where that
-        is past a soft limit or asks for more than the motor's acceleration.
+        is past a soft limit or the range of positions, or asks for more than the motor's acceleration.
         """
         r = self.numbers
         axis = self.axes[motor]
@@ -235,13 +235,19 @@ class Follower:
         if reals.compare(r, Y, X) > 0:
             return False
         reals.multiply(r, X, velocity, ticks)
+        reals.double(r, X, X, -1)
+        return self.shift(places, motor, backward) and axis.beyond(places, motor) == 0
+
+    def shift(self, places, motor, backward):
+        """Move places[motor] by the number in X, rounded to a step; the other way if `backward`. False, and no change,
+        where that is past the range of positions. X and Y are lost."""
+        r = self.numbers
         if backward:
             reals.negate(r, X, X)
-        reals.put(r, Y, 1, 0)
-        reals.add(r, X, X, Y)  # rounded: floor((v·T + 1) / 2)
-        reals.double(r, X, X, -1)
-        reals.add_word(places, motor, places, motor, reals.floor(r, X, HALF))
-        return axis.beyond(places, motor) == 0
+        reals.put(r, Y, 1, -1)
+        reals.add(r, X, X, Y)
+        way = reals.floor(r, X, HALF)
+        return -HALF < way < HALF and reals.add_within(places, motor, places, motor, way) != 0
 
     def begin(self, motor):
         """Make a motor ready for phases."""

@@ -23,18 +23,52 @@ UPPER = const(1)
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
+# Steps from one frame to the next: a greater difference counts as this in a slope, so that slopes are small integers
+_FAR = const(0x1000000)
+
 
 @micropython.viper
 def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
     """Velocity at the middle frame of the window, in 1/12 step per frame.
 
     before, after: how many frames of the move there are on either side; 2 are as good as more.
-    Neighbours may differ by 2^20 steps at most. bounds are the soft limits, or the ends of the
-    range; a turning point so close to one that the curve would pass it gets the velocity 0.
+    The positions may be any. bounds are the soft limits, or the ends of the range; a turning point
+    so close to one that the curve would pass it gets the velocity 0.
     """
     here = window[2]
-    back = here - window[1]
-    ahead = window[3] - here
+    # Halves tell how far, since the difference of two words may need 33 bits.
+    back = (here >> 1) - (window[1] >> 1)
+    if back > _FAR // 2 - 2:
+        back = _FAR
+    elif back < 2 - _FAR // 2:
+        back = 0 - _FAR
+    else:
+        back = here - window[1]
+    ahead = (window[3] >> 1) - (here >> 1)
+    if ahead > _FAR // 2 - 2:
+        ahead = _FAR
+    elif ahead < 2 - _FAR // 2:
+        ahead = 0 - _FAR
+    else:
+        ahead = window[3] - here
+    first = back  # the outer differences
+    last = ahead
+    if before > 1:
+        first = (window[1] >> 1) - (window[0] >> 1)
+        if first > _FAR // 2 - 2:
+            first = _FAR
+        elif first < 2 - _FAR // 2:
+            first = 0 - _FAR
+        else:
+            first = window[1] - window[0]
+    if after > 1:
+        last = (window[4] >> 1) - (window[3] >> 1)
+        if last > _FAR // 2 - 2:
+            last = _FAR
+        elif last < 2 - _FAR // 2:
+            last = 0 - _FAR
+        else:
+            last = window[4] - window[3]
     least = 6  # twelfths of the lesser slope: it never halts on its way through a frame
     if before == 0:
         least = 0
@@ -43,16 +77,16 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         # The parabola through the first three frames
         s = 12 * ahead
         if after > 1:
-            s = 18 * ahead - 6 * (window[4] - window[3])
+            s = 18 * ahead - 6 * last
         back = ahead
     elif after == 0:
         least = 0
         s = 12 * back
         if before > 1:
-            s = 18 * back - 6 * (window[1] - window[0])
+            s = 18 * back - 6 * first
         ahead = back
     elif before > 1 and after > 1:
-        s = 7 * (back + ahead) - (window[1] - window[0]) - (window[4] - window[3])
+        s = 7 * (back + ahead) - first - last
     else:
         s = 6 * (back + ahead)
     if back == 0 or ahead == 0:
@@ -99,16 +133,14 @@ BEFORE = const(0)
 SEEN = const(2)
 FASTEST = const(3)  # steps from frame to frame
 STEEPEST = const(4)  # change of that
-LOWEST = const(5)  # soft limits, and whether they are set
+LOWEST = const(5)  # how far the load may go
 HIGHEST = const(6)
-LOW_SET = const(7)
-HIGH_SET = const(8)
-PLAY = const(9)  # steps of backlash
-LAST = const(10)  # the last frame's position, the motor's step for it less that
-OFFSET = const(11)
-RAMP = const(12)  # what of a step from frame to frame counts as a change of it, Q15: at most half
-TAKEN = const(13)  # 1: from the frame before the last one to the last one the motor has taken up its play
-CHECK_WORDS = const(14)
+PLAY = const(7)  # steps of backlash
+LAST = const(8)  # the last frame's position, the motor's step for it less that
+OFFSET = const(9)
+RAMP = const(10)  # what of a step from frame to frame counts as a change of it, Q15: at most half
+TAKEN = const(11)  # 1: from the frame before the last one to the last one the motor has taken up its play
+CHECK_WORDS = const(12)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -142,12 +174,10 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
         i += 1
         if order < 0:
             i -= 2
-        if words[HIGH_SET]:
-            if p > words[HIGHEST]:
-                return TOO_HIGH
-        if words[LOW_SET]:
-            if p < words[LOWEST]:
-                return TOO_LOW
+        if p > words[HIGHEST]:
+            return TOO_HIGH
+        if p < words[LOWEST]:
+            return TOO_LOW
         before = taken
         if play:
             # the motor's own steps
@@ -235,6 +265,15 @@ def turn(window: ptr32):
     t = window[1]
     window[1] = window[3]
     window[3] = t
+
+
+@micropython.viper
+def near(window: ptr32, there: int) -> int:
+    """Whether the middle frame and another one are near enough for midway()."""
+    half = (window[there + 0] >> 1) - (window[2] >> 1)
+    if half > _FAR // 2 - 2 or half < 2 - _FAR // 2:
+        return 0
+    return 1
 
 
 @micropython.viper

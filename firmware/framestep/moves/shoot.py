@@ -108,8 +108,8 @@ class ShootFrame(Operation):
         # With no list at all, SHOOT_FRAME as well takes the motors that blur from the path.
         from_path = (always if listed else self.blurred) & ~listed & follower.motors()
         for motor in range(follower.count):
-            if from_path >> motor & 1:
-                self._from_path(motor, frame - store.start, backward, shot)
+            if from_path >> motor & 1 and not self._from_path(motor, frame - store.start, backward, shot):
+                return ERR_RANGE
         shot.bits |= from_path
         code = self._times(shot, opened, closed)
         if code == OK:
@@ -126,7 +126,7 @@ class ShootFrame(Operation):
         return OK
 
     def _from_path(self, motor, index, backward, shot):
-        """A and B: the path half a frame before and after (field note 7.2)."""
+        """A and B: the path half a frame before and after (field note 7.2). False where that is too far."""
         store = self.store
         follower = self.follower
         last = store.end - store.start
@@ -135,10 +135,13 @@ class ShootFrame(Operation):
         here = follower.slope(motor, index, 1)
         window = follower.window
         # beyond the ends of the upload the path goes on straight
+        if index > 0 and not path.near(window, 1) or index < last and not path.near(window, 3):
+            return False
         early = path.midway(window, 1, before, here) if index > 0 else -here // 24
         late = path.midway(window, 3, after, here) if index < last else here // 24
-        reals.add_word(shot.b if backward else shot.a, motor, window, 2, early)
-        reals.add_word(shot.a if backward else shot.b, motor, window, 2, late)
+        return reals.add_within(shot.b if backward else shot.a, motor, window, 2, early) and reals.add_within(
+            shot.a if backward else shot.b, motor, window, 2, late
+        )
 
     def _times(self, shot, opened, closed):
         """The window's duration, and how long before it GO is.
@@ -201,8 +204,11 @@ class ShootFrame(Operation):
             own = speed(motor)
             reals.put_difference(r, own, shot.b, motor, shot.a, motor)
             reals.divide(r, own, own, _WINDOW)
-            self._extend(shot.a, motor, own, _EARLY, True)
-            self._extend(shot.b, motor, own, _LATE, False)
+            reals.multiply(r, X, own, _EARLY)
+            inside = follower.shift(shot.a, motor, True)
+            reals.multiply(r, X, own, _LATE)
+            if not follower.shift(shot.b, motor, False) or not inside:
+                return ERR_RANGE
             reals.put_difference(r, own, shot.b, motor, shot.a, motor)
             reals.fetch(r, Y, shot.window, 0)
             reals.divide(r, own, own, Y)
@@ -220,16 +226,6 @@ class ShootFrame(Operation):
             if not follower.roll(motor, own, _ROLL, False, shot.ends):
                 return ERR_POSTROLL
         return OK
-
-    def _extend(self, places, motor, velocity, ticks, backward):
-        """Move places[motor] on by what a velocity makes in that time, both registers; rounded to a step."""
-        r = self.follower.numbers
-        reals.multiply(r, X, velocity, ticks)
-        if backward:
-            reals.negate(r, X, X)
-        reals.put(r, Y, 1, -1)
-        reals.add(r, X, X, Y)
-        reals.add_word(places, motor, places, motor, reals.floor(r, X, HALF))
 
     # ---------------------------------------------------------------- the exposure
 
