@@ -8,7 +8,7 @@ ARGS ?=
 BOARD ?= pico
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator lint types format \
+.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator fuzz lint types format \
 	plots bench profile flash image dist emulator-measure clean
 
 help: ## show this list
@@ -60,6 +60,9 @@ test-board: setup node ## the firmware on the emulated board, end to end
 
 test-emulator: setup node micropython ## the emulator itself
 	@$(PYTEST) host_tests/emulator $(ARGS)
+
+fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7; what fails is kept as a script in build/fuzz
+	@$(PYTHON_VENV) -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
 
 lint: setup ## style (ruff)
 	@$(PYTHON_VENV) -m ruff check --quiet && $(PYTHON_VENV) -m ruff format --check --quiet

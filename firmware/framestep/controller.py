@@ -27,7 +27,7 @@ _TEND_MS = const(4)  # from one whole pass to the next
 _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
 _NAP = const(4)  # then one in so many
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
-STALL_MS = const(200)  # a frame whose rest does not come for so long is given up
+STALL_MS = const(200)  # a frame that is not whole so long after its beginning is given up
 
 # What `fault` tells, with the kernel's FAULT_ bits below; framestep.words has the words
 FAULT_LOST = const(0x10)
@@ -118,7 +118,8 @@ class Controller:
         self.openings = 0
         self.was_moving = False
         self.report_at = 0
-        self.heard_at = 0
+        self.heard_at = 0  # when the last bytes came
+        self.begun_at = 0  # and the first ones that no whole frame has been made of
         self.stop_at = -1
         self.fault = 0  # why the motors were stopped, until some are sent somewhere again
         self.untold = 0  # the same, until the HAL has told it
@@ -257,8 +258,11 @@ class Controller:
             if is_open:
                 self.say_hi = True  # field note 1.5
             self.awake = _AWAKE
+        waiting = reader.waiting
         if port.poll(reader):
             self.heard_at = self.now
+            if not waiting:
+                self.begun_at = self.now
         elif not reader.waiting and not self.backlog:
             return False
         return self._attend(reader)
@@ -273,12 +277,15 @@ class Controller:
         while writer.room() >= _REPLY_ROOM:
             found = reader.poll()
             if found == NOTHING:
-                if reader.waiting and elapsed(self.now, self.heard_at) > STALL_MS:
+                # Since its beginning: a host that goes on asking would lend its bytes to a damaged length for seconds.
+                if reader.waiting and elapsed(self.now, self.begun_at) > STALL_MS:
                     reader.abandon()
+                    self.begun_at = self.heard_at
                     continue
                 self.backlog = False
                 break
             busy = True
+            self.begun_at = self.now
             code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
             if code:
                 writer.ack(reader, code, self.rig.wide)

@@ -1,0 +1,211 @@
+"""`make fuzz`: sessions drawn at random until time is up; what fails is shrunk to a script.
+
+    python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--keep-going] [--int32]
+
+Each session has a seed of its own, made of the run's and its number, so one is found again by them.
+"""
+
+import argparse
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+from framestep_tools.script import Script, parse
+
+SCRIPTS = Path(__file__).parent / "scripts"
+FOUND = Path(__file__).parents[2] / "build" / "fuzz"
+SESSION_MS = 20_000
+
+
+def replay(script: Script, tail_ms: int = 0):
+    """Judge a script as it stands; the Trial. Finding where it fails."""
+    from .trial import Trial
+
+    trial = Trial(header_of(script))
+    follow(trial, script, tail_ms)
+    return trial
+
+
+def header_of(script: Script) -> Script:
+    """The same board and rig, and no events yet."""
+    head = Script(script.board, script.rig)
+    head.rig, head.rig_text = script.rig, script.rig_text
+    head.motors, head.memory, head.flash, head.says = script.motors, script.memory, script.flash, script.says
+    return head
+
+
+def follow(trial, script: Script, tail_ms: int = 0) -> None:
+    """Let a script's events happen, and time pass until its end."""
+    for ms, verb, argument in script.events:
+        while trial.ms < ms:
+            trial.step()
+        trial.do(verb, argument)
+    while trial.ms < script.end + tail_ms:
+        trial.step()
+    for motor in trial.motors:
+        trial.judge(motor)
+
+
+def fails(script: Script) -> str | None:
+    """The kind of finding that a script leads to."""
+    from .trial import Finding
+
+    try:
+        replay(script)
+    except Finding as finding:
+        return finding.kind
+    return None
+
+
+def shrink(script: Script, kind: str, seconds: float = 60.0) -> Script:
+    """Leave out events, and then time, as long as the same kind of finding remains."""
+    until = time.monotonic() + seconds
+
+    def tried(events, end):
+        candidate = header_of(script)
+        candidate.events, candidate.end = list(events), end
+        return candidate if fails(candidate) == kind else None
+
+    best = tried(script.events, script.end)
+    if best is None:
+        return script
+    parts = 2
+    while time.monotonic() < until and len(best.events) > 1:
+        size = max(1, len(best.events) // parts)
+        for at in range(len(best.events) - size, -1, -size):
+            smaller = tried(best.events[:at] + best.events[at + size :], best.end)
+            if smaller is not None:
+                best = smaller
+                break
+            if time.monotonic() > until:
+                break
+        else:
+            if size == 1:
+                break
+            parts = min(parts * 2, len(best.events))
+            continue
+        parts = max(parts - 1, 2)
+    # time between events
+    i = 0
+    while i < len(best.events) and time.monotonic() < until:
+        before = best.events[i - 1][0] if i else 0
+        gap = best.events[i][0] - before
+        for less in (gap, gap // 2, gap // 4):
+            if less > 0:
+                events = [(t - less if k >= i else t, v, a) for k, (t, v, a) in enumerate(best.events)]
+                smaller = tried(events, best.end - less)
+                if smaller is not None:
+                    best = smaller
+                    break
+        i += 1
+    return best
+
+
+def keep(script: Script, finding, seed: str) -> Path:
+    """Shrink what has failed and write it down."""
+    script.end = script.events[-1][0] if script.events else 0
+    script = shrink_from(script, finding)
+    FOUND.mkdir(parents=True, exist_ok=True)
+    script.says = [str(finding), f"seed {seed}"]
+    path = FOUND / f"{finding.kind}-{seed.replace('/', '-')}.txt"
+    path.write_text("\n".join(script.lines()) + "\n")
+    return path
+
+
+def shrink_from(script: Script, finding) -> Script:
+    whole = header_of(script)
+    whole.events, whole.end = script.events, finding.ms
+    return shrink(whole, finding.kind)
+
+
+def session(seed: str, requests: int):
+    """One session; (Trial, Finding or None)."""
+    from .trial import Finding, Trial
+    from .world import World, draw_script
+
+    dice = Random(seed)
+    trial = Trial(draw_script(dice))
+    try:
+        World(dice, trial, requests, SESSION_MS).run()
+    except Finding as finding:
+        finding.ms = trial.ms + 1
+        return trial, finding
+    return trial, None
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scripts", nargs="*", help="replay these instead")
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--seed", default=None)
+    parser.add_argument("--first", type=int, default=0, help="number of the first session")
+    parser.add_argument("--sessions", type=int, default=10**9)
+    parser.add_argument("--requests", type=int, default=200, help="of a session")
+    parser.add_argument("--keep-going", action="store_true", help="after a finding as well; each kind is shrunk once")
+    parser.add_argument("--int32", action="store_true", help="check that every number fits (slower)")
+    options = parser.parse_args()
+    if options.int32:
+        from framestep_tools import int32
+
+        int32.install()
+    if options.scripts:
+        return replay_all(options.scripts)
+    seed = options.seed if options.seed not in (None, "") else f"{time.time_ns() % 10**9:09d}"
+    began = told = time.monotonic()
+    counts: Counter = Counter()
+    kinds: Counter = Counter()
+    virtual_ms = number = 0
+    worst = 0
+    for number in range(options.first, options.first + options.sessions):
+        if time.monotonic() - began > options.seconds:
+            break
+        name = f"{seed}/{number}"
+        trial, finding = session(name, options.requests)
+        counts += trial.counts
+        virtual_ms += trial.ms
+        if finding is not None:
+            worst = 1
+            kinds[finding.kind] += 1
+            print(f"session {name}: {finding}", flush=True)
+            if kinds[finding.kind] <= (2 if options.keep_going else 1):
+                print(f"  kept as {keep(trial.script, finding, name)}", flush=True)
+            if not options.keep_going:
+                break
+        now = time.monotonic()
+        if now - told > 10:
+            told = now
+            print(
+                f"{counts['requests']} requests in {number - options.first + 1} sessions, "
+                f"{counts['requests'] / (now - began):.0f}/s, {virtual_ms / 1000 / (now - began):.1f} x time",
+                flush=True,
+            )
+    took = time.monotonic() - began
+    found = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nothing found"
+    print(
+        f"seed {seed}: {counts['requests']} requests, {virtual_ms / 1000:.0f} s of virtual time, "
+        f"{counts['edges']} edges, {counts['runs judged']} runs judged frame by frame, in {took:.0f} s: {found}"
+    )
+    return worst
+
+
+def replay_all(names) -> int:
+    """Say for each script what it leads to."""
+    from .trial import Finding
+
+    bad = 0
+    for name in names:
+        with open(name) as file:
+            script = parse(file)
+        try:
+            replay(script)
+            print(f"{name}: passes")
+        except Finding as finding:
+            print(f"{name}: {finding}")
+            bad = 1
+    return bad
+
+
+if __name__ == "__main__":
+    sys.exit(main())
