@@ -34,6 +34,7 @@ FAULT_LOST = const(0x10)
 FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
+FAULT_TAKEN = const(0x100)
 
 # The LED: a bit for each eighth of a second, the lowest first (128 ms each), and the colour of one that has colours
 LED_WAITING = (0x0001, 0x000030)
@@ -208,6 +209,7 @@ class Controller:
         whole: if not, what is to be planned waits for the next pass.
         """
         if (now - self.watchdog.looked_at) & _WRAP >= LOOK_MS:
+            self._sound()
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
         if now >> 7 & 15 != self.beat:
@@ -317,8 +319,12 @@ class Controller:
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         self.stage.leave()
-        self.virtuals.stop()
-        self.axes.stop(1, self.virtuals.engaged, True)
+        if self.hal.ready():
+            self.virtuals.stop()
+            self.axes.stop(1, self.virtuals.engaged, True)
+        else:
+            self.virtuals.halt()  # no motor may turn round on the way to rest
+            self.axes.stop()
         self.io.safe()
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
@@ -531,9 +537,20 @@ class Controller:
         number = self.reader.u8(0)
         return number - 1 if 0 < number <= self.count else -1
 
+    def _sound(self):
+        """Whether all pins are what they should be. Else everything stops, and motors that may have missed pulses have
+        lost their positions; the next time they are."""
+        lost = self.hal.reclaim()
+        if lost < 0:
+            return self.hal.ready()
+        self.positions.lose(lost, STEPS)
+        self._blame(FAULT_TAKEN)
+        self.fail()
+        return False
+
     def _may_move(self, motor):
         """OK, or why the motor may not be moved on its own now."""
-        if self.broken or self.safety.tripped:
+        if self.broken or self.safety.tripped or not self._sound():
             return m.ERR_GENERAL
         if (
             self.stage.running
@@ -558,7 +575,9 @@ class Controller:
     def may_move_all(self):
         """OK, or why no motor may be moved now. An enabled motor whose driver does not work holds up all: a run
         without it would be another run."""
-        if self.broken or self.safety.tripped or not self._driven(self._bits(m.MOTOR_ENABLED)):
+        if self.broken or self.safety.tripped or not self._sound():
+            return m.ERR_GENERAL
+        if not self._driven(self._bits(m.MOTOR_ENABLED)):
             return m.ERR_GENERAL
         return m.OK
 

@@ -1,6 +1,6 @@
 """Why motors were stopped, in words. Always there: the code that tells it may neither import nor allocate."""
 
-from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST
+from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
 
 FAULTS = (
@@ -11,6 +11,7 @@ FAULTS = (
     (FAULT_ESTOP, "the E-stop was pressed"),
     (FAULT_LIMIT, "a limit switch was hit"),
     (FAULT_DRIVER, "a driver failed"),
+    (FAULT_TAKEN, "something else had taken a pin, which was put back"),
 )
 _ALL = "; the motors were ramped down"
 _ONE = "; its motor was ramped down"

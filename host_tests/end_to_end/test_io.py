@@ -6,10 +6,12 @@ import struct
 import numpy as np
 import pytest
 
+from framestep.motion.positions import KNOWN, LOST
 from framestep.protocol import messages as m
 from framestep_tools.payloads import (
     BlurMotor,
     Dmx,
+    GetCondition,
     GioCam,
     GioIn,
     GioOut,
@@ -19,6 +21,7 @@ from framestep_tools.payloads import (
     MotorConfigure,
     MotorJog,
     MotorMove,
+    MotorResetPosition,
     MotorSetLimits,
     MotorStatus,
     RtEnd,
@@ -355,3 +358,24 @@ def test_sets_that_are_not_there():
     session.refuse(m.ERR_HARD_UP, MotorMove(1, 10))  # set 1 is still in force, and nothing is wired to it
     session.accept(MotorSetLimits(1, 0, 0, 0, 0, 0))
     assert session.ask(MotorMove(1, 10)).moving
+
+
+def test_a_pin_that_something_else_has_taken():
+    """At rest it is put back before a motion may begin, in motion within a tenth of a second: everything ramps down."""
+    session = simulated()
+    hal = session.board._board.hal
+    session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
+    hal.taken = 0b10
+    session.refuse(m.ERR_GENERAL, MotorMove(1, 1000))
+    session.run(0.2)
+    assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
+    assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, LOST]
+    session.forget()
+    session.accept(MotorResetPosition(2, 0), MotorMove(1, 5000), MotorMove(2, 5000))
+    session.run(0.3)
+    taken = session.now
+    hal.taken = 0
+    session.wait_idle()
+    assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
+    assert session.steps(1)[0][-1] - taken < 0.1 + 5000 / 20000 + 0.05
+    assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, KNOWN]

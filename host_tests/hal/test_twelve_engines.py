@@ -1,5 +1,6 @@
 """The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has and the emulated board has not."""
 
+import contextlib
 import importlib
 import sys
 from types import SimpleNamespace
@@ -40,6 +41,8 @@ def pulses(monkeypatch):
     rp2 = SimpleNamespace(PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine)
     monkeypatch.setitem(sys.modules, "rp2", rp2)
     monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin))
+    claims = SimpleNamespace(Claim=lambda *pins: contextlib.nullcontext())
+    monkeypatch.setitem(sys.modules, "framestep.hal.rp2_claims", claims)
     monkeypatch.delitem(sys.modules, "framestep.hal.rp2_pulses", raising=False)
     monkeypatch.setattr(Machine, "made", [])
     yield importlib.import_module("framestep.hal.rp2_pulses")

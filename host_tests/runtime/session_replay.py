@@ -77,6 +77,14 @@ class Hal:
     def led(self, lit):
         pass
 
+    floats = 0
+
+    def reclaim(self):
+        return -1
+
+    def ready(self):
+        return True
+
     def trouble(self):
         return 0
 

@@ -10,6 +10,10 @@
     enable(motor, on) the driver's enable pin
     led(colour)       light the board's LED, if there is one, in a colour 0xRRGGBB as far as it has colours; 0: off
     trouble() -> int  motors of which a pulse command was lost since the last call, so steps are missing: a bit each
+    reclaim() -> int  give pins that something else has taken their function again. -1 where none was taken, else the
+                      motors that may have missed pulses by it: a bit each
+    floats            motors whose pins the chip lets go of for a moment after each reset of the USB bus: a bit each
+    ready()           False from such a reset on until that moment is over: nothing is to be started
     idle()            nothing to do: wait for the next interrupt
 
     board             the board's data: boards/<board>/board.json as a dictionary

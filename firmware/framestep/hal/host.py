@@ -225,6 +225,8 @@ class HostHal:
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
         self.failure = None  # nothing ends the passes here
+        self.taken = -1  # what reclaim() is to find
+        self.floats = 0
         self.alive = True
         self.board = rig.board
         self.wire = wire(self) if wire else SilentWire()
@@ -341,6 +343,13 @@ class HostHal:
     def trouble(self):
         before, self._lost = self._lost, [engine.lost for engine in self.engines]
         return sum(1 << i for i, lost in enumerate(self._lost) if lost > before[i])
+
+    def reclaim(self):
+        found, self.taken = self.taken, -1
+        return found
+
+    def ready(self):
+        return True
 
     def idle(self):
         pass

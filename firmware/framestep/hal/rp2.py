@@ -17,9 +17,11 @@ from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import NoDmx, NoWatchdog
-from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, levels
+from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
+from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
-from framestep.motion.stepper import StepKernel
+from framestep.hal.rp2_usb import addressed
+from framestep.motion.stepper import StepKernel, halt_motors
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
@@ -31,6 +33,8 @@ _PASS_MS = const(1)
 _SAYINGS = const(16)
 _BEAT_MS = const(128)
 _CTRL_C = const(3)
+_ANY = const(0x3FFFFFFF)
+_GUARD_MS = const(3)  # a bus reset takes ten at least
 _TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
 
 
@@ -64,6 +68,7 @@ class Rp2Hal:
     """See framestep.hal. board: the data of boards/<board>/board.json; rig: framestep.rig.Rig."""
 
     def __init__(self, board, rig):
+        self.board = board
         self.motors = len(board["step"])
         hz = machine.freq()
         while hz > _FASTEST_ENGINE:
@@ -83,8 +88,11 @@ class Rp2Hal:
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
         self._shared = not isinstance(board["enable"], list)
-        self._enable_pins = drivers_off(board, rig)
-        self.board = board
+        with Claim(*enable_pins(board)):
+            self._enable_pins = drivers_off(board, rig)
+        self.floats = self._motors_of(1 << held_pin()) if held_pin() >= 0 else 0
+        self._everyone = (1 << self.motors) - 1
+        self._bus_guard_callback = self._bus_guard
         self.dmx = self._make_dmx(board.get("dmx"), rig)
         self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
         self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
@@ -115,7 +123,10 @@ class Rp2Hal:
             return NoDmx()
         from framestep.hal.rp2_dmx import Dmx
 
-        dmx = Dmx(wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us, "RP2350" in sys.implementation._machine)
+        with Claim(wiring["tx"], wiring["rx"]):
+            dmx = Dmx(
+                wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us, "RP2350" in sys.implementation._machine
+            )
         dmx.start()
         return dmx
 
@@ -128,14 +139,18 @@ class Rp2Hal:
         if "pins" in wiring:
             from framestep.hal.rp2_one_wire import OneWire
 
-            return OneWire(wiring["pins"][: self.motors], self.motors)
+            pins = wiring["pins"][: self.motors]
+            with Claim(*pins):
+                return OneWire(pins, self.motors)
         from framestep.hal.rp2_wire import Wire
 
-        return Wire(wiring, "RP2350" in sys.implementation._machine)
+        with Claim(wiring["tx"], wiring["rx"]):
+            return Wire(wiring, "RP2350" in sys.implementation._machine)
 
     def _make_led(self, board):
         if "led" in board:
-            return Pin(board["led"], Pin.OUT, value=0).value
+            with Claim(board["led"]):
+                return Pin(board["led"], Pin.OUT, value=0).value
         if "rgb" not in board:
             return _no_led
         from framestep.hal.rp2_rgb import RgbLed
@@ -144,7 +159,8 @@ class Rp2Hal:
         machine = self.motors
         if machine % 4 == 0:
             machine += 2 * len(board.get("drivers", {}).get("pins", ()))
-        return RgbLed(board["rgb"], machine).show
+        with Claim(board["rgb"]):
+            return RgbLed(board["rgb"], machine).show
 
     def flash(self):
         from framestep.hal.rp2_flash import Flash
@@ -178,6 +194,8 @@ class Rp2Hal:
     def start(self):
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self._ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        if self.floats:
+            self._guard = Timer(-1, period=_GUARD_MS, mode=Timer.PERIODIC, callback=self._bus_guard_callback, hard=True)
         self.port.start()
 
     irq_off = staticmethod(machine.disable_irq)
@@ -203,14 +221,16 @@ class Rp2Hal:
     levels = staticmethod(levels)
 
     def output(self, pin, level):
-        Pin(pin, Pin.OUT, value=level)
+        with Claim(pin):
+            Pin(pin, Pin.OUT, value=level)
         return 1 << pin
 
     def input(self, pin, pull):
-        if pull == "none":
-            Pin(pin, Pin.IN)
-        else:
-            Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
+        with Claim(pin):
+            if pull == "none":
+                Pin(pin, Pin.IN)
+            else:
+                Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
         return 1 << pin
 
     def watch(self, bits, handler):
@@ -226,6 +246,36 @@ class Rp2Hal:
 
     def trouble(self):
         return lost_commands(self.motors)
+
+    # ---------------------------------------------------------------- pins that something else takes
+
+    def _motors_of(self, bits):
+        """Motors that have one of these pins for their steps, direction or driver, a bit each."""
+        board = self.board
+        enable = board["enable"]
+        motors = 0
+        for i in range(self.motors):
+            if (bits >> board["step"][i] | bits >> board["dir"][i]) & 1:
+                motors |= 1 << i
+            if bits >> (enable if self._shared else enable[i]) & 1:
+                motors |= 1 << i
+        return motors
+
+    def reclaim(self):
+        if not wrong():
+            return -1
+        bits = mend()
+        return self._motors_of(bits) if bits else -1
+
+    def ready(self):
+        return not self.floats or addressed()
+
+    @micropython.viper
+    def _bus_guard(self, _timer):
+        """After a bus reset every motor ramps down at once, however busy the main loop is, and none turns round on the
+        way: ten milliseconds later the chip lets go of a pin, which might be the direction of one. A hard interrupt."""
+        if not addressed():
+            halt_motors(self.kernel.blocks, self._everyone, 1, _ANY)
 
     # ---------------------------------------------------------------- running a controller
     #

@@ -12,6 +12,7 @@ are the constants in that file's head comment:
 import rp2
 from machine import Pin
 
+from framestep.hal.rp2_claims import Claim
 from framestep.native import const, micropython, ptr32
 
 # Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
@@ -57,13 +58,14 @@ class PulseEngine:
         """hz: cycles per second of the programs."""
         self.machines = []
         for i, step in enumerate(step_pins):
-            machine = rp2.StateMachine(
-                i,
-                step_pulses,
-                freq=hz,
-                set_base=Pin(step, Pin.OUT, value=0),
-                out_base=Pin(direction_pins[i], Pin.OUT, value=0),
-            )
+            with Claim(step, direction_pins[i]):
+                machine = rp2.StateMachine(
+                    i,
+                    step_pulses,
+                    freq=hz,
+                    set_base=Pin(step, Pin.OUT, value=0),
+                    out_base=Pin(direction_pins[i], Pin.OUT, value=0),
+                )
             machine.active(1)
             self.machines.append(machine)
 

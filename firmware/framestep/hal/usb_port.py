@@ -31,8 +31,13 @@ except ImportError:
 
 if sys.platform == "rp2":
     from framestep.hal import rp2_usb as chip
+    from framestep.hal.rp2_usb import submit
 else:
     chip = None  # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the last
+
+    def submit(submit_xfer, endpoint, view):
+        return submit_xfer(endpoint, view)
+
 
 _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
@@ -98,7 +103,7 @@ def _arm(port):
     s[_END + place] = 0
     s[_SEEN] = 0
     s[_DOUBT] = 0
-    if port._submit(s[_EP_OUT], port._places[place]):
+    if submit(port._submit, s[_EP_OUT], port._places[place]):
         s[_ARMED] = 1
 
 
@@ -142,7 +147,7 @@ def _send_packet(port):
     s[_LEFT] -= count
     s[_LAST] = count
     s[_SENDING] = 1
-    port._submit(s[_EP_IN], port._packets[count])
+    submit(port._submit, s[_EP_IN], port._packets[count])  # refused, it is gone: a reset is about to be told
 
 
 def _descriptor(builtin):

@@ -29,6 +29,7 @@ const USAGE = `usage: emu.mjs --firmware fw.bin [options]
   --erase-ms N        flash sector erase time (default 45)
   --program-ms N      flash page program time (default 0.4)
   --seed N            seed of the random numbers (default 1)
+  --chip B1|B2        stepping of the chip: B1 has erratum RP2040-E5 (default B2)
   --exit-with-stdin   end when standard input is closed
   --verbose           log events and accesses to registers that are not emulated`;
 
@@ -49,6 +50,7 @@ function options() {
       'erase-ms': { type: 'string', default: '45' },
       'program-ms': { type: 'string', default: '0.4' },
       seed: { type: 'string', default: '1' },
+      chip: { type: 'string', default: 'B2' },
       'exit-with-stdin': { type: 'boolean', default: false },
       verbose: { type: 'boolean', default: false },
       help: { type: 'boolean', default: false },
@@ -73,6 +75,14 @@ function imageWith(puts) {
   return data;
 }
 
+const REVISIONS = { B0: 1, B1: 1, B2: 2 }; // in CHIP_ID
+
+function revisionOf(stepping) {
+  const revision = REVISIONS[stepping];
+  if (!revision) throw new Error(`no RP2040 ${stepping}; there are ${Object.keys(REVISIONS).join(', ')}`);
+  return revision;
+}
+
 function makeBoard(args) {
   const flashFile = args.flash && fs.existsSync(args.flash) ? fs.readFileSync(args.flash) : null;
   const board = new Board({
@@ -80,6 +90,7 @@ function makeBoard(args) {
     xipMiss: Number(args['xip-miss']),
     timing: { eraseMs: Number(args['erase-ms']), programMs: Number(args['program-ms']) },
     seed: Number(args.seed),
+    revision: revisionOf(args.chip),
     verbose: args.verbose,
     onEvent: (event) => {
       if (args.verbose || event.type === 'halt' || event.type === 'core1') console.error('emu:', JSON.stringify(event));
