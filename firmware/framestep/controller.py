@@ -653,11 +653,11 @@ class Controller:
     def stop_all(self):
         """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
         factor = 1
-        if self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS:
+        if self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS:
             factor = self.rig.hard_stop_factor
         self.stop_at = self.now
         self.jogging = 0
-        landing = self.stage.stop(factor, factor == 1)
+        landing = self.stage.stop(factor, factor == 1, True)
         if factor == 1:
             self.virtuals.stop()
             landing |= self.virtuals.engaged

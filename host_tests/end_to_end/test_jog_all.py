@@ -17,7 +17,7 @@ from framestep_tools.payloads import (
     RtPositionFrame,
 )
 from host_tests.end_to_end.realtime import rig, upload
-from host_tests.end_to_end.session import assert_within, run_request
+from host_tests.end_to_end.session import assert_within, run_request, velocities
 
 FRAMES = 241
 K = np.arange(FRAMES)
@@ -159,24 +159,61 @@ def test_lower_and_higher_speed_under_way(standing):
     assert_followed(standing, 120, 10)
 
 
-@pytest.mark.parametrize("fps", [0.2, 2, 12])
-@pytest.mark.parametrize("after", [0.02, 1.1, 3.3])
+@pytest.mark.parametrize("fps", [0.1, 0.2, 0.6, 1.1, 2, 3, 12, 60])
+@pytest.mark.parametrize("after", [0.02, 0.5, 1.1, 1.75, 3.3])
 @pytest.mark.parametrize("request_", [MotorStopAll(), MotorStop(2)])
 def test_stop_lands_on_a_frame(standing, fps, after, request_):
-    """Field note 6.10; a STOP of one motor stops the axis."""
+    """Field note 6.10: on the next one that can be reached at 4 frames/s², or at a frame per second where that takes
+    more than 2 s. A STOP of one motor stops the axis."""
     standing.accept(RtJogAll(round(fps * 1000), 220))
     standing.run(after)
+    times, signs = standing.steps(1)
+    rate = velocities(times, signs, 0.1)[0][-1] / PER_FRAME if len(times) > 30 else 0
+    before = 120 + signs.sum() / PER_FRAME
     standing.accept(request_)
-    standing.client.wait_idle(30, 0.1)
-    standing.run(0.05)
+    begun = standing.now
+    standing.client.wait_idle(30, 0.02)
+    times, signs = standing.steps(1)
     at = indices(standing)
     assert at == round(at) and at >= 121
     assert_on_frame(standing, round(at))
-    assert_followed(standing, 120, fps)
+    assert_followed(standing, 120, max(fps, 1))
+    # 0.05 s pass until it acts; what a queued ramp up still adds is little
+    rate += 0.05 * ACCELERATION
+    assert at - before <= 1 + rate * 0.06 + rate**2 / (2 * ACCELERATION) + 0.05
+    assert times[-1] - begun <= max(2.1, 0.1 + 2 * (at - before) / max(rate - 0.2, 0.1) if rate > 1.2 else 2.1)
     # it stands on a frame: it may go on from there, on its own
     standing.accept(RtJogAll(12000, 121))
     standing.client.wait_idle(60, 0.05)
     assert_on_frame(standing, 120)
+
+
+def test_a_stop_keeps_the_limits_of_the_motors(standing):
+    """Of motors that can follow a slow axis, but not one at a frame per second."""
+    standing.speed(1, 40, 60)
+    standing.accept(RtJogAll(300, 140))
+    standing.run(5.1)
+    standing.accept(MotorStopAll())
+    standing.client.wait_idle(30, 0.02)
+    assert_on_frame(standing, round(indices(standing)))
+    assert_within(*standing.steps(1), 40 * 1.01, 60 * 1.02, window=0.3)
+
+
+@pytest.mark.parametrize("fps", [0.3, 12])
+@pytest.mark.parametrize("later", [0, 0.4, 1.05])
+def test_second_stop_all_while_it_lands(standing, fps, later):
+    """Field note 6.10: it is the hard stop, whenever it comes."""
+    standing.accept(RtJogAll(round(fps * 1000), 220))
+    standing.run(3.3)
+    standing.accept(MotorStop(1))
+    standing.run(0.05)
+    standing.accept(MotorStopAll())
+    standing.run(later)
+    assert standing.moving
+    standing.accept(MotorStopAll())
+    standing.run(0.1)
+    assert not standing.moving
+    assert indices(standing) != round(indices(standing))
 
 
 def test_second_stop_all_is_hard(standing):

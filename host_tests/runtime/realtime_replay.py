@@ -84,6 +84,13 @@ def script():
         (900, frame(0x120, words(200000, 39))),
         (900, stop_all + stop_all),
         (3, frame(0x120, words(24000, 39)) + frame(0x120, words(BIG - 2**32, 39))),
+        # slow: a stop lands at a frame per second, a second STOP_ALL is the hard one
+        (900, frame(0x110, words(7))),
+        (1200, frame(0x120, words(100, 30))),
+        (2300, stop_all + status),
+        (1200, frame(0x120, words(700, 2))),
+        (1300, frame(0x32, b"\x02")),
+        (900, stop_all + stop_all),
     ]
 
 

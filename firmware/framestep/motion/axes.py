@@ -588,6 +588,29 @@ class Axis:
         _take_up(self.planned, self.limits, way)
         self.phases.aim(duration, zero, zero, numbers, self.limits, PHYSICAL)
 
+    def cut_off(self, ticks):
+        """End the queue about `ticks` from now, to go on from there otherwise: go_on(). When that is, in ticks.
+
+        With interrupts off. Motors that play the same phases in time are cut at the same moment.
+        """
+        taken = stepper.splice(self.block, ticks, self.state)
+        if self.partner:
+            stepper.splice(self.partner.block, ticks, self.partner.state)
+        return taken
+
+    def go_on(self, places, i):
+        """After cut_off(): further phases follow, from where the cubic is now. places[i]: where the load was before, on
+        its way in the same direction."""
+        _set_cubic(self.cubic, self.state)
+        self.phases.clear()
+        work = self.work
+        work[_LEFT] = work[_PART] = work[_AIMED] = work[_MARKED] = 0
+        work[_MORE] = 1
+        self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
+        self.refresh()
+        self.planned[_OFFSET] = _gap(self.place, self.block)
+        reals.copy_word(self.planned, _PLACE, places, i)
+
     def trim(self, ticks, put):
         """Whether what is queued can be cut off at the end of a phase, `ticks` from now; if `put`, cut it off there.
 

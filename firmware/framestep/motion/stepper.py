@@ -316,6 +316,32 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
 
 
 @micropython.viper
+def queued(m: ptr32, bits: int) -> int:
+    """For how many ticks the motors of these bits all have segments; 0 where one of them does not move by any.
+
+    To be called with interrupts off. m: the header.
+    """
+    least = 0x3FFFFFFF
+    a = m[FIRST]
+    while bits:
+        m = ptr32(a)
+        a = m[NEXT]
+        if bits & 1:
+            ticks = 0
+            if m[MODE] == RUN:
+                ticks = m[LEFT]
+                head = m[HEAD]
+                q = ptr32(m[QUEUE])
+                while head != m[TAIL]:
+                    ticks += q[(head & (SEGMENTS - 1)) << 3]
+                    head = (head + 1) & _WRAP
+            if ticks < least:
+                least = ticks
+        bits >>= 1
+    return least
+
+
+@micropython.viper
 def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
     """Whether a segment in a motor's queue begins `ticks` from now: its place in out[0] and (Q16) out[1].
 

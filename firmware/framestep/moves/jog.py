@@ -3,11 +3,17 @@
 Its velocity is at most FPS, its acceleration 4 frames/s² (field note 6.10), and it comes to rest on whole
 frames only. From one frame to the next its acceleration is constant, and the motors follow the
 cubics through the frames' positions with the path's slope times the axis' velocity at either end.
+
+What is queued is noted, a row for each phase: from it comes where on the path the axis is at a moment. A stop
+cuts all queues at the same moment and goes on from there.
 """
 
 from array import array
 
-from framestep.motion import reals
+from framestep.motion import axes as motion
+from framestep.motion import reals, stepper
+from framestep.motion.axes import lead
+from framestep.motion.segments import G1, WHOLE, velocity
 from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import ENDING, POSITIONING, Operation
 from framestep.moves.store import READY as UPLOADED
@@ -15,8 +21,25 @@ from framestep.native import const
 from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
+LANDING_MS = const(2000)  # what takes longer goes at a frame per second instead (the same)
 _AHEAD = const(1)
 _BATCH = const(32)
+_NOTICE = const(40)  # ticks from a stop to where the queues are cut: time to plan for all motors
+_LEAST = const(16)  # with fewer queued nothing is cut
+_BRIEF = const(8)  # ticks: a rest of a frame that is shorter is played as one with the next frame
+_WRAP = const(0x3FFFFFFF)
+
+# Words of a row: a phase of the axis, Hermite as the motors' are
+_ROWS = const(32)
+_ROW = const(14)
+_WHOLE = const(0)  # ticks from the begin to that of the phase
+_FRACTION = const(1)  # real: what that is more
+_TIME = const(3)  # reals: its duration in ticks,
+_FROM = const(5)  # velocities at its ends, frames per tick,
+_TO = const(7)
+_PASSED = const(9)  # frames from `index` to where it begins,
+_WAY = const(11)  # and on to its end
+_INDEX = const(13)  # of the last frame before it
 
 # Registers: frames and ticks; follow.OWN is the first that is free
 _TOP = const(36)
@@ -24,7 +47,15 @@ _TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
 _RATE = const(40)  # velocity at the last frame queued
 _NEXT = const(42)
 _SLOWEST = const(44)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
+_SINCE = const(46)  # what is to be added to `whole`
 _SCALE = const(48)
+_U = const(50)  # where the axis is: frames from a row's index, and its velocity
+_W = const(52)
+_D = const(54)  # way to go, frames
+_P = const(56)
+_Q = const(58)
+_Z = const(60)
+_LIMIT = const(62)
 
 
 class JogAll(Operation):
@@ -42,6 +73,12 @@ class JogAll(Operation):
         self.step = 1
         self.closed = True
         self.later = -1  # a destination for after the turn
+        self.asked = 0  # to land: 1 by STOP, 2 by STOP_ALL
+        self.hurry = False  # the last frame of a landing goes at a frame per second
+        self.rows = array("i", [0] * (_ROWS * _ROW))
+        self.count = 0  # rows so far
+        self.whole = 0  # ticks to the end of what is queued
+        self.begun = 0  # the tick in which the first pulse comes
         self.places = array("i", [0] * stage.axes.count)
         self.ways = array("i", [0] * stage.axes.count)  # which way each motor goes from there
         self.draft = array("i", [0] * stage.axes.count)  # the same, of a request that may be refused
@@ -117,6 +154,8 @@ class JogAll(Operation):
         self.to = to
         self.step = 1 if to > self.at else -1
         self.later = -1
+        self.asked = 0
+        self.hurry = False
         self.closed = False
         reals.put(self.follower.numbers, _RATE, 0, 0)
 
@@ -132,6 +171,8 @@ class JogAll(Operation):
 
     def _retarget(self, to):
         """Under way: bend to the new destination; where it lies behind, land first and turn."""
+        self.asked = 0
+        self.hurry = False
         if self.stage.state == POSITIONING:
             # before it has begun, or between a landing and the way back
             self._aim(to)
@@ -226,6 +267,14 @@ class JogAll(Operation):
 
     # ---------------------------------------------------------------- the motion
 
+    def start(self):
+        self.count = 0
+        self.whole = 0
+        reals.put(self.follower.numbers, _SINCE, 0, 0)
+
+    def started(self, tick):
+        self.begun = tick
+
     def lead(self, motor):
         reals.put(self.follower.numbers, speed(motor), 0, 0)
         if self.closed:  # sent back before it has begun
@@ -260,7 +309,11 @@ class JogAll(Operation):
                 reals.copy(r, _NEXT, _TOP)
         # one frame at the mean of the two velocities
         reals.add(r, X, _RATE, _NEXT)
-        if reals.sign(r, X):
+        reals.put(r, _U, 0, 0)
+        reals.put(r, _D, 1, 0)
+        if self.hurry and left == 1:
+            self._hurry_time(self.at + self.step, False)
+        elif reals.sign(r, X):
             reals.put(r, Y, 2, 0)
             reals.divide(r, T, Y, X)
         else:
@@ -269,14 +322,88 @@ class JogAll(Operation):
             reals.divide(r, Y, Y, _TOP)
             if reals.compare(r, Y, T) > 0:
                 reals.copy(r, T, Y)
-        self.at += self.step
+        self._hop(self.at, self.at + self.step)
+
+    def _hop(self, begin, end):
+        """Append the phase to the frame `end`: _D frames in T ticks, from the velocity _RATE to _NEXT.
+
+        It begins _U frames after the frame `begin`.
+        """
+        follower = self.follower
+        r = follower.numbers
+        k = self.count % _ROWS * _ROW
+        rows = self.rows
+        rows[k + _WHOLE] = self.whole
+        reals.fetch(rows, k + _FRACTION, r, _SINCE)
+        reals.fetch(rows, k + _TIME, r, T)
+        reals.fetch(rows, k + _FROM, r, _RATE)
+        reals.fetch(rows, k + _TO, r, _NEXT)
+        reals.fetch(rows, k + _PASSED, r, _U)
+        reals.fetch(rows, k + _WAY, r, _D)
+        rows[k + _INDEX] = begin
+        self.count += 1
+        reals.add(r, _SINCE, _SINCE, T)
+        ticks = reals.floor(r, _SINCE, HALF)
+        self.whole = (self.whole + ticks) & _WRAP
+        reals.put(r, X, ticks, 0)
+        reals.subtract(r, _SINCE, _SINCE, X)
         reals.put(r, Y, 12, 0)
         reals.divide(r, _SCALE, _NEXT, Y)
-        follower.hop(self.bits, self.at, self.step, T, _SCALE)
+        follower.hop(self.bits, end, self.step, T, _SCALE)
         reals.copy(r, _RATE, _NEXT)
-        if self.at == self.to:
+        self.at = end
+        if end == self.to:
             follower.close(self.bits)
             self.closed = True
+
+    def _locate(self, ticks):
+        """Where the axis is so many ticks after the begin: _U, _W. The words of the row, -1 where there is none."""
+        r = self.follower.numbers
+        rows = self.rows
+        n = self.count
+        last = max(n - _ROWS, 0)
+        while n > last:
+            n -= 1
+            k = n % _ROWS * _ROW
+            since = (ticks - rows[k + _WHOLE]) & _WRAP
+            if since < HALF:
+                reals.put(r, X, since, 0)
+                reals.fetch(r, Y, rows, k + _FRACTION)
+                reals.subtract(r, X, X, Y)
+                if reals.sign(r, X) >= 0:
+                    break
+        else:
+            return -1
+        reals.fetch(r, Y, rows, k + _TIME)
+        if reals.compare(r, X, Y) > 0:
+            reals.copy(r, X, Y)
+        # with z = x/T: u = from·x + z·(p + z·q)·x, velocity = from + z·(2p + 3z·q)
+        reals.divide(r, _Z, X, Y)
+        reals.fetch(r, _W, rows, k + _FROM)
+        reals.fetch(r, _D, rows, k + _TO)
+        reals.fetch(r, T, rows, k + _WAY)
+        reals.divide(r, T, T, Y)
+        reals.add(r, _Q, _W, _D)
+        reals.subtract(r, _Q, _Q, T)
+        reals.subtract(r, _Q, _Q, T)  # from + to - 2·mean
+        reals.subtract(r, _P, T, _W)
+        reals.subtract(r, _P, _P, _Q)  # 3·mean - 2·from - to
+        reals.multiply(r, _Q, _Q, _Z)
+        reals.add(r, _U, _P, _Q)
+        reals.multiply(r, _U, _U, _Z)
+        reals.add(r, _U, _U, _W)
+        reals.multiply(r, _U, _U, X)
+        reals.fetch(r, Y, rows, k + _PASSED)
+        reals.add(r, _U, _U, Y)
+        reals.double(r, _P, _P, 1)
+        reals.add(r, _P, _P, _Q)
+        reals.double(r, _Q, _Q, 1)
+        reals.add(r, _P, _P, _Q)
+        reals.multiply(r, _P, _P, _Z)
+        reals.add(r, _W, _W, _P)
+        if reals.sign(r, _W) < 0:
+            reals.put(r, _W, 0, 0)
+        return k
 
     def reached(self, ticks):
         # Between frames the time of the move is that of the last frame queued, at rest it is exact.
@@ -298,11 +425,215 @@ class JogAll(Operation):
     def wanted(self):
         return not self.closed
 
-    def land(self):
-        if not self.closed:
+    # ---------------------------------------------------------------- landing
+
+    def landing(self):
+        return self.asked == 2
+
+    def land(self, everything):
+        """On the next frame that can be reached, or where that takes long, at a frame per second (field note 6.10)."""
+        first = not self.asked
+        if everything:
+            self.asked = 2
+        elif first:
+            self.asked = 1
+        self.later = -1
+        if not first:
+            return True
+        axes = self.stage.axes
+        kernel = axes.kernel.state
+        bits = self.bits
+        uneven = False
+        irq = axes.hal.irq_off()
+        ticks = min(stepper.queued(kernel, bits), _NOTICE)
+        tick = kernel[stepper.TICKS] + kernel[stepper.LEAD] + 1
+        if ticks >= _LEAST:
+            before = 0
+            for motor in range(axes.count):
+                if bits >> motor & 1:
+                    taken = axes[motor].cut_off(ticks)
+                    uneven = uneven or taken <= 0 or before != 0 and taken != before
+                    before = taken
+            ticks = before
+        axes.hal.irq_on(irq)
+        if uneven:
+            return False
+        if ticks >= _LEAST:
+            self._land_from((tick + ticks - self.begun) & _WRAP)
+        elif not self.closed:
+            # frames so short, or the end so near, that what is queued is over soon
             self.to = self._landing()
             if self.to == self.at:
                 self.follower.close(self.bits)
                 self.closed = True
-        self.later = -1
         return True
+
+    def _land_from(self, ticks):
+        """The queues are cut so many ticks after the begin: go on from there to rest on a frame."""
+        follower = self.follower
+        axes = self.stage.axes
+        r = follower.numbers
+        step = self.step
+        at = self.rows[self._locate(ticks) + _INDEX]
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                self.store.position(motor, at, follower.place, 0)
+                axes[motor].go_on(follower.place, 0)
+                velocity(r, speed(motor), axes[motor].cubic, G1)
+        self.whole = ticks
+        reals.put(r, _SINCE, 0, 0)
+        self.closed = False
+        reals.copy(r, _RATE, _W)
+        end = at + step * (reals.floor(r, _U, HALF) + 1)
+        if (self.to - end) * step < 0:
+            end = self.to
+        reals.put(r, X, (end - at) * step, 0)
+        reals.subtract(r, _D, X, _U)  # to the next frame
+        if reals.sign(r, _D) <= 0:
+            reals.put(r, _D, 1, -20)  # it is there, but for rounding
+        # The way that it takes to stop, and so many frames more than the next one
+        self._steepest(at, end)
+        reals.multiply(r, X, _RATE, _RATE)
+        reals.double(r, Y, _LIMIT, 1)
+        reals.divide(r, X, X, Y)
+        reals.subtract(r, X, X, _D)
+        reals.negate(r, X, X)
+        more = min(max(-reals.floor(r, X, HALF), 0), (self.to - end) * step)
+        self.to = end + step * more
+        reals.put(r, X, more, 0)
+        reals.add(r, X, X, _D)  # all the way
+        # At a constant deceleration it takes 2·way/velocity
+        reals.multiply(r, Y, _RATE, _RATE)
+        reals.divide(r, _TWICE, Y, X)
+        reals.double(r, X, X, 1)
+        reals.put(r, Y, LANDING_MS, 0)
+        reals.multiply(r, Y, Y, _RATE)
+        slow = reals.compare(r, X, Y) > 0
+        reals.put(r, Y, 2, 0)
+        reals.divide(r, Y, Y, THOUSAND)
+        self.hurry = slow and reals.compare(r, _RATE, Y) < 0
+        if more:
+            reals.put(r, X, _BRIEF, 0)
+            reals.multiply(r, X, X, _RATE)
+            if reals.compare(r, _D, X) < 0:
+                end += step
+                more -= 1
+                reals.put(r, X, 1, 0)
+                reals.add(r, _D, _D, X)
+        reals.put(r, X, more, 0)
+        if self.hurry:
+            reals.double(r, _TWICE, _LIMIT, 1)
+        reals.multiply(r, X, X, _TWICE)
+        reals.root(r, _NEXT, X)
+        if reals.compare(r, _NEXT, _RATE) > 0:
+            reals.copy(r, _NEXT, _RATE)
+        if self.hurry and not more:
+            self._hurry_time(end, True)
+        else:
+            reals.add(r, X, _RATE, _NEXT)
+            reals.double(r, T, _D, 1)
+            reals.divide(r, T, T, X)
+        self._hop(at, end)
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                axes[motor].feed(motion.MOST, motion.FIRST_TICKS)
+
+    def _steepest(self, at, end):
+        """_LIMIT = the acceleration, frames per tick², within which the motors can stop there: what the check has found
+        for this rate, or more up to ACCELERATION where the frames around `end` allow it."""
+        follower = self.follower
+        r = follower.numbers
+        store = self.store
+        values = self.values
+        reals.put(r, _LIMIT, ACCELERATION, 0)
+        reals.divide(r, _LIMIT, _LIMIT, THOUSAND)
+        reals.divide(r, _LIMIT, _LIMIT, THOUSAND)
+        # from rest to the rate within a frame
+        reals.multiply(r, _P, _TOP, _TOP)
+        reals.double(r, _P, _P, -1)
+        if reals.compare(r, _P, _LIMIT) >= 0:
+            return
+        reals.multiply(r, _Q, _RATE, _RATE)
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                store.position(motor, at, values, 0)
+                store.position(motor, end, values, 1)
+                store.position(motor, min(max(end + self.step, 0), store.end - store.start), values, 2)
+                reals.put_difference(r, X, values, 1, values, 0)
+                reals.put_difference(r, Y, values, 2, values, 1)
+                reals.subtract(r, T, Y, X)
+                for register in (X, Y, T):
+                    if reals.sign(r, register) < 0:
+                        reals.negate(r, register, register)
+                if reals.compare(r, X, Y) < 0:
+                    reals.copy(r, X, Y)
+                if not reals.sign(r, X):
+                    continue
+                # what the bend of the path leaves of the motor's acceleration, with a half more for the slopes
+                reals.multiply(r, T, T, _Q)
+                reals.fetch(r, Y, follower.axes[motor].numbers, motion.STEEP)
+                reals.subtract(r, Y, Y, T)
+                reals.double(r, T, X, -1)
+                reals.add(r, X, X, T)
+                reals.divide(r, Y, Y, X)
+                if reals.compare(r, Y, _LIMIT) < 0:
+                    reals.copy(r, _LIMIT, Y)
+        if reals.compare(r, _LIMIT, _P) < 0:
+            reals.copy(r, _LIMIT, _P)
+
+    def _hurry_time(self, end, cut):
+        """T = how long the way _D to rest on the frame `end` takes at a frame per second, or as fast as all motors can.
+
+        cut: from where the queues have been cut, otherwise from the last frame queued. Never longer than at a constant
+        deceleration.
+        """
+        follower = self.follower
+        r = follower.numbers
+        # A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration 6·way/T². One that
+        # begins in motion stays within both; one that has to turn within twice as much, if that has the time.
+        reals.double(r, T, _D, -1)
+        reals.add(r, T, T, _D)
+        reals.root(r, X, T)
+        if reals.compare(r, T, X) < 0:
+            reals.copy(r, T, X)
+        reals.multiply(r, T, T, THOUSAND)
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                axis = follower.axes[motor]
+                own = speed(motor)
+                reals.copy_word(self.values, 0, axis.limits, motion.PHYSICAL)
+                if cut:
+                    reals.copy_word(self.values, 0, axis.cubic, WHOLE)
+                self.store.position(motor, end, follower.place, 0)
+                lead(axis.planned, axis.limits, follower.place, 0, 0)
+                reals.put_difference(r, X, axis.limits, motion.PHYSICAL, self.values, 0)
+                turns = reals.sign(r, X) * reals.sign(r, own) < 0
+                if reals.sign(r, X) < 0:
+                    reals.negate(r, X, X)
+                reals.put(r, Y, 1, 0)
+                reals.add(r, X, X, Y)
+                reals.put(r, Y, 3, -1)
+                reals.multiply(r, Y, Y, X)
+                reals.fetch(r, _P, axis.numbers, motion.TOP)
+                reals.divide(r, Y, Y, _P)
+                if reals.compare(r, T, Y) < 0:
+                    reals.copy(r, T, Y)
+                reals.put(r, Y, 12 if turns else 6, 0)
+                reals.multiply(r, Y, Y, X)
+                reals.fetch(r, _P, axis.numbers, motion.STEEP)
+                reals.divide(r, Y, Y, _P)
+                reals.root(r, Y, Y)
+                if reals.compare(r, T, Y) < 0:
+                    reals.copy(r, T, Y)
+                if turns:
+                    reals.double(r, Y, own, 3)
+                    if reals.sign(r, Y) < 0:
+                        reals.negate(r, Y, Y)
+                    reals.divide(r, Y, Y, _P)
+                    if reals.compare(r, T, Y) < 0:
+                        reals.copy(r, T, Y)
+        if reals.sign(r, _RATE):
+            reals.double(r, X, _D, 1)
+            reals.divide(r, X, X, _RATE)
+            if reals.compare(r, X, T) < 0:
+                reals.copy(r, T, X)

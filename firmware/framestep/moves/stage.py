@@ -92,8 +92,12 @@ class Operation:
         """Whether the pass that again() has announced is still to come, now that the motors are there."""
         return True
 
-    def land(self):
-        """Asked to stop gently. True where it does so on its own, by phases."""
+    def land(self, everything):
+        """Asked to stop gently, if `everything` by a STOP_ALL. True where it does so on its own, by phases."""
+        return False
+
+    def landing(self):
+        """Whether a STOP_ALL has made it come to rest in its own way: then the next one is not to be gentle."""
         return False
 
     def over(self):
@@ -240,15 +244,20 @@ class Stage:
         # the pulses come LEAD ticks after the tick that queues them
         self.operation.started((tick + kernel[stepper.LEAD]) & _WRAP)
 
-    def stop(self, factor=1, land=False):
+    @property
+    def landing(self):
+        """A STOP_ALL has been answered by coming to rest on a frame, and that goes on (field note 6.10)."""
+        return self.state == RUNNING and self.operation.landing()
+
+    def stop(self, factor=1, land=False, everything=False):
         """Ramp down whatever this moves; RT_END follows once all stand.
 
         land: an operation that can may come to rest in its own way, on a frame. Returns the bits of
-        the motors that do, and are not to be stopped otherwise.
+        the motors that do, and are not to be stopped otherwise. everything: by a STOP_ALL.
         """
         if self.state == IDLE:
             return 0
-        if land and self.state == RUNNING and self.operation.land():
+        if land and self.state == RUNNING and self.operation.land(everything):
             return self.operation.bits
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
