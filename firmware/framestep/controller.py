@@ -27,7 +27,8 @@ _TEND_MS = const(4)  # from one whole pass to the next
 _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
 _NAP = const(4)  # then one in so many
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
-STALL_MS = const(200)  # a frame that is not whole so long after its beginning is given up
+STALL_MS = const(200)  # a frame that is not whole so long after its beginning is given up,
+_QUIET_MS = const(10)  # unless its bytes are still coming in: the passes themselves may have been away
 
 # What `fault` tells, with the kernel's FAULT_ bits below; framestep.words has the words
 FAULT_LOST = const(0x10)
@@ -280,7 +281,11 @@ class Controller:
             found = reader.poll()
             if found == NOTHING:
                 # Since its beginning: a host that goes on asking would lend its bytes to a damaged length for seconds.
-                if reader.waiting and elapsed(self.now, self.begun_at) > STALL_MS:
+                if (
+                    reader.waiting
+                    and elapsed(self.now, self.begun_at) > STALL_MS
+                    and elapsed(self.now, self.heard_at) >= _QUIET_MS
+                ):
                     reader.abandon()
                     self.begun_at = self.heard_at
                     continue
