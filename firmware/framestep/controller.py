@@ -563,9 +563,23 @@ class Controller:
             or (self.virtuals.engaged >> motor & 1 and not self.virtuals.leads(motor))
         ):
             return m.ERR_MOVING
-        if not self.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
+        if not self.enabled(motor):
             return m.ERR_GENERAL
         return m.OK if self._driven(1 << motor) else m.ERR_GENERAL
+
+    def enabled(self, motor):
+        """Whether the motor may be moved: it is enabled, led by no other, and so is the motor coupled to it.
+
+        Two coupled motors move one load: with one of them without power the other must not pull at it.
+        """
+        axis = self.axes[motor]
+        if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
+            return False
+        return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
+
+    def _leading(self, motor):
+        """The motor that decides what this one does: itself, or the one that it follows."""
+        return motor - 1 if self.axes[motor].leader else motor
 
     def _driven(self, bits):
         """Whether the drivers of these motors, and of those coupled to them, do what they are told."""
@@ -597,9 +611,9 @@ class Controller:
         self.port.send(self.writer)
 
     def _power(self, bits):
-        """Switch the drivers on of motors that are to move."""
+        """Switch the drivers on of motors that are to move, and are enabled."""
         self.fault = 0
-        bits = self._coupled(bits) & ~self.powered
+        bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
         if self.drivers:
             bits &= self.drivers.ready
         if bits:
@@ -646,6 +660,7 @@ class Controller:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
+        motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
         if self.stage.busy and self.stage.takes(motor):
             self.stage.stop(land=True)
@@ -657,18 +672,17 @@ class Controller:
 
     def stop_all(self):
         """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
-        factor = 1
-        if self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS:
-            factor = self.rig.hard_stop_factor
+        hard = self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
+        factor = self.rig.hard_stop_factor if hard else 1
         self.stop_at = self.now
         self.jogging = 0
-        landing = self.stage.stop(factor, factor == 1, True)
-        if factor == 1:
+        landing = self.stage.stop(factor, not hard, True)
+        if hard:
+            self.virtuals.halt(factor)
+        else:
             self.virtuals.stop()
             landing |= self.virtuals.engaged
-        else:
-            self.virtuals.halt(factor)
-        self.axes.stop(factor, landing, factor == 1)
+        self.axes.stop(factor, landing, not hard)
         return m.OK
 
     def _reset_position(self):
@@ -676,11 +690,12 @@ class Controller:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or self.stage.running or self.virtuals.engaged >> motor & 1:
+        if axis.moving or self.stage.running or self.virtuals.engaged >> self._leading(motor) & 1:
             return m.ERR_MOVING
         self.reader.word_to(1, self.words, 0)
+        if not axis.set_position(self.words, 0):
+            return m.ERR_RANGE
         self.positions.know(motor)
-        axis.set_position(self.words, 0)
         self.say_position = True
         return m.OK
 
@@ -759,19 +774,18 @@ class Controller:
         partner = self.axes[motor + 1]
         if partner.moving:
             return m.ERR_MOVING
-        if flags and (axis.leader or partner.partner):
+        if not flags:
+            axis.uncouple()
+        elif axis.leader or partner.partner or not axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED):
             return m.ERR_RANGE  # no chains
-        axis.uncouple()
-        if flags:
-            axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED)
         return m.OK
 
     def _exclude(self):
-        """Which motors take no part in uploaded moves: disabled, under live control, led by another."""
+        """Which motors take no part in uploaded moves: disabled, under live control, led by another, coupled to one
+        that is disabled."""
         bits = 0
         for motor in range(self.count):
-            flags = self.flags[motor]
-            if not flags & m.MOTOR_ENABLED or flags & m.MOTOR_LIVE or self.axes[motor].leader:
+            if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
                 bits |= 1 << motor
         self.stage.follower.excluded = bits
 
@@ -793,7 +807,7 @@ class Controller:
             acceleration = motion.STEEPEST
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
-        if axis.gentler:
+        if self.axes[self._leading(motor)].gentler:
             self.gentler |= 1 << motor
         return m.OK
 

@@ -13,6 +13,7 @@ from framestep_tools.payloads import (
     MotorGetPosition,
     MotorJog,
     MotorMove,
+    MotorResetPosition,
     MotorSetLimits,
     MotorSetSpeed,
     MotorStop,
@@ -322,3 +323,63 @@ def test_retarget_near_a_soft_limit(jerk):
         assert session.position(1) == session.made(1) == 1000
         _, signs = session.steps(1)
         assert np.cumsum(signs).max() <= 6000
+
+
+# ---------------------------------------------------------------- the ends of the range of positions
+
+LOWEST, HIGHEST = -(2**31), 2**31 - 1
+
+
+@pytest.mark.parametrize("flags", [1, 1 | COUPLE, 1 | REVERSED])
+@pytest.mark.parametrize("backlash", [0, 24])
+def test_a_jog_to_the_last_step_there_is(backlash, flags):
+    """What hosts send for "jog down" and "jog up": that way, whatever has to be taken up."""
+    for target, way in ((LOWEST, -1), (HIGHEST, 1)):
+        session = simulated({"motors": [{"backlash": backlash}]})
+        session.accept(MotorConfigure(1, flags), MotorJog(1, 10_000, target))
+        session.run(0.3)
+        session.accept(MotorJog(1, 10_000, target))
+        session.run(0.3)
+        session.wait_idle()
+        assert session.position(1) * way > 1000
+        assert set(session.steps(1)[1]) == {way}
+
+
+@pytest.mark.parametrize("jerk", [0, 300])
+@pytest.mark.parametrize("backlash", [0, 24])
+@pytest.mark.parametrize("way", [1, -1])
+def test_up_to_the_end_of_the_range(way, backlash, jerk):
+    """The motor's own steps have to fit as well: with play the load goes so much less far down."""
+    session = simulated({"motors": [{"backlash": backlash, "jerk": jerk}]})
+    end = HIGHEST if way > 0 else LOWEST + backlash
+    session.accept(MotorResetPosition(1, end - way * 1500))
+    for _ in range(12):
+        session.accept(MotorJog(1, 10_000, HIGHEST if way > 0 else LOWEST))
+        session.run(0.1)
+    session.wait_idle()
+    assert session.position(1) == end
+    if backlash and way < 0:
+        session.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, end - 1), MotorMove(1, LOWEST))
+        session.refuse(Ack.ERR_RANGE, MotorResetPosition(1, end - 1), MotorResetPosition(1, LOWEST))
+        assert session.position(1) == end
+    session.ask(MotorMove(1, end - way * 700))
+    session.run(0.2)
+    session.accept(MotorStop(1))
+    session.wait_idle()
+    session.ask(MotorMove(1, end))
+    session.run(0.3)
+    session.ask(MotorMove(1, end - way * 900))  # while it slows down onto the end
+    session.wait_idle()
+    session.ask(MotorMove(1, end))
+    for wait in (0.3, 0.1, 0.05, 0.05):
+        session.run(wait)
+        session.accept(MotorStop(1))
+    session.wait_idle()
+    assert (end - session.position(1)) * way >= 0
+
+
+def test_uploads_keep_to_the_range_the_play_leaves():
+    session = simulated({"motors": [{"backlash": 24}]})
+    session.accept(MotorResetPosition(1, LOWEST + 30))
+    session.upload({1: [LOWEST + 30, LOWEST + 23, LOWEST + 23, LOWEST + 23]})
+    session.refuse(Ack.ERR_RANGE, RtRunMove(24000, 1, 4, 500, 500))

@@ -44,11 +44,13 @@ class Motor:
 
     def _prepare_and_look(self, hal):
         """Takes down the state that a plan starts from, in steps and steps per tick."""
-        self._prepare(hal)
+        if not self._prepare(hal):
+            return False
         block = self.block
         self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE  # that of a stop at its end is forgotten
         whole, fraction, v, a = self.axis.state[:4]
         self.planned_from = whole + fraction / ONE, v / ONE - a / 2**28
+        return True
 
     def run(self, ticks):
         self.bench.run(ticks, self.axes.feed)
@@ -203,8 +205,8 @@ def test_any_requests(case):
     motor.axis.set_speed(velocity, acceleration)
     moves = motor.travel(target)
     assert motor.axis.moving == moves
-    place, v = motor.planned_from
     ticks = motor.to_rest()
+    place, v = motor.planned_from  # where it came to rest first, if it was about to
     assert motor.block[stepper.POSITION] == target
     motor.check(velocity, min(acceleration * steepest, 4_000_000))
     theory = shortest(target - place, v, velocity / 1e3, acceleration / 1e6)

@@ -180,8 +180,12 @@ def test_settle(cubic):
     before = coefficients(cubic)[0]
     segments.settle(cubic)
     whole = cubic[segments.WHOLE]
-    assert abs(whole - before) <= Fraction(1, 2)
-    assert list(cubic) == [whole, 0, 0, 0, 0, 0, 0, 0, 0]
+    rest = abs(before - round(before))
+    if rest < Fraction(1, 16):
+        assert list(cubic) == [round(before), 0, 0, 0, 0, 0, 0, 0, 0]
+    else:
+        assert list(cubic) == [whole, cubic[segments.P], 0, 0, 0, 0, 0, 0, 0]
+        assert 0 <= before - whole - Fraction(cubic[segments.P], 2**16) < Fraction(1, 2**16)
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 65535), cubics())
@@ -261,12 +265,11 @@ def test_mirror():
                 ],
             )
             (block, queue), (other, others) = new_block(), new_block()
-            bases = array("i", [rng.randrange(-(10**6), 10**6), rng.randrange(-(10**6), 10**6)])
+            base = array("i", [rng.randrange(-(10**6), 10**6)])
             ticks = rng.randrange(1, 33)
             segments.cut(cubic, block, ticks)
-            segments.mirror(block, other, bases, turned)
+            segments.mirror(block, other, base, turned)
             end, *_ = added_up(queue[:8])
             mirrored, *_ = added_up(others[:8])
-            way = -1 if turned else 1
-            assert abs((mirrored - bases[1]) * way - (end - bases[0])) <= Fraction(ticks * ticks, ONE)
+            assert mirrored - base[0] == (-end if turned else end)
             assert 0 <= others[2] < ONE

@@ -7,6 +7,8 @@ A script is a line each of
 
     new motors           a new kernel and new axes; the state below is that of all motors
     speed m v a          Axis.set_speed; jerk m j; place m x
+    backlash m n; couple m turned (with motor m + 1); limits m low high
+    jog m target share (held within the limits)
     travel m target share; stop m factor; smooth m; halt factor (all motors)
     tick n               n ticks, the main loop's part before each
     late us              the next interrupt comes so late, and what was missed is replayed
@@ -33,6 +35,7 @@ except ImportError:
     heap_unlock = heap_lock
 
 CYCLES = 125_000
+AXIS = ("speed", "jerk", "place", "travel", "jog", "stop", "smooth", "couple", "limits")
 
 
 class Rig:
@@ -73,6 +76,25 @@ class Rig:
 def travel(rig, axis, share):
     heap_lock()
     axis.travel(rig, rig.words, 1, share)
+    heap_unlock()
+
+
+def jog(rig, axis, share):
+    heap_lock()
+    axis.clamp(rig.words, 1)
+    axis.travel(rig, rig.words, 1, share)
+    heap_unlock()
+
+
+def couple(axis, partner, turned):
+    heap_lock()
+    axis.couple(partner, turned)
+    heap_unlock()
+
+
+def limits(rig, axis):
+    heap_lock()
+    axis.set_limits(True, True, rig.words, 0)
     heap_unlock()
 
 
@@ -121,7 +143,7 @@ def play(lines, write):
     for line in lines:
         what, *numbers = line.split()
         numbers = [int(n) for n in numbers]
-        axis = rig.axes[numbers[0]] if rig and what in ("speed", "jerk", "place", "travel", "stop", "smooth") else None
+        axis = rig.axes[numbers[0]] if rig and what in AXIS else None
         if axis and len(numbers) > 1:
             rig.words[1] = numbers[1]
         if what == "new":
@@ -134,6 +156,16 @@ def play(lines, write):
             place(rig, axis)
         elif what == "travel":
             travel(rig, axis, numbers[2])
+        elif what == "jog":
+            jog(rig, axis, numbers[2])
+        elif what == "backlash":
+            rig.axes.set_backlash(*numbers)
+        elif what == "couple":
+            couple(axis, rig.axes[numbers[0] + 1], numbers[1])
+        elif what == "limits":
+            rig.words[0] = numbers[1]
+            rig.words[1] = numbers[2]
+            limits(rig, axis)
         elif what == "stop":
             stop(rig, axis, numbers[1], False)
         elif what == "smooth":

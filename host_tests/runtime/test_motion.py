@@ -128,6 +128,45 @@ def test_at_the_end_of_the_range(words, way):
     assert not of_motor(state, 0, stepper.FAULT).any()
 
 
+@pytest.mark.parametrize("jerk", [0, 100])
+@pytest.mark.parametrize("turned", [None, 0, 1])
+@pytest.mark.parametrize("backlash", [0, 24])
+def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
+    """The way that was asked for, with play to take up, whatever the numbers wrap to; coupled motors too."""
+    lines = []
+    for way, end in ((-1, LOWEST), (1, HIGHEST)):
+        lines += ["new 2", "tick 10", "speed 0 20000 100000", f"jerk 0 {jerk}", f"backlash 0 {backlash}"]
+        lines += [f"backlash 1 {backlash // 2}"]
+        if turned is not None:
+            lines += [f"couple 0 {turned}"]
+        lines += [f"jog 0 {end} 10000", "tick 400", f"jog 0 {end} 10000", "tick 100", "stop 0 4", "tick 100"]
+        lines += [f"place 0 {end - way * 900}", f"jog 0 {end} 10000", "tick 300", f"jog 0 {end} 10000", "tick 200"]
+    state = compare(words, lines, 2)
+    half = len(state) // 2
+    for rows, way, end in ((state[:half], -1, LOWEST), (state[half:], 1, HIGHEST)):
+        place = of_motor(rows, 0, stepper.POSITION).astype(np.int64)
+        assert place[400] * way > 800
+        assert (np.diff(place[:600]) * way >= 0).all()
+        assert 0 <= (end - place[-1]) * way <= (0 if turned is None or way > 0 == bool(turned) else 40)
+        assert not of_motor(rows, 0, stepper.FAULT).any()
+        assert not of_motor(rows, 1, stepper.FAULT).any()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_any_requests_of_coupled_motors(words, seed):
+    """With play, limits and jerk; the two stay together in every tick."""
+    rng = random.Random(seed)
+    for turned in 0, 1:
+        lines = list(requests(rng, 2, 20))
+        lines[2:2] = ["backlash 0 7", "backlash 1 9", f"couple 0 {turned}", f"limits 1 -{2**31} {2**31 - 1}"]
+        lines = [line for line in lines if line[-2:] != " 1" or "tick" in line or "couple" in line]
+        lines = [line for line in lines if not line.startswith(("travel 1", "stop 1", "smooth 1", "place"))]
+        state = compare(words, lines, 2)
+        one, two = (of_motor(state, motor, stepper.POSITION).astype(np.int64) for motor in (0, 1))
+        assert (one == (-two if turned else two)).all()
+        assert not of_motor(state, 1, stepper.FAULT).any() or of_motor(state, 0, stepper.FAULT).any()
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_numbers(words, seed):
     """The planner's arithmetic and the kernels of segments, word by word."""

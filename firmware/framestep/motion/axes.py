@@ -12,7 +12,7 @@ from array import array
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
-from framestep.motion.reals import order_words
+from framestep.motion.reals import add_words, order_words
 from framestep.motion.segments import bridge, cut, mark, mirror, settle, shift, snap
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
@@ -81,6 +81,7 @@ _WORK = const(28)
 _PHASES = const(29)
 _SEGMENTS_TO_COME = const(1)  # stepper.PLAN_SEGMENTS
 _TIMED = const(4)  # stepper.PLAN_TIMED
+_GOES = const(3)  # stepper.RUN | stepper.STOP
 
 if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
     _PHASE_WORDS,
@@ -185,18 +186,10 @@ def _taken_up(place: ptr32, block: ptr32, backlash: int, way: int) -> int:
 
 
 @micropython.viper
-def _renumber(place: ptr32, block: ptr32, source, i: int):
-    """Call the place source[i]; the play is taken up as it was."""
-    value = ptr32(source)[i + 0]
-    block[_POSITION] = block[_POSITION] + value - place[0]
-    place[0] = value
-
-
-@micropython.viper
-def _feed(parts, other, bases, most: int, enough: int):
+def _feed(parts, other, base, most: int, enough: int):
     """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
 
-    parts: see Axis; other: the block of a motor that does the same, from bases[1] as this one from bases[0].
+    parts: see Axis; other: the block of a motor that does the same, and base: see segments.mirror().
 
     A phase ends within a tick, as a rule. That tick is a segment of its own, from where the old phase begins it to
     where the new one, or the one after that, ends it. At the end of the last phase the motor comes to rest.
@@ -219,7 +212,7 @@ def _feed(parts, other, bases, most: int, enough: int):
                 n = _LONGEST
             cut(cubic, block, n)
             if led:
-                mirror(block, other, bases, led - 1)
+                mirror(block, other, base, led - 1)
             shift(cubic, n << 24, 6, 0)
             w[_LEFT] = w[_LEFT] - n
             enough -= n
@@ -240,10 +233,10 @@ def _feed(parts, other, bases, most: int, enough: int):
                 if part:
                     bridge(state, cubic, block, part)
                     if led:
-                        mirror(block, other, bases, led - 1)
+                        mirror(block, other, base, led - 1)
                 cut(cubic, block, 1)
                 if led:
-                    mirror(block, other, bases, led - 1)
+                    mirror(block, other, base, led - 1)
                 w[_PART] = 0
                 w[_AIMED] = 0
                 b[_PLANNED] = b[_PLANNED] & (-1 - _SEGMENTS_TO_COME - _TIMED)
@@ -261,7 +254,7 @@ def _feed(parts, other, bases, most: int, enough: int):
                 shift(cubic, rest, 0, 0)
                 bridge(state, cubic, block, part)
                 if led:
-                    mirror(block, other, bases, led - 1)
+                    mirror(block, other, base, led - 1)
                 w[_LEFT] = out[0]
                 w[_PART] = out[1] - rest
                 if w[_PART] < 0:
@@ -340,10 +333,15 @@ class Axis:
         )
         self.lower_enabled = False
         self.upper_enabled = False
-        self.bounds = array("i", [0] * 2)  # the soft limits that are enabled, the ends of the range for the others
-        self._bound()
+        self.bounds = array("i", [0] * 2)  # how far the load may go: see _bound()
+        self.own_velocity = 0  # as set_speed() has it; in force is what the coupled motor can do as well
+        self.own_acceleration = 0
+        self.own_jerk = 0
         self.velocity = 0
         self.acceleration = 0
+        self.gentler = False  # a lower acceleration waits
+        self.share = 0
+        self.stale = True  # what travel() has computed from share and settings no longer holds
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         self.place = array("i", [0])  # where the load is: what is reported and asked for
         # The place that the phases lead to, from there to the motor's step (-backlash where the load is moved down),
@@ -354,7 +352,9 @@ class Axis:
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
         self.turned = 0
-        self.bases = array("i", [0] * 2)  # where both stood when they were coupled
+        self.base = array("i", [0])  # from this motor's steps to the partner's: their difference, or turned their sum
+        self.word = array("i", [0] * 3)
+        self._bound()
         self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
 
     # ---------------------------------------------------------------- settings
@@ -362,8 +362,8 @@ class Axis:
     def set_speed(self, velocity, acceleration):
         """Greatest velocity (steps/s, 1 … FASTEST) and acceleration (steps/s²; 0: half the velocity).
 
-        A lower acceleration than that of the motion under way waits in `gentler` for calm(): with less the motor could
-        not stop where it has to, at a soft limit for one.
+        Of coupled motors the stricter setting counts. A lower acceleration than that of the motion under way waits
+        for calm() (`gentler` is True): with less the motor could not stop where it has to, at a soft limit for one.
         """
         if velocity < SLOWEST:
             velocity = SLOWEST
@@ -371,13 +371,28 @@ class Axis:
             acceleration = max(velocity // 2, 1)
         if acceleration > STEEPEST:
             acceleration = STEEPEST
-        self.gentler = 0
-        if acceleration < self.acceleration and self.moving:
-            self.gentler = acceleration
+        self.own_velocity = velocity
+        self.own_acceleration = acceleration
+        (self.leader or self)._apply()
+
+    def _apply(self):
+        """Bring the settings into force, the stricter ones of this motor and its partner."""
+        velocity = self.own_velocity
+        acceleration = self.own_acceleration
+        jerk = self.own_jerk
+        partner = self.partner
+        if partner:
+            velocity = min(velocity, partner.own_velocity)
+            acceleration = min(acceleration, partner.own_acceleration)
+            if not jerk or 0 < partner.own_jerk < jerk:
+                jerk = partner.own_jerk
+        self.gentler = False
+        if acceleration < self.acceleration and not self.stands:
+            self.gentler = True
             acceleration = self.acceleration
         self.velocity = velocity
         self.acceleration = acceleration
-        self.share = 0  # what travel() has computed from these no longer holds
+        self.stale = True
         r = self.numbers
         reals.put(r, _Y, TICKS_PER_SECOND, 0)
         reals.put(r, TOP, velocity, 0)
@@ -385,23 +400,27 @@ class Axis:
         reals.put(r, STEEP, acceleration, 0)
         reals.divide(r, STEEP, STEEP, _Y)
         reals.divide(r, STEEP, STEEP, _Y)
-        self.block[stepper.BRAKE] = kernel_rate(acceleration)
-
-    def calm(self):
-        """Take a lower acceleration that has waited for the motor to stand; False where it still moves."""
-        if self.moving:
-            return False
-        if self.gentler:
-            self.set_speed(self.velocity, self.gentler)
-        return True
-
-    def set_jerk(self, jerk):
-        """Greatest jerk in 1000 steps/s³ (up to 2^30 - 1), 0 for plain trapezoids."""
-        r = self.numbers
-        reals.put(r, _Y, TICKS_PER_SECOND, 0)
         reals.put(r, JERK, jerk, 0)
         reals.divide(r, JERK, JERK, _Y)
         reals.divide(r, JERK, JERK, _Y)
+        self.block[stepper.BRAKE] = kernel_rate(acceleration)
+        if partner:
+            partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]  # one ramp for both, whoever stops them
+
+    def calm(self):
+        """Take a lower acceleration that has waited for the motor to stand; False where it still moves."""
+        if self.leader:
+            return self.leader.calm()
+        if not self.stands:
+            return False
+        if self.gentler:
+            self._apply()
+        return True
+
+    def set_jerk(self, jerk):
+        """Greatest jerk in 1000 steps/s³ (up to 2^30 - 1), 0 for plain trapezoids. Only at rest."""
+        self.own_jerk = jerk
+        (self.leader or self)._apply()
 
     def set_limits(self, lower_enabled, upper_enabled, source, i):
         """Soft limits source[i] and source[i + 1], in steps. False where they cross: nothing is set."""
@@ -411,48 +430,86 @@ class Axis:
         reals.copy_word(self.limits, UPPER, source, i + 1)
         self.lower_enabled = lower_enabled
         self.upper_enabled = upper_enabled
-        self._bound()
+        (self.leader or self)._bound()
         return True
 
     def _bound(self):
-        reals.copy_word(self.bounds, 0, self.limits if self.lower_enabled else _ENDS, LOWER)
-        reals.copy_word(self.bounds, 1, self.limits if self.upper_enabled else _ENDS, UPPER)
+        """`bounds`: the lowest and the highest place for the load.
+
+        Those of the soft limits that are enabled, and of the range of positions, to whose lower end the motor must be
+        able to take up its play; for coupled motors also what the partner's own bounds are for this one.
+        """
+        bounds = self.bounds
+        self._own_bounds(bounds)
+        partner = self.partner
+        if not partner:
+            return
+        # The partner's motor goes from its lower bound less its play up to its upper bound.
+        word = self.word
+        partner._own_bounds(partner.bounds, 1)  # by rounding it may be a hair past the end of its range
+        word[2] = partner.backlash
+        add_words(word, 0, partner.bounds, 0, word, 2, 1)
+        reals.copy_word(word, 1, partner.bounds, 1)
+        low = 0
+        if self.turned:
+            add_words(word, 0, self.base, 0, word, 0, 1)
+            add_words(word, 1, self.base, 0, word, 1, 1)
+            low = 1
+        else:
+            add_words(word, 0, word, 0, self.base, 0, 1)
+            add_words(word, 1, word, 1, self.base, 0, 1)
+        word[2] = self.backlash
+        add_words(word, low, word, low, word, 2, 0)
+        if order_words(word, low, bounds, 0) > 0:
+            reals.copy_word(bounds, 0, word, low)
+        if order_words(word, 1 - low, bounds, 1) < 0:
+            reals.copy_word(bounds, 1, word, 1 - low)
+
+    def _own_bounds(self, bounds, margin=0):
+        word = self.word
+        word[2] = self.backlash + margin
+        add_words(bounds, 0, _ENDS, 0, word, 2, 0)
+        reals.copy_word(bounds, 1, _ENDS, 1)
+        if self.lower_enabled and order_words(self.limits, LOWER, bounds, 0) > 0:
+            reals.copy_word(bounds, 0, self.limits, LOWER)
+        if self.upper_enabled:
+            reals.copy_word(bounds, 1, self.limits, UPPER)
 
     def clamp(self, target, i):
-        """Hold target[i] within the enabled soft limits; a motor past one stays where it is at most."""
+        """Hold target[i] within `bounds`; a motor past one stays where it is at most."""
         side = self.outside(target, i)
         if side:
-            limit = UPPER if side > 0 else LOWER
-            reals.copy_word(target, i, self.limits, limit)
-            if self.outside(target, i) or order_words(self.place, 0, self.limits, limit) == side:
+            end = 1 if side > 0 else 0
+            reals.copy_word(target, i, self.bounds, end)
+            if self.outside(target, i) or order_words(self.place, 0, self.bounds, end) == side:
                 reals.copy_word(target, i, self.place, 0)
 
     def heads_for(self, target, i, share):
         """Whether the motion under way is the one that travel() would plan."""
         return (
             self.share == share
+            and not self.stale
             and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self.block[stepper.MODE] == stepper.RUN)
             and order_words(target, i, self.limits, TARGET) == 0
         )
 
     def outside(self, target, i):
-        """Where target[i] lies past an enabled soft limit: 1 above, -1 below, else 0.
+        """Where target[i] lies past `bounds`: 1 above, -1 below, else 0.
 
-        A motor that is already past a limit may move toward the allowed range (field note 4.3).
+        A motor that is already past one may move toward the allowed range (field note 4.3).
         """
-        if self.upper_enabled and order_words(target, i, self.limits, UPPER) > 0:
-            if order_words(self.place, 0, self.limits, UPPER) <= 0 or order_words(target, i, self.place, 0) > 0:
-                return 1
-        if self.lower_enabled and order_words(target, i, self.limits, LOWER) < 0:
-            if order_words(self.place, 0, self.limits, LOWER) >= 0 or order_words(target, i, self.place, 0) < 0:
-                return -1
-        return 0
+        self.refresh()
+        side = self.beyond(target, i)
+        if side and order_words(self.place, 0, self.bounds, 1 if side > 0 else 0) == side:
+            if order_words(target, i, self.place, 0) != side:
+                return 0
+        return side
 
     def beyond(self, target, i):
-        """Where target[i] lies past an enabled soft limit, wherever the motor is: 1, -1 or 0."""
-        if self.upper_enabled and order_words(target, i, self.limits, UPPER) > 0:
+        """Where target[i] lies past `bounds`, wherever the motor is: 1, -1 or 0."""
+        if order_words(target, i, self.bounds, 1) > 0:
             return 1
-        if self.lower_enabled and order_words(target, i, self.limits, LOWER) < 0:
+        if order_words(target, i, self.bounds, 0) < 0:
             return -1
         return 0
 
@@ -461,11 +518,18 @@ class Axis:
     @property
     def moving(self):
         """From the moment a motion is asked for until the last pulse is out."""
-        return (self.block[stepper.PLANNED] | self.block[stepper.MODE]) != 0
+        block = (self.leader or self).block
+        return (block[stepper.PLANNED] | block[stepper.MODE]) != 0
+
+    @property
+    def stands(self):
+        """Whether nothing is queued that it moves by; the last pulses may still be on their way out."""
+        return not self.block[stepper.MODE] & _GOES and not self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
 
     @property
     def stopping(self):
-        return self.block[stepper.MODE] == stepper.STOP
+        """Whether the kernel slows it down."""
+        return self.block[stepper.MODE] & stepper.STOP != 0
 
     def position_to(self, target, i):
         """target[i] = where the motor is, in steps."""
@@ -473,10 +537,34 @@ class Axis:
         reals.copy_word(target, i, self.place, 0)
 
     def set_position(self, source, i):
-        """Give the place where the motor stands another number. Only at rest."""
+        """Give the place where the motor stands another number. Only at rest.
+
+        False where it cannot have it, since the motor's own step, with the play, would lie past the end of the range
+        of positions, or be farther from the coupled motor's than that is wide: then nothing has changed.
+        """
         self.refresh()
-        _renumber(self.place, self.block, source, i)
-        self.rebase()
+        word = self.word
+        word[2] = self.backlash
+        if not add_words(word, 1, source, i, word, 2, 1):
+            return False
+        word[2] = _gap(self.place, self.block)
+        add_words(word, 1, source, i, word, 2, 0)
+        leader = self.leader or self
+        if leader.partner:
+            other = leader.block if self.leader else leader.partner.block
+            if leader.turned:
+                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 0)
+            elif self.leader:
+                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 1)
+            else:
+                fits = add_words(word, 0, other, stepper.POSITION, word, 1, 1)
+            if not fits:
+                return False
+            reals.copy_word(leader.base, 0, word, 0)
+        reals.copy_word(self.block, stepper.POSITION, word, 1)
+        reals.copy_word(self.place, 0, source, i)
+        leader._bound()
+        return True
 
     def refresh(self):
         """Bring `place` up to date: before it is read, and often enough to see every turn."""
@@ -484,8 +572,9 @@ class Axis:
 
     def stands_on(self, source, i, way=0):
         """Whether it stands still on source[i], with its play taken up for a motion `way` (1 up, -1 down, 0 either)."""
-        if self.moving:
-            return False
+        return not self.moving and self._is_on(source, i, way)
+
+    def _is_on(self, source, i, way):
         self.refresh()
         return (
             reals.equal_words(self.place, 0, source, i) != 0
@@ -502,22 +591,26 @@ class Axis:
         """Steps of play, 0 … 10000. Only at rest."""
         self.backlash = steps
         self.planned[_PLAY] = steps
+        self._bound()
 
     # ---------------------------------------------------------------- motion
 
     def prepare(self, hal):
-        """Make the cubic the state that a new plan starts from, and drop what was planned.
+        """Make the cubic the state that a new plan starts from, and drop what was planned. Everything that moves
+        begins here.
 
-        Everything that moves begins here.
+        False where the motor comes to rest so soon that a plan would not be made in time: then it does that first, and
+        what was planned has been queued.
         """
         if self.positions.settled:
             self.positions.touch()
         block = self.block
-        irq = hal.irq_off()
-        if self.partner:
-            stepper.splice(self.partner.block, SPLICE_TICKS, self.partner.state)
-        stepper.splice(block, SPLICE_TICKS, self.state)
-        hal.irq_on(irq)
+        taken = self._splice(hal)
+        if taken < 0 and block[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
+            self.feed(MOST, SPLICE_TICKS)
+            taken = self._splice(hal)
+        if taken < 0:
+            return False
         _set_cubic(self.cubic, self.state)
         self.phases.clear()
         work = self.work
@@ -527,6 +620,15 @@ class Axis:
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
         self.planned[_OFFSET] = _gap(self.place, block)
+        return True
+
+    def _splice(self, hal):
+        irq = hal.irq_off()
+        taken = stepper.splice(self.block, SPLICE_TICKS, self.state)
+        if taken >= 0 and self.partner:
+            stepper.splice(self.partner.block, SPLICE_TICKS, self.partner.state)
+        hal.irq_on(irq)
+        return taken
 
     def travel(self, hal, target, i, share=10000, way=0):
         """Move to the step target[i]; `share` of velocity and acceleration in ten-thousandths.
@@ -537,32 +639,36 @@ class Axis:
         Returns whether anything moves. The motion starts with the next tick.
         """
         r = self.numbers
-        if share != self.share:
+        if share != self.share or self.stale:
             self.share = share
+            self.stale = False
             reals.put(r, _X, max(share, INCHING), 0)
             reals.put(r, _Y, 10000, 0)
             reals.divide(r, _X, _X, _Y)
             reals.multiply(r, SHARE_TOP, TOP, _X)
             reals.multiply(r, _Y, STEEP, _X)
-            if self.moving and reals.compare(r, _Y, SHARE_STEEP) < 0:
-                self.share = 0  # under way it must be able to stop as planned before; when it stands this is done again
+            if not self.stands and reals.compare(r, _Y, SHARE_STEEP) < 0:
+                self.stale = True  # under way it must be able to stop as planned before; done again when it stands
             else:
                 reals.copy(r, SHARE_STEEP, _Y)
-        self.prepare(hal)
         reals.copy_word(self.limits, TARGET, target, i)
         self.way = way
-        if reals.equal_words(target, i, self.planned, _PLACE):
+        # A stop by the kernel keeps no limit of the jerk: a plan within one cannot begin in the midst of it.
+        if self.stopping and reals.sign(r, JERK) > 0 or not self.prepare(hal):
+            self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # seek() goes on from there
+            return True
+        if reals.equal_words(self.limits, TARGET, self.planned, _PLACE):
             _take_up(self.planned, self.limits, way)
         else:
-            lead(self.planned, self.limits, target, i, 0)
+            lead(self.planned, self.limits, self.limits, TARGET, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
-        bounded = self.lower_enabled or self.upper_enabled
-        planned = ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK, bounded)
+        planned = ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK)
         if planned == ramps.STOP_FIRST:
             if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
                 self.stop(hal)
+                self.block[stepper.PLANNED] = stepper.PLAN_TARGET
                 return True
-            self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # seek() goes on from there
+            self.block[stepper.PLANNED] = stepper.PLAN_TARGET
         elif planned == ramps.NOTHING:
             if self.block[stepper.MODE] != stepper.RUN:
                 return self.moving
@@ -641,7 +747,8 @@ class Axis:
         """At rest: go on to a target that turning round has missed by the play, or that a stop came before, and take
         up the play there."""
         self.block[stepper.PLANNED] = 0
-        if not self.stands_on(self.limits, TARGET, self.way):
+        self.calm()
+        if not self._is_on(self.limits, TARGET, self.way):
             self.travel(hal, self.limits, TARGET, self.share or 10000, self.way)
 
     def start(self, hal):
@@ -660,28 +767,37 @@ class Axis:
             self.partner.release()
 
     def couple(self, partner, turned):
-        """Make another motor do what this one does from now on, with the sign turned or not. Both at rest."""
+        """Make another motor do what this one does from now on, with the sign turned or not. Both at rest.
+
+        The places where both stand now are the same from then on. The stricter settings and limits of the two count,
+        whenever they are set. False where the motors' steps lie farther apart than the range of positions is wide:
+        nothing has changed.
+        """
+        if not add_words(
+            self.word, 0, partner.block, stepper.POSITION, self.block, stepper.POSITION, 0 if turned else 1
+        ):
+            return False
+        self.uncouple()
+        reals.copy_word(self.base, 0, self.word, 0)
         self.partner = partner
         self.turned = 1 if turned else 0
         self.work[_LED] = 1 + self.turned
         partner.leader = self
-        self.rebase()
-        partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
+        self._apply()
+        self._bound()
+        return True
 
     def uncouple(self):
         """Let the partner go. Both at rest."""
-        if self.partner:
-            self.partner.leader = None
+        partner = self.partner
+        if partner:
+            partner.leader = None
             self.partner = None
             self.work[_LED] = 0
-
-    def rebase(self):
-        """Take the places where both stand now for the same."""
-        if self.leader:
-            self.leader.rebase()
-        elif self.partner:
-            reals.copy_word(self.bases, 0, self.block, stepper.POSITION)
-            reals.copy_word(self.bases, 1, self.partner.block, stepper.POSITION)
+            partner._apply()
+            partner._bound()
+            self._apply()
+            self._bound()
 
     def stop(self, hal, factor=1, smooth=False):
         """Ramp down from the next tick on, `factor` times as steeply as the motor is set to.
@@ -714,7 +830,9 @@ class Axis:
             return False
         if self.easing:
             return True  # a further request does not make it longer
-        self.prepare(hal)
+        if not self.prepare(hal):
+            self.block[stepper.PLANNED] = 0
+            return True  # it is about to come to rest
         if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
             return False
         self.easing = True
@@ -728,9 +846,9 @@ class Axis:
     def feed(self, most=MOST, enough=_ALL_BITS):
         """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before."""
         if self.partner:
-            _feed(self.parts, self.partner.block, self.bases, most, enough)
+            _feed(self.parts, self.partner.block, self.base, most, enough)
         else:
-            _feed(self.parts, None, self.bases, most, enough)
+            _feed(self.parts, None, self.base, most, enough)
 
 
 @micropython.viper

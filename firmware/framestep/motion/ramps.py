@@ -80,6 +80,7 @@ _FEW = const(46)
 _FARTHEST = const(0x20000000)  # steps
 
 scratch = array("i", [0] * 48)
+whole = array("i", [0])
 reals.put(scratch, _LEAVE, 1, -6)
 reals.put(scratch, _SHORT, 1, -8)  # phases shorter than this many ticks are left out
 reals.put(scratch, _FEW, 4, 0)  # ticks
@@ -293,10 +294,11 @@ def _push_ramp(phases, start, end, last, turned, targets, i):
         _push(phases, RAMP, _T1, _W, _Y, _Z, turned)
 
 
-def _push_aim(phases, duration, start, end, turned, targets, i):
+def _push_aim(phases, duration, start, end, turned, targets, i, part=0):
     at = phases.words[TAIL] * PHASE_WORDS
     _push(phases, AIM, duration, start, end, _ZERO, turned)
     reals.copy_word(phases.words, at + TARGET, targets, i)
+    phases.words[at + THIRD] = part
 
 
 def _level(phases, cubic):
@@ -328,13 +330,13 @@ def _level(phases, cubic):
     reals.add(r, _V, _V, _Y)
 
 
-def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, bounded=False):
+def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     """Plan from where the cubic is, at its velocity G1, to rest on the step targets[i].
 
     limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
-    for none). Returns NOTHING where there is nothing to do, PLANNED, or if `bounded` STOP_FIRST where the motor must
-    turn and, within the jerk limit, slows down already: letting that go first would take it past the end of the plan
-    that it follows, and perhaps past a soft limit. Then nothing is planned; plan_stop() is what does not.
+    for none). Returns NOTHING where there is nothing to do, PLANNED, or STOP_FIRST where the motor must turn and,
+    within the jerk limit, slows down already: letting that go first would take it past the end of the plan that it
+    follows, and perhaps past a soft limit. Then nothing is planned; plan_stop() is what does not.
     """
     r = scratch
     phases.clear()
@@ -344,7 +346,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk, bounded=Fal
     distance(r, _S, targets, i, cubic)
     velocity(r, _V, cubic, G1)
     velocity(r, _X, cubic, G2)
-    slowing = bounded and reals.sign(r, _J) > 0 and reals.sign(r, _V) * reals.sign(r, _X) < 0
+    slowing = reals.sign(r, _J) > 0 and reals.sign(r, _V) * reals.sign(r, _X) < 0
     _level(phases, cubic)
     moving = reals.sign(r, _V)
     way = reals.sign(r, _S)
@@ -443,7 +445,7 @@ def _cruise():
 
 
 def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
-    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on.
+    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on or above.
 
     limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already goes on from the
     deceleration it has, so it does not get past the end of a plan within the same limits. Returns False
@@ -498,12 +500,13 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
             reals.add(r, _S, _S, _X)
         else:
             _push_stop(phases, down)
-    if not _nearest(targets, i, cubic, down):
+    part = _end(targets, i, cubic, down)
+    if part < 0:
         phases.clear()
         return False
     if reals.compare(r, _T1, _SHORT) < 0:
-        reals.copy(r, _T1, _FEW)  # at rest already, but for a fraction of a step
-    _push_aim(phases, _T1, _W, _ZERO, down, targets, i)
+        reals.copy(r, _T1, _FEW)  # at rest already
+    _push_aim(phases, _T1, _W, _ZERO, down, targets, i, part)
     return True
 
 
@@ -544,16 +547,20 @@ def _push_stop(phases, down):
         _push(phases, RAMP, _T2, _X, _C, _ZERO, down)
 
 
-def _nearest(targets, i, cubic, down):
-    """targets[i] = the step nearest to where a way of _S leads; False where that is too far."""
+def _end(targets, i, cubic, down):
+    """Where a way of _S leads: targets[i] = the step on or below, and what it is beyond that (Q16); -1 if that is too
+    far. A stop ends between two steps: to reach the next one in what time is left could ask for any acceleration."""
     r = scratch
     if reals.floor(r, _S, _FARTHEST) == _FARTHEST:
-        return False
+        return -1
     if down:
         reals.negate(r, _S, _S)
     distance(r, _X, cubic, WHOLE, cubic)
     reals.subtract(r, _S, _S, _X)
-    reals.put(r, _X, 1, -1)
-    reals.add(r, _S, _S, _X)
-    reals.add_word(targets, i, cubic, WHOLE, reals.floor(r, _S, _FARTHEST))
-    return True
+    whole[0] = reals.floor(r, _S, _FARTHEST)
+    if not reals.add_words(targets, i, cubic, WHOLE, whole, 0, 0):
+        return 0  # by rounding past the end of the range
+    reals.put(r, _X, whole[0], 0)
+    reals.subtract(r, _S, _S, _X)
+    reals.double(r, _S, _S, 16)
+    return reals.floor(r, _S, 0xFFFF)

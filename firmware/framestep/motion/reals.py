@@ -358,6 +358,33 @@ def add_within(to, i: int, source, j: int, small: int) -> int:
 
 
 @micropython.viper
+def add_words(to, i: int, a, j: int, b, k: int, minus: int) -> int:
+    """to[i] = a[j] + b[k], or a[j] - b[k] if minus is 1; held at the end of int32 that it lies past, and then 0."""
+    t = ptr32(to)
+    m = ptr32(a)
+    n = ptr32(b)
+    x = m[j + 0]
+    y = n[k + 0]
+    if minus:
+        half = (x >> 1) - (y >> 1) + (((x & 1) - (y & 1)) >> 1)
+    else:
+        half = (x >> 1) + (y >> 1) + (x & y & 1)
+    end = 0x3FFFFFFF
+    if half > end:
+        t[i] = end + end + 1
+        return 0
+    end = -0x40000000
+    if half < end:
+        t[i] = end + end
+        return 0
+    if minus:
+        t[i] = x - y
+    else:
+        t[i] = x + y
+    return 1
+
+
+@micropython.viper
 def equal_words(a, i: int, b, j: int) -> int:
     """Whether a[i] == b[j], of array('i') elements of any size."""
     x = ptr32(a)

@@ -81,6 +81,10 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
             high = cubic[k + 0] + high + (low >> 30 & 1)
         cubic[k + 1] = low & _MASK
         cubic[k] = high
+    if cubic[P] < 0:
+        low = -0x40000000
+        if cubic[WHOLE] == low + low:
+            cubic[P] = 0  # by rounding a hair past the end of the range
     cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 16)
     cubic[P] = cubic[P] & 0xFFFF
 
@@ -154,33 +158,34 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
 
 
 @micropython.viper
-def mirror(block: ptr32, other: ptr32, bases: ptr32, turned: int):
-    """Copy the segment queued last into another motor's queue, as seen from that motor's base.
+def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
+    """Copy the segment queued last into another motor's queue, as that motor does it.
 
-    bases: the places of the two motors that stand for the same; turned: 1 for the opposite sense.
+    base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their sum. The kernel
+    makes the same of both, tick by tick and bit by bit: so the two are never a step apart, whatever stops them.
     """
     q = ptr32(block[_QUEUE])
     k = ((block[_TAIL] - 1) & _SLOTS) << 3
     p = ptr32(other[_QUEUE])
     j = (other[_TAIL] & _SLOTS) << 3
-    way = q[k + 1] - bases[0]
+    place = q[k + 1]
     part = q[k + 2]
     v = q[k + 3]
     a = q[k + 4]
     jerk = q[k + 5]
     if turned:
-        way = 0 - way
+        place = base[0] - place
         if part:
-            way -= 1
+            place -= 1
             part = 0x400000 - part
         v = 0 - v
         jerk = 0 - jerk
-        # but the half unit that cut() has put in keeps its sign
-        a = 0 - a
-        if q[k + 6] == 0:
-            a += 32
+        # what the kernel rounds down from this is then the other one's with its sign turned
+        a = 31 - a
+    else:
+        place = base[0] + place
     p[j + 0] = q[k + 0]
-    p[j + 1] = bases[1] + way
+    p[j + 1] = place
     p[j + 2] = part
     p[j + 3] = v
     p[j + 4] = a
@@ -200,9 +205,12 @@ def snap(cubic: ptr32, at: ptr32):
 
 @micropython.viper
 def settle(cubic: ptr32):
-    """Bring a cubic to rest on the nearest whole step."""
-    cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 15)
-    i = 1
+    """Bring a cubic to rest where it is, on a whole step if that is within a sixteenth: it was meant then."""
+    if (cubic[P] + 0x1000) & 0xE000 == 0:
+        cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 15)
+        cubic[P] = 0
+    cubic[P + 1] = 0
+    i = G1
     while i < CUBIC_WORDS:
         cubic[i + 0] = 0
         i += 1

@@ -215,8 +215,9 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     """End a motor's queue about `ticks` from now and tell the state there, to plan on from it.
 
     out: whole steps, fraction (Q22), velocity (Q22), acceleration (Q27) at that moment. Returns the
-    ticks until then; 0 where the motor is at rest. To be called with interrupts off; what is
-    planned must be queued within that time.
+    ticks until then, `ticks` at least; 0 where the motor is at rest, and -1 where it comes to rest sooner: then
+    nothing has changed, and what is to follow waits for that. To be called with interrupts off; what is planned must
+    be queued within that time.
     """
     whole = m[POSITION]
     rem = m[FRACTION]
@@ -224,37 +225,38 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     a = m[ACCEL]
     j = m[JERK]
     left = m[LEFT]
+    head = m[HEAD]
     n = ticks
     if m[MODE] & STOP:
         # Carry on with the same deceleration as a segment
         a = m[DECEL]
-        n = v // a
         if v < 0:
-            n = (0 - v) // a
+            if (0 - v) // a < n:
+                return -1
         else:
+            if v // a < n:
+                return -1
             a = 0 - a
-        if n > ticks:
-            n = ticks
         m[HEAD] = m[TAIL]
+        head = m[TAIL]
         m[LEFT] = n
         left = n
         v = v + a
         a = a << 5
         j = 0
         m[JERK] = 0
-        if n:
-            m[VELOCITY] = v
-            m[ACCEL] = a
-        else:
-            # slower than one share of it: at rest, and on with whatever is queued
-            v = 0
-            a = 0
-            rem = 0
-            m[VELOCITY] = 0
-            m[FRACTION] = 0
-            m[ACCEL] = 0
+        m[VELOCITY] = v
+        m[ACCEL] = a
         m[MODE] = RUN | (m[MODE] & START)
     elif m[MODE] & RUN:
+        k = left
+        while k < n:
+            if head == m[TAIL]:
+                return -1
+            q = ptr32(m[QUEUE])
+            k += q[(head & (SEGMENTS - 1)) << 3]
+            head = (head + 1) & _WRAP
+        head = m[HEAD]
         if left > n:
             left = n
             m[LEFT] = n
@@ -263,7 +265,6 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
         rem = 0
         v = 0
         a = 0
-    head = m[HEAD]
     done = 0
     bridge = 0
     while n:
@@ -476,15 +477,19 @@ def look(m: ptr32) -> int:
 
 @micropython.viper
 def seeking(m: ptr32) -> int:
-    """One bit per motor that has come to rest with a target still to be met. m: the header."""
+    """One bit per motor that has come to rest with a target still to be met. m: the header.
+
+    Its last pulses may still be on their way out.
+    """
     bits = 0
     bit = 1
     a = m[FIRST]
     while a:
         m = ptr32(a)
         a = m[NEXT]
-        if m[MODE] == IDLE:
-            if m[PLANNED] == PLAN_TARGET:
-                bits |= bit
+        if m[MODE] & (RUN | STOP):
+            pass
+        elif m[PLANNED] == PLAN_TARGET:
+            bits |= bit
         bit <<= 1
     return bits

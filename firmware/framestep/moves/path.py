@@ -113,10 +113,11 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
     if past < 0:
         past = 0 - past
     past = (past * 4 + 323) // 324
+    # halves, since from one end of the range to the other is more than a word holds
     if back > 0:
-        if here > bounds[UPPER] - past:
+        if (bounds[UPPER] >> 1) - (here >> 1) <= past >> 1:
             return 0
-    elif here < bounds[LOWER] + past:
+    elif (here >> 1) - (bounds[LOWER] >> 1) <= past >> 1:
         return 0
     return s
 

@@ -205,9 +205,8 @@ class Virtuals:
     def _usable(self, bits):
         """Whether all motors of these bits are enabled, and led by no other."""
         for motor in range(self.axes.count):
-            if bits >> motor & 1:
-                if not self.controller.flags[motor] & m.MOTOR_ENABLED or self.axes[motor].leader:
-                    return False
+            if bits >> motor & 1 and not self.controller.enabled(motor):
+                return False
         return True
 
     # ---------------------------------------------------------------- positions
