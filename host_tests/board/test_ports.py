@@ -297,6 +297,82 @@ def test_closing_within_a_frame(usb):
     stop(repl)
 
 
+# A main loop in the background, as the controller's: callbacks of the port come between two turns only
+SESSIONS = """
+import machine
+seen = 0
+strays = 0
+def turn(_):
+    global seen, strays
+    if seen != (port.open, port.openings):
+        seen = (port.open, port.openings)
+        echo.reader.clear()
+    before = echo.frames
+    echo.turn(port)
+    if echo.frames != before and not port.open: strays += 1
+timer = machine.Timer(period=1, callback=turn)
+"""
+
+
+def test_closing_and_opening_at_each_byte(usb):
+    """However little time passes between them: nothing sent before is taken after, and nothing after is lost."""
+    emu, repl, port = usb
+    repl.exec(SESSIONS)
+    whole = frame(1048, 3)
+    for part in (*range(1, 140, 3), *range(140, 1048, 101), 64, 128, 1047):
+        port.write(whole[:part])
+        port.flush()
+        port.close()
+        emu.advance(part % 7 * 0.3)
+        port.open()
+        assert answered(port, frame(12 + part % 200, part), ms=30), part
+    assert repl.eval("(echo.damaged, strays)") == (0, 0)
+
+
+def test_what_is_sent_while_the_port_closes(usb):
+    """A whole frame that comes just before the port closes, or while it is closed, is not carried out any more."""
+    emu, repl, port = usb
+    repl.exec(SESSIONS)
+    for gap_us in range(0, 1000, 100):
+        port.write(frame(64, gap_us))
+        emu.advance(gap_us / 1000)
+        port.close()
+        emu.advance(3)
+        port.write(frame(30, gap_us))
+        emu.advance(30)
+        port.open()
+        emu.advance(10)
+        port.reset_input_buffer()
+        assert answered(port, frame(40, gap_us), ms=30), gap_us
+    assert repl.eval("(echo.damaged, strays)") == (0, 0)
+
+
+def test_a_host_that_leaves_dtr_alone(usb):
+    """As Qt on Windows. What its driver sets, and a packet that nobody collects, tell that it has closed the port; the
+    next one gets its own answers, no packet meant for the last."""
+    emu, repl, port = usb
+    port.close()
+    emu.advance(200)
+    emu.cmd("dtr", port=1, on=False)
+    repl.exec(SESSIONS)
+    port.open()
+    assert answered(port, frame(40, 1)), "the first bytes open it"
+    for sign in ("line_state", "line_coding", "silence"):
+        port.write(frame(300, 2)[:77])
+        emu.advance(5)
+        port.close()
+        if sign == "silence":
+            repl.exec("echo.fill = 64")
+            emu.advance(700)
+        else:
+            emu.cmd("line", port=1, request=sign)
+            emu.advance(20)
+        port.open()
+        assert answered(port, frame(50, 4)), sign
+        assert answered(port, frame(64, 5)), sign
+    assert repl.eval("(port.open, echo.damaged, strays)") == (True, 0, 0)
+
+
 def test_dtr(usb):
     """`open` follows DTR at once; a host that leaves DTR alone has the port open once it has sent something."""
     emu, repl, port = usb

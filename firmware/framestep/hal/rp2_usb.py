@@ -6,15 +6,14 @@ Nothing here allocates.
 
 import time
 
-from machine import disable_irq, enable_irq
-
 from framestep.native import const, micropython, ptr32
 
 _BUFFER_CONTROL = const(0x50100080)
 _AVAILABLE = const(0x400)  # the controller has the packet, the host has not yet collected it
 _LENGTH = const(0x3FF)
 _SOF_RD = const(0x50110048)
-_USB_PAGE = const(0x50110)  # of 4 kB: the registers, ADDR_ENDP first
+ADDRESS_REGISTER = 0x50110000  # ADDR_ENDP
+_USB_PAGE = const(0x50110)  # of 4 kB
 _ADDRESS = const(0x7F)
 
 _LOOK_MS = const(10)
@@ -50,23 +49,6 @@ def addressed() -> bool:
     page = _USB_PAGE
     page <<= 12  # which as a constant would be an object
     return ptr32(page)[0] & _ADDRESS != 0
-
-
-@micropython.viper
-def submit(submit_xfer, endpoint: int, view) -> bool:
-    """USBDevice.submit_xfer(), but False after a bus reset of which the USB driver is still to be told.
-
-    Between its interrupt and its task TinyUSB has forgotten all endpoints, and a transfer submitted to one ends in
-    panic(): the processor stops for good. So interrupts are off from the look to the end of the call.
-    """
-    done = False
-    state = disable_irq()
-    try:
-        if addressed():
-            done = bool(submit_xfer(endpoint, view))
-    finally:
-        enable_irq(state)
-    return done
 
 
 @micropython.viper

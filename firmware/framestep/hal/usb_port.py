@@ -10,6 +10,10 @@ take turns: the next one is begun by the callback that ends the last, as soon as
 What goes out goes a packet at a time, from one callback to the next, and always ends with a packet that is not full (an
 empty one if need be): hosts wait for that before they hand on what they have got.
 
+Between the interrupt of a bus reset and TinyUSB's task, which tells it, TinyUSB has forgotten all endpoints: a transfer
+submitted to one then ends in panic(), and the processor stops for good. So the device's address, which that interrupt
+clears, is looked at before each, with interrupts off from there to the end of the call.
+
 Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C lands in them)
 and allocate nothing. They own what the driver does, `poll()` and `send()` own what the main loop has taken and given.
 """
@@ -22,7 +26,7 @@ from array import array
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
 
 try:
-    from machine import USBDevice
+    from machine import USBDevice, disable_irq, enable_irq
 except ImportError:
     raise ImportError(
         "a serial port of its own for the protocol needs machine.USBDevice, which this board's MicroPython does not "
@@ -31,16 +35,15 @@ except ImportError:
 
 if sys.platform == "rp2":
     from framestep.hal import rp2_usb as chip
-    from framestep.hal.rp2_usb import submit
+    from framestep.hal.rp2_usb import ADDRESS_REGISTER
 else:
     chip = None  # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the last
-
-    def submit(submit_xfer, endpoint, view):
-        return submit_xfer(endpoint, view)
-
+    _one = array("i", [1])
+    ADDRESS_REGISTER = addressof(_one)
 
 _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
+_ADDRESS = const(0x7F)  # bits of that register, 0 from a bus reset on until the host has given a new one
 _PACKET = const(64)  # full-speed bulk endpoint
 _PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
 _OUTGOING = const(512)  # bytes taken from the writer at a time
@@ -82,10 +85,17 @@ _PACKET_AT = const(18)  # address of the packet's buffer
 _LAST = const(19)  # length of the packet under way
 _TX = const(20)  # address of the outgoing buffer
 _DTR = const(21)
-_WORDS = const(22)
+_STALE = const(22)  # 1: what had arrived when a session began or ended is to be dropped
+_STALE_FILL = const(23)  # FILL at that moment
+_STALE_AT = const(24)  # bytes that had arrived of the transfer running then
+_BY_DTR = const(25)  # the last close was one of DTR
+_BUS = const(27)  # address of the word with the device's address in it
+_SENT = const(26)  # packets, modulo 2^28
+_WORDS = const(28)
 
 _CLOSING_MS = const(50)  # within this a closing host may still collect what is under way
-_QUIET_MS = const(100)  # bytes that come this long after a close are from a host that does not use DTR
+_QUIET_MS = const(100)  # bytes that come this long after DTR has fallen are from a host that does not use it
+_COLLECT_MS = const(500)  # a host that listens collects a packet within this; its driver does, however busy it is
 
 
 @micropython.viper
@@ -103,8 +113,12 @@ def _arm(port):
     s[_END + place] = 0
     s[_SEEN] = 0
     s[_DOUBT] = 0
-    if submit(port._submit, s[_EP_OUT], port._places[place]):
-        s[_ARMED] = 1
+    irq = disable_irq()
+    try:
+        if ptr32(s[_BUS])[0] & _ADDRESS and port._submit(s[_EP_OUT], port._places[place]):
+            s[_ARMED] = 1
+    finally:
+        enable_irq(irq)
 
 
 @micropython.viper
@@ -128,6 +142,40 @@ def _arrived(s: ptr32, look: int) -> int:
 
 
 @micropython.viper
+def _part(s: ptr32):
+    """A session begins or ends: what has arrived until now is of none any more, and what is under way for nobody.
+
+    Of the running transfer that is every packet whose place no longer holds the mark. A host learns that the port is
+    open when this has returned, so nothing of the new session has been sent by then.
+    """
+    end = s[_SEEN]
+    if s[_ARMED] == 0:
+        end = 0
+    while s[_ARMED] and end < _PLACE:
+        packet = ptr32(s[_RX] + (s[_FILL] & 1) * _PLACE + end)
+        if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+            break
+        end += _PACKET
+    s[_STALE] = 1
+    s[_STALE_FILL] = s[_FILL]
+    s[_STALE_AT] = end
+    s[_LEFT] = 0
+
+
+@micropython.viper
+def _drop_stale(s: ptr32):
+    s[_STALE] = 0
+    while s[_TAKE] != s[_STALE_FILL]:
+        s[_TAKE] = (s[_TAKE] + 1) & 3
+        s[_AT] = 0
+    if s[_AT] < s[_STALE_AT]:
+        s[_AT] = s[_STALE_AT]
+    if s[_SEEN] < s[_AT] and s[_TAKE] == s[_FILL]:
+        s[_SEEN] = s[_AT]
+        s[_DOUBT] = 0
+
+
+@micropython.viper
 def _send_packet(port):
     """Send the next 64 bytes, or the rest, or nothing: an empty packet."""
     s = ptr32(port._state)
@@ -147,7 +195,13 @@ def _send_packet(port):
     s[_LEFT] -= count
     s[_LAST] = count
     s[_SENDING] = 1
-    submit(port._submit, s[_EP_IN], port._packets[count])  # refused, it is gone: a reset is about to be told
+    s[_SENT] = (s[_SENT] + 1) & 0xFFFFFFF
+    irq = disable_irq()
+    try:
+        if ptr32(s[_BUS])[0] & _ADDRESS:
+            port._submit(s[_EP_IN], port._packets[count])
+    finally:
+        enable_irq(irq)
 
 
 def _descriptor(builtin):
@@ -209,9 +263,12 @@ class UsbPort:
         s[_EP_IN] = 0x80 | s[_EP_OUT]
         s[_RX] = as_word(addressof(self._rx))
         s[_TX] = as_word(addressof(self._tx))
+        s[_BUS] = as_word(ADDRESS_REGISTER)
         s[_PACKET_AT] = as_word(addressof(packet))
         s[_USED] = s[_USED + 1] = _PLACE
         self._closed_at = time.ticks_ms()
+        self._waits = -1  # the packet that was seen to wait
+        self._waits_since = 0
         self._bus = chip.BusWatch() if chip else None
         self.open = False
         self.openings = 0
@@ -258,8 +315,9 @@ class UsbPort:
             s[_ARMED] = 0
         s[_LIVE] = 0
         s[_SENDING] = 0
-        s[_LEFT] = 0
+        _part(s)
         s[_DTR] = 0
+        s[_BY_DTR] = 1
         self.open = False
         self._closed_at = self._ticks()
 
@@ -271,18 +329,25 @@ class UsbPort:
         what = setup[1]
         if setup[0] & 0x60 != 0x20:  # class requests only
             return _NO
+        s = ptr32(self._state)
+        dtr = setup[2] & 1
+        if what == _SET_LINE_CODING or what == _SET_CONTROL_LINE_STATE:
+            if what == _SET_LINE_CODING:
+                dtr = s[_DTR]
+            if dtr > s[_DTR]:
+                _part(s)
+                self.open = True
+                self.openings = int(self.openings) + 1
+            elif dtr < s[_DTR] or dtr == 0 and self.open:
+                # Without DTR, what drivers set when a program opens or closes the port is the only sign of either.
+                _part(s)
+                self.open = False
+                self._closed_at = self._ticks()
+                s[_BY_DTR] = s[_DTR]
+            s[_DTR] = dtr
         if what == _SET_LINE_CODING or what == _GET_LINE_CODING:
             return self._coding
         if what == _SET_CONTROL_LINE_STATE:
-            s = ptr32(self._state)
-            dtr = setup[2] & 1
-            if dtr > s[_DTR]:
-                self.open = True
-                self.openings = int(self.openings) + 1
-            elif dtr < s[_DTR]:
-                self.open = False
-                self._closed_at = self._ticks()
-            s[_DTR] = dtr
             return _YES
         if what == _SEND_BREAK:
             return _YES
@@ -318,6 +383,11 @@ class UsbPort:
         look = (s[_LOOK] + 1) & 0xFFFFFFF
         s[_LOOK] = look
         moved = 0
+        wanted = 1 if self.open else 0
+        if s[_STALE]:
+            _drop_stale(s)
+            if not s[_ARMED] and s[_LIVE] and (s[_FILL] - s[_TAKE]) & 3 < 2:
+                _arm(self)
         while True:
             place = s[_TAKE] & 1
             at = s[_AT]
@@ -329,7 +399,11 @@ class UsbPort:
             else:
                 end = int(_arrived(s, look))
             if at < end:
-                taken = int(reader.feed(self._rx, place * _PLACE + at, end - at))
+                if wanted == 0:
+                    wanted = 1 if self._heard() else -1
+                taken = end - at
+                if wanted > 0:
+                    taken = int(reader.feed(self._rx, place * _PLACE + at, taken))
                 at += taken
                 s[_AT] = at
                 moved += taken
@@ -339,10 +413,9 @@ class UsbPort:
             s[_TAKE] = (s[_TAKE] + 1) & 3
             if not s[_ARMED] and s[_LIVE]:
                 _arm(self)
-        if moved:
-            if not self.open:
-                self._heard()
-        elif look & 15 == 0:
+        if wanted < 0:
+            return 0
+        if moved == 0 and look & 15 == 0:
             if s[_LIVE] and not s[_ARMED] and s[_TAKE] == s[_FILL]:  # an exception ended the callback that should
                 _arm(self)
             self._watch()
@@ -369,10 +442,13 @@ class UsbPort:
     # ------------------------------------------------------------ openings and closings
 
     def _heard(self):
-        """Bytes came in through a closed port. Unless they were sent before it closed, its host does not use DTR."""
-        if time.ticks_diff(time.ticks_ms(), self._closed_at) > _QUIET_MS:
-            self.open = True
-            self.openings += 1
+        """Bytes came in through a closed port; whether they count. Those of a host that has just let DTR fall do not:
+        it may have sent them before. Else there is one that does not use DTR, and now has the port open."""
+        if self._state[_BY_DTR] and time.ticks_diff(time.ticks_ms(), self._closed_at) <= _QUIET_MS:
+            return False
+        self.open = True
+        self.openings += 1
+        return True
 
     def _drop(self):
         """Drop what was under way when the port closed; False while the host may still be collecting it."""
@@ -389,10 +465,21 @@ class UsbPort:
     def _watch(self):
         """Close the port when the bus has died, open it again when the host wakes up and still has it open."""
         if chip:
+            state = self._state
             if self._bus.dead():
                 if self.open:
                     self.open = False
                     self._closed_at = time.ticks_ms()
+            elif self.open and not state[_DTR] and state[_SENDING] and chip.packet_waits(state[_EP_OUT]):
+                now = time.ticks_ms()
+                if state[_SENT] != self._waits:
+                    self._waits = state[_SENT]
+                    self._waits_since = now
+                elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
+                    self.open = False  # its host does not use DTR, and has gone
+                    self._closed_at = time.ticks_ms()
+                    state[_BY_DTR] = 0
+                    _part(state)
             elif not self.open and self._state[_DTR]:
                 self.open = True
                 self.openings += 1
