@@ -34,7 +34,7 @@ def test_a_boom_swing_track_move(session):
     answered = session.now
     assert len(session.moving) == 6
     session.wait_idle()
-    length = 250 - BOOM_NODAL.forward(joints(BOOM_NODAL, np.zeros(6)))[1]
+    length = 250 - BOOM_NODAL.axes[1].position
     track, _ = assert_straight(BOOM_NODAL, session, before, UNIT[m.VIRT_MOTOR_EW], length)
     track.limits(VELOCITY, ACCELERATION)
     print(f"answered after {(answered - asked) * 1000:.0f} ms, began {(track.begin - asked) * 1000:.0f} ms after that")
@@ -44,7 +44,7 @@ def test_a_boom_swing_track_move(session):
 def test_a_jog_is_stopped_on_its_line(session):
     before = session.positions
     session.forget()
-    start = BOOM_NODAL.forward(joints(BOOM_NODAL, np.array([before[n] for n in sorted(before)])))
+    start = pose(session)
     session.accept(VirtJog(m.VIRT_MOTOR_TRACK, 10_000, 2**31 - 1))
     session.run(0.45)
     session.accept(VirtStop(m.VIRT_MOTOR_TRACK))
@@ -65,7 +65,7 @@ def test_the_camera_stays_on_an_aim_point(session):
     track = Track(session, before)
     angles = []
     for row in track.places:
-        p = BOOM_NODAL.forward(joints(BOOM_NODAL, row))
+        p = BOOM_NODAL.told(BOOM_NODAL.forward(joints(BOOM_NODAL, row)))
         pan, tilt = aim(world(p), (x, y, z))
         angles.append((p[3] - pan, p[4] - tilt))
     assert np.ptp(np.array(angles), axis=0).max() < 0.02

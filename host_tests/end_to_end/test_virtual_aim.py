@@ -48,7 +48,7 @@ def beside(rig, track, point, offset=(0.0, 0.0)):
     """How far the camera looks beside the point, at every millisecond, degrees of pan and tilt."""
     angles = []
     for row in track.places:
-        p = rig.forward(joints(rig, row))
+        p = rig.told(rig.forward(joints(rig, row)))
         pan, tilt = aim(world(p), point)
         angles.append(((p[3] - pan - offset[0] + 180) % 360 - 180, p[4] - tilt - offset[1]))
     return np.array(angles)
@@ -144,6 +144,22 @@ def test_the_safe_distance():
             break
     end = world(pose(session))
     assert np.hypot(end[0] - x, end[2] - (z - 200)) == pytest.approx(150, abs=0.2)
+
+
+@pytest.mark.parametrize(("point", "pan", "tilt"), [((10, 0, 0), -90, 0), ((0, 10, -1), 0, 84.2894)])
+def test_worked_values(point, pan, tilt):
+    """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera already looks at the point, and goes on to."""
+    axes = tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((0.0, 0.0, 0.0, pan, tilt, 0.0)))
+    rig = Rig(4, axes)
+    session = configured(rig)
+    session.accept(SetVirtAimPoint(1, *(1000 * x for x in point)))
+    session.accept(VirtMove(m.VIRT_MOTOR_NS, 5 * 100000))
+    session.wait_idle()
+    wanted = aim((0, 5, 0), point)
+    assert (session.position(4), session.position(5)) == (
+        pytest.approx(1000 * (wanted[0] - pan), abs=1),
+        pytest.approx(1000 * (wanted[1] - tilt), abs=1),
+    )
 
 
 def test_answers():

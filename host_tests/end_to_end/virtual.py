@@ -3,18 +3,28 @@
 import numpy as np
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import HardStop, VirtConfig, VirtGetPosition
+from framestep_tools.payloads import HardStop, MotorResetPosition, VirtConfig, VirtGetPosition
 from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.end_to_end.session import Session, assert_within, simulated
 
 XYZ = Rig(4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0))))
 NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
-ARM = (3.0, 10.0, 4000.0, -10.0, -3.0, 0.0)
+ARM = (3.0, 10.0, 3100.0, -10.0, -3.0, 0.0)  # what the host calls the pose at the beginning
 STEPS = (250.0, 300.0, 80.0, 250.0, 250.0, 250.0)
 BOOM = Rig(
     1, tuple(Axis(i + 1, n, p) for i, (n, p) in enumerate(zip(STEPS, ARM, strict=True))), length=857.7, extension=78.0
 )
 BOOM_NODAL = Rig(1, BOOM.axes, BOOM.length, BOOM.extension, nodal=(20.0, 35.5, -12.0))
+# the same, raised by 3 degrees and swung out by 10 when it is configured
+SWUNG = Rig(
+    1,
+    tuple(
+        Axis(a.motor, a.steps_per_unit, a.position, s)
+        for a, s in zip(BOOM.axes, (750, 3000, 0, -2500, -750, 0), strict=True)
+    ),
+    BOOM.length,
+    BOOM.extension,
+)
 COLUMN = Rig(3, (Axis(1, 100.0, 30.0), *BOOM.axes[1:]), length=600.0, extension=-20.0, nodal=(0.0, 50.0, 10.0))
 SWING_PAN = Rig(2, (Axis(3, 500.0), Axis(2, 100.0)))
 
@@ -33,6 +43,7 @@ def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, mo
     for axis in rig.axes:
         if axis.motor:
             session.speed(axis.motor, velocity, acceleration)
+            session.accept(MotorResetPosition(axis.motor, axis.step))
     session.accept(VirtConfig.unpack(rig.payload()))
     session.forget()
     return session
@@ -42,10 +53,8 @@ def joints(rig, steps):
     """Joints for motor steps, an array of a row per moment or one row; of motors, in the order of their numbers."""
     return np.stack(
         [
-            a.position + (steps[..., a.motor - 1] - a.step) / a.steps_per_unit
-            if a.motor
-            else 0 * steps[..., 0] + a.position
-            for a in rig.axes
+            h + (steps[..., a.motor - 1] - a.step) / a.steps_per_unit if a.motor else 0.0 * steps[..., 0]
+            for a, h in zip(rig.axes, rig.home, strict=True)
         ],
         axis=-1,
     )

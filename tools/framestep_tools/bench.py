@@ -66,7 +66,7 @@ STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ide
 STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)  # of the motors in the mixed move
 _WIDTH = 120  # of the table where there is no terminal
 AT_ONCE = 40  # requests that follow each other at once, right after GO
-ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and where the axes stand
+ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and the pose told
     1,
     tuple(
         Axis(motor, steps, place)

@@ -291,7 +291,10 @@ def draw(kind: int, out: str | os.PathLike) -> None:
         _side(side, kind)
         _head(head, kind)
         figure.text(0.01, 0.02, "orange: the rig's own axes", color=_JOINT, fontsize=8)
-        figure.text(0.16, 0.02, "blue: virtual axes", color=_VIRTUAL, fontsize=8)
+        blue = "blue: virtual axes"
+        if kind != SWING_PAN:
+            blue += ", drawn from where the formulas have 0; the host counts from the pose that it tells in VIRT_CONFIG"
+        figure.text(0.16, 0.02, blue, color=_VIRTUAL, fontsize=8)
         figure.tight_layout()
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None})

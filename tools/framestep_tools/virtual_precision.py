@@ -106,6 +106,13 @@ class Firmware:
         """vTrack, vEW, vNS, vPan, vTilt, vRoll."""
         return self._six(g.POSE)
 
+    def told(self) -> list[float]:
+        """The same as the host counts it."""
+        out = array("i", [0] * 6)
+        for i in range(6):
+            self.geometry.tell(out, i, i)
+        return [number / 100000 for number in out]
+
     def forward(self, joints: Numbers) -> list[float]:
         """The pose for joints."""
         for i, joint in enumerate(joints):

@@ -5,11 +5,14 @@ Angles are degrees.
 
     rig = Rig(kind=1, axes=(Axis(1, 1000.0, 0.0), ...), length=857.7, extension=78.0)
     rig.payload()                      VIRT_CONFIG
-    rig.forward(joints)                pose
+    rig.forward(joints)                pose, as the joints make it
+    rig.told(pose)                     the same as the host counts it, from what it has told in the payload
+    rig.meant(told)                    the other way
     rig.inverse(pose, near=joints)     joints, on the side of the rig that `near` is on; Unreachable
     rig.steps(joints)                  motor steps, as real numbers
 """
 
+import functools
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +29,8 @@ NAMES = {
     X_Y_Z: ("X", "Y", "Z", "PAN", "TILT", "ROLL"),
 }
 POSE = ("vTrack", "vEW", "vNS", "vPan", "vTilt", "vRoll")
+STRAIGHT = ("TRACK", "X", "Y", "Z")
+POSITION_OF = {"BOOM": 2, "SWING": 1, "TRACK": 0, "X": 1, "Y": 2, "Z": 0, "PAN": 3, "TILT": 4, "ROLL": 5}  # in a pose
 TABLE_ANGLES = np.arange(-60.0, 61.0)
 
 # From the frame of Rz(pan)·Rx(tilt)·Ry(roll), x right, y forward, z up, to the world's X, Y, Z
@@ -38,7 +43,11 @@ class Unreachable(ValueError):
 
 @dataclass(frozen=True)
 class Axis:
-    """motor: its number, 0 for none. position: units or degrees at the motor's step `step`."""
+    """motor: its number, 0 for none. position: `pos` of VIRT_CONFIG, a number of the pose at that moment.
+
+    step: where the motor stands then. A joint that turns is steps / steps_per_unit (less whole turns of `step`), a
+    straight one the same from `step` on; without a motor it is 0.
+    """
 
     motor: int
     steps_per_unit: float = 1000.0
@@ -157,12 +166,43 @@ class Rig:
         swing = 180.0 * half + (-1.0) ** half * np.degrees(np.arcsin(x / reach))
         return np.array([first, swing, z + reach * np.cos(np.radians(swing)), p[3] - swing, p[4], p[5]])
 
+    @functools.cached_property
+    def home(self) -> np.ndarray:
+        """The joints at the moment of the configuration."""
+        out = np.zeros(len(self.axes))
+        for i, (a, name) in enumerate(zip(self.axes, NAMES[self.kind], strict=True)):
+            if a.motor and name not in STRAIGHT:
+                out[i] = a.step / a.steps_per_unit
+                out[i] -= 360 * np.floor(out[i] / 360 + 0.5)
+        if self.table is not None:
+            out[0] = self._boom(self.axes[0].step)
+        return out
+
+    @functools.cached_property
+    def _shift(self) -> np.ndarray:
+        """What the host counts less what forward() says."""
+        out = np.zeros(6)
+        if self.kind == SWING_PAN:
+            out[3] = sum(a.step / a.steps_per_unit for a in self.axes)
+        else:
+            for a, name in zip(self.axes, NAMES[self.kind], strict=True):
+                out[POSITION_OF[name]] = a.position
+        return out - self.forward(self.home)
+
+    def told(self, pose: Numbers) -> np.ndarray:
+        """What the host is told for a pose: that of VIRT_CONFIG and what forward() has changed by since (note 9.2)."""
+        return np.asarray(pose, float) + self._shift
+
+    def meant(self, told: Numbers) -> np.ndarray:
+        """The pose that the host calls so."""
+        return np.asarray(told, float) - self._shift
+
     def steps(self, joints: Numbers) -> np.ndarray:
         """Steps of the motors of the axes, 0 where there is none; Unreachable where the boom is off its table."""
         out = np.array(
             [
-                a.step + (q - a.position) * a.steps_per_unit if a.motor else 0.0
-                for a, q in zip(self.axes, joints, strict=True)
+                a.step + (q - h) * a.steps_per_unit if a.motor else 0.0
+                for a, q, h in zip(self.axes, joints, self.home, strict=True)
             ]
         )
         if self.table is not None:
@@ -175,17 +215,21 @@ class Rig:
         """The other way."""
         out = np.array(
             [
-                a.position + (s - a.step) / a.steps_per_unit if a.motor else a.position
-                for a, s in zip(self.axes, steps, strict=True)
+                h + (s - a.step) / a.steps_per_unit if a.motor else 0.0
+                for a, s, h in zip(self.axes, steps, self.home, strict=True)
             ]
         )
         if self.table is not None:
-            order = np.argsort(self.table)
-            table = np.array(self.table, float)[order]
-            if not table[0] <= steps[0] <= table[-1]:
-                raise Unreachable("off the boom table")
-            out[0] = np.interp(steps[0], table, TABLE_ANGLES[order])
+            out[0] = self._boom(steps[0])
         return out
+
+    def _boom(self, step: float) -> float:
+        """The boom's angle by its table."""
+        order = np.argsort(self.table)
+        table = np.array(self.table, float)[order]
+        if not table[0] <= step <= table[-1]:
+            raise Unreachable("off the boom table")
+        return float(np.interp(step, table, TABLE_ANGLES[order]))
 
 
 def _spu(axis: Axis) -> int:

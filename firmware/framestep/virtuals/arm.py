@@ -15,6 +15,7 @@ from framestep.native import const
 from framestep.virtuals import geometry as g
 from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SINES, SUBTRACT
 
+TRACK_AXIS = const(2)
 SWING = const(g.JOINT + 2)
 TRACK = const(g.JOINT + 4)
 HEAD = const(g.JOINT + g.PAN)
@@ -55,6 +56,7 @@ SWING_OUT = bytes(
 
 
 class Arm(g.Rig):
+    least = 93
     main = b"\x00\x03\x02\x01\x04\x05\x06"
 
     def _choose(self):

@@ -4,8 +4,8 @@ Axes: BOOM, SWING, TRACK, PAN, TILT, ROLL; boom angle 0 is level. height = lengt
 + extension (the extension stays level), vNS = height (field note 9.4), the rest as arm.py says. The boom is on the side
 of the column that it points to: it goes to 88.2 degrees up and down, and its reach stays above 0.
 
-The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's steps per degree and
-position of the boom are not used then.
+The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's steps per degree of the
+boom are not used then.
 """
 
 from array import array
@@ -23,6 +23,7 @@ _LEVEL = const(g.T + 6)  # length·cos(boom)
 _LENGTH_AT = const(73)  # in the payload
 _TABLE_AT = const(93)
 _ENTRIES = const(121)
+_TABLE_BYTES = const(484)
 _LOWEST = const(60)  # degrees below level of the first
 _ROUNDING = const(-17)  # 2^-17 degrees: so far beyond the table's ends an angle from inverse() may be
 
@@ -53,6 +54,7 @@ def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
 
 
 class Geometry(arm.Arm):
+    straight = 1 << arm.TRACK_AXIS
     _inverse = (
         g.FROM_POSE
         + bytes(
@@ -90,22 +92,24 @@ class Geometry(arm.Arm):
         self.table = array("i", [0] * _ENTRIES)
         self._tabled = False
 
-    def _numbers(self, length):
-        return 5 if length == 93 or length == 97 or length == 577 or length == 581 else -1
-
     def _check(self, reader, present):
         self.number(reader, _LENGTH_AT, g.T, 1000)
         if reals.sign(self.r, g.T) <= 0:
             return m.ERR_RANGE
-        if reader.length > 100 and not self._read(reader, 0):
+        if reader.length >= _TABLE_AT + _TABLE_BYTES and not self._read(reader, 0):
             return m.ERR_RANGE
         return super()._check(reader, present)
 
     def _adopt(self, reader):
-        self._tabled = reader.length > 100 and self.motor[0] > 0
-        if self._tabled:
+        self._tabled = reader.length >= _TABLE_AT + _TABLE_BYTES
+        if not self._tabled:
+            return 0
+        if self.motor[0]:
             self._read(reader, 1)
             reals.put(self.r, g.PER_UNIT, 0, 0)  # so that they cannot be too many steps
+        else:
+            self._tabled = False
+        return _TABLE_BYTES
 
     def _read(self, reader, keep):
         return _entries(reader.buffer, reader.payload + _TABLE_AT, self.table, keep)

@@ -5,6 +5,9 @@ camera, and whose forward() says the opposite. A pose is vTrack, vEW, vNS, vPan,
 lens's nodal point in units, and angles in degrees (field note 9.1). World: X = EW, Y = NS (up), Z = track; the camera
 at rest looks along -Z (field note 9.4).
 
+POSE counts as forward() does. The host counts from the pose that it has told at VIRT_CONFIG (field note 9.2): what it
+is told and asks for is that pose plus the change of POSE since then. So straight axes may begin anywhere, here at 0.
+
 All numbers are `reals` in one array('i') of REGISTERS words, which all types may share, as one is configured at a time.
 Nothing allocates after construction.
 """
@@ -21,7 +24,7 @@ AXES = const(6)
 # Registers; of six numbers each
 POSE = const(0)  # vTrack, vEW, vNS, vPan, vTilt, vRoll
 JOINT = const(12)  # the rig's axes, in the order of the type's name; units or degrees
-HOME = const(24)  # where they stood at VIRT_CONFIG
+HOME = const(24)  # where they stood at VIRT_CONFIG: angles without whole turns, straight axes at 0
 PER_UNIT = const(36)  # their steps per unit
 # and of one number each
 LENGTH = const(48)
@@ -36,7 +39,8 @@ T = const(80)  # eight numbers for whatever a function needs
 X = const(96)
 Y = const(98)
 OWN = const(100)  # four numbers that a type keeps
-REGISTERS = const(108)
+BEGUN = const(108)  # six: the pose for which the host has told `told`
+REGISTERS = const(120)
 
 _PAN = const(6)  # from POSE or JOINT on
 _TILT = const(8)
@@ -169,6 +173,51 @@ def places(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
     return 1
 
 
+@micropython.viper
+def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, told, j: int):
+    """out[i] = told[j] and the whole number nearest to r[a], or the end of the range that is nearer."""
+    start = ptr32(told)[j + 0]
+    half = r[a + 0]
+    s = 0 - r[a + 1]
+    odd = 0
+    if s > 30:
+        half = 0
+    elif s >= 0:
+        if s:
+            half = (half + (1 << (s - 1))) >> s
+        odd = half & 1
+        half = half >> 1
+    elif s == -2:
+        half = half << 1
+    elif s < -2:
+        if half < 0:
+            half = -0x40000000
+        else:
+            half = 0x3FFFFFFF
+        half = half + half
+    # by quarters first, so that no sum needs 33 bits
+    s = (start >> 2) + (half >> 1)
+    way = 0
+    if s > 0x20000000:
+        way = 1
+    elif s < -0x20000001:
+        way = -1
+    else:
+        half = (start >> 1) + half + (start & odd & 1)
+        if half > 0x3FFFFFFF:
+            way = 1
+        elif half < -0x40000000:
+            way = -1
+    if way:
+        start = 0
+        odd = 0
+        half = -0x40000000
+        if way > 0:
+            start = 1
+            half = 0x3FFFFFFF
+    out[i] = half + half + ((start ^ odd) & 1)
+
+
 def camera_axis(r, axis, to):
     """r[to], r[to + 2], r[to + 4] = the direction, as vTrack, vEW, vNS, of an axis of the camera at POSE.
 
@@ -188,9 +237,13 @@ def camera_axis(r, axis, to):
 class Rig:
     """The axes of a type: which motors, how many steps to the unit, and where they stood at VIRT_CONFIG.
 
+    An axis that turns stands at its motor's steps by the steps per unit; an axis without a motor stands at 0.
+
+    least: bytes of the shortest VIRT_CONFIG.
     r: array('i') of REGISTERS words, shared with the caller. motor: of the axes 0 to 5, the motor's number or 0.
     joints: how many axes the type has. main: of the virtual axes 1 to 6, the axis whose steps a jog's destination is in
-    (field note 9.6), plus 1; 0 for a virtual axis that the type does not have.
+    (field note 9.6), plus 1; 0 for a virtual axis that the type does not have. straight: bits of the axes that do not
+    turn.
 
     Where a method gives back a code, it is 0, or ERR_RANGE for what the rig cannot reach. A type gives two formulas
     (formulas.py): _inverse from POSE and OFFSET to JOINT, where ABOVE refuses what cannot be reached; _forward from
@@ -198,7 +251,9 @@ class Rig:
     """
 
     joints = AXES
+    least = 0
     main = b""
+    straight = 0
     _inverse = b""
     _forward = b""
 
@@ -206,6 +261,7 @@ class Rig:
         self.r = r
         self.motor = bytearray(AXES)
         self.start = array("i", [0] * AXES)
+        self.told = array("i", [0] * AXES)  # the pose that VIRT_CONFIG has told, times 100000
         self._absent = False
         self._offset = False
 
@@ -214,29 +270,21 @@ class Rig:
     def configure(self, reader, present):
         """Take a VIRT_CONFIG; present: array('i') with the motors' steps now, motor 1 first.
 
-        0; ERR_UNSUPPORTED for a length that the type does not have; ERR_RANGE for a number that cannot be. Unless it
-        is 0 all stays as it was. Afterwards POSE is where the rig stands, which may be out of inverse()'s reach.
+        0, or ERR_RANGE for a payload that is too short or a number that cannot be: then all stays as it was.
+        Afterwards POSE is where the rig stands, which may be out of inverse()'s reach.
         """
-        numbers = self._numbers(reader.length)
-        if numbers < 0:
-            return m.ERR_UNSUPPORTED
+        if reader.length < self.least:
+            return m.ERR_RANGE
         code = self._check(reader, present)
         if code:
             return code
         r = self.r
-        self._absent = False
         for i in range(AXES):
-            motor = reader.u8(1 + 12 * i)
-            self.motor[i] = motor
+            self.motor[i] = reader.u8(1 + 12 * i)
             self.number(reader, 5 + 12 * i, PER_UNIT + 2 * i, 1000)
-            self.number(reader, 9 + 12 * i, HOME + 2 * i, 100000)
-            if motor:
-                reals.copy_word(self.start, i, present, motor - 1)
-            else:
-                self.start[i] = 0
-                self._absent = True
+            reader.word_to(9 + 12 * self._carrier(i), self.told, i)
         at = 1 + 12 * AXES
-        if numbers == 5:
+        if self.least > at + 12:
             self.number(reader, at, LENGTH, 1000)
             self.number(reader, at + 4, EXTENSION, 1000)
             at += 8
@@ -248,16 +296,42 @@ class Rig:
             if reals.sign(r, NODAL + 2 * i):
                 self._offset = True
         reals.put(r, SAFE, 0, 0)
-        rest = reader.length - at - 12
-        if rest == 4 or rest == 488:  # 484 are the boom table
-            self.number(reader, reader.length - 4, SAFE, 1000)
-        self._adopt(reader)
-        self.locate(present)
+        at += 12 + self._adopt(reader)
+        if reader.length >= at + 4:
+            self.number(reader, at, SAFE, 1000)  # what follows is ignored (field note 1.8)
+        self._begin(present)
         return 0
 
-    def _numbers(self, length):
-        """How many numbers follow the triples in a payload of this length; -1 if it is none of this type."""
-        raise NotImplementedError
+    def _carrier(self, i):
+        """The axis whose `pos` is the number i of the pose (field note 9.2): that whose steps a jog of it is in."""
+        return self.main[i + 1] - 1
+
+    def _begin(self, present):
+        """HOME and `start` of all axes, and BEGUN."""
+        r = self.r
+        self._absent = False
+        for i in range(AXES):
+            home = HOME + 2 * i
+            reals.put(r, home, 0, 0)
+            self.start[i] = 0
+            motor = self.motor[i]
+            if not motor:
+                self._absent = True
+                continue
+            if not self.straight >> i & 1:
+                self.joint(i, present, motor - 1)  # counted from step 0
+                # without whole turns, lest a motor that has made many of them be less exact
+                reals.put(r, Y, 360, 0)
+                reals.divide(r, X, JOINT + 2 * i, Y)
+                reals.put(r, T, 1, -1)
+                reals.add(r, X, X, T)
+                reals.put(r, X, reals.floor(r, X, 0x7FFFFF), 0)
+                reals.multiply(r, X, X, Y)
+                reals.subtract(r, home, JOINT + 2 * i, X)
+            reals.copy_word(self.start, i, present, motor - 1)
+        self.locate(present)
+        for k in range(0, 2 * AXES, 2):
+            reals.copy(r, BEGUN + k, POSE + k)
 
     def _check(self, reader, present):
         """A code for what the payload says, before anything is changed."""
@@ -274,7 +348,8 @@ class Rig:
         return 0
 
     def _adopt(self, reader):
-        """What a type keeps besides."""
+        """What a type keeps besides; how many bytes of the payload's end that is."""
+        return 0
 
     def number(self, reader, at, to, scale):
         """r[to] = the signed DWORD at `at`, divided by scale."""
@@ -283,6 +358,32 @@ class Rig:
         reals.put_difference(r, to, _word, 0, _word, 1)
         reals.put(r, X, scale, 0)
         reals.divide(r, to, to, X)
+
+    # ---------------------------------------------------------------- the host's coordinates
+
+    def tell(self, out, j, i):
+        """out[j] = number i of POSE as the host counts it, times 100000, held within 32 bits."""
+        r = self.r
+        reals.subtract(r, X, POSE + 2 * i, BEGUN + 2 * i)
+        reals.put(r, Y, 100000, 0)
+        reals.multiply(r, X, X, Y)
+        _sum_to_word(out, j, r, X, self.told, i)
+
+    def meant(self, to, i, source, j):
+        """r[to] = number i of POSE for what the host calls source[j] / 100000."""
+        r = self.r
+        reals.put_difference(r, X, source, j, self.told, i)
+        reals.put(r, Y, 100000, 0)
+        reals.divide(r, X, X, Y)
+        reals.add(r, to, BEGUN + 2 * i, X)
+
+    def shift(self, to, i):
+        """r[to] = what the host counts less than POSE, of number i."""
+        r = self.r
+        reals.put_difference(r, X, self.told, i, _word, 1)
+        reals.put(r, Y, 100000, 0)
+        reals.divide(r, X, X, Y)
+        reals.subtract(r, to, X, BEGUN + 2 * i)
 
     # ---------------------------------------------------------------- steps
 

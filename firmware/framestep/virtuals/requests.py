@@ -7,48 +7,26 @@ answered itself. Nothing allocates after construction.
 from array import array
 
 from framestep.motion import reals
-from framestep.native import const, micropython, ptr32
+from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
 from framestep.virtuals import jog
 from framestep.virtuals import motion as v
 
 _TYPES = const(5)  # and 0 is none
+_PLACE_OF = b"\x01\x02\x00"  # where X, Y, Z of an aim point stand in a pose
 _LINE_AXES = b"\x02\x03\x01\x04\x05"  # the virtual axis whose VIRT_STOP ends a jog on line (field note 9.6)
 
 # Registers
-_SCALE = const(jog.FIRST_FREE)
-_X = const(jog.FIRST_FREE + 2)
-_AXIS = const(jog.FIRST_FREE + 4)  # three
-_REGISTERS = const(jog.FIRST_FREE + 10)
+_X = const(jog.FIRST_FREE)
+_AXIS = const(jog.FIRST_FREE + 2)  # three
+_REGISTERS = const(jog.FIRST_FREE + 8)
 
 _FASTEST = const(10000)  # ten-thousandths: the speed of a jog
 _WRAP = const(0x3FFFFFFF)
 _PAN = const(3)  # axes of the types that have a place
 _TILT = const(4)
 _CARRIERS = const(3)  # axes that carry pan and tilt
-
-
-@micropython.viper
-def _to_word(out: ptr32, i: int, r: ptr32, a: int):
-    """out[i] = the whole number nearest to r[a], or the end of the range that is nearer."""
-    x = r[a + 0]
-    s = 0 - r[a + 1]
-    if s > 30:
-        x = 0
-    elif s > 0:
-        x = (x + (1 << (s - 1))) >> s
-    elif s == 0:
-        pass
-    elif s == -1:
-        x = x << 1
-    elif x < 0:
-        x = -0x40000000
-        x = x + x
-    else:
-        x = 0x3FFFFFFF
-        x = x + x + 1
-    out[i] = x
 
 
 def _geometries(mask, r):
@@ -165,8 +143,6 @@ class Virtuals:
         if busy & self.motion.bits:
             return m.ERR_MOVING
         if kind == m.VIRT_NONE:
-            if reader.length != 1:
-                return m.ERR_RANGE
             self.motion.adopt(None)
             self.motion.aiming = False
             return m.OK
@@ -226,14 +202,11 @@ class Virtuals:
 
     def send_positions(self, reader):
         """VIRT_GET_POSITION, asked for or not. Whether there was room."""
-        r = self.r
         writer = self.writer
         self.locate()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
-        reals.put(r, _SCALE, 100000, 0)
         for i in range(g.AXES):
-            reals.multiply(r, _X, g.POSE + 2 * i, _SCALE)
-            _to_word(self.word, 0, r, _X)
+            self.motion.rig.tell(self.word, 0, i)
             writer.word_from(self.word, 0)
         if self.capabilities & m.CAP_AIM_POINT:
             writer.u8(1 if self.motion.aiming else 0)
@@ -295,7 +268,8 @@ class Virtuals:
             return code
         r = self.r
         axis = 2 * (number - 1)
-        motion.rig.number(self.reader, 1, _X, 100000)
+        self.reader.word_to(1, self.word, 0)
+        motion.rig.meant(_X, number - 1, self.word, 0)
         reals.subtract(r, v.END, _X, v.BASE + axis)
         way = reals.sign(r, v.END)
         if not way:
@@ -436,6 +410,9 @@ class Virtuals:
         r = self.r
         number = _LINE_AXES[axis]
         if axis <= m.LINE_Z:
+            for k in range(m.VIRT_MOTOR_PAN - 1, m.VIRT_MOTOR_ROLL):
+                self.motion.rig.shift(_X, k)
+                reals.add(r, g.POSE + 2 * k, v.BASE + 2 * k, _X)
             g.camera_axis(r, axis, _AXIS)
             for k in range(0, 6, 2):
                 if way < 0:
@@ -467,7 +444,9 @@ class Virtuals:
             r = self.r
             for k in range(0, 6, 2):
                 reals.fetch(self.old, k, r, g.AIM + k)
-                motion.rig.number(reader, 1 + 2 * k, g.AIM + k, 1000)
+                motion.rig.number(reader, 1 + 2 * k, _X, 1000)
+                motion.rig.shift(g.AIM + k, _PLACE_OF[k >> 1])
+                reals.subtract(r, g.AIM + k, _X, g.AIM + k)
             code = motion.look_at()
             if code:
                 for k in range(0, 6, 2):

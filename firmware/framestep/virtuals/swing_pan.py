@@ -2,7 +2,7 @@
 
 Axes: SWING, PAN; the other four have no motor. vPan = pan + swing (field note 9.4); no lengths are known, so the five
 other virtual numbers are 0 and ignored. inverse() leaves the swing where JOINT says it is and turns the pan.
-The message gives no positions: step 0 of either motor counts as 0 degrees. Every vPan can be reached.
+The message tells no pose: step 0 of either motor counts as 0 degrees. Every vPan can be reached.
 """
 
 from framestep.motion import reals
@@ -20,8 +20,8 @@ class Geometry(g.Rig):
     main = b"\x00\x00\x00\x00\x02\x00\x00"
 
     def configure(self, reader, present):
-        if reader.length != 17:
-            return m.ERR_UNSUPPORTED
+        if reader.length < 17:
+            return m.ERR_RANGE
         motors = len(present)
         swing = reader.i32(1)
         pan = reader.i32(9)
@@ -34,12 +34,17 @@ class Geometry(g.Rig):
             r[i] = 0
         for i in range(g.AXES):
             self.motor[i] = 0
-            self.start[i] = 0
+            self.told[i] = 0
         self.motor[0] = swing
         self.motor[1] = pan
         self.number(reader, 5, g.PER_UNIT, 1000)
         self.number(reader, 13, g.PER_UNIT + 2, 1000)
+        # the host counts from both at 0
+        self.start[0] = self.start[1] = 0
         self.locate(present)
+        reals.copy(r, g.OWN, _VPAN)
+        self._begin(present)
+        reals.subtract(r, g.BEGUN + g.PAN, _VPAN, g.OWN)
         return 0
 
     def inverse(self):

@@ -9,6 +9,8 @@ from framestep.virtuals.formulas import COPY, END
 
 
 class Geometry(g.Rig):
+    least = 85
+    straight = 7
     main = b"\x00\x03\x01\x02\x04\x05\x06"
     _inverse = g.FROM_POSE + bytes(
         (COPY, g.JOINT, g.PLACE, 0)
@@ -22,6 +24,3 @@ class Geometry(g.Rig):
         + (COPY, g.PLACE + 4, g.JOINT + 4, 0)
         + (END, 0, 0, 0)
     )
-
-    def _numbers(self, length):
-        return 3 if length == 85 or length == 89 else -1

@@ -12,6 +12,7 @@ from framestep.virtuals.formulas import ADD, COPY, END
 
 
 class Geometry(arm.Arm):
+    straight = 1 | 1 << arm.TRACK_AXIS
     _inverse = (
         g.FROM_POSE
         + bytes(
@@ -29,9 +30,6 @@ class Geometry(arm.Arm):
         + arm.SWING_OUT
         + bytes((END, 0, 0, 0))
     )
-
-    def _numbers(self, length):
-        return 5 if length == 93 or length == 97 else -1
 
     def _check(self, reader, present):
         r = self.r
