@@ -225,6 +225,7 @@ class Rig:
 
     def _boom(self, step: float) -> float:
         """The boom's angle by its table."""
+        assert self.table is not None
         order = np.argsort(self.table)
         table = np.array(self.table, float)[order]
         if not table[0] <= step <= table[-1]:
