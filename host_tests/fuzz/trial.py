@@ -36,6 +36,7 @@ from framestep_tools.script_player import Player
 FREE = float("inf")
 STEEPEST = 4_000_000
 ANSWER_MS = 300  # passes within which a request is answered, when the host takes the answers
+SLOW_MS = 150  # a frame that takes longer to come may be given up
 DAMAGE_MS = 2500  # the same behind damage, which may look like the beginning of long frames
 FLUSH_EDGES = 150_000
 MOTIONS = frozenset(
@@ -82,11 +83,12 @@ def frame(kind: int, payload: bytes, number: int) -> bytes:
 class Request:
     """A sound frame that the host has sent. copies: how often, which a fault of the link may do."""
 
-    __slots__ = ("copies", "deadline", "kind", "number", "payload", "sent")
+    __slots__ = ("copies", "deadline", "kind", "number", "order", "payload", "sent")
 
     def __init__(self, number, kind, payload, sent, deadline):
         self.number, self.kind, self.payload, self.sent, self.deadline = number, kind, payload, sent, deadline
         self.copies = 1
+        self.order = 0
 
     @property
     def motor(self):
@@ -249,6 +251,7 @@ class Trial:
         self.open: dict[int, Request] = {}
         self.passes = 0
         self.stream = bytearray()
+        self.since: dict[int, int] = {}  # when that place came, ms
         self.begun: list[int] = []  # places in the stream where a frame may begin that has not all come
         self.garbage = -(10**9)  # when something came that is no frame, in passes
         self.reply = bytearray()
@@ -260,6 +263,8 @@ class Trial:
         self.virtual_motors: set[int] = set()
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.rest_by: int | None = None
+        self.stood_by: int | None = None  # when that was over, and nothing may move since
+        self.motion = 0  # number of the last request that may move something
         self.stop_sent = -(10**9)
         self.stops = 0
         self.reason = -1  # a fault has a reason until
@@ -328,6 +333,7 @@ class Trial:
             self.open.clear()
             self.stream.clear()
             self.begun.clear()
+            self.since.clear()
         elif verb == "pin":
             self._pin(*argument)
         elif verb == "hold":
@@ -417,18 +423,21 @@ class Trial:
             at += 2
         left = []
         for at in begun:
-            got = self._sound(stream, at)
+            since = self.since.setdefault(at, self.ms)
+            got = self._sound(stream, at, self.ms - since > SLOW_MS)
             if got == 0:
                 left.append(at)
         self.garbage = self.passes
         self.begun = left
         if not left and not stream.endswith(b"D"):
             stream.clear()
+            self.since.clear()
         elif len(stream) > 20_000:
             stream.clear()
             left.clear()
+            self.since.clear()
 
-    def _sound(self, stream, at):
+    def _sound(self, stream, at, slow=False):
         """How many bytes the sound frame there has; 0 if more must come, -1 if there is none."""
         if len(stream) - at < 10:
             return 0 if stream[at : at + 2] == b"DF" else -1
@@ -441,20 +450,23 @@ class Trial:
         whole = bytes(stream[at : at + size])
         if checksum(whole) != (0, 0):
             return -1
-        self._asked(Request(number, kind, whole[10:-2], self.ms, 0))
+        self._asked(Request(number, kind, whole[10:-2], self.ms, 0), slow)
         return size
 
-    def _asked(self, request):
+    def _asked(self, request, slow):
         self.counts["requests"] += 1
         patience = DAMAGE_MS if self.passes - self.garbage < 2000 else ANSWER_MS
-        request.deadline = self.passes + patience
+        request.deadline = self.passes + patience if not slow else None
         if request.number in self.open:
             self.open[request.number].copies += 1
             self.garbage = self.passes
             return
         self.open[request.number] = request
+        request.order = self.counts["requests"]
         kind = request.kind
         if kind in MOTIONS:
+            self.motion = request.order
+            self.stood_by = None
             self.rest_by = None
             self.idle_since = None
             alone = kind in (m.MSG_MOTOR_MOVE, m.MSG_MOTOR_JOG) and not self.virtual and len(request.payload) >= 1
@@ -500,10 +512,14 @@ class Trial:
             self.passes += 1
             if self.open:
                 first = next(iter(self.open.values()))
-                if self.passes > first.deadline:
+                if first.deadline is None:
+                    del self.open[first.number]
+                    self.open[first.number] = first
+                elif self.passes > first.deadline:
                     self._unanswered(first)
         if self.rest_by is not None and self.ms >= self.rest_by:
             self.rest_by = None
+            self.stood_by = self.ms
             for motor in self.motors:
                 motor.rest(self.ms)
         if self.safe_at is not None and self.ms >= self.safe_at and passing:
@@ -653,6 +669,8 @@ class Trial:
                 self.fail("rt-end", "everything stands after GO, and RT_END has not come")
         else:
             self.idle_since = None
+            if self.stood_by is not None and ms > self.stood_by + 200:
+                self.fail("no-rest", f"long after everything was to stop MOTOR_STATUS is {bits:#x}")
         for motor in self.motors:
             if bits >> motor.index & 1:
                 continue
@@ -914,7 +932,8 @@ class Trial:
         self._anywhere()
 
     def _stop_all(self, request, payload):
-        self._stop_bound()
+        if request.order > self.motion:
+            self._stop_bound()
         self._disturbed()
 
     def _stopped(self, request, payload):
@@ -973,7 +992,8 @@ class Trial:
         places = motor.at + np.cumsum(signs)
         self._where(motor, name, places, cycles)
         first = int(cycles[0]) // MS - 1
-        grid = np.arange(first, int(cycles[-1]) // MS + 3) * MS
+        # what comes later is not all known while it moves
+        grid = np.arange(first, max(min(int(cycles[-1]) // MS + 3, self.ms), first + 1)) * MS
         place = np.concatenate(([motor.at], places))[np.searchsorted(cycles, grid, side="right")]
         ms = grid // MS
         top = self._bound(motor.top, ms)
@@ -1030,7 +1050,8 @@ class Trial:
         w = 2
         while 2 * w < len(place) and w <= 512:
             bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
-            allowed = steep[2 * w :] * (w * w * 1.02e-6) + 4.05
+            # of whole steps each is off by less than one; virtual lines are followed within a step (field note 9.5)
+            allowed = steep[2 * w :] * (w * w * 1.02e-6) + (7.05 if self.virtual else 4.05)
             over = bend > allowed
             if over.any():
                 i = int(np.argmax(over))
