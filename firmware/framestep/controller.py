@@ -188,6 +188,7 @@ class Controller:
             self.show.poll()
         if self.stage.state == RUNNING and self.stage.reached():
             self.say_position = True
+            self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
             self._tend(now, False)
         elif (
             self.was_moving

@@ -121,6 +121,8 @@ class Motor:
         self.low = self.high = 0  # where it may be, since it last stood: of the motor
         self.free = False  # that is not known
         self.soft: tuple | None = (None, None)  # bounds of the motor by the soft limits, None: not known
+        self.fresh = True  # it stood before these edges
+        self.sent = 0  # places that it has been sent to since it last stood
         self.quiet: int | None = 0  # since when it may not move, ms
         self.quiets: list[tuple[int, int]] = []
 
@@ -132,6 +134,7 @@ class Motor:
 
     def reach(self, *places):
         """It may go to these places of the load."""
+        self.sent += 1
         self.low = min(self.low, min(places) - self.backlash)
         self.high = max(self.high, *places)
 
@@ -141,6 +144,8 @@ class Motor:
         self.steep = [(ms, self.acceleration)]
         self.least = self.acceleration
         self.jerky = self.free = False
+        self.fresh = True
+        self.sent = 0
         self.low = self.high = self.at
         self.bound()
 
@@ -991,7 +996,8 @@ class Trial:
                 self.fail("quiet", f"{name} makes a step at {late[0] / MS:.2f} ms, but stands since {since} ms")
         places = motor.at + np.cumsum(signs)
         self._where(motor, name, places, cycles)
-        first = int(cycles[0]) // MS - 1
+        first = int(cycles[0]) // MS + (-1 if motor.fresh else 1)
+        motor.fresh = False
         # what comes later is not all known while it moves
         grid = np.arange(first, max(min(int(cycles[-1]) // MS + 3, self.ms), first + 1)) * MS
         place = np.concatenate(([motor.at], places))[np.searchsorted(cycles, grid, side="right")]
@@ -1018,9 +1024,17 @@ class Trial:
 
     def _where(self, motor, name, places, cycles):
         low, high = int(places.min()), int(places.max())
-        if not motor.free and (low < motor.low - 1 or high > motor.high + 1):
-            out = low if low < motor.low - 1 else high
-            at = cycles[(places < motor.low - 1) | (places > motor.high + 1)][0] / MS
+        slack = 1
+        if motor.jerk and motor.sent > 1:
+            # where no soft limit is near a plan may need more room than the one before it
+            times = cycles // (16 * MS)
+            fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
+            slack += int(
+                fast * fast / motor.least + 4 * fast * min((fast / motor.jerk) ** 0.5, motor.steep[-1][1] / motor.jerk)
+            )
+        if not motor.free and (low < motor.low - slack or high > motor.high + slack):
+            out = low if low < motor.low - slack else high
+            at = cycles[(places < motor.low - slack) | (places > motor.high + slack)][0] / MS
             self.fail("astray", f"{name} is at {out}, at {at:.1f} ms outside {motor.low} … {motor.high}")
         if motor.soft is not None:
             lower, upper = motor.soft
