@@ -184,7 +184,7 @@ class Controller:
             self.awake = _AWAKE
             self.planning = True
             self.port.send(self.writer)
-        if self.show.plan is not None:
+        if self.show.busy:
             self.show.poll()
         if self.stage.state == RUNNING and self.stage.reached():
             self.say_position = True
@@ -332,6 +332,7 @@ class Controller:
             self.virtuals.halt()  # no motor may turn round on the way to rest
             self.axes.stop()
         self.io.safe()
+        self.show.abort()
         self.jogging = 0
         self.say_hi = self.say_position = self.say_end = False
 
@@ -339,6 +340,7 @@ class Controller:
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
         self.io.safe()
         self.stage.stop()
+        self.show.abort()
         self.virtuals.halt()
         self.axes.stop()
 
@@ -373,6 +375,7 @@ class Controller:
             self.virtuals.halt(factor)
             self.axes.stop(factor)
             self.io.safe()
+            self.show.abort()
             return
         bits = self.safety.struck_motors()
         if bits:
@@ -749,8 +752,12 @@ class Controller:
         axis = self.axes[motor]
         enabled = flags & m.MOTOR_ENABLED
         coupling = (flags ^ self.flags[motor]) & _COUPLING
-        if self.stage.running or axis.moving and (coupling or not enabled):
-            return m.ERR_MOVING
+        if flags != self.flags[motor]:
+            engaged = self._coupled(self.stage.engaged)
+            if coupling:
+                engaged |= engaged >> 1  # the next motor is meant as well
+            if engaged >> motor & 1 or axis.moving and (coupling or not enabled):
+                return m.ERR_MOVING
         if coupling:
             code = self._couple(motor, flags & _COUPLING)
             if code != m.OK:

@@ -19,6 +19,7 @@ from framestep_tools.payloads import (
     Positions,
     RtEnd,
     RtGo,
+    RtJogAll,
     RtPositionFrame,
     RtRunMove,
     RtUploadMoveAxis,
@@ -206,15 +207,16 @@ def test_run_told(loaded):
         for motor, steps in MOVE.items():
             rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
             assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2
-    last_edge = max(loaded.steps(motor)[0][-1] for motor in MOVE)
-    assert 0 <= end - last_edge <= 0.01 and end - times[-1] == pytest.approx(0.3, abs=0.01)
+    last_edge = max(loaded.steps(motor)[0][loaded.steps(motor)[0] < end][-1] for motor in MOVE)
+    assert 0 <= end - last_edge <= 0.01 and end - times[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
     assert loaded.moving == []
 
 
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20), (20, 4), (7, 8)])
 @pytest.mark.parametrize("roll", [(1000, 400), (400, 1000)])
 def test_roll_positions(loaded, first, last, roll):
-    """Field note 6.2: p − ½·v·T before the first frame and p + ½·v·T behind the last, by constant acceleration."""
+    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; behind the last one a frame
+    at the same velocity and then ½·v·T."""
     pre, post = (ms / 1000 for ms in roll)
     fps = 24
     loaded.ready(run_request(fps, first, last, *roll))
@@ -224,9 +226,12 @@ def test_roll_positions(loaded, first, last, roll):
     loaded.forget()
     loaded.accept(RtGo())
     loaded.client.wait_event(RtEnd, 10)
-    loaded.run(0.1)
-    assert loaded.position(1) == round(MOVE[1][last - 1] + velocity * post / 2)
+    end = loaded.now
+    loaded.run(0.5)
     times, signs = loaded.steps(1)
+    assert before[1] + signs[times < end].sum() == round(MOVE[1][last - 1] + velocity * (1 / fps + post / 2))
+    assert loaded.position(1) == MOVE[1][last - 1]
+    times, signs = times[times < end], signs[times < end]
     rate = abs(velocity)
     assert_within(times, signs, rate * 1.001, rate / min(pre, post), window=0.1)
     # the roll lasts T: its edges lie where a constant acceleration puts them
@@ -272,7 +277,9 @@ def test_pre_roll_of_no_time(loaded, first, last, post):
     way = velocity * abs(velocity) / (2 * 20_000)
     assert before[1] == pytest.approx(MOVE[1][first - 1] - way, abs=1)
     if not post:
-        assert loaded.position(1) == pytest.approx(MOVE[1][last - 1] + way, abs=1)
+        _, signs = loaded.steps(1)
+        farthest = before[1] + (np.cumsum(signs).max() if velocity > 0 else np.cumsum(signs).min())
+        assert farthest == pytest.approx(MOVE[1][last - 1] + velocity / 24 + way, abs=1)
     # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to it
     for motor, acceleration in ((1, 20_000), (2, 100_000)):
         times, signs = loaded.steps(motor)
@@ -424,7 +431,7 @@ def test_too_steep_is_refused(rig):
 def test_limits_in_the_way(loaded):
     """Field note 6.2: pre-roll 0x17, post-roll 0x18; and a frame that lies past a limit."""
     velocity = 60 * 24
-    begin, end = 100 - velocity // 4, 1540 + velocity // 4
+    begin, end = 100 - velocity // 4, 1540 + 60 + velocity // 4
     for lower, upper, code in (
         (begin + 5, 5000, Ack.ERR_PREROLL),
         (-5000, end - 5, Ack.ERR_POSTROLL),
@@ -438,10 +445,12 @@ def test_limits_in_the_way(loaded):
     loaded.wait_idle()
     loaded.accept(RtGo())
     loaded.client.wait_event(RtEnd, 10)
+    loaded.wait_idle()
     loaded.accept(MotorSetLimits(1, 1, begin + 5, 1, 5000))
     # backward it is the other way round
     assert loaded.code(run_request(24, FRAMES, 1, 500, 500)) == Ack.ERR_POSTROLL
     # slower or shorter fits
+    loaded.wait_idle()
     loaded.accept(run_request(24, 1, FRAMES, 450, 500))
 
 
@@ -490,6 +499,130 @@ def test_refused_while_moving(loaded):
     loaded.client.wait_event(RtEnd, 10)
     loaded.run(0.1)
     assert_played(loaded, before, MOVE, 24)
+
+
+# ---- the last frame, and the way back (field note 6.11) -----------------------------------------------------
+
+
+def played_to(loaded, run):
+    """Play a run up to its RT_END and no further. Where the motors stood before, when RT_END came."""
+    loaded.ready(run)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(RtGo())
+    loaded.client.wait_event(RtEnd, 20)
+    return before, loaded.now
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20)])
+@pytest.mark.parametrize("fps", [12, 24, 29.97])
+@pytest.mark.parametrize("post", [0, 300])
+def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
+    """The end frame's velocity until END + 1 frame, then the ramp; RT_END at its end, then back to the end frame."""
+    before, end = played_to(loaded, run_request(fps, first, last, 300, post))
+    loaded.wait_idle()
+    assert not loaded.events(RtEnd), "RT_END came twice"
+    verdict = assert_played(loaded, before, section(first, last), fps)
+    period = 1 / fps
+    reached = (verdict.origin_ns + frame_times_ns(abs(last - first) + 1, round(fps * 1000))[-1]) * 1e-9
+    times, signs = loaded.steps(1)
+    inside = (times > reached + 1e-5) & (times < reached + period)
+    assert abs(inside.sum() - 60) <= 1 and len(set(signs[inside])) == 1
+    assert np.abs(np.diff(times[inside]) * 60 * fps - 1).max() < 0.01, "constant velocity"
+    behind = (times > reached + period) & (times < end)
+    assert len(set(signs[behind])) == 1 and np.diff(times[behind])[-1] > 2 * np.diff(times[inside])[-1]
+    rest = max(t[t < end][-1] for t in (loaded.steps(motor)[0] for motor in MOVE))
+    assert 0 <= end - rest < 0.02
+    if post:
+        assert end - reached == pytest.approx(period + post / 1000, abs=0.01)
+    for motor, steps in MOVE.items():
+        assert loaded.position(motor) == steps[last - 1]
+    assert loaded.ask_positions().move_time == last * 1000
+    # it stands on a frame: what needs that goes on from here
+    loaded.accept(RtJogAll(12_000, 12))
+    loaded.wait_idle()
+    assert loaded.position(1) == MOVE[1][11]
+
+
+def test_the_way_back_is_a_position_frame(loaded):
+    """MOTOR_STATUS tells it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it, RUN_MOVE waits."""
+    loaded.speed(1, 800, 1500)
+    run = run_request(10, 1, FRAMES, 700, 700)
+    _, end = played_to(loaded, run)
+    assert 1 in loaded.moving
+    loaded.run(0.1)
+    loaded.refuse(Ack.ERR_MOVING, run)
+    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    loaded.wait_idle()
+    times, signs = loaded.steps(1)
+    back = times > end
+    assert set(signs[back]) == {-1}
+    assert_within(times[back], signs[back], 800, 1500, window=0.1)
+    assert loaded.position(1) == 1540
+    # another frame under way
+    played_to(loaded, run)
+    loaded.run(0.1)
+    loaded.accept(RtPositionFrame(20))
+    loaded.wait_idle()
+    assert loaded.position(1) == MOVE[1][19] and loaded.ask_positions().move_time == 20_000
+    # stopped
+    played_to(loaded, run)
+    loaded.run(0.15)
+    loaded.accept(MotorStop(1))
+    loaded.wait_idle()
+    assert MOVE[1][24] < loaded.position(1) < MOVE[1][24] + 60 + 210
+    assert not loaded.events(RtEnd)
+    loaded.play(run)
+
+
+def test_no_way_back_after_a_stop(loaded):
+    """A run that is stopped stays where it comes to rest."""
+    for after in (0.2, 0.8, 1.62):
+        loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+        loaded.accept(RtGo())
+        loaded.run(after)
+        loaded.forget()
+        loaded.accept(MotorStopAll())
+        loaded.client.wait_event(RtEnd, 5)
+        end = loaded.now
+        loaded.run(0.5)
+        assert not loaded.moving and not [t for m in MOVE for t in loaded.steps(m)[0] if t > end]
+
+
+def test_only_motors_of_the_run_go_back(loaded):
+    """A motor that was disabled stays, even if it is enabled by then; one under live control goes where it is sent."""
+    loaded.accept(MotorConfigure(2, 0), MotorConfigure(4, 0x01 | 0x08), MotorResetPosition(2, 70))
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    loaded.accept(RtGo())
+    loaded.run(0.5)
+    loaded.accept(MotorConfigure(2, 1))
+    loaded.ask(MotorMove(4, 4321))
+    loaded.client.wait_event(RtEnd, 5)
+    loaded.wait_idle()
+    assert (loaded.position(1), loaded.position(2), loaded.position(4)) == (MOVE[1][24], 70, 4321)
+
+
+def test_the_way_back_keeps_to_limits(loaded):
+    """What POSITION_FRAME would refuse by then is left: the rig stays where the post-roll has ended."""
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    loaded.accept(RtGo())
+    loaded.run(1.0)
+    loaded.accept(MotorSetLimits(1, 1, 1800, 0, 0))  # taken at any time; the end frame lies below
+    loaded.client.wait_event(RtEnd, 5)
+    loaded.run(0.5)
+    assert loaded.position(1) == 1540 + 60 + 360
+
+
+def test_the_last_period_and_the_ends_of_the_range(rig):
+    """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward and backward."""
+    top = 2**31 - 1
+    for steps, place in ((top - 100 + 4 * np.arange(26), top - 100), (100 - top - 4 * np.arange(26), 100 - top)):
+        rig.accept(MotorResetPosition(1, int(place)))
+        rig.upload({1: steps[:25]})
+        rig.refuse(Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 1000))
+        rig.refuse(Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 0, flags=2))
+        rig.accept(run_request(24, 1, 20, 100, 100))
+        rig.wait_idle()
 
 
 # ---- stopping a run ----------------------------------------------------------------------------------------

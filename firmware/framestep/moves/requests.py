@@ -65,7 +65,8 @@ class Moves:
 
     def poll(self):
         """Every few milliseconds: what is due, and what is to be planned. Whether there may be more to plan at once."""
-        self.show.poll()
+        if self.show.busy:
+            self.show.poll()
         if self.stage.state == READY and self.controller.virtuals.engaged:
             return False  # its motors are not at rest, whether they move or not
         return self.stage.poll()
@@ -139,12 +140,17 @@ class Moves:
         channel = reader.u16(25)
         if reader.u8(20) > 1 or channel > 512 or flags & ~RUN_FLAGS:
             return m.ERR_RANGE
+        if flags & m.RUN_STILLS:
+            flags &= ~m.RUN_VIDEO  # field note 6.9
         plan = self.run.draft
         plan.sync = reader.u8(20) == 1
         plan.bloop_bits = reader.u16(21) | (reader.u16(23) & OUTPUTS >> 16) << 16
         plan.bloop_channel = channel
         plan.bloop_ms = reader.u16(27)
-        angles = reader.length >= m.RUN_ANGLES_BYTES
+        opened = closed = 0
+        if flags & m.RUN_STILLS and reader.length >= m.RUN_ANGLES_BYTES:
+            opened = reader.u16(31)
+            closed = reader.u16(33)
         code = self.run.prepare(
             reader.count(0),
             reader.i32(4),
@@ -152,8 +158,8 @@ class Moves:
             reader.count(12),
             reader.count(16),
             flags,
-            reader.u16(31) if angles else 0,
-            reader.u16(33) if angles else 360,
+            opened,
+            closed,
         )
         if code == m.OK:
             self.controller.moving_all(self.run.bits)
@@ -200,9 +206,9 @@ class Moves:
         return code
 
     def _stop_loop(self):
-        if not self.stage.running or self.stage.operation is not self.run:
-            return m.ERR_GENERAL
-        self.run.stop_loop()
+        """spec: MSG_RT_STOP_LOOP. Before GO as well; without a loop it is nothing to do (field note 6.12)."""
+        if self.stage.busy and self.stage.operation is self.run:
+            self.run.stop_loop()
         return m.OK
 
     def _jog_all(self):

@@ -10,6 +10,9 @@ so nothing adds up.
 Ping-pong (0x01): the next pass runs the other way. The ramp that ends a pass and the one that
 begins the next have the same duration, so the motors turn where they are. Loop (0x02): they go back
 to where the pass began, by ramps of their own, and run again.
+
+The last pass (field note 6.11): the end frame lasts its period, in which the motors keep their velocity; then the
+post-roll. When they stand, RT_END is due, and they go back to the end frame's position as by POSITION_FRAME.
 """
 
 from array import array
@@ -32,6 +35,8 @@ from framestep.protocol.messages import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
+DEFAULT_OPEN = const(90)  # degrees, of stills whose request has no angles (field note 6.9)
+DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # frames of phases to keep ahead
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
@@ -64,7 +69,7 @@ class Plan:
         self.bloop_ms = 0
         self.begins = array("i", [0] * motors)  # where each motor waits
         self.begin_ways = array("i", [0] * motors)  # which way it goes from there: 1 up, -1 down, 0 not at all
-        self.ends = array("i", [0] * motors)  # where it comes to rest
+        self.ends = array("i", [0] * motors)  # where it comes to rest after a pass that is not the last
         self.end_ways = array("i", [0] * motors)  # which way it goes from there, played the other way round
 
 
@@ -88,6 +93,10 @@ class RunMove(Operation):
         self.told = 0
         self.queue_clock = FrameClock()
         self.tell_clock = FrameClock()
+        # of the last pass, to work with: where a motor is when the end frame is over, and where it comes to rest
+        self.lasts = array("i", [0] * stage.axes.count)
+        self.rests = array("i", [0] * stage.axes.count)
+        self.end = 0  # index of the frame with which the last pass queued ends
 
     # ---------------------------------------------------------------- the request
 
@@ -114,9 +123,13 @@ class RunMove(Operation):
         plan.frames = (end - start) * plan.step
         plan.fps_milli = fps_milli
         plan.flags = flags
+        if open_angle >= close_angle:  # field note 6.9: as where there are none
+            open_angle = DEFAULT_OPEN
+            close_angle = DEFAULT_CLOSE
         plan.open_angle = open_angle
         plan.close_angle = close_angle
         follower.frame_rate(fps_milli)
+        self._durations(fps_milli)
         last = plan.first + plan.step * plan.frames
         self._ways(plan, plan.begin_ways, plan.first, plan.step)
         self._ways(plan, plan.end_ways, last, -plan.step)
@@ -130,6 +143,7 @@ class RunMove(Operation):
         if code != OK:
             if self.plan.fps_milli:
                 follower.frame_rate(self.plan.fps_milli)
+                self._durations(self.plan.fps_milli)
             return code
         self.draft = self.plan
         self.plan = plan
@@ -172,9 +186,41 @@ class RunMove(Operation):
                     return ERR_PREROLL
                 follower.velocity(own, motor, last, plan.step)
                 reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
-                if not follower.roll(motor, own, _ROLL, False, plan.ends):
+                if plan.flags & (RUN_LOOP | RUN_PING_PONG) and not follower.roll(motor, own, _ROLL, False, plan.ends):
                     return ERR_POSTROLL
+                if not self._last(motor, last):
+                    return ERR_POSTROLL
+                if plan.flags & RUN_PING_PONG:
+                    follower.velocity(own, motor, plan.first, -plan.step)
+                    reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
+                    if not self._last(motor, plan.first):
+                        return ERR_POSTROLL
         return OK
+
+    def _last(self, motor, index):
+        """Find where a motor is when the frame `index`, the last one, is over, and where it comes to rest.
+
+        It keeps speed(motor) through the frame's period and then takes _ROLL ticks. False where that is past a limit or
+        steeper than the motor can.
+        """
+        follower = self.follower
+        r = follower.numbers
+        lasts = self.lasts
+        self.store.position(motor, index, lasts, motor)
+        reals.multiply(r, X, speed(motor), _DURATION)
+        if not follower.shift(lasts, motor, False):
+            return False
+        reals.copy_word(self.rests, motor, lasts, motor)
+        return follower.roll(motor, speed(motor), _ROLL, False, self.rests)
+
+    def _durations(self, fps_milli):
+        """A frame in ticks, the shorter and the longer one."""
+        r = self.follower.numbers
+        frame_us = MICROSECONDS // fps_milli
+        reals.put(r, _DURATION, frame_us, 0)
+        reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
+        reals.divide(r, _DURATION, _DURATION, THOUSAND)
+        reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
 
     def _roll_times(self, plan, index, ms, rolls):
         """How long each motor ramps between rest and its velocity at that frame; the longest in whole ms.
@@ -208,13 +254,8 @@ class RunMove(Operation):
     def start(self):
         follower = self.follower
         plan = self.plan
-        r = follower.numbers
         follower.frame_rate(plan.fps_milli)
-        frame_us = MICROSECONDS // plan.fps_milli
-        reals.put(r, _DURATION, frame_us, 0)
-        reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
-        reals.divide(r, _DURATION, _DURATION, THOUSAND)
-        reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
+        self._durations(plan.fps_milli)
         self.queue_clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.closed = False
@@ -242,9 +283,9 @@ class RunMove(Operation):
             axis.coast(_ROLL, ZERO, own, r, follower.place, 0)
 
     def started(self, tick):
-        tick = (tick + self.begin_ms) & _WRAP
-        self.tell_clock.begin(self.plan.fps_milli, tick)
-        self.show.begin(self.plan, self.first, self.step, tick, not self.looping)
+        first = (tick + self.begin_ms) & _WRAP
+        self.tell_clock.begin(self.plan.fps_milli, first)
+        self.show.begin(self.plan, self.first, self.step, tick, first, not self.looping)
 
     def feed(self):
         self.show.feed()
@@ -261,24 +302,37 @@ class RunMove(Operation):
     def _queue(self):
         """Append the cubic to the next frame to each motor, after the last one the post-roll."""
         follower = self.follower
-        r = follower.numbers
         plan = self.plan
         k = self.queued + 1
+        duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
         if k > plan.frames:
-            onward = self.step == plan.step
-            rolls = plan.post_rolls if onward else plan.pre_rolls
-            places = plan.ends if onward else plan.begins
-            for motor in range(follower.count):
-                if plan.bits >> motor & 1:
-                    reals.fetch(r, _ROLL, rolls, 2 * motor)
-                    if reals.sign(r, _ROLL):
-                        follower.axes[motor].coast(_ROLL, speed(motor), ZERO, r, places, motor)
-            follower.close(plan.bits)
-            self.closed = True
+            self._close(duration)
             return
         self.queued = k
-        duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
         follower.hop(plan.bits, self.first + self.step * k, self.step, duration)
+
+    def _close(self, duration):
+        """Append the post-roll; in the last pass after the end frame's own period of register `duration`."""
+        follower = self.follower
+        r = follower.numbers
+        plan = self.plan
+        onward = self.step == plan.step
+        rolls = plan.post_rolls if onward else plan.pre_rolls
+        places = plan.ends if onward else plan.begins
+        self.end = self.first + self.step * plan.frames
+        for motor in range(follower.count):
+            if plan.bits >> motor & 1:
+                axis = follower.axes[motor]
+                own = speed(motor)
+                reals.fetch(r, _ROLL, rolls, 2 * motor)
+                if not self.looping:
+                    self._last(motor, self.end)
+                    axis.coast(duration, own, own, r, self.lasts, motor)
+                    places = self.rests
+                if reals.sign(r, _ROLL):
+                    axis.coast(_ROLL, own, ZERO, r, places, motor)
+        follower.close(plan.bits)
+        self.closed = True
 
     def reached(self, ticks):
         clock = self.tell_clock
@@ -311,3 +365,6 @@ class RunMove(Operation):
     def over(self):
         self.looping = False
         self.show.end()
+
+    def leave(self):
+        self.stage.go_to_frame(self.store.start + self.end, self.lasts, self.bits)

@@ -24,6 +24,10 @@ _SLOTS = const(32)  # cues that wait
 _SLOT_MASK = const(31)
 _FULL = const(20)  # from so many on no frame adds to them: the rest is for cues that come alone
 _ROUND_US = const(400)  # a tick's pulses come 100 µs before the cues of the tick that they are meant for
+_NO_BLOOP = const(0)
+_BLOOP_WAITS = const(1)  # for the first frame
+_BLOOP_ON = const(2)
+_BLOOP_ENDS = const(3)  # its end has been handed over
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
 
@@ -45,6 +49,7 @@ class Show:
         self.dmx = io.hal.dmx
         self.cues = cues
         self.words = array("i", [0] * 2)
+        self.busy = False  # poll() has something to look after
         # signals that wait, a ring sorted by time
         self.times = array("i", [0] * _SLOTS)
         self.masks = array("i", [0] * _SLOTS)
@@ -63,11 +68,18 @@ class Show:
         self.until = 0  # tick of the last cue that belongs to a frame
         self.triggers = 0  # outputs that the last frame's triggers have on
         # the run under way
-        self.starts = 0  # tick of its first frame
-        self.stops = -1  # tick of the pulse that stops a video camera, once that is known
-        self.bloop_waits = False
-        self.bloop_on = False
-        self.bloop_level = 0
+        self.starts = 0  # tick in which it starts: of GO
+        # the pulse that stops a video camera: from when to when, while `stopping`
+        self.stopping = False
+        self.stop_from = 0
+        self.stop_until = 0
+        # the bloop, which outlives its run (field note 6.7)
+        self.bloop = _NO_BLOOP
+        self.bloop_from = 0  # tick of the run's first frame
+        self.bloop_ms = 0
+        self.bloop_bits = 0
+        self.bloop_channel = 0
+        self.bloop_level = 0  # what the channel goes back to
 
     # ---------------------------------------------------------------- signals
 
@@ -79,6 +91,7 @@ class Show:
         count = self.count
         if count >= _SLOTS:
             return
+        self.busy = True
         times = self.times
         tick &= _WRAP
         i = self.head + count
@@ -121,18 +134,29 @@ class Show:
             self.count -= 1
 
     def cancel(self):
-        """Forget every signal that has not been given."""
+        """Forget every signal that has not been given, but for those that outlive a run: bloop, stop of a camera."""
         self.count = 0
         irq = self.axes.hal.irq_off()
         self.axes.kernel.drop_cues()
         self.axes.hal.irq_on(irq)
+        ticks = self.axes.kernel.state[stepper.TICKS]
+        if self.bloop == _BLOOP_ENDS:
+            self.bloop = _BLOOP_ON  # poll() hands it over again
+        if self.bloop and (ticks - self.bloop_from) & _WRAP >= _HALF:
+            self.bloop = _NO_BLOOP  # its run has not come to the first frame
+        if self.stopping:
+            if (self.stop_from - ticks - 1) & _WRAP < _HALF:
+                self.signal(self.stop_from, _BOTH, _BOTH)
+            self.signal(self.stop_until, _BOTH, 0)
 
     # ---------------------------------------------------------------- a run
 
-    def begin(self, plan, first, step, tick, closing):
-        """A pass begins; its first frame is at `tick` (of the pulses). closing: no further pass follows."""
+    def begin(self, plan, first, step, starts, tick, closing):
+        """A pass begins, in the tick `starts`; its first frame is at `tick` (both of the pulses). closing: no further
+        pass follows."""
         again = self.plan is plan
         self.plan = plan
+        self.busy = True
         self.first = first
         self.step = step
         self.closing = closing
@@ -143,23 +167,21 @@ class Show:
         self.until = tick
         self.triggers = 0
         if not again:
-            self.starts = tick
-            self.stops = -1
-            self.bloop_on = False
-            self.bloop_waits = plan.bloop_ms > 0 and plan.bloop_channel > 0
-            if plan.bloop_ms and plan.bloop_bits:
-                self.signal(tick, plan.bloop_bits, plan.bloop_bits)
-                self.signal(tick + plan.bloop_ms, plan.bloop_bits, 0)
+            self.starts = starts
+            if plan.bloop_ms and (plan.bloop_bits or plan.bloop_channel):
+                self._end_bloop()  # of the run before
+                self.bloop = _BLOOP_WAITS
+                self.bloop_from = tick
+                self.bloop_ms = plan.bloop_ms
+                self.bloop_bits = plan.bloop_bits
+                self.bloop_channel = plan.bloop_channel
+                if plan.bloop_bits:
+                    self.signal(tick, plan.bloop_bits, plan.bloop_bits)
             if plan.flags & RUN_VIDEO:
-                self._pulse(tick)
+                self.signal(starts, _BOTH, _BOTH)
+                self.signal(starts + VIDEO_PULSE_MS, _BOTH, 0)
         self.feed()
         self.pass_on()
-
-    def _pulse(self, tick):
-        """One for a video camera. Returns nothing; the frames' cues end with it at the earliest."""
-        self.signal(tick, _BOTH, _BOTH)
-        self.signal(tick + VIDEO_PULSE_MS, _BOTH, 0)
-        self._lasts(tick + VIDEO_PULSE_MS)
 
     def _lasts(self, tick):
         tick &= _WRAP
@@ -196,7 +218,7 @@ class Show:
                 self.signal(tick, mask, values)
                 self._lasts(tick)
             self.triggers = values
-        if plan.flags & RUN_STILLS and plan.close_angle > plan.open_angle:
+        if plan.flags & RUN_STILLS:
             whole = plan.open_angle == 0 and plan.close_angle == 360  # no gap between two frames
             opened = clock.tick + (clock.us + self._share(plan.open_angle) + _ROUND_US) // 1000
             closed = clock.tick + (clock.us + self._share(plan.close_angle) + _ROUND_US) // 1000
@@ -207,28 +229,32 @@ class Show:
             if not whole or last:
                 self.signal(closed, _BOTH, 0)
                 self._lasts(closed)
-        if last and self.closing and plan.flags & RUN_VIDEO:
-            self._stop_camera(tick)
         self.queued += 1
         clock.advance()
-        if last and self.triggers:
+        if last:
             # the last frame lasts as long as any other
             tick = clock.tick + (clock.us + _ROUND_US) // 1000
-            self.signal(tick, mask, 0)
-            self._lasts(tick)
+            if self.triggers:
+                self.signal(tick, mask, 0)
+            if self.triggers or self.closing:
+                self._lasts(tick)
 
     def _share(self, angle):
         """Microseconds from a frame's beginning to an angle of it, 0 … 360."""
         frame_us = self.cue_clock.quotient
         return frame_us // 360 * angle + frame_us % 360 * angle // 360
 
-    def _stop_camera(self, tick):
-        """The pulse that stops a video camera, apart from the one that started it."""
+    def _stop_camera(self, ticks):
+        """The pulse that stops a video camera: now, or 100 ms after the one that started it."""
+        tick = ticks + 1
         earliest = self.starts + 2 * VIDEO_PULSE_MS
         if (tick - earliest) & _WRAP >= _HALF:
             tick = earliest
-        self.stops = tick & _WRAP
-        self._pulse(tick)
+        self.stopping = True
+        self.stop_from = tick & _WRAP
+        self.stop_until = (tick + VIDEO_PULSE_MS) & _WRAP
+        self.signal(self.stop_from, _BOTH, _BOTH)
+        self.signal(self.stop_until, _BOTH, 0)
 
     def close(self):
         """The pass under way is the last after all."""
@@ -241,25 +267,24 @@ class Show:
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.queued <= plan.frames or self.shown <= plan.frames and plan.sync:
             return False
-        if self.closing and plan.flags & RUN_VIDEO and self.stops < 0:
-            self._stop_camera(ticks + 1)  # the last frame had gone by when that was known
         return (ticks - self.until) & _WRAP < _HALF
 
     def poll(self):
-        """Once per pass: what is due."""
+        """Once per pass while `busy`: what is due."""
         if self.count:
             self.pass_on()
-        plan = self.plan
-        if plan is None:
-            return
         ticks = self.axes.kernel.state[stepper.TICKS]
+        plan = self.plan
         changed = False
-        if plan.sync:
+        if plan is not None and plan.sync:
             changed = self._levels(plan.frames, ticks, self.level_clock)
-        if self.bloop_on or self.bloop_waits:
-            changed |= self._bloop(plan, (ticks - self.starts) & _WRAP)
+        if self.bloop:
+            changed |= self._bloop(ticks, (ticks - self.bloop_from) & _WRAP)
         if changed:
             self.dmx.show(self.lights)
+        if self.stopping and (ticks - self.stop_until) & _WRAP < _HALF:
+            self.stopping = False
+        self.busy = plan is not None or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
 
     def _levels(self, frames, ticks, clock):
         """Set the levels of the frames that are due; whether there were any."""
@@ -278,59 +303,90 @@ class Show:
             clock.advance()
         return changed
 
-    def _bloop(self, plan, since):
-        """The light of the bloop, `since` ticks after the run's first frame; whether it has been set."""
-        lights = self.lights
-        if self.bloop_on:
-            level = lights.level(plan.bloop_channel)
-            if level != 255:
-                self.bloop_level = level  # what the program has it at meanwhile
-            if since >= plan.bloop_ms:
-                self.bloop_on = False
-                level = self.bloop_level
-            else:
-                level = 255
-            lights.set(plan.bloop_channel, level)
-            return True
-        if since < _HALF:
-            self.bloop_waits = False
-            self.bloop_on = True
-            self.bloop_level = lights.level(plan.bloop_channel)
-            lights.set(plan.bloop_channel, 255)
-            return True
-        return False
+    def _bloop(self, ticks, since):
+        """The bloop, `since` ticks after the run's first frame; whether a light has been set."""
+        if since >= _HALF:
+            return False
+        if self.bloop == _BLOOP_WAITS:
+            self.bloop = _BLOOP_ON
+            if self.bloop_channel:
+                self.bloop_level = self.lights.level(self.bloop_channel)
+        if self.bloop == _BLOOP_ON and since + _NEAR >= self.bloop_ms:
+            self.bloop = _BLOOP_ENDS
+            if self.bloop_bits:
+                self.signal(self.bloop_from + self.bloop_ms, self.bloop_bits, 0)
+                self.pass_on()
+        if since < self.bloop_ms:
+            return self._bloop_light(255)
+        self.bloop = _NO_BLOOP
+        return self._bloop_light(self.bloop_level)
+
+    def _bloop_light(self, level):
+        """Put the light of the bloop at a level; whether there is one."""
+        channel = self.bloop_channel
+        if not channel:
+            return False
+        now = self.lights.level(channel)
+        if now != 255 and now != self.bloop_level:
+            # what the program has it at meanwhile
+            if level == self.bloop_level:
+                level = now
+            self.bloop_level = now
+        self.lights.set(channel, level)
+        return True
+
+    def _end_bloop(self):
+        """End a bloop at once."""
+        if self.bloop and self._drop_bloop() and self.bloop_bits:
+            self.signal(self.axes.kernel.state[stepper.TICKS] + 1, self.bloop_bits, 0)
+
+    def _drop_bloop(self):
+        """Forget a bloop; its light goes back. Whether it has begun."""
+        bloop = self.bloop
+        self.bloop = _NO_BLOOP
+        if bloop == _NO_BLOOP or bloop == _BLOOP_WAITS:
+            return False
+        if self._bloop_light(self.bloop_level):
+            self.dmx.show(self.lights)
+        return True
+
+    def abort(self):
+        """Outputs have gone to their safe levels: of a run nothing comes after that but a video camera's stop."""
+        self._drop_bloop()
+        self.cancel()
 
     def place(self, index):
-        """Lights as they are at a frame, without a run (spec: MSG_RT_POSITION_FRAME). Triggers belong to runs."""
-        if self.cues.has_levels:
-            self.cues.seek(index, self.lights)
+        """Lights and triggers as they are at a frame, without a run (spec: MSG_RT_POSITION_FRAME)."""
+        cues = self.cues
+        if cues.has_levels:
+            cues.seek(index, self.lights)
+        if cues.has_triggers:
+            words = self.words
+            cues.trigger_mask_to(words, 0)
+            cues.trigger_values_to(index, words, 1)
+            self.gio.put(_outputs(words, 0), _outputs(words, 1))
 
     def end(self):
-        """The run is over, in whatever way: nothing stays on, a video camera is stopped."""
+        """The run is over, in whatever way: nothing stays on but a bloop for its time, a video camera is stopped."""
         plan = self.plan
         if plan is None:
             return
         self.plan = None
         self.cancel()
-        if self.bloop_on:
-            self.bloop_on = False
-            self.lights.set(plan.bloop_channel, self.bloop_level)
-        self.bloop_waits = False
         ticks = self.axes.kernel.state[stepper.TICKS]
-        now = ticks + 1
-        mask = plan.bloop_bits if plan.bloop_ms else 0
+        mask = 0
         if plan.sync and self.cues.has_triggers:
             self.cues.trigger_mask_to(self.words, 0)
-            mask |= _outputs(self.words, 0)
+            mask = _outputs(self.words, 0)
+            if self.bloop:
+                mask &= ~self.bloop_bits
         if plan.flags & RUN_STILLS:
             mask |= _BOTH
         if mask:
-            self.signal(now, mask, 0)
+            self.signal(ticks + 1, mask, 0)
         if plan.flags & RUN_VIDEO and (ticks - self.starts) & _WRAP < _HALF:
-            # The camera has been started. What is left of a pulse under way comes first.
-            if self.stops >= 0 and (ticks - self.stops) & _WRAP < _HALF:
-                self.signal(self.stops + VIDEO_PULSE_MS, _BOTH, 0)
-            else:
+            # The camera has been started. What is left of that pulse comes first.
+            if (ticks - self.starts - VIDEO_PULSE_MS) & _WRAP >= _HALF:
                 self.signal(self.starts + VIDEO_PULSE_MS, _BOTH, 0)
-                self._stop_camera(now)
+            self._stop_camera(ticks)
         self.pass_on()

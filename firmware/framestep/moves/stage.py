@@ -103,6 +103,9 @@ class Operation:
     def over(self):
         """It has ended, in whatever way; called once or more."""
 
+    def leave(self):
+        """It has come to its end, RT_END is due: send the motors on from there."""
+
 
 class Stage:
     """Runs one operation at a time."""
@@ -145,8 +148,8 @@ class Stage:
         """Whether the motor has a part in the operation."""
         return self.operation.bits >> motor & 1
 
-    def go_to_frame(self, frame, places):
-        """Send all motors to a frame (scene number; spec: MSG_RT_POSITION_FRAME). A code.
+    def go_to_frame(self, frame, places, among=-1):
+        """Send all motors to a frame (scene number; spec: MSG_RT_POSITION_FRAME), or those of the bits `among`. A code.
 
         places: an array of a word per motor to work with. Nothing moves unless it is OK.
         """
@@ -156,7 +159,7 @@ class Stage:
         if frame < store.start or frame > store.end:
             return ERR_RANGE
         axes = self.axes
-        bits = self.follower.motors()
+        bits = self.follower.motors() & among
         for motor in range(axes.count):
             if bits >> motor & 1:
                 store.position(motor, frame - store.start, places, motor)
@@ -314,6 +317,7 @@ class Stage:
                     return True
                 operation.over()
                 self._end()
+                operation.leave()
             return False
         if self.waiting:
             self._attend()
@@ -334,6 +338,7 @@ class Stage:
                 return True
             self.operation.over()
             self._end()
+            self.operation.leave()
         else:
             self.early = _NOT_YET
             self.state = READY
