@@ -82,7 +82,13 @@ ANSWERS = (
     ("GIO_CAM", GioCam(0), _ALWAYS),
     ("MOTOR_SET_SPEED", MotorSetSpeed(1, 20000, 100000), _ALWAYS),
     ("MOTOR_SET_LIMITS", MotorSetLimits(1, 0, 0, 0, 0), _ALWAYS),
-    ("MOTOR_CONFIGURE", MotorConfigure(1, 3), "OK OK OK OK OK OK 12 12 12 12 12 OK"),
+    (
+        "MOTOR_CONFIGURE: other flags of a motor that has a part",
+        MotorConfigure(1, 1),
+        "OK OK OK OK OK OK 12 12 12 12 12 OK",
+    ),
+    ("MOTOR_CONFIGURE: the same flags, or another motor", MotorConfigure(1, 3), _ALWAYS),
+    ("", MotorConfigure(8, 3), _ALWAYS),
     ("MOTOR_MOVE, MOTOR_JOG: a motor that has a part", MotorMove(1, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
     ("", MotorJog(1, 5000, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
     ("MOTOR_MOVE, MOTOR_JOG: another one", MotorMove(8, 50), "OK OK OK OK OK OK OK OK OK OK OK 15"),
@@ -139,6 +145,10 @@ What follows an OK:
 * MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, pauses between
   passes included, and those of a motor on its way from the acknowledgement until it stands: where it is zero, GO,
   RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are taken.
+* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS: it is `ready` as soon as
+  RUN_MOVE or SHOOT_FRAME is acknowledged, runs while MOTOR_STATUS is zero, answers 12 meanwhile as any other, and
+  RT_END tells its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
+* A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 
 What lights and triggers take: the board keeps changes, not frames. A channel takes one entry at its first level, one
 for each frame at which its level differs from the frame before, and one for each gap between sections; a frame with

@@ -71,11 +71,13 @@ def test_a_run(side, first, last, roll):
     places = session.positions
     session.accept(RtGo())
     session.client.wait_event(RtEnd, 20)
-    session.run(0.1)
+    ended = session.now
+    session.wait_idle()  # on the end frame again (field note 6.11)
     assert_kept(session)
-    # once it waits for GO no motor goes the other way any more
+    # once it waits for GO no motor goes the other way until RT_END
     for motor, way in ((1, last - first), (2, first - last)):
-        _, signs = session.steps(motor)
+        times, signs = session.steps(motor)
+        signs = signs[times < ended]
         at = np.array(load(signs))
         begun = np.flatnonzero(at == places[motor])[-1]
         assert np.all(signs[begun + 1 :] == np.sign(way))
@@ -90,7 +92,7 @@ def test_every_pass(flags):
     session.run(12)
     session.accept(RtStopLoop())
     session.client.wait_event(RtEnd, 20)
-    session.run(0.1)
+    session.wait_idle()
     assert_kept(session)
     frames = [message for _, message in session.events(Positions) if message.move_time == 1000 * FRAMES]
     assert len(frames) >= 3
@@ -201,7 +203,8 @@ def test_a_turn_within_the_path(fps, start):
                 session.forget()
                 session.accept(RtGo())
                 session.client.wait_event(RtEnd, 60)
-                session.run(0.1)
                 times, _ = session.steps(1)
+                times = times[times < session.now]
+                session.wait_idle()
                 assert np.diff(times).min() >= 1 / (VELOCITY * 1.002) - 5e-6
     assert taken and (refused or start == 17)

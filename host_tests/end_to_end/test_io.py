@@ -68,8 +68,14 @@ def calm(session, estop=False):
 def test_what_hi_says():
     info = simulated().ask(Hi())
     assert (info.dmx_channels, info.outputs, info.inputs, info.limit_sets) == (512, 2, 2, 0)
-    info = simulated({"dmx": False, **SWITCHES, "outputs": []}).ask(Hi())
+    session = simulated({"dmx": False, **SWITCHES, "outputs": []})
+    info = session.ask(Hi())
     assert (info.dmx_channels, info.outputs, info.inputs, info.limit_sets) == (0, 0, 0, 2)
+    # not supported, then, in any state and whatever it says
+    session.refuse(m.ERR_UNSUPPORTED, Dmx(0, 1, [5]), Dmx(7, 900, [5]), RtUploadMoveDmx(1, 0, [5]))
+    session.accept(RtUploadMoveBegin(1, 5))
+    session.refuse(m.ERR_UNSUPPORTED, RtUploadMoveDmx(1, 0, [5]))
+    session.accept(RtUploadMoveEnd())
 
 
 def test_lights_at_once():

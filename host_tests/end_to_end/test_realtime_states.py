@@ -245,7 +245,7 @@ def test_no_zero_in_a_loop(polled, flags, pre):
     poll.until_zero()
     session.accept(RtGo())
     begun = len(poll.told)
-    poll.for_seconds(3)
+    poll.for_seconds(2.9)
     assert all(bits & 0b11 == 0b11 for _, _, bits in poll.told[begun:])
     session.accept(RtStopLoop())
     poll.until_zero()
@@ -256,13 +256,13 @@ def test_no_zero_in_a_loop(polled, flags, pre):
 
 
 def test_status_of_holds_and_waits(polled):
-    """A motor that holds still within a run, or waits for its run-up, counts as moving: it is about to."""
+    """A motor that holds still within a run, or waits for its ramp, counts as moving: it is about to."""
     session, poll = polled
-    session.accept(RtShootFrame2(9, 1000, 90, 270))
+    session.accept(RtShootFrame2(9, 3000, -180, 360))
     poll.until_zero()
     session.accept(RtGo())
     begun = len(poll.told)
-    poll.for_seconds(3)
+    poll.for_seconds(2.9)
     assert all(bits == 0b11 for _, _, bits in poll.told[begun:])
     poll.until_zero()
     assert session.client.take_event(RtEnd)

@@ -616,9 +616,9 @@ def test_the_way_back_keeps_to_limits(loaded):
 def test_the_last_period_and_the_ends_of_the_range(rig):
     """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward and backward."""
     top = 2**31 - 1
-    for steps, place in ((top - 100 + 4 * np.arange(26), top - 100), (100 - top - 4 * np.arange(26), 100 - top)):
+    for steps, place in ((top - 98 + 4 * np.arange(25), top - 98), (98 - top - 4 * np.arange(25), 98 - top)):
         rig.accept(MotorResetPosition(1, int(place)))
-        rig.upload({1: steps[:25]})
+        rig.upload({1: steps})
         rig.refuse(Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 1000))
         rig.refuse(Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 0, flags=2))
         rig.accept(run_request(24, 1, 20, 100, 100))

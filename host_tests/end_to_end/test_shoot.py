@@ -49,7 +49,10 @@ def shoot(session, request, start_s=0.005):
     (metered, meter_on), (unmetered, meter_off) = edges(session, "meter")
     assert (on, off, meter_on, meter_off) == (1, 0, 1, 0)
     assert -0.005 < metered - went < start_s and unmetered == closed, "meter from GO to the end of the exposure"
-    assert ended >= closed + 0.999
+    if isinstance(request, RtShootFrame):
+        assert ended >= closed + 0.999
+    else:
+        assert ended >= closed
     return before, went, opened, closed
 
 
@@ -125,7 +128,7 @@ def test_long_exposure(ready):
     request = RtShootFrame2(FRAME, 60000, -45, 405, [BlurMotor(1, 0, 12000)])
     before, _, opened, closed = shoot(ready, request)
     assert closed - opened == pytest.approx(60, abs=2e-5)
-    assert_window(ready, 1, before, opened, closed, -1500, 13500)
+    assert_angles(ready, 1, before, opened, closed, -45, 405, 0, 12000)
 
 
 def test_pairs_of_several_motors(ready):
@@ -144,7 +147,8 @@ def test_only_motors_that_blur_move(ready):
     assert ready.trace().motors == [2, 3]
     assert_window(ready, 3, before, opened, closed, 0, 300)
     # SHOOT_FRAME2: each motor that is named is part of the blur (spec), but a disabled one is not
-    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 300, 0, 360, pairs))
+    ready.speed(3, VELOCITY, ACCELERATION)
+    shoot(ready, RtShootFrame2(FRAME, 300, 0, 360, pairs))
     assert ready.trace().motors == [1, 2, 3]
 
 
@@ -154,39 +158,95 @@ def test_without_motors(ready):
     _, went, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 250, 500))
     assert opened - went == pytest.approx(1.0, abs=0.006) and closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
-    shoot(ready, RtShootFrame2(FRAME, 250, 0, 180))
+    _, went, opened, closed = shoot(ready, RtShootFrame2(FRAME, 250, 90, 180))
+    assert opened - went == pytest.approx(0.25, abs=0.006) and closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
 
 
 # ---- SHOOT_FRAME2 ----------------------------------------------------------------------------------------
 
 
+def ideal(turns):
+    """The share of the way from A to B that is made after so many turns: an eighth of ramp, six at constant speed."""
+    t = np.clip(turns, 0, 1) * 8
+    return np.where(t < 1, t * t / 2, np.where(t < 7, t - 0.5, 7 - (8 - t) ** 2 / 2)) / 7
+
+
+def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
+    """Field note 7.3, from the shutter's edges: on A until angle 0, all motion in 360 degrees, at rest on B."""
+    times, signs = session.steps(motor)
+    degree = (closed - opened) / (closes - opens)
+    zero = opened - opens * degree
+    assert before[motor] == a and session.position(motor) == b and a + signs.sum() == b
+    way = b - a
+    assert len(times) == abs(way) and np.all(signs == np.sign(way))
+    assert times[0] > zero - 1e-4 and times[-1] < zero + 360 * degree + 1e-4
+    turns = (times - zero) / (360 * degree)
+    # where the path is at each edge against the step made there; ramps begin and end on whole steps
+    off = np.abs(ideal(turns) * abs(way) - np.arange(1, len(times) + 1))
+    assert off.max() <= 1.1
+    inside = (turns > 1 / 8) & (turns < 7 / 8)
+    if inside.sum() > 20:
+        gaps = np.diff(times[inside])
+        assert gaps.max() / gaps.min() - 1 < 0.01, "constant speed"
+        assert gaps.mean() == pytest.approx(360 * degree * 7 / 8 / abs(way), rel=0.005 + 2 / abs(way))
+
+
 @pytest.mark.parametrize(
-    "angles", [(0, 360), (90, 270), (0, 180), (-90, 270), (90, 450), (-60, 400), (-300, -90), (400, 600)]
+    "angles", [(0, 360), (90, 270), (45, 315), (0, 180), (-90, 270), (90, 450), (-60, 400), (-300, -90), (400, 600)]
 )
-@pytest.mark.parametrize("exposure", [17, 400, 3000])
+@pytest.mark.parametrize("exposure", [100, 400, 3000])
 def test_angles(ready, angles, exposure):
-    """Field note 7.2: A at 0°, B at 360°, OPEN to CLOSE is the exposure; the speed is constant while it is open."""
+    """Field note 7.3: waits on A, starts at GO, rests on B; the shutter opens and closes by its angles."""
+    for motor in MOVE:
+        ready.speed(motor, 200_000, 4_000_000)
     opens, closes = angles
-    a, b = (720, 0) if exposure == 400 else (0, 36) if exposure == 17 else (-360, 3600)
-    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, exposure, opens, closes, [BlurMotor(1, a, b)]))
+    a, b = (720, 0) if exposure == 400 else (0, 36) if exposure == 100 else (-360, 3600)
+    before, went, opened, closed = shoot(ready, RtShootFrame2(FRAME, exposure, opens, closes, [BlurMotor(1, a, b)]))
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
-    degree = (b - a) / 360
-    assert_window(ready, 1, before, opened, closed, a + opens * degree, a + closes * degree, exact=False)
-    # at A and at B, wherever the shutter is: constant speed as well, and on the step to the 100 µs
-    times, signs = ready.steps(1)
-    position = before[1] + np.cumsum(signs)
-    per_degree = (closed - opened) / (closes - opens)
-    at_a, at_b = opened - opens * per_degree, opened + (360 - opens) * per_degree
-    speed = degree / per_degree
-    inside = (times > at_a - 1e-4) & (times < at_b + 1e-4)
-    gaps = np.diff(times[inside])
-    assert np.abs(gaps * abs(speed) - 1).max() < 0.005
-    for moment, place in ((at_a, a), (at_b, b)):
-        nearest = np.argmin(np.abs(times - moment))
-        assert abs(position[nearest] + (moment - times[nearest]) * speed - place) <= 1.0
-        if opens >= 0 and closes <= 360:
-            assert abs(moment - times[nearest] + (position[nearest] - place) / speed) <= 100e-6
+    assert_angles(ready, 1, before, opened, closed, opens, closes, a, b)
+    # GO is angle 0, or where the shutter opens before that, the opening
+    degree = exposure / 1000 / (closes - opens)
+    assert opened - went == pytest.approx(max(opens, 0) * degree, abs=0.006)
+    times, _ = ready.steps(1)
+    assert times[0] - went > max(-opens, 0) * degree
+    assert times[-1] - went < (360 + max(-opens, 0)) * degree + 0.007
+
+
+def test_the_end_of_angles(ready):
+    """RT_END once the shutter is closed and the motors stand on B, whichever is later."""
+    for opens, closes in ((0, 90), (0, 720), (-360, -180), (500, 600)):
+        ready.ready(RtShootFrame2(FRAME, 500, opens, closes, [BlurMotor(1, 0, 400)]))
+        ready.accept(RtGo())
+        went = ready.now
+        ready.client.wait_event(RtEnd, 10)
+        degree = 0.5 / (closes - opens)
+        assert ready.now - went == pytest.approx((max(closes, 360) + max(-opens, 0)) * degree, abs=0.03)
+        assert not ready.moving
+
+
+def test_exposure_and_blur_of_nothing(ready):
+    """Field note 7.3: EXPOSURE 0 counts as 1000 ms, BLUR 0 as 100 %."""
+    before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 0, 0, [BlurMotor(1, 100, 700)]))
+    assert closed - opened == pytest.approx(1.0, abs=2e-5)
+    assert_window(ready, 1, before, opened, closed, 100, 700)
+    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 0, 90, 270, [BlurMotor(1, 100, 700)]))
+    assert closed - opened == pytest.approx(1.0, abs=2e-5)
+    assert_angles(ready, 1, before, opened, closed, 90, 270, 100, 700)
+
+
+@pytest.mark.parametrize("far", [2**31 - 1, 2**30])
+def test_positions_too_far_apart(ready, far):
+    """Refused, never wrapped, however slow the motion would be; what is near is not."""
+    ready.speed(1, 200_000, 4_000_000)
+    for blur in (1, 500, 1000):
+        ready.refuse(Ack.ERR_RANGE, RtShootFrame(FRAME, 1, 3_600_000, blur, [BlurMotor(1, -far, far)]))
+        ready.refuse(Ack.ERR_RANGE, RtShootFrame(FRAME, 0, 3_600_000, blur, [BlurMotor(1, far, 0)]))
+    ready.refuse(Ack.ERR_RANGE, RtShootFrame2(FRAME, 3_600_000, 0, 360, [BlurMotor(1, -far, far)]))
+    ready.refuse(Ack.ERR_RANGE, RtShootFrame2(FRAME, 3_600_000, 0, 360, [BlurMotor(1, far, 0)]))
+    ready.run(0.1)
+    assert not ready.trace().motors
+    ready.accept(RtShootFrame2(FRAME, 1000, 0, 360, [BlurMotor(1, 300, 100)]))
 
 
 @pytest.mark.parametrize("frame", [1, 2, 7, 24, 25])
@@ -200,7 +260,10 @@ def test_window_from_the_path(ready, frame, kind):
     before, _, opened, closed = shoot(ready, request)
     linear = MOVE[1][frame - 1]
     half = -30 if kind == "1 backward" else 30
-    assert_window(ready, 1, before, opened, closed, linear - half, linear + half)
+    if kind == "2":
+        assert_angles(ready, 1, before, opened, closed, 0, 360, linear - half, linear + half)
+    else:
+        assert_window(ready, 1, before, opened, closed, linear - half, linear + half)
     # the sine that motor 2 samples
     at = (frame - 1) * 0.3
     half = -0.15 if kind == "1 backward" else 0.15
@@ -215,8 +278,8 @@ def test_window_from_the_path(ready, frame, kind):
 def test_pairs_and_path(ready):
     """SHOOT_FRAME2 with a pair for one motor: the other blurs along the path."""
     before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 500, 0, 360, [BlurMotor(2, 0, 90)]))
-    assert_window(ready, 1, before, opened, closed, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30)
-    assert_window(ready, 2, before, opened, closed, 0, 90)
+    assert_angles(ready, 1, before, opened, closed, 0, 360, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30)
+    assert_angles(ready, 2, before, opened, closed, 0, 360, 0, 90)
 
 
 # ---- refused ---------------------------------------------------------------------------------------------
@@ -231,12 +294,9 @@ PAIR = [BlurMotor(1, 0, 400)]
         (RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR), Ack.ERR_RANGE),
         (RtShootFrame2(0, 500, 0, 180, PAIR), Ack.ERR_RANGE),
         (RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 0, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 0, 0, 180, PAIR), Ack.ERR_RANGE),
         (RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR), Ack.ERR_RANGE),
         (RtShootFrame2(FRAME, 2**31, 0, 180, PAIR), Ack.ERR_RANGE),
         (RtShootFrame(FRAME, 2, 500, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 500, 0, PAIR), Ack.ERR_RANGE),
         (RtShootFrame(FRAME, 1, 500, 1001, PAIR), Ack.ERR_RANGE),
         (RtShootFrame(FRAME, 1, 500, 500, [BlurMotor(0, 0, 1)]), Ack.ERR_RANGE),
         (RtShootFrame(FRAME, 1, 500, 500, [*PAIR, BlurMotor(9, 0, 1)]), Ack.ERR_RANGE),
@@ -247,6 +307,7 @@ PAIR = [BlurMotor(1, 0, 400)]
         (RtShootFrame(FRAME, 1, 500, 1000, [BlurMotor(1, -(2**31), 2**31 - 1)]), Ack.ERR_RANGE),
         (RtShootFrame2(FRAME, 17, 0, 360, PAIR), Ack.ERR_RANGE),
         (RtShootFrame2(FRAME, 60000, 0, 1, PAIR), Ack.ERR_RANGE),  # six hours from A to B
+        (RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), Ack.ERR_RANGE),  # 22 days until it opens
     ],
 )
 def test_refused_for_its_numbers(ready, request_, code):
@@ -257,11 +318,9 @@ def test_refused_for_its_numbers(ready, request_, code):
     ready.refuse(Ack.ERR_GENERAL, RtGo())
 
 
-@pytest.mark.parametrize(
-    "make", [lambda p: RtShootFrame(FRAME, 1, 500, 1000, p), lambda p: RtShootFrame2(FRAME, 500, 0, 360, p)]
-)
-def test_limits_in_the_way(ready, make):
+def test_limits_in_the_way(ready):
     """Run-up 0x17, run-out 0x18; 400 steps in 0.5 s need 400 for either."""
+    request = RtShootFrame(FRAME, 1, 500, 1000, PAIR)
     for lower, upper, code in (
         (-399, 9000, Ack.ERR_PREROLL),
         (-9000, 799, Ack.ERR_POSTROLL),
@@ -271,30 +330,50 @@ def test_limits_in_the_way(ready, make):
     ):
         ready.accept(MotorSetLimits(1, 1, lower, 1, upper))
         ready.forget()
-        ready.refuse(code, make(PAIR))
+        ready.refuse(code, request)
         ready.run(0.1)
         assert not ready.trace().signals and not ready.moving
     ready.accept(MotorSetLimits(1, 1, -400, 1, 800))
-    before, *_ = shoot(ready, make(PAIR))
+    before, *_ = shoot(ready, request)
     assert before[1] == -400 and ready.position(1) == 800
 
 
-def test_an_open_shutter_outside_needs_more_way(ready):
-    """The speed is kept from the opening on: that lies outside the limits where A does not."""
-    ready.accept(MotorSetLimits(1, 1, -400, 1, 9000))
-    ready.accept(RtShootFrame2(FRAME, 500, 0, 360, PAIR))
-    ready.wait_idle()
-    ready.refuse(Ack.ERR_PREROLL, RtShootFrame2(FRAME, 625, -90, 360, PAIR))
-    ready.accept(MotorSetLimits(1, 1, -9000, 1, 800))
-    ready.refuse(Ack.ERR_POSTROLL, RtShootFrame2(FRAME, 625, 0, 450, PAIR))
+@pytest.mark.parametrize("angles", [(0, 360), (-90, 270), (90, 450)])
+def test_limits_and_angles(ready, angles):
+    """Field note 7.3: A and B are as far as the motors go; A past a limit 0x17, B 0x18."""
+    request = RtShootFrame2(FRAME, 500, *angles, PAIR)
+    for lower, upper, code in (
+        (1, 9000, Ack.ERR_PREROLL),
+        (-9000, 399, Ack.ERR_POSTROLL),
+        (-9000, -1, Ack.ERR_PREROLL),
+        (1, 399, Ack.ERR_PREROLL),
+    ):
+        ready.accept(MotorSetLimits(1, 1, lower, 1, upper))
+        ready.forget()
+        ready.refuse(code, request)
+        ready.run(0.1)
+        assert not ready.trace().signals and not ready.moving
+    ready.accept(MotorSetLimits(1, 1, 0, 1, 400))
+    before, *_ = shoot(ready, request)
+    assert before[1] == 0 and ready.position(1) == 400
 
 
 def test_too_steep(ready):
-    """800 steps/s within the 1.0 s of the run-up."""
+    """800 steps/s within the 1.0 s of the run-up; with angles 914 steps/s within 1/16 s."""
     ready.speed(1, VELOCITY, 790)
-    ready.refuse(Ack.ERR_PREROLL, RtShootFrame(FRAME, 1, 500, 1000, PAIR), RtShootFrame2(FRAME, 500, 0, 360, PAIR))
+    ready.refuse(Ack.ERR_PREROLL, RtShootFrame(FRAME, 1, 500, 1000, PAIR))
     ready.speed(1, VELOCITY, 810)
     ready.accept(RtShootFrame(FRAME, 1, 500, 1000, PAIR))
+    ready.wait_idle()
+    request = RtShootFrame2(FRAME, 500, 0, 360, PAIR)
+    ready.speed(1, VELOCITY, 14_500)
+    ready.refuse(Ack.ERR_RANGE, request)
+    ready.speed(1, 910, 14_800)
+    ready.refuse(Ack.ERR_RANGE, request)
+    ready.speed(1, 918, 14_800)
+    shoot(ready, request)
+    times, signs = ready.steps(1)
+    assert_within(times, signs, 918, 14_800)
 
 
 def test_without_an_upload():

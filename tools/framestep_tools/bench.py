@@ -293,6 +293,7 @@ class Session:
                     meanwhile()
                 else:
                     client.pump(0.05)
+        client.wait_idle()  # on the end frame again
         client.pump(0.05)
         records = board.emulator.trace_stop()
         reports = sum(isinstance(event.message, Positions) for event in client.events)

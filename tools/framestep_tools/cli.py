@@ -214,7 +214,7 @@ def run(
         client.on_event = show
         client.request(RtGo())
         client.wait_event(RtEnd, timeout_s=float("inf"))
-        client.wait_idle(STOP_TIME_S)
+        client.wait_idle(timeout_s=float("inf"))  # on the end frame again
     print(f"{chr(13) if sys.stdout.isatty() else ''}frames {start} to {end} played")
 
 

@@ -1,8 +1,9 @@
 """The motion that a run should be: what a played move is judged and drawn against.
 
 The velocity at a frame is the firmware's own decision (framestep.moves.path.slope); all else is worked out here in
-floating point, on its own: a cubic Hermite from frame to frame, and pre-roll and post-roll with constant acceleration
-from and to rest on a whole step, as framestep/moves/run.py describes them. Backlash is not in it.
+floating point, on its own: a cubic Hermite from frame to frame, the end frame's period at constant velocity, and
+pre-roll and post-roll with constant acceleration from and to rest on a whole step, as framestep/moves/run.py describes
+them. Backlash is not in it, nor the way back to the end frame.
 """
 
 from array import array
@@ -69,9 +70,13 @@ class Reference:
             for what, ms, velocity in (("pre", pre_ms, v[0]), ("post", post_ms, v[-1])):
                 if not ms and velocity:
                     raise ValueError(f"motor {motor} moves at the end of the section, a {what}-roll above 0 is needed")
-            # field note 6.2; rest is on a whole step
+            # field notes 6.2 and 6.11; the end frame lasts its period, rest is on a whole step
             begins = p[0] + np.floor((1 - v[0] * pre_ms / 1000) / 2)
-            ends = p[-1] + np.floor((1 + v[-1] * post_ms / 1000) / 2)
+            period = 10**9 // fps_milli * 1e-6
+            lasts = p[-1] + np.floor(v[-1] * period + 1 / 2)
+            ends = lasts + np.floor((1 + v[-1] * post_ms / 1000) / 2)
+            t = np.append(t, frame_times_ns(len(frames) + 1, fps_milli)[-1] * 1e-9)
+            p, v = np.append(p, lasts), np.append(v, v[-1])
             if pre_ms:
                 t, p, v = np.append(-pre_ms / 1000, t), np.append(begins, p), np.append(0, v)
             if post_ms:

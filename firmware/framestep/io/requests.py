@@ -63,11 +63,12 @@ class Io:
         self.say_inputs = False  # GIO_IN is due
         self.news = 0  # the last pass has found a switch or an input other than before
         self.handlers = {
-            m.MSG_DMX: self._dmx,
             m.MSG_GIO_OUT: self._gio_out,
             m.MSG_GIO_IN: self._gio_in,
             m.MSG_GIO_CAM: self._gio_cam,
         }
+        if self.lights.count:
+            self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
         """One pass; now: milliseconds modulo 2^30. True where a stop input calls for action (see Safety.poll)."""

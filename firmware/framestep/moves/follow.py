@@ -226,17 +226,24 @@ class Follower:
         axis = self.axes[motor]
         if not reals.sign(r, velocity):
             return axis.beyond(places, motor) == 0
-        reals.divide(r, Y, velocity, ticks)
-        if reals.sign(r, Y) < 0:
-            reals.negate(r, Y, Y)
-        reals.fetch(r, X, axis.numbers, motion.STEEP)
-        reals.double(r, T, X, -20)  # of leave for rounding
-        reals.add(r, X, X, T)
-        if reals.compare(r, Y, X) > 0:
+        if self.steep(motor, velocity, ticks):
             return False
         reals.multiply(r, X, velocity, ticks)
         reals.double(r, X, X, -1)
         return self.shift(places, motor, backward) and axis.beyond(places, motor) == 0
+
+    def steep(self, motor, velocity, ticks):
+        """Whether a ramp between rest and a velocity, both registers, asks for more than the motor's acceleration."""
+        r = self.numbers
+        if not reals.sign(r, velocity):
+            return False
+        reals.divide(r, Y, velocity, ticks)
+        if reals.sign(r, Y) < 0:
+            reals.negate(r, Y, Y)
+        reals.fetch(r, X, self.axes[motor].numbers, motion.STEEP)
+        reals.double(r, T, X, -20)  # of leave for rounding
+        reals.add(r, X, X, T)
+        return reals.compare(r, Y, X) > 0
 
     def shift(self, places, motor, backward):
         """Move places[motor] by the number in X, rounded to a step; the other way if `backward`. False, and no change,

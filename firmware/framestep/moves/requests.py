@@ -40,7 +40,6 @@ class Moves:
         self.handlers = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
             m.MSG_RT_UPLOAD_MOVE_AXIS: self._axis,
-            m.MSG_RT_UPLOAD_MOVE_DMX: self._dmx,
             m.MSG_RT_UPLOAD_MOVE_TRIGGERS: self._triggers,
             m.MSG_RT_UPLOAD_MOVE_END: self._end,
             m.MSG_RT_POSITION_FRAME: self._position_frame,
@@ -51,6 +50,8 @@ class Moves:
             m.MSG_RT_STOP_LOOP: self._stop_loop,
             m.MSG_RT_JOG_ALL: self._jog_all,
         }
+        if controller.io.lights.count:
+            self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
         """The last thing at boot: lights and triggers get 5 % of the memory that is left, positions the rest."""

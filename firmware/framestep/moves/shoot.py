@@ -1,15 +1,21 @@
 """MSG_RT_SHOOT_FRAME and MSG_RT_SHOOT_FRAME2: go-motion, one frame exposed while the motors move.
 
-The motors wait a run-up before the window, pass it at constant speed while the shutter is open, and
-come to rest a run-out behind it. Times of one exposure, from GO:
+SHOOT_FRAME (field note 7.1): the window is the middle BLUR of the way from POS A to POS B, and the shutter is open all
+through it. The motors wait a run-up before the window, pass it at constant speed, and come to rest a run-out behind it:
 
-    run-up (1 s or more)            window                        run-out (1 s)
-    rest ........ accelerating A ================= B decelerating ........ rest
+    GO   run-up (1 s)                window                        run-out (1 s)
+    rest ........ accelerating a ================= b decelerating ........ rest
                                  ^ shutter opens    ^ closes
 
-SHOOT_FRAME: the window is the middle BLUR of the way from POS A to POS B, the shutter is open all through
-it. SHOOT_FRAME2: the window is the whole way, 360 degrees; the shutter opens and closes at two angles. Where these
-lie outside, the motors keep the same speed from the opening, or to the closing.
+SHOOT_FRAME2 (field note 7.3): the motors wait on A, start at GO and come to rest on B, 360 degrees later. The first and
+the last eighth are the ramps. The shutter opens and closes at two angles; where it opens before angle 0, the motors
+start that much later.
+
+    0 deg   45                                     315      360
+    A accelerating a ============================= b decelerating B
+                ^ OPEN, for example           ^ CLOSE
+
+Either is the same list of phases: wait, ramp, window, ramp.
 """
 
 from array import array
@@ -26,15 +32,15 @@ from framestep.protocol.messages import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, 
 
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)
+DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
+_FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
 _WRAP = const(0x3FFFFFFF)
 CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
 
 # Registers; follow.OWN is the first that is free
 _WINDOW = const(36)  # ticks from A to B
 _ROLL = const(38)
-_WAIT = const(40)  # ticks from GO to the run-up
-_EARLY = const(42)  # ticks for which the shutter is open before A, and after B
-_LATE = const(44)
+_WAIT = const(40)  # ticks from GO to the first ramp
 
 
 class Shot:
@@ -44,12 +50,14 @@ class Shot:
         self.bits = 0
         self.exposure_ms = 0
         self.begin_ms = 0  # from GO to the shutter's opening
+        self.lasts_ms = 0  # from GO until all is over: RT_END
+        self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
+        self.roll = array("i", [0] * 2)  # real: ticks of a ramp
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
-        self.wait = array("i", [0] * 2)  # real: ticks from GO to the run-up
         self.starts = array("i", [0] * motors)  # where the motors wait
         self.ways = array("i", [0] * motors)  # which way they go from there: 1 up, -1 down, 0 not at all
-        self.a = array("i", [0] * motors)  # A, or where the shutter opens before it
-        self.b = array("i", [0] * motors)  # B, or where the shutter closes after it
+        self.a = array("i", [0] * motors)
+        self.b = array("i", [0] * motors)
         self.ends = array("i", [0] * motors)  # where they come to rest
 
 
@@ -70,26 +78,28 @@ class ShootFrame(Operation):
     # ---------------------------------------------------------------- the request
 
     def blur(self, frame, backward, exposure_ms, permille, reader):
-        """SHOOT_FRAME. permille: BLUR, 1 … 1000. A code; nothing has changed unless it is OK."""
-        if permille < 1 or permille > 1000:
+        """SHOOT_FRAME. permille: BLUR, 0 … 1000; 0 stands for 1000. A code; nothing has changed unless it is OK."""
+        if permille > 1000:
             return ERR_RANGE
-        return self._settle(frame, backward, exposure_ms, permille, 0, 360, reader, 11, self.blurred, 0)
+        return self._settle(frame, backward, exposure_ms, permille or 1000, 0, 360, reader, 11, self.blurred, 0)
 
     def angles(self, frame, exposure_ms, opened, closed, reader):
         """SHOOT_FRAME2. opened, closed: degrees, signed. A code, as above."""
         if closed <= opened:
             return ERR_RANGE
-        return self._settle(frame, False, exposure_ms, 1000, opened, closed, reader, 12, 0x3FFFFFFF, self.blurred)
+        return self._settle(frame, False, exposure_ms, 0, opened, closed, reader, 12, 0x3FFFFFFF, self.blurred)
 
     def _settle(self, frame, backward, exposure_ms, permille, opened, closed, reader, offset, may, always):
-        """Take in a request. may: motors that move if they are listed from `offset` on, always: that move
-        anyhow, as the path has them."""
+        """Take in a request. exposure_ms: 0 stands for DEFAULT_MS. permille: 0 for SHOOT_FRAME2. may: motors that
+        move if they are listed from `offset` on, always: that move anyhow, as the path has them."""
         store = self.store
         follower = self.follower
         if store.state != UPLOADED:
             return ERR_GENERAL
-        if frame < store.start or frame > store.end or exposure_ms < 1 or exposure_ms > LONGEST_MS:
+        if frame < store.start or frame > store.end or exposure_ms < 0 or exposure_ms > LONGEST_MS:
             return ERR_RANGE
+        if exposure_ms == 0:
+            exposure_ms = DEFAULT_MS
         shot = self.draft
         shot.exposure_ms = exposure_ms
         enabled = ~follower.excluded
@@ -111,7 +121,7 @@ class ShootFrame(Operation):
             if from_path >> motor & 1 and not self._from_path(motor, frame - store.start, backward, shot):
                 return ERR_RANGE
         shot.bits |= from_path
-        code = self._times(shot, opened, closed)
+        code = self._times(shot, opened, closed, RUN_UP_MS if permille else 0)
         if code == OK:
             code = self._places(shot, permille)
         if code == OK:
@@ -143,10 +153,10 @@ class ShootFrame(Operation):
             shot.a if backward else shot.b, motor, window, 2, late
         )
 
-    def _times(self, shot, opened, closed):
-        """The window's duration, and how long before it GO is.
+    def _times(self, shot, opened, closed, run_up_ms):
+        """How long the phases last. run_up_ms: 0 for ramps within the 360 degrees. A code.
 
-        The shutter opens in a whole tick. The window lies where it has to for that, and a little
+        The shutter opens in a whole tick. The motion lies where it has to for that, and a little
         later than the ticks have it, as much as cues come later than pulses.
         """
         r = self.follower.numbers
@@ -155,19 +165,17 @@ class ShootFrame(Operation):
         reals.divide(r, X, X, Y)  # ticks of a degree
         reals.put(r, Y, 360, 0)
         reals.multiply(r, _WINDOW, X, Y)
-        reals.put(r, Y, max(0, -opened), 0)
-        reals.multiply(r, _EARLY, X, Y)
-        reals.put(r, Y, max(0, closed - 360), 0)
-        reals.multiply(r, _LATE, X, Y)
-        reals.put(r, Y, max(0, opened), 0)
-        reals.multiply(r, X, X, Y)  # from a to the opening
-        reals.put(r, Y, RUN_UP_MS, 0)
+        reals.put(r, Y, opened, 0)
+        reals.multiply(r, X, X, Y)  # from angle 0 to the opening
+        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS or reals.floor(r, X, HALF) > LONGEST_MS:
+            return ERR_RANGE
+        reals.put(r, Y, run_up_ms, 0)
+        reals.copy(r, _ROLL, Y)
         reals.add(r, T, X, Y)
-        shot.begin_ms = reals.floor(r, T, HALF) + 1
-        reals.put(r, Y, shot.begin_ms, 0)
-        reals.subtract(r, T, Y, X)  # from GO to a
-        reals.put(r, Y, RUN_UP_MS, 0)
-        reals.subtract(r, T, T, Y)
+        shot.begin_ms = max(reals.floor(r, T, HALF), 0) + 1
+        reals.put(r, T, shot.begin_ms, 0)
+        reals.subtract(r, T, T, X)
+        reals.subtract(r, T, T, Y)  # from GO to the first ramp
         kernel = self.follower.axes.kernel.state
         late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
         reals.put(r, X, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
@@ -175,55 +183,69 @@ class ShootFrame(Operation):
         reals.divide(r, X, X, Y)
         reals.add(r, T, T, X)
         reals.fetch(shot.wait, 0, r, T)
-        reals.add(r, X, _WINDOW, _EARLY)
-        reals.add(r, X, X, _LATE)
-        if reals.floor(r, X, HALF) > LONGEST_MS:
-            return ERR_RANGE
-        reals.fetch(shot.window, 0, r, X)
+        shot.lasts_ms = shot.begin_ms + shot.exposure_ms + run_up_ms
+        if not run_up_ms:
+            reals.add(r, T, T, _WINDOW)
+            shot.lasts_ms = max(shot.lasts_ms, reals.floor(r, T, HALF) + 1)
+            reals.double(r, _ROLL, _WINDOW, -3)  # an eighth
+            reals.subtract(r, _WINDOW, _WINDOW, _ROLL)
+            reals.subtract(r, _WINDOW, _WINDOW, _ROLL)
+        reals.fetch(shot.roll, 0, r, _ROLL)
+        reals.fetch(shot.window, 0, r, _WINDOW)
         return OK
 
     def _places(self, shot, permille):
-        """The ends of the window, and where the motors wait and come to rest."""
+        """The ends of the window, and where the motors wait and come to rest. A code."""
         follower = self.follower
         r = follower.numbers
         for motor in range(follower.count):
             if not shot.bits >> motor & 1:
                 continue
-            if permille < 1000:
-                reals.put_difference(r, X, shot.b, motor, shot.a, motor)
+            axis = follower.axes[motor]
+            own = speed(motor)
+            reals.put_difference(r, X, shot.b, motor, shot.a, motor)
+            if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
+                return ERR_RANGE
+            shot.ways[motor] = reals.sign(r, X)
+            if permille:
+                # BLUR: the ways that are cut off at either end
                 reals.put(r, Y, 1000 - permille, 0)
                 reals.multiply(r, X, X, Y)
                 reals.put(r, Y, 2000, 0)
                 reals.divide(r, X, X, Y)
-                reals.put(r, Y, 1, -1)
-                reals.add(r, X, X, Y)
-                cut = reals.floor(r, X, HALF)
-                reals.add_word(shot.a, motor, shot.a, motor, cut)
-                reals.add_word(shot.b, motor, shot.b, motor, -cut)
-            shot.ways[motor] = reals.order_words(shot.b, motor, shot.a, motor)
-            own = speed(motor)
+            else:
+                # the ways of the ramps: half as much as the window makes in that time
+                reals.copy_word(shot.starts, motor, shot.a, motor)
+                reals.copy_word(shot.ends, motor, shot.b, motor)
+                reals.add(r, Y, _WINDOW, _ROLL)
+                reals.divide(r, X, X, Y)
+                reals.multiply(r, X, X, _ROLL)
+                reals.double(r, X, X, -1)
+            reals.put(r, Y, 1, -1)
+            reals.add(r, X, X, Y)
+            cut = reals.floor(r, X, _FARTHEST)
+            reals.add_word(shot.a, motor, shot.a, motor, cut)
+            reals.add_word(shot.b, motor, shot.b, motor, -cut)
             reals.put_difference(r, own, shot.b, motor, shot.a, motor)
             reals.divide(r, own, own, _WINDOW)
-            reals.multiply(r, X, own, _EARLY)
-            inside = follower.shift(shot.a, motor, True)
-            reals.multiply(r, X, own, _LATE)
-            if not follower.shift(shot.b, motor, False) or not inside:
-                return ERR_RANGE
-            reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-            reals.fetch(r, Y, shot.window, 0)
-            reals.divide(r, own, own, Y)
             reals.copy(r, X, own)
             if reals.sign(r, X) < 0:
                 reals.negate(r, X, X)
-            reals.fetch(r, Y, follower.axes[motor].numbers, motion.TOP)
+            reals.fetch(r, Y, axis.numbers, motion.TOP)
             if reals.compare(r, X, Y) > 0:
                 return ERR_RANGE
-            reals.put(r, _ROLL, RUN_UP_MS, 0)
-            reals.copy_word(shot.starts, motor, shot.a, motor)
-            reals.copy_word(shot.ends, motor, shot.b, motor)
-            if not follower.roll(motor, own, _ROLL, True, shot.starts):
+            if permille:
+                reals.copy_word(shot.starts, motor, shot.a, motor)
+                reals.copy_word(shot.ends, motor, shot.b, motor)
+                if not follower.roll(motor, own, _ROLL, True, shot.starts):
+                    return ERR_PREROLL
+                if not follower.roll(motor, own, _ROLL, False, shot.ends):
+                    return ERR_POSTROLL
+            elif follower.steep(motor, own, _ROLL):
+                return ERR_RANGE
+            elif axis.beyond(shot.starts, motor):
                 return ERR_PREROLL
-            if not follower.roll(motor, own, _ROLL, False, shot.ends):
+            elif axis.beyond(shot.ends, motor):
                 return ERR_POSTROLL
         return OK
 
@@ -235,7 +257,7 @@ class ShootFrame(Operation):
         shot = self.shot
         reals.fetch(r, _WINDOW, shot.window, 0)
         reals.fetch(r, _WAIT, shot.wait, 0)
-        reals.put(r, _ROLL, RUN_UP_MS, 0)
+        reals.fetch(r, _ROLL, shot.roll, 0)
 
     def lead(self, motor):
         follower = self.follower
@@ -260,7 +282,7 @@ class ShootFrame(Operation):
         show.signal(tick, METER, METER)
         show.signal(opens, SHUTTER, SHUTTER)
         show.signal(closes, SHUTTER | METER, 0)
-        self.done_tick = (closes + RUN_UP_MS) & _WRAP
+        self.done_tick = (tick + shot.lasts_ms) & _WRAP
 
     def reached(self, ticks):
         if not self.done and (ticks - self.done_tick) & _WRAP < HALF:
