@@ -145,8 +145,8 @@ What follows an OK:
 * MOTOR_STATUS has the bits of all motors with a part set from the acknowledgement of GO to RT_END, pauses between
   passes included, and those of a motor on its way from the acknowledgement until it stands: where it is zero, GO,
   RUN_MOVE, SHOOT_FRAME and POSITION_FRAME are taken.
-* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS: it is `ready` as soon as
-  RUN_MOVE or SHOOT_FRAME is acknowledged, runs while MOTOR_STATUS is zero, answers 12 meanwhile as any other, and
+* An operation without a motor (lights alone, or no motor that blurs) has no bit in MOTOR_STATUS: it is `ready` as soon
+  as RUN_MOVE or SHOOT_FRAME is acknowledged, runs while MOTOR_STATUS is zero, answers 12 meanwhile as any other, and
   RT_END tells its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
 * A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 

@@ -30,6 +30,9 @@ from framestep_tools.payloads import (
     RtPositionFrame,
     RtShootFrame,
     RtShootFrame2,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
 )
 from host_tests.end_to_end.session import deceleration, run_request, simulated
 

@@ -823,7 +823,7 @@ def test_refused_keeps_what_waits():
 
 
 @pytest.mark.parametrize(
-    "request_", [run_request(24, 25, 1), RtShootFrame(20, 1, 100, 500), RtShootFrame2(20, 100, 0, 180)]
+    "request_", [run_request(24, 25, 1), RtShootFrame(20, 1, 100, 500), RtShootFrame2(20, 300, 0, 180)]
 )
 def test_go_too_early(request_):
     """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is taken."""
