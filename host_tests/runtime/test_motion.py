@@ -140,7 +140,7 @@ def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
         if turned is not None:
             lines += [f"couple 0 {turned}"]
         lines += [f"jog 0 {end} 10000", "tick 400", f"jog 0 {end} 10000", "tick 100", "stop 0 4", "tick 100"]
-        lines += [f"place 0 {end - way * 900}", f"jog 0 {end} 10000", "tick 300", f"jog 0 {end} 10000", "tick 200"]
+        lines += [f"place 0 {end - way * 900}", f"jog 0 {end} 10000", "tick 300", f"jog 0 {end} 10000", "tick 600"]
     state = compare(words, lines, 2)
     half = len(state) // 2
     for rows, way, end in ((state[:half], -1, LOWEST), (state[half:], 1, HIGHEST)):

@@ -13,7 +13,7 @@ from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
 from framestep.motion.reals import add_words, order_words
-from framestep.motion.segments import bridge, cut, mark, mirror, settle, shift, snap
+from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 TICKS_PER_SECOND = const(1000)
@@ -228,6 +228,8 @@ def _feed(parts, other, base, most: int, enough: int):
         while True:
             if w[_AIMED]:
                 snap(cubic, parts[5])
+                if part:
+                    knot(state, parts[5], part)
             if p[_PHASE_HEAD] == p[_PHASE_TAIL]:
                 settle(cubic)
                 if part:

@@ -133,6 +133,15 @@ def mark(state: ptr32, cubic: ptr32):
     state[0] = cubic[WHOLE]
     state[1] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
     state[2] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    state[3] = 0
+
+
+@micropython.viper
+def knot(state: ptr32, at: ptr32, part: int):
+    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is on the step at[0] exactly."""
+    if at[1] == 0:
+        state[3] = part
+        state[4] = at[0]
 
 
 @micropython.viper
@@ -140,6 +149,10 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     """Queue one tick from the place of mark() to where the cubic is now.
 
     part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes to.
+
+    Where it turns within the tick, at or beside the step of knot(), that step lies outside of what the tick's ends
+    tell, and the kernel would not make it. Then the motor goes there in that share of the tick, and the segment that
+    follows begins a little behind: no step is lost, since that is less than the two steps that the kernel bears.
     """
     q = ptr32(block[_QUEUE])
     k = (block[_TAIL] & _SLOTS) << 3
@@ -152,7 +165,22 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     q[k + 5] = 0
     q[k + 6] = 1
     q[k + 7] = block[_WHOLE_SPAN]
-    if cubic[G1] == 0 and cubic[G1 + 1] == 0:
+    turns = 0
+    if state[3]:
+        step = state[4]
+        way = step - cubic[WHOLE]  # back from there to the end of the tick, rounded up
+        if way > 0:
+            if way < 3 and state[0] < step:
+                turns = state[3]
+        elif way > -2:
+            # below both ends
+            if cubic[P] or way:
+                if state[0] > step or (state[0] == step and state[1]):
+                    turns = state[3]
+        if turns:
+            q[k + 3] = ((step - state[0]) << 22) - state[1]
+            part = turns
+    if turns or (cubic[G1] == 0 and cubic[G1 + 1] == 0):
         q[k + 7] = ((part >> 16) * block[_WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
     block[_TAIL] = (block[_TAIL] + 1) & _MASK
 

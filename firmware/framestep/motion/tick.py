@@ -186,8 +186,9 @@ class Header(array):
                             m[HEAD] = (head + 1) & _WRAP
                             gap = q[k + 1] - m[POSITION]
                             d = (gap << 22) + q[k + 2]
-                            # within a few steps, so that the second line cannot overflow, and by an eighth
-                            if (gap + 2) >> 2 or (d - m[FRACTION] + ONE // 8) >> 20:
+                            # within two steps, so that the second line cannot overflow, and by an eighth, but
+                            # for a motion that has turned within the last tick
+                            if (gap + 2) >> 2 or ((d - m[FRACTION] + ONE // 8) >> 20 and m[SPAN] - cycles == 0):
                                 m[FAULT] = m[FAULT] | FAULT_PIN
                                 h[FAULTS] = h[FAULTS] | FAULT_PIN
                                 m[ACCEL] = 0

@@ -1,0 +1,71 @@
+"""Turning points of an uploaded move: the motor makes their last step, at the frame's time, and the step back."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import MotorConfigure, RtGo
+from host_tests.end_to_end.session import run_request, simulated
+
+PERIOD = {24: 1 / 24, 23.976: 1 / 23.976, 60: 1 / 60, 25: 1 / 25}
+
+
+def played(positions, fps, flags=1, motor=1):
+    """Steps made at each frame's time, a little before and after it, over all origins that the start may have."""
+    session = simulated()
+    session.speed(1, 200_000, 4_000_000)
+    session.speed(2, 200_000, 4_000_000)
+    session.accept(MotorConfigure(1, flags))
+    session.upload({1: positions})
+    frames = len(positions)
+    session.accept(run_request(fps=fps, end=frames, pre=500, post=500))
+    session.wait_idle()
+    before = session.positions[motor]
+    session.forget()
+    session.accept(RtGo())
+    session.run(1.3 + frames / fps)
+    times, signs = session.steps(motor)
+    return before, times, signs
+
+
+def misses(positions, fps, before, times, signs):
+    """The greatest distance from a frame's position at its time, for the best origin of the run."""
+    made = np.concatenate(([0], np.cumsum(signs))) + before
+    at = np.arange(len(positions)) * PERIOD[fps]
+    best = None
+    for origin in np.arange(times[0] - 0.2, times[0] + 0.55, 0.0001):
+        late = made[np.searchsorted(times, origin + at + 30e-6, side="right")]
+        early = made[np.searchsorted(times, origin + at - 30e-6, side="left")]
+        miss = np.minimum(np.abs(late - positions), np.abs(early - positions)).max()
+        if best is None or miss < best:
+            best = miss
+    return best
+
+
+@pytest.mark.parametrize("fps", [24, 23.976, 60, 25])
+@pytest.mark.parametrize("peak", [1, 5, 100, 300])
+@pytest.mark.parametrize("lean", [0, 1])
+def test_a_peak_is_reached(fps, peak, lean):
+    """Up and down, the frame of the turn is the highest step there is, and the lowest."""
+    up = [*range(0, peak, max(1, peak // 5)), peak]
+    down = [max(0, step - lean) for step in up[-2::-1]]
+    positions = [0, *up, *down, *[-step for step in up[1:]], *[-step for step in down], 0]
+    before, times, signs = played(positions, fps)
+    made = np.cumsum(signs) + before
+    assert made.max() == max(positions)
+    assert made.min() == min(positions)
+    assert misses(np.array(positions), fps, before, times, signs) == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_zigzag(seed):
+    rng = np.random.default_rng(seed)
+    positions = np.concatenate(([0], np.cumsum(rng.integers(-60, 61, 60)))).tolist()
+    before, times, signs = played(positions, 24)
+    assert misses(np.array(positions), 24, before, times, signs) == 0
+
+
+@pytest.mark.parametrize("flag, sense", [(0x10, 1), (0x20, -1)])
+def test_coupled_motors_turn_together(flag, sense):
+    positions = [0, 0, 40, 80, 100, 80, 40, 0, -40, -41, -40, 0, 0]
+    before, times, signs = played(positions, 24, 1 | flag, motor=2)
+    assert misses(sense * np.array(positions), 24, before, times, signs) == 0
