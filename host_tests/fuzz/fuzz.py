@@ -16,7 +16,7 @@ from framestep_tools.script import Script, parse
 
 SCRIPTS = Path(__file__).parent / "scripts"
 FOUND = Path(__file__).parents[2] / "build" / "fuzz"
-SESSION_MS = 20_000
+SESSION_MS = 30_000
 
 
 def replay(script: Script, tail_ms: int = 0):
@@ -142,7 +142,7 @@ def main() -> int:
     parser.add_argument("--seed", default=None)
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
     parser.add_argument("--sessions", type=int, default=10**9)
-    parser.add_argument("--requests", type=int, default=200, help="of a session")
+    parser.add_argument("--requests", type=int, default=600, help="of a session")
     parser.add_argument("--keep-going", action="store_true", help="after a finding as well; each kind is shrunk once")
     parser.add_argument("--int32", action="store_true", help="check that every number fits (slower)")
     options = parser.parse_args()

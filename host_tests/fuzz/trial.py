@@ -838,6 +838,7 @@ class Trial:
     def _go(self, request, payload):
         run = getattr(self, "run", None)
         self.prepared = False
+        self.counts["go"] += 1
         self.going = {"ms": self.ms, "told": [], "whole": True, "motors": [], "marks": {}}
         if run is None:
             return

@@ -36,6 +36,16 @@ ODD = (
     1 - 2**31,
 )
 WORD = 0xFFFFFFFF
+QUESTIONS = (
+    m.MSG_HI,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_GET_POSITION,
+    m.MSG_GIO_IN,
+    m.MSG_VIRT_GET_POSITION,
+    m.MSG_CONDITION,
+    0x300,
+)
 
 
 def signed(value):
@@ -191,6 +201,7 @@ class World:
     def ask(self, kind, payload=b""):
         """The code or the payload of the answer: (code, payload); (None, b"") where none comes soon."""
         number = self.send(kind, payload)
+        self.chatter()
         for _ in range(40):
             self.tick()
             for request, code, data in self.trial.answers:
@@ -386,7 +397,7 @@ class World:
         """Uploaded positions of motor i."""
         dice = self.dice
         here = self.here(i)
-        most = min(self.speeds[i] / fps, 2**19)
+        most = 0.95 * min(self.speeds[i] / fps, 2**19)
         kind = dice.random()
         if kind < 0.45:
             periods = dice.uniform(0.2, max(0.3, frames / 12))
@@ -405,19 +416,21 @@ class World:
                     x += dice.uniform(-1, 1) * most * dice.choice((0.05, 0.5, 1.0))
         elif kind < 0.9:
             values = [here + dice.choice((0, 0, 1, 1, 2, 3)) for _ in range(frames)]
-        elif kind < 0.96:
+        elif kind < 0.99:
             values = [here] * frames
         else:
             edge = dice.choice((2**31 - 1, -(2**31), 2**30, -(2**30)))
             values = [edge - int(math.copysign(1, edge)) * dice.randint(0, 60) for _ in range(frames)]
-        if dice.random() < 0.05:
+        if dice.random() < 0.05 / self.motors:
             values[dice.randrange(frames)] = dice.choice(ODD)
         return [signed(v) for v in values]
 
     def upload(self):
         dice = self.dice
-        frames = dice.choice((1, 2, 3, 5, 12, 24, 24, 48, 48, 100, 250))
         self.fps = fps = dice.choice((1, 5, 12, 23.976, 24, 24, 25, 30, 60, 120, 200))
+        frames = dice.choice((1, 2, 3, 5, 12, 24, 24, 48, 48, 100, 250))
+        if frames > 4 * fps and dice.random() < 0.8:
+            frames = max(2, int(4 * fps))
         start = dice.choice((1, 1, 1, 0, -5, 100, 999_990, -1_000_000, 1_000_000 - frames))
         end = start + frames - 1
         if dice.random() < 0.04:
@@ -473,14 +486,14 @@ class World:
             if dice.random() < 0.6
             else (self.number_of_frame(), self.number_of_frame())
         )
-        fps = self.fps if dice.random() < 0.7 else self.fps * dice.choice((0.5, 0.9, 1.1, 2))
+        fps = self.fps if dice.random() < 0.8 else self.fps * dice.choice((0.5, 0.9, 1.1, 2))
         milli = round(fps * 1000)
         if dice.random() < 0.03:
             milli = dice.choice((0, 1, 200_000, 200_001, WORD))
         pre, post = (dice.choice((0, 0, 1, 50, 300, 500, 1000, 2000)) for _ in range(2))
         if dice.random() < 0.02:
             pre = dice.choice((600_000, 600_001, WORD))
-        flags = dice.choice((0, 0, 0, 0, 1, 2, 3, 0x10, 0x20, 0x30, 0x40))
+        flags = dice.choice((0, 0, 0, 0, 1, 2, 3, 0x10, 0x20, 0x30)) if dice.random() < 0.98 else 0x40
         payload = struct.pack("<IiiII", milli, begin, end, pre, post)
         payload += struct.pack(
             "<BIHH",
@@ -493,7 +506,9 @@ class World:
         if form:
             payload += struct.pack("<H", flags)
         if form == 2:
-            payload += struct.pack("<HH", dice.choice((0, 90, 360, 361)), dice.choice((0, 180, 360)))
+            payload += struct.pack(
+                "<HH", dice.choice((0, 90, 360, 360 + (dice.random() < 0.1))), dice.choice((0, 180, 360))
+            )
         return self.ask(m.MSG_RT_RUN_MOVE, payload)[0], flags if form else 0
 
     def prepare_shot(self):
@@ -528,6 +543,8 @@ class World:
         if not self.uploaded or dice.random() < 0.15:
             self.upload()
         self.settle(1500) or self.halt()
+        if dice.random() < 0.8:
+            self.release()  # of what is still pressed
         if dice.random() < 0.2:
             self.send(m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.number_of_frame()))
             self.pause(300)
@@ -557,8 +574,8 @@ class World:
                 self.settle(6000) or self.halt()
             else:
                 self.halt()
-        elif x < 0.5:
-            for _ in range(6):
+        elif x < 0.6:
+            for _ in range(16):
                 self.meanwhile(500)
                 if self.trial.going is None:
                     break
@@ -613,22 +630,17 @@ class World:
 
     # lights, questions, switches
 
+    def chatter(self):
+        """Questions at once with another request, as from a host with several windows."""
+        dice = self.dice
+        if dice.random() < 0.5:
+            for _ in range(dice.choice((1, 2, 4, 8, 12))):
+                self.send(dice.choice(QUESTIONS))
+
     def query(self):
         dice = self.dice
         for _ in range(dice.choice((1, 1, 3, 20))):
-            kind = dice.choice(
-                (
-                    m.MSG_HI,
-                    m.MSG_MOTOR_STATUS,
-                    m.MSG_MOTOR_GET_POSITION,
-                    m.MSG_MOTOR_STATUS,
-                    m.MSG_GIO_IN,
-                    m.MSG_VIRT_GET_POSITION,
-                    m.MSG_CONDITION,
-                    0x300,
-                )
-            )
-            self.send(kind)
+            self.send(dice.choice(QUESTIONS))
         self.tick()
 
     def side(self):
