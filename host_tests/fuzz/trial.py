@@ -434,6 +434,8 @@ class Trial:
                 left.append(at)
         self.garbage = self.passes
         self.begun = left
+        if stream.endswith(b"D"):
+            self.since.setdefault(len(stream) - 1, self.ms)
         if not left and not stream.endswith(b"D"):
             stream.clear()
             self.since.clear()
