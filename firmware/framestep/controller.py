@@ -50,6 +50,7 @@ _ASIDE = (
     m.MSG_MOTOR_GET_POSITION,
     m.MSG_HI,
     m.MSG_CONDITION,
+    m.MSG_EXCEEDED,
     m.MSG_DMX,
     m.MSG_GIO_OUT,
     m.MSG_GIO_IN,
@@ -99,6 +100,7 @@ class Controller:
             self.axes.set_backlash(i, rig.motor(i)["backlash"])
         self.moves = Moves(self)
         self.stage = self.moves.stage
+        self.stage.follower.strict = rig.strict_moves
         self.memory = self._remember() if rig.remember_positions else None
         self.show = self.moves.show
         self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
@@ -145,6 +147,7 @@ class Controller:
             m.MSG_MOTOR_SET_SPEED: self._set_speed,
             m.MSG_MOTOR_SET_LIMITS: self._set_limits,
             m.MSG_CONDITION: self._condition,
+            m.MSG_EXCEEDED: self._exceeded,
         }
         self.handlers.update(self.moves.handlers)
         self.handlers.update(self.io.handlers)
@@ -516,6 +519,8 @@ class Controller:
             bits |= m.CONDITION_BARKED
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
+        if self.stage.follower.exceeded[0]:
+            bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.memory is None or not self.memory.working:
                 bits |= m.CONDITION_FORGETFUL
@@ -532,6 +537,18 @@ class Controller:
         for i in range(self.count):
             writer.u8(positions.states[i])
             writer.u8(positions.reasons[i])
+        writer.end()
+        return 0
+
+    def _exceeded(self):
+        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²)."""
+        writer = self.writer
+        exceeded = self.stage.follower.exceeded
+        writer.begin(m.MSG_EXCEEDED, self.reader)
+        writer.u8(exceeded[0])
+        writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
+        writer.word_from(exceeded, 2)
+        writer.word_from(exceeded, 3)
         writer.end()
         return 0
 

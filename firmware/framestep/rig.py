@@ -11,6 +11,14 @@ SETTINGS = {
     "ports": (int, 1, 2, 2, "", "2: the protocol has a USB port of its own, 1: it shares the one of the REPL"),
     "jog_timeout_ms": (int, 0, 60000, 500, "ms", "a jog ends when no further one comes for so long; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
+    "strict_moves": (
+        bool,
+        None,
+        None,
+        False,
+        "",
+        "refuses moves whose corners ask for more than a motor's acceleration; without it they are played as uploaded",
+    ),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "", "how many motors; the others' pins are free then. 0: all that the board has"),
     "virtuals": (
@@ -259,6 +267,7 @@ class Rig:
         self.jog_timeout_ms = settings["jog_timeout_ms"]
         self.hard_stop_factor = settings["hard_stop_factor"]
         self.report_ms = settings["report_ms"]
+        self.strict_moves = settings["strict_moves"]
         self.estop = settings["estop"]
         self.estop_cuts_power = settings["estop_cuts_power"]
         self.shutter_on = settings["shutter_on"]

@@ -20,9 +20,13 @@ from framestep.protocol.messages import (
     CONDITION_BROKEN,
     CONDITION_DRIVER,
     CONDITION_ESTOP,
+    CONDITION_EXCEEDED,
     CONDITION_FORGETFUL,
     CONDITION_KEPT,
     CONDITION_UNKEPT,
+    EXCEEDED_ACCELERATION,
+    EXCEEDED_BOARD,
+    EXCEEDED_VELOCITY,
 )
 
 STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
@@ -44,6 +48,7 @@ CONDITIONS = {
     CONDITION_UNKEPT: "positions are not remembered yet: wait until the motors have stood for 2 seconds",
     CONDITION_FORGETFUL: "positions cannot be remembered: the flash or its files do not take them",
     CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
+    CONDITION_EXCEEDED: "the last move asks more of a motor than it is set to",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
 LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
@@ -52,6 +57,20 @@ LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; 
 def trust(state, reason):
     """Such as "lost: not set since power-up"."""
     return "%s: %s" % (STATES.get(state, "state %d" % state), REASONS.get(reason, "reason %d" % reason))
+
+
+EXCEEDED = {
+    EXCEEDED_VELOCITY: "its velocity by %d steps/s: refused",
+    EXCEEDED_ACCELERATION: "its acceleration by %d steps/s²; it is refused with strict_moves only",
+    EXCEEDED_BOARD: "what the board can make: refused",
+}
+
+
+def exceeded(what, motor, frame, by):
+    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: steps/s or steps/s²."""
+    if what not in EXCEEDED:
+        return []
+    return ["the last move exceeds, at frame %d of motor %d, " % (frame, motor) + EXCEEDED[what].replace("%d", str(by))]
 
 
 def conditions(bits):

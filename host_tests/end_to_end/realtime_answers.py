@@ -7,6 +7,7 @@ from framestep_tools.payloads import (
     BlurMotor,
     Dmx,
     GetCondition,
+    GetExceeded,
     GioCam,
     GioIn,
     GioOut,
@@ -73,7 +74,8 @@ _SWING_PAN = VirtConfig(2, (VirtualAxis(1, 1000), VirtualAxis(2, 1000)))
 # Rows: name in the table, request, answers in the order of STATES
 ANSWERS = (
     ("HI", Hi(), _ALWAYS),
-    ("CONDITION (framestep's own)", GetCondition(), _ALWAYS),
+    ("CONDITION, EXCEEDED (framestep's own)", GetCondition(), _ALWAYS),
+    ("", GetExceeded(), _ALWAYS),
     ("MOTOR_STATUS", MotorStatus(), _ALWAYS),
     ("MOTOR_GET_POSITION", MotorGetPosition(), _ALWAYS),
     ("DMX", Dmx(0, 5, [9]), _ALWAYS),

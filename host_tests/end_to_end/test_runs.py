@@ -7,6 +7,9 @@ from framestep_tools.judge import frame_times_ns, judge
 from framestep_tools.payloads import (
     LAST_SECTION,
     Ack,
+    GetCondition,
+    GetExceeded,
+    HardStop,
     Hi,
     MotorConfigure,
     MotorJog,
@@ -416,16 +419,84 @@ def test_too_fast_is_refused_at_its_rate(loaded):
     assert_played(loaded, before, MOVE, 24)
 
 
-def test_too_steep_is_refused(rig):
-    steps = np.array([0, 0, 0, 50, 100, 150, 150, 150])
-    rig.upload({1: steps, 2: 10 * np.arange(8)})
-    rig.speed(1, 20000, 20_000)  # 50 steps/frame² at 24 fps: 28 800
+CORNERS = np.array([0, 0, 0, 50, 100, 150, 150, 150])  # 50 steps/frame² at 24 fps: 28 800 steps/s²
+
+
+@pytest.mark.parametrize("acceleration", [500, 20_000, 100_000])
+def test_corners_are_played_as_uploaded(rig, acceleration):
+    """Field note 5.5: acceleration is no reason to refuse, and each frame is met; what is exceeded is told."""
+    positions = {1: CORNERS, 2: 10 * np.arange(8)}
+    rig.upload(positions, start_frame=11)
+    rig.speed(1, 20000, acceleration)
+    before = rig.play(run_request(24, 11, 18))
+    assert_played(rig, before, positions, 24)
+    told = rig.ask(GetExceeded())
+    if acceleration < 28_800:
+        assert (told.what, told.motor) == (2, 1) and told.frame in (13, 16)
+        assert told.by == 28_800 - acceleration
+    else:
+        assert told.what == 0
+    assert bool(rig.ask(GetCondition()).bits & 0x80) == (acceleration < 28_800)
+
+
+def test_strict_moves():
+    """The setting refuses them, told in the same way."""
+    rig = simulated({"strict_moves": True})
+    rig.upload({1: CORNERS, 2: 10 * np.arange(8)})
+    rig.speed(1, 20000, 20_000)
     rig.refuse(Ack.ERR_RANGE, run_request(24, 1, 8))
+    told = rig.ask(GetExceeded())
+    assert (told.what, told.motor, told.frame, told.by) == (2, 1, 3, 8_800)
     rig.accept(run_request(12, 1, 8))
     rig.wait_idle()
+    assert rig.ask(GetExceeded()).what == 0
     rig.speed(1, 20000, 100_000)
     before = rig.play(run_request(24, 1, 8))
-    assert_played(rig, before, {1: steps, 2: 10 * np.arange(8)}, 24)
+    assert_played(rig, before, {1: CORNERS, 2: 10 * np.arange(8)}, 24)
+
+
+def test_what_is_exceeded_is_told(rig):
+    """Velocity: the first frame to which it is too far, and by how much."""
+    rig.upload({1: np.zeros(30, int), 3: np.concatenate((np.zeros(20, int), 1000 + np.zeros(10, int)))})
+    rig.speed(3, 20_000, 100_000)
+    rig.refuse(Ack.ERR_RANGE, run_request(24, 1, 30))
+    told = rig.ask(GetExceeded())
+    assert (told.what, told.motor, told.frame, told.by) == (1, 3, 21, 4_000)
+
+
+@pytest.mark.parametrize("fps", [24, 60, 200])
+@pytest.mark.parametrize("shape", ["jump", "stop", "zigzag"])
+def test_the_sharpest_corners_that_the_board_can_make(rig, fps, shape):
+    """Up to what its numbers hold each frame is met; beyond that it is refused, never played wrongly."""
+    unit = {
+        "jump": np.array([0, 0, 0, 0, 1, 1, 1, 1, 1]),
+        "stop": np.array([0, 1, 2, 3, 4, 4, 4, 4, 4]),
+        "zigzag": np.array([0, 0, 1, 0, 1, 0, 1, 1, 1]),
+    }[shape]
+    rig.speed(1, 200_000, 4_000_000)
+    taken = refused = 0
+    for size in (5, 20, 60, 150, 400, 1000, 3000, 7000):
+        rig.upload({1: size * unit, 2: 20 * np.arange(9)})
+        code = rig.code(run_request(fps, 1, 9, 500, 500))
+        if code != Ack.OK:
+            assert code == Ack.ERR_RANGE
+            refused += 1
+            continue
+        assert not refused
+        taken += 1
+        rig.wait_idle()
+        before = rig.positions
+        rig.forget()
+        rig.accept(RtGo())
+        rig.client.wait_event(RtEnd, 10)
+        rig.wait_idle()
+        assert not rig.events(HardStop)
+        trace = rig.trace()
+        verdict = judge(trace, {1: size * unit, 2: 20 * np.arange(9)}, fps * 1000, before)
+        # at a turning point the last step may be missing
+        assert verdict.motors[0].worst_position <= (shape == "zigzag"), (size, verdict.complaints)
+        assert rig.position(1) == size * unit[-1]
+    assert taken and refused
 
 
 def test_limits_in_the_way(loaded):

@@ -39,6 +39,7 @@ LENGTHS = {
     0x0206: set(range(3, 200)),
     0x0207: set(range(13, 200)),
     0x4600: set(range(0, 200)),  # framestep's own
+    0x4601: set(range(0, 200)),
 }
 
 

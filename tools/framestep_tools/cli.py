@@ -16,6 +16,7 @@ import typer
 
 from framestep import words
 from framestep.motion.positions import LOST
+from framestep.protocol.messages import CONDITION_EXCEEDED
 
 from . import rig_file
 from .client import Client, Event, RequestRefused
@@ -24,6 +25,7 @@ from .files import board_data
 from .move_file import read_move
 from .payloads import (
     GetCondition,
+    GetExceeded,
     Hi,
     MotorGetPosition,
     MotorJog,
@@ -89,8 +91,9 @@ def status(device: Url) -> None:
         positions = client.request(MotorGetPosition())
         try:
             condition = client.request(GetCondition())
+            exceeded = client.request(GetExceeded()) if condition.bits & CONDITION_EXCEEDED else None
         except RequestRefused:
-            condition = None
+            condition = exceeded = None
     trust = [""] * info.motors
     if condition:
         trust = [f", {words.trust(each.state, each.reason)}" for each in condition.positions]
@@ -101,6 +104,9 @@ def status(device: Url) -> None:
         return
     for line in words.conditions(condition.bits):
         print(line)
+    if exceeded:
+        for line in words.exceeded(exceeded.what, exceeded.motor, exceeded.frame, exceeded.by):
+            print(line)
     if any(each.state == LOST for each in condition.positions):
         print(words.LIMITS_COUNT)
 

@@ -301,6 +301,18 @@ class Condition(Payload):
 
 
 @dataclass(frozen=True)
+class Exceeded(Payload):
+    """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of nothing), the
+    motor, the scene frame, and by how many steps/s or steps/s²."""
+
+    TYPE = messages.MSG_EXCEEDED
+    what: U8
+    motor: U8
+    frame: I32
+    by: U32
+
+
+@dataclass(frozen=True)
 class VirtPositions(Payload):
     """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec: MSG_VIRT_GET_POSITION)."""
 
@@ -372,6 +384,13 @@ class GetCondition(Request[Condition]):
     """Ask what the specification has no message for; only framestep answers."""
 
     TYPE = messages.MSG_CONDITION
+
+
+@dataclass(frozen=True)
+class GetExceeded(Request[Exceeded]):
+    """Ask what the last move asked too much of; only framestep answers."""
+
+    TYPE = messages.MSG_EXCEEDED
 
 
 @dataclass(frozen=True)
@@ -752,6 +771,7 @@ REPORTS = _table(
     Positions,
     HardStop,
     Condition,
+    Exceeded,
     VirtPositions,
     VirtAimPoint,
     RtEnd,

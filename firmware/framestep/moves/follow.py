@@ -12,7 +12,16 @@ from framestep.motion.axes import lead
 from framestep.motion.ramps import put_aim
 from framestep.moves import path
 from framestep.native import const, micropython, ptr32
-from framestep.protocol.messages import ERR_RANGE, ERR_SOFT_LOW, ERR_SOFT_UP, OK
+from framestep.protocol.messages import (
+    ERR_RANGE,
+    ERR_SOFT_LOW,
+    ERR_SOFT_UP,
+    EXCEEDED_ACCELERATION,
+    EXCEEDED_BOARD,
+    EXCEEDED_NOTHING,
+    EXCEEDED_VELOCITY,
+    OK,
+)
 
 # Registers
 THOUSAND = const(0)
@@ -27,6 +36,14 @@ REGISTERS = const(64)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
+HARDEST = const(2500000)  # steps/s²: a corner's cubics have at most six times that, which the kernel's numbers hold
+
+# Words of `exceeded`
+WHAT = const(0)  # EXCEEDED_
+MOTOR = const(1)
+FRAME = const(2)  # scene frame
+BY = const(3)  # steps/s or steps/s², by what it is asked for
+EXCEEDED_WORDS = const(4)
 _HEAD = const(160)  # ramps.HEAD and the like, as constants for the kernels below
 _TAIL = const(161)
 _PHASE_MASK = const(15)
@@ -88,6 +105,8 @@ class Follower:
         self.words = array("i", [0] * path.CHECK_WORDS)
         self.values = array("i", [0] * _BATCH)
         self.place = array("i", [0])
+        self.strict = False  # setting `strict_moves`
+        self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # by what the last move checked was too much for a motor
         reals.put(self.numbers, THOUSAND, 1000, 0)
         reals.put(self.numbers, ZERO, 0, 0)
 
@@ -156,9 +175,11 @@ class Follower:
         note 5.5).
 
         ways: for what direction each motor's play is taken up at the first frame. ramp: frames/s² with which that rate
-        is come to on the way. OK, ERR_RANGE where one is asked for more than its velocity or acceleration, also to
-        take up its play where the path turns, or the code of a soft limit.
+        is come to on the way. OK, ERR_RANGE where one is asked for more than its velocity, also to take up its play
+        where the path turns, or more than the board can make, or the code of a soft limit. More than its acceleration
+        is refused if `strict`, or with a ramp. `exceeded` tells what was too much.
         """
+        self.exceeded[WHAT] = EXCEEDED_NOTHING
         r = self.numbers
         words = self.words
         values = self.values
@@ -192,6 +213,26 @@ class Follower:
             reals.divide(r, X, X, Y)
             reals.divide(r, X, X, Y)
             words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
+            # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its ticks)
+            reals.put(r, X, HARDEST, 0)
+            reals.multiply(r, X, X, THOUSAND)
+            reals.double(r, T, Y, 1)
+            reals.add(r, T, T, THOUSAND)
+            reals.divide(r, X, X, T)
+            reals.divide(r, X, X, Y)
+            reals.divide(r, X, X, Y)
+            words[path.HARDEST] = reals.floor(r, X, HALF) + 2
+            words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
+            if self.strict or ramp:
+                words[path.HARDEST] = words[path.STEEPEST]
+            kernel = self.axes.kernel.state
+            pulsed = min(
+                motion.FASTEST, motion.TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST]
+            )
+            reals.put(r, X, pulsed, 0)
+            reals.divide(r, X, X, Y)
+            words[path.PULSED] = reals.floor(r, X, HALF) + 2
+            words[path.SHARPEST] = 0
             words[path.SEEN] = 0
             words[path.PLAY] = axis.backlash
             words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
@@ -201,6 +242,7 @@ class Follower:
             # without play it does not matter which way they are played, and forward is faster to read
             order = step if axis.backlash else 1
             at = begin if order == step else begin + step * (count - 1)
+            first = at
             done = 0
             while done < count:
                 batch = min(count - done, _BATCH)
@@ -208,13 +250,38 @@ class Follower:
                 at += order * batch
                 found = path.check(words, values, batch, order)
                 if found != path.FITS:
-                    if found == path.TOO_FAST:
+                    if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
+                        self._exceeded(found, motor, first + order * words[path.SEEN], words[path.FOUND])
                         return ERR_RANGE
                     if found == path.TOO_HIGH:
                         return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
                     return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
                 done += batch
+            if words[path.SHARPEST]:
+                self._exceeded(path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST])
         return OK
+
+    def _exceeded(self, found, motor, index, amount):
+        """Keep for `exceeded` what check() has found at a frame: register Y holds frames per second."""
+        told = self.exceeded
+        r = self.numbers
+        axis = self.axes[motor]
+        steep = found == path.FITS or found == path.TOO_STEEP
+        reals.put(r, X, amount, 0)
+        reals.multiply(r, X, X, Y)
+        if steep:
+            reals.multiply(r, X, X, Y)
+        amount = reals.floor(r, X, HALF)
+        if found == path.FITS and told[WHAT] == EXCEEDED_ACCELERATION and amount - axis.acceleration <= told[BY]:
+            return  # another motor's corner is sharper
+        told[MOTOR] = motor
+        told[FRAME] = self.store.start + index
+        if found == path.TOO_HARD:
+            told[WHAT] = EXCEEDED_BOARD
+            told[BY] = 0
+        else:
+            told[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
+            told[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
 
     def roll(self, motor, velocity, ticks, backward, places):
         """Move places[motor] by the way of a ramp between rest and a velocity (field note 6.2).

@@ -141,17 +141,26 @@ LAST = const(8)  # the last frame's position, the motor's step for it less that
 OFFSET = const(9)
 RAMP = const(10)  # what of a step from frame to frame counts as a change of it, Q15: at most half
 TAKEN = const(11)  # 1: from the frame before the last one to the last one the motor has taken up its play
-CHECK_WORDS = const(12)
+HARDEST = const(12)  # a change that the kernel's numbers still hold; STEEPEST where more than that is refused
+PULSED = const(13)  # steps from frame to frame that the board can pulse
+SHARPEST = const(14)  # the greatest change above STEEPEST so far, and at which frame, counted from 0
+SHARPEST_AT = const(15)
+FOUND = const(16)  # what has not been let pass, in steps or as a change of them
+CHECK_WORDS = const(17)
 
 FITS = const(0)
 TOO_FAST = const(1)
 TOO_HIGH = const(2)
 TOO_LOW = const(3)
+TOO_STEEP = const(4)
+TOO_HARD = const(5)  # for the board
 
 
 @micropython.viper
 def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
-    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH or TOO_LOW.
+    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH, TOO_LOW, TOO_STEEP or TOO_HARD.
+
+    For all but FITS, SEEN is the frame and FOUND what was too much there.
 
     order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0 at the first one, or
     -PLAY if the play has been taken up for a motion down. Where its motion turns, the motor takes it up.
@@ -194,12 +203,17 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                     words[OFFSET] = 0 - play
             words[LAST] = p
             p = p + words[OFFSET]
+        words[SEEN] = seen
         if seen:
             # halves first, since the difference of two words may need 33 bits
             step = (p >> 1) - (b >> 1)
             if step > fastest or step < 0 - fastest:
+                words[FOUND] = 0x1FFFFFFF
                 return TOO_FAST
             step = p - b
+            words[FOUND] = step
+            if step < 0:
+                words[FOUND] = 0 - step
             if step > fastest or step < 0 - fastest:
                 return TOO_FAST
             if taken | before:
@@ -221,12 +235,28 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                 change = step - (b - a)
                 if change < 0:
                     change = 0 - change
+                most = words[FOUND]
                 if words[RAMP]:
-                    if step < 0:
-                        step = 0 - step
-                    change += (step >> 5) * words[RAMP] >> 10
+                    change += (most >> 5) * words[RAMP] >> 10
                 if change > steepest:
-                    return TOO_FAST
+                    words[SEEN] = seen - 1
+                    if change > words[HARDEST]:
+                        words[FOUND] = change
+                        return TOO_STEEP if words[HARDEST] == steepest else TOO_HARD
+                    if change > words[SHARPEST]:
+                        words[SHARPEST] = change
+                        words[SHARPEST_AT] = seen - 1
+                    # How fast the cubics on either side may be: their mean, and no more than that or the change on top.
+                    last = b - a
+                    if last < 0:
+                        last = 0 - last
+                    if last > most:
+                        most = last
+                    if change > most:
+                        change = most
+                    if most + change > words[PULSED]:
+                        words[FOUND] = most + change
+                        return TOO_HARD
         a = b
         b = p
         seen += 1

@@ -59,6 +59,7 @@ MSG_VIRT_AIM_POINT = const(0x0207)
 
 # framestep's own, for `framestep status`; Dragonframe does not send it, other devices answer ERR_UNSUPPORTED
 MSG_CONDITION = const(0x4600)
+MSG_EXCEEDED = const(0x4601)  # what the last move asked too much of (field note 5.5)
 
 # -- Response codes (spec: MSG_FLAG_ACK)
 
@@ -145,6 +146,13 @@ CONDITION_KEPT = const(0x10)  # positions are remembered as they are now
 CONDITION_UNKEPT = const(0x20)  # they will be once the motors stand
 CONDITION_FORGETFUL = const(0x40)  # they should be, but cannot
 
+CONDITION_EXCEEDED = const(0x80)  # the last move asked a motor for more than it is set to: MSG_EXCEEDED
+
+EXCEEDED_NOTHING = const(0)
+EXCEEDED_VELOCITY = const(1)  # refused
+EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
+EXCEEDED_BOARD = const(3)  # refused: more than the board can make
+
 LINE_X = const(0)
 LINE_Y = const(1)
 LINE_Z = const(2)
@@ -201,6 +209,7 @@ REQUESTS = {
     MSG_VIRT_JOG_ON_LINE: (3, 0),
     MSG_VIRT_AIM_POINT: (13, 0),
     MSG_CONDITION: (0, 0),
+    MSG_EXCEEDED: (0, 0),
 }
 
 
