@@ -133,6 +133,7 @@ class Controller:
         self.say_position = False
         self.say_virtual = False
         self.say_end = False
+        self.say_go = False
         self.say_hard_stop = m.HARD_STOP_FAULT if hal.watchdog.barked else -1
         self.handlers = {
             m.MSG_HI: self._hi,
@@ -179,6 +180,11 @@ class Controller:
         busy = self._listen()
         if self.io.poll(now):
             self._halt()
+        if self.io.go:
+            self.io.go = False
+            if self.moves.go_from_input():
+                self.say_go = True
+                busy = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
@@ -337,7 +343,7 @@ class Controller:
         self.io.safe()
         self.show.abort()
         self.jogging = 0
-        self.say_hi = self.say_position = self.say_end = False
+        self.say_hi = self.say_position = self.say_end = self.say_go = False
 
     def abandon(self):
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
@@ -447,7 +453,7 @@ class Controller:
             self.say_end = True
         self.io.report(self.was_open)
         if not self.was_open:
-            self.say_position = self.say_virtual = self.say_end = False
+            self.say_position = self.say_virtual = self.say_end = self.say_go = False
             return
         if self.say_hi and self._send_hi(None):
             self.say_hi = False
@@ -462,10 +468,15 @@ class Controller:
             self.say_position = False
             self.report_at = self.now
             self.say_virtual = self.virtuals.configured  # a pass later, since they are to be calculated
-        if self.say_end and not self.say_position:
+        if self.say_go:
+            self.writer.begin(m.MSG_RT_GO, None)
+            if self.writer.end():
+                self.say_go = False
+        if self.say_end and not self.say_position and not self.say_go:
             self.writer.begin(m.MSG_RT_END, None)
             if self.writer.end():
                 self.say_end = False
+        self.say_go = False
 
     def _send_hi(self, reader):
         writer = self.writer

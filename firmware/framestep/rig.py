@@ -11,6 +11,7 @@ SETTINGS = {
     "ports": (int, 1, 2, 2, "", "2: the protocol has a USB port of its own, 1: it shares the one of the REPL"),
     "jog_timeout_ms": (int, 0, 60000, 500, "ms", "a jog ends when no further one comes for so long; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
+    "go_input": (int, 0, 16, 0, "", "number of the general input that gives GO when it comes on; 0: none"),
     "strict_moves": (
         bool,
         None,
@@ -267,6 +268,7 @@ class Rig:
         self.jog_timeout_ms = settings["jog_timeout_ms"]
         self.hard_stop_factor = settings["hard_stop_factor"]
         self.report_ms = settings["report_ms"]
+        self.go_input = settings["go_input"]
         self.strict_moves = settings["strict_moves"]
         self.estop = settings["estop"]
         self.estop_cuts_power = settings["estop_cuts_power"]
@@ -356,6 +358,8 @@ class Rig:
             if lists[k] is None:
                 lists[k] = [_read(table, {"pin": pin}, "") for pin in mine if pin not in taken]
         self.outputs, self.inputs = lists
+        if settings["go_input"] > len(self.inputs):
+            raise RigError("go_input: found %d, but there are %d inputs" % (settings["go_input"], len(self.inputs)))
 
     def motor(self, i):
         return self.motors[i] if i < len(self.motors) else _read(MOTOR_SETTINGS, {}, "")

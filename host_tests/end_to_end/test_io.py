@@ -388,3 +388,55 @@ def test_a_pin_that_something_else_has_taken():
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
     assert session.steps(1)[0][-1] - taken < 0.1 + 5000 / 20000 + 0.05
     assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, KNOWN]
+
+
+# ---------------------------------------------------------------- GO from an input (field note 6.13)
+
+
+@pytest.mark.parametrize("dialect", ["spec", "dmc-lite"])
+def test_go_from_an_input(dialect):
+    """Debounced, only where GO would be taken; RT_GO comes unasked, once, before the first frame."""
+    session = simulated({"go_input": 1, "dialect": dialect})
+    board = session.board._board
+    session.upload({1: 20 * np.arange(25)})
+    pin = board.controller.rig.inputs[0]["pin"]
+
+    def press(seconds=0.1):
+        board.set_input(pin, 0)
+        session.run(seconds)
+        board.set_input(pin, 1)
+        session.run(0.1)
+
+    press()  # nothing waits
+    session.accept(run_request(24, 1, 25, 300, 300))
+    press(0.021)
+    assert not session.events(RtGo) and not session.events(RtEnd)
+    session.wait_idle()
+    press(0.01)  # too short to count
+    assert not session.events(RtGo) and not session.moving
+    session.forget()
+    pressed = session.now
+    press(0.2)
+    ((told, _),) = session.events(RtGo)
+    assert 0.02 <= told - pressed < 0.03
+    press()  # under way: nothing
+    session.client.wait_event(RtEnd, 10)
+    session.wait_idle()
+    assert len(session.events(RtGo)) == 1 and not session.events(RtEnd)
+    assert session.steps(1)[0][0] >= pressed + 0.02
+    assert session.position(1) == 480
+
+
+def test_go_from_an_input_that_is_not_there():
+    with pytest.raises(ValueError, match="go_input: found 9"):
+        simulated({"go_input": 9})
+
+
+def test_no_go_from_an_input_by_default():
+    session = simulated()
+    board = session.board._board
+    session.upload({1: 20 * np.arange(25)})
+    session.ready(run_request(24, 1, 25, 300, 300))
+    board.set_input(board.controller.rig.inputs[0]["pin"], 0)
+    session.run(0.3)
+    assert not session.events(RtGo) and not session.moving

@@ -69,6 +69,7 @@ def test_status_through_a_run(bench):
     while not session.events(RtEnd):
         look()
         session.run(0.05)
+    session.wait_idle()  # on the end frame again
     look()
     assert found == ["the motors go to where a run begins", "a run waits for GO", "a run is on,", "nothing moves"]
 

@@ -24,6 +24,8 @@ from .errors import Command, ToolError
 from .files import board_data
 from .move_file import read_move
 from .payloads import (
+    Condition,
+    Exceeded,
     GetCondition,
     GetExceeded,
     Hi,
@@ -89,11 +91,14 @@ def status(device: Url) -> None:
         )
         moving = client.request(MotorStatus())
         positions = client.request(MotorGetPosition())
+        condition: Condition | None = None
+        exceeded: Exceeded | None = None
         try:
             condition = client.request(GetCondition())
-            exceeded = client.request(GetExceeded()) if condition.bits & CONDITION_EXCEEDED else None
+            if condition.bits & CONDITION_EXCEEDED:
+                exceeded = client.request(GetExceeded())
         except RequestRefused:
-            condition = exceeded = None
+            pass
     trust = [""] * info.motors
     if condition:
         trust = [f", {words.trust(each.state, each.reason)}" for each in condition.positions]

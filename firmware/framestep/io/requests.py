@@ -61,6 +61,9 @@ class Io:
         self._levels = self.lights.words
         self._pulse = self.camera.pulsing
         self.say_inputs = False  # GIO_IN is due
+        self._go_bit = 1 << rig.go_input - 1 if rig.go_input else 0
+        self._go_was = self.gio.inputs.values & self._go_bit
+        self.go = False  # the input for GO has come on
         self.news = 0  # the last pass has found a switch or an input other than before
         self.handlers = {
             m.MSG_GIO_OUT: self._gio_out,
@@ -80,6 +83,11 @@ class Io:
             return False
         if due & _INPUTS and self.gio.poll(now, levels):
             self.say_inputs = True
+            if self._go_bit:
+                was = self._go_was
+                self._go_was = self.gio.inputs.values & self._go_bit
+                if self._go_was and not was:
+                    self.go = True
         if due & _PULSE:
             self.camera.poll(now)
         if due & _RAMPS:

@@ -195,16 +195,25 @@ class Moves:
             code = m.ERR_MOVING
         return code
 
-    def _go(self):
+    def _may_go(self):
         code = self.controller.may_move_all()
-        if code == m.OK:
-            code = self.stage.may_go()
+        return self.stage.may_go() if code == m.OK else code
+
+    def _go(self):
+        code = self._may_go()
         if code == m.OK:
             # field note 6.3: acknowledged first, then motion starts
             self.controller.acknowledge(m.OK)
             self.stage.go()
             return 0
         return code
+
+    def go_from_input(self):
+        """The setting `go_input` (field note 6.13): GO where GO would be OK. Whether it was."""
+        if self._may_go() != m.OK:
+            return False
+        self.stage.go()
+        return True
 
     def _stop_loop(self):
         """spec: MSG_RT_STOP_LOOP. Before GO as well; without a loop it is nothing to do (field note 6.12)."""
