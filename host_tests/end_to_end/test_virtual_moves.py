@@ -24,12 +24,14 @@ from framestep_tools.payloads import (
     RtPositionFrame,
     VirtConfig,
     VirtGetPosition,
+    VirtJog,
+    VirtJogOnLine,
     VirtMove,
     VirtPositions,
     VirtStop,
 )
 from framestep_tools.virtual_reference import Axis, Rig
-from host_tests.end_to_end.session import simulated
+from host_tests.end_to_end.session import assert_within, simulated
 from host_tests.end_to_end.virtual import (
     BOOM,
     BOOM_NODAL,
@@ -334,6 +336,64 @@ def test_backlash_is_taken_up_before_the_line_begins():
         for motor, (_, signs) in track.steps.items():
             moved = after[motor] - before[motor]
             assert len(signs) in (abs(moved), abs(moved) + 300), f"motor {motor} has turned on the way"
+
+
+LOOSE = {"motors": [{"backlash": 200}] * 6}
+
+
+@pytest.mark.parametrize("stop_s", [0.02, 0.15, 0.6, None])
+@pytest.mark.parametrize(
+    "request_",
+    [
+        VirtMove(m.VIRT_MOTOR_EW, 60 * 100000),
+        VirtMove(m.VIRT_MOTOR_NS, -40 * 100000),
+        VirtJog(m.VIRT_MOTOR_EW, 10_000, 3000),
+        VirtJog(m.VIRT_MOTOR_PAN, 5000, -3000),
+        VirtJogOnLine(m.LINE_Y, 10_000),
+        VirtJogOnLine(m.LINE_X, -10_000),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("rig", [BOOM, NODAL], ids=["boom", "x-y-z"])
+def test_play_costs_no_motor_its_limits(rig, request_, stop_s):
+    """Neither at the start, nor where a motor turns under way, nor at the end; at rest all is as it was asked for."""
+    session = configured(rig, 2000, 20_000, settings={**LOOSE, "jog_timeout_ms": 0})
+    for k, request in enumerate((request_, VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20)))):
+        before = session.positions
+        session.forget()
+        session.accept(request)
+        if k == 0 and (stop_s or isinstance(request, VirtJogOnLine)):
+            session.run(stop_s or 2)
+            session.accept(MotorStopAll())
+        session.wait_idle()
+        assert not session.events(HardStop)
+        for motor in range(1, 7):
+            times, signs = session.steps(motor)
+            if len(times) > 2:
+                assert_within(times, signs, 2000, 20_000)
+            moved = session.position(motor) - before[motor]
+            assert abs(moved - signs.sum()) <= 200, "the load is at most the play from the motor"
+        if stop_s is None or k == 1:
+            now = pose(session)
+            if isinstance(request, VirtMove):
+                assert now[request.motor - 1] == pytest.approx(request.position / 100000, abs=0.03)
+
+
+def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
+    """The track of a boom goes forth and back while the camera passes the column's side; it ends where it has to."""
+    session = configured(BOOM, 4000, 20_000, settings=LOOSE)
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
+    session.wait_idle()
+    before = session.positions
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 210 * 100000))
+    session.wait_idle()
+    track = Track(session, before)
+    track.limits(4000, 20_000)
+    turned = np.flatnonzero(np.diff(session.steps(3)[1]))
+    assert len(turned) >= 1
+    rest = BOOM.steps(BOOM.inverse(BOOM.meant([3100, 210, 3, -10, -3, 0]), np.zeros(6)))
+    assert [session.position(motor) for motor in range(1, 7)] == np.round(rest).tolist()
 
 
 def test_a_long_track_with_fine_steps():

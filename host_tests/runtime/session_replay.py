@@ -171,11 +171,11 @@ def script():
     ]
 
 
-def replay(say, played=None):
-    """Play a script; say(text) for each piece of output and at the end for the positions."""
+def replay(say, played=None, settings=None):
+    """Play a script; say(text) for each piece of output and at the end for the positions. settings: of the rig file."""
     motors = 8
     hal = Hal(motors)
-    controller = Controller(hal, Rig(board=BOARD))
+    controller = Controller(hal, Rig(settings, BOARD))
     controller.moves.take_memory()
     port = hal.port
     ms = 0

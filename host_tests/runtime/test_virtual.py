@@ -3,25 +3,28 @@
 import sys
 from pathlib import Path
 
+import pytest
+
 from framestep_tools.wire import FrameDecoder
 
 HERE = Path(__file__).parent
 
 
-def said(monkeypatch):
+def said(monkeypatch, backlash):
     monkeypatch.syspath_prepend(str(HERE))
     import virtual_replay
 
     lines = []
-    virtual_replay.replay(lines.append)
+    virtual_replay.replay(lines.append, backlash)
     for name in ("virtual_replay", "session_replay"):
         sys.modules.pop(name, None)
     return lines
 
 
-def test_both_runtimes_say_the_same(unix32f, monkeypatch):
-    output = unix32f.run("from virtual_replay import replay\nreplay(print)\n", path=[HERE], heap="400k")
-    lines = said(monkeypatch)
+@pytest.mark.parametrize("backlash", [0, 150])
+def test_both_runtimes_say_the_same(backlash, unix32f, monkeypatch):
+    output = unix32f.run(f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="400k")
+    lines = said(monkeypatch, backlash)
     assert output.split("\n")[:-1] == lines
     # and what they say is of a session in which things happen
     frames = [f for line in lines[:-1] for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))]

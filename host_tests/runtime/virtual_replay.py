@@ -53,5 +53,6 @@ def script():
     ]
 
 
-def replay(say):
-    session_replay.replay(say, script())
+def replay(say, backlash=0):
+    settings = {"motors": [{"backlash": backlash}] * 6} if backlash else None
+    session_replay.replay(say, script(), settings)

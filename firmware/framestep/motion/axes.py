@@ -135,10 +135,14 @@ def lead(planned: ptr32, limits: ptr32, targets, i: int, part: int):
 
 
 @micropython.viper
-def _follow(planned: ptr32, limits: ptr32, places, i: int):
-    """limits[PHYSICAL] = the motor's step for the place places[i] with the play as it is, whichever way that is."""
-    planned[_PLACE] = ptr32(places)[i + 0]
-    limits[PHYSICAL] = planned[_PLACE] + planned[_OFFSET]
+def _follow(planned: ptr32, limits: ptr32, places, i: int, part: int):
+    """limits[PHYSICAL] = the motor's step for the place places[i] with the play as it is, whichever way that is.
+
+    part: Q16 of a step that the place is beyond.
+    """
+    step = ptr32(places)[i + 0]
+    planned[_PLACE] = step + (part >> 15)
+    limits[PHYSICAL] = step + planned[_OFFSET]
 
 
 @micropython.viper
@@ -685,16 +689,12 @@ class Axis:
         lead(self.planned, self.limits, targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
 
-    def coast(self, duration, start, end, numbers, places, i):
+    def coast(self, duration, start, end, numbers, places, i, part=0):
         """Append an AIM phase to the place places[i] with the play as it is, so that none of it is taken up on the
-        way: for ramps. Where that is the other way than the motion before it, the load stays behind by the play."""
-        _follow(self.planned, self.limits, places, i)
-        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL)
-
-    def take_up(self, duration, zero, numbers, way):
-        """Append a phase in which the motor takes up its play for a motion up (way > 0) or down (< 0)."""
-        _take_up(self.planned, self.limits, way)
-        self.phases.aim(duration, zero, zero, numbers, self.limits, PHYSICAL)
+        way: for ramps and virtual motion. Where that is the other way than the motion before it, the load stays behind
+        by the play."""
+        _follow(self.planned, self.limits, places, i, part)
+        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
 
     def cut_off(self, ticks):
         """End the queue about `ticks` from now, to go on from there otherwise: go_on(). When that is, in ticks.

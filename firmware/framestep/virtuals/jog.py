@@ -86,6 +86,7 @@ class Guide:
             if self.level == _HALVINGS:
                 return code
             self.level += 1
+        motion.head(self.rows[0], self.rows[1], self.rows[2], True)
         motion.rates(self.share)
         fastest = 1
         for i in range(AXES):
@@ -165,8 +166,6 @@ class Guide:
         motion.rates(self.share)
         reals.double(r, _REACH, v.HALF_CELL, 1 - self.level)
         reals.add(r, _REACH, v.END, _REACH)
-        if reals.sign(r, v.END) == 0:
-            motion.head(self.rows[0], self.rows[1])
         cells = self.cells
         k = _CELL * ((self.head + self.count) % _RING)
         self.behind = min(self.behind, _RING - 1 - self.count)

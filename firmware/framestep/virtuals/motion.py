@@ -36,6 +36,8 @@ IDLE = const(0)
 STARTING = const(1)  # the first knots are being planned
 MOVING = const(2)
 HALTED = const(3)  # the motors ramp down by themselves
+TAKING_UP = const(4)  # play is made for the direction in which each motor is to start
+SETTLING = const(5)  # at the end of the line: motors that have turned take up their play
 
 # Registers, after those of the geometry
 BASE = const(REGISTERS)  # six: the pose at s = 0
@@ -319,7 +321,6 @@ class Motion:
         self.tick = 0  # in which the motion has begun
         self.closed = True  # no further knots come
         self.stopping = False
-        self.loose = False  # a motor has backlash
         self.span = SPAN  # ticks to the next knot
         self.aiming = False  # pan and tilt follow the aim point
         self.by_joint = False  # the line is one of JOINTs
@@ -545,8 +546,7 @@ class Motion:
             code = _inside(self.rows, a, b, c, self.bounds, self.motor)
             if code:
                 return code
-            if at == 0:
-                self.head(a, b)
+            self.head(a, b, c, at == 0)
             at += size
             if at == _CELLS * _WHOLE_CELL:
                 self.rates(10000)
@@ -571,10 +571,14 @@ class Motion:
         """See _measure."""
         return _measure(self.rows, a, b, c, self.motor, self.curve, self.greatest, level)
 
-    def head(self, a, b):
-        """Take the places in rows a and b for the beginning of the line."""
+    def head(self, a, b, c, first):
+        """Take the places in rows a, b and c for the next cell of the line, or the first: which way each motor sets
+        out. One that does not move until a later cell has no way yet."""
         for i in range(AXES):
-            self.ways[i] = _heading(self.rows, a + 2 * i, b + 2 * i)
+            if first:
+                self.ways[i] = 0
+            if not self.ways[i]:
+                self.ways[i] = _heading(self.rows, a + 2 * i, b + 2 * i) or _heading(self.rows, b + 2 * i, c + 2 * i)
 
     def inside(self, a, b, c):
         """See _inside."""
@@ -673,17 +677,22 @@ class Motion:
     # ---------------------------------------------------------------- the motion
 
     def begin(self):
-        """Start along the line that has been surveyed, or with the guide of a jog."""
+        """Start along the line that has been surveyed, or with the guide of a jog: first with what play there is."""
+        self.rested = False
+        self.state = TAKING_UP
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0 and not self.axes[motor].stands_on(self.present, motor, self.ways[i]):
+                self.axes[motor].travel(self.axes.hal, self.present, motor, 10000, self.ways[i])
+
+    def _set_out(self):
+        """Begin to plan, all motors being at rest where the line begins."""
         hal = self.axes.hal
         r = self.r
-        self.rested = False
-        self.loose = False
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
                 axis = self.axes[motor]
-                if axis.backlash:
-                    self.loose = True
                 axis.prepare(hal)
                 axis.expect(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
@@ -700,9 +709,23 @@ class Motion:
         self.stopping = False
         self.state = STARTING
 
+    def _settle(self):
+        """At rest at the end of the line: the load of a motor that has turned under way is behind by its play, and
+        follows now. Whether there was such a motor."""
+        row = ROW * (self.knot % _KNOTS)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                _nearest(self.word, self.rows, row + 2 * i)
+                axis = self.axes[motor]
+                if not axis.stands_on(self.word, 0):
+                    axis.travel(self.axes.hal, self.word, 0)
+                    self.state = SETTLING
+        return self.state == SETTLING
+
     def stop(self):
         """Slow down along the line, as steeply as its motors allow."""
-        if self.state == STARTING:
+        if self.state == STARTING or self.state == TAKING_UP:
             self.halt()
         elif self.state == MOVING and not self.stopping:
             if self._cut():
@@ -726,6 +749,11 @@ class Motion:
         state = self.state
         if state == IDLE:
             return False
+        if state == TAKING_UP:
+            if self.axes.moving_bits() & self.bits:
+                return False
+            self._set_out()
+            return True
         if state == STARTING:
             if self.closed or self.queued >= _BEGIN:
                 if self.axes.filled:
@@ -745,7 +773,9 @@ class Motion:
                 self._plan()
                 return True
         elif not self.axes.moving_bits() & self.bits:
-            if state == MOVING:
+            if state == MOVING and self._settle():
+                return True
+            if state != HALTED:
                 self._rest()
             self.state = IDLE
         return False
@@ -812,8 +842,6 @@ class Motion:
         else:
             reals.put(r, _P, 0, 0)
             reals.put(r, _Q, 0, 0)
-        if knot == 1 and self.loose:
-            self._take_up()
         reals.put(r, _LAST_T, self.times[here] - self.times[before], 0)
         for i in range(AXES):
             if self.motor[i]:
@@ -822,30 +850,8 @@ class Motion:
                 part = _aimed(self.word, rows, ROW * here + k, r, _W)
                 reals.fetch(r, _X, self.speeds, ROW * before + k)
                 reals.fetch(self.speeds, ROW * here + k, r, _W)
-                self.axes[self.motor[i] - 1].aim(_LAST_T, _X, _W, r, self.word, 0, part)
+                self.axes[self.motor[i] - 1].coast(_LAST_T, _X, _W, r, self.word, 0, part)
         self.queued = knot
-
-    def _take_up(self):
-        """A phase before the first one, in which motors take up their play."""
-        r = self.r
-        longest = 0
-        for i in range(AXES):
-            if self.motor[i]:
-                axis = self.axes[self.motor[i] - 1]
-                if axis.backlash:
-                    # from rest to rest by a cubic, whose greatest acceleration is 6·play/T²
-                    reals.put(r, _X, 6 * axis.backlash, 0)
-                    reals.fetch(r, _Y, axis.numbers, motion.STEEP)
-                    reals.divide(r, _X, _X, _Y)
-                    reals.root(r, _X, _X)
-                    longest = max(longest, reals.floor(r, _X, _HALF) + 1)
-        reals.put(r, _X, longest, 0)
-        for i in range(AXES):
-            if self.motor[i]:
-                way = self.ways[i]
-                self.axes[self.motor[i] - 1].take_up(_X, _ZERO, r, way)
-        for k in range(self.knot + 1):
-            self.times[k] += longest
 
     def _finish(self, knot):
         """Append the phase to the knot at which everything comes to rest."""
@@ -855,7 +861,7 @@ class Motion:
                 axis = self.axes[self.motor[i] - 1]
                 reals.fetch(r, _X, self.speeds, ROW * ((knot - 1) % _KNOTS) + 2 * i)
                 _nearest(self.word, self.rows, ROW * (knot % _KNOTS) + 2 * i)
-                axis.aim(_T, _X, _ZERO, r, self.word, 0)
+                axis.coast(_T, _X, _ZERO, r, self.word, 0)
                 axis.expect(False)
         self.queued = knot
         self.closed = True
