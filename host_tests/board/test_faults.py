@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from framestep.io.watchdog import DEAF_MS, TIMEOUT_MS
+from framestep.motion import stepper
 from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
@@ -38,6 +39,20 @@ def hang(urgent):
     while True:
         pass
 b.controller.axes.feed = hang
+"""
+# Ticks queued, of the motor in motion with more to come that has the fewest, at the least of so many looks
+QUEUED = f"""
+import framestep.boot as b
+def least(looks):
+    found = 10000
+    for _ in range(looks):
+        for block, queue in zip(b.hal.kernel.blocks, b.hal.kernel.queues):
+            if block[{stepper.MODE}] == {stepper.RUN} and block[{stepper.PLANNED}] & {stepper.PLAN_SEGMENTS}:
+                ticks = block[{stepper.LEFT}]
+                for k in range(block[{stepper.HEAD}], block[{stepper.TAIL}]):
+                    ticks += queue[k % {stepper.SEGMENTS} * {stepper.SEGMENT_WORDS}]
+                found = min(found, ticks)
+    return found
 """
 RAISE = """
 import framestep.boot as b
@@ -267,6 +282,82 @@ def test_a_main_loop_that_hangs(rig):
     assert "watchdog" in emulator.repl().exec(
         "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"
     )
+
+
+def test_how_long_the_main_loop_may_be_away(rig, capsys):
+    """What is queued for the motor that has the least, at its worst: the figures that the README has."""
+    motors = range(1, 7)
+    for motor in motors:
+        rig.speed(motor, VELOCITY, ACCELERATION)
+        rig.accept(MotorResetPosition(motor, 0))
+    repl = rig.board.emulator.repl()
+    repl.exec(QUEUED)
+    found = {}
+    for fps in (24, 60):
+        frames = 3 * fps
+        path = [round(500 * np.sin(2 * frame / fps)) for frame in range(frames)]
+        rig.upload({motor: path for motor in motors})
+        rig.ready(run_request(fps=fps, end=frames, pre=200))
+        rig.accept(RtGo())
+        rig.run(0.5)
+        found[f"{fps} frames/s"] = repl.eval("least(60)")
+        rig.board.run_until(rig.board.emulator.ns + 1_000_000)
+        rig.wait_idle()
+    rig.accept(*(MotorMove(motor, rig.position(motor) + 20_000) for motor in motors))
+    rig.run(0.4)
+    found["constant velocity"] = repl.eval("least(60)")
+    rig.board.run_until(rig.board.emulator.ns + 1_000_000)
+    rig.wait_idle()
+    begun = rig.board.emulator.ns
+    repl.exec("sum(range(60000))")
+    took = (rig.board.emulator.ns - begun) / 1e6
+    with capsys.disabled():
+        print("\nthe main loop may be away for, ms:", found, f"; sum(range(60000)) takes {took:.0f}")
+    assert found["24 frames/s"] >= 100 and found["60 frames/s"] >= 50 and found["constant velocity"] >= 300
+
+
+def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
+    """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host is told, and all goes on."""
+    for motor in (1, 2):
+        rig.speed(motor, VELOCITY, ACCELERATION)
+        rig.accept(MotorResetPosition(motor, 0))
+    before = start(rig, MotorMove(1, 30_000), MotorMove(2, -30_000))
+    emulator = rig.board.emulator
+    emulator.events(clear=True)
+    repl = emulator.repl()
+    # the watchdog's time cut short, to spare this computer some
+    failed = rig.now
+    repl.start(f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nsum(range(110000))")
+    repl.finish(20)
+    assert emulator.ns * 1e-9 - failed > TIMEOUT_MS / 5000 + 0.5
+    rig.board.run_until(emulator.ns + 500_000_000)
+    rig.run(0.1)
+    assert not [event for event in emulator.events() if event["type"] == "reset"]
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert levels(rig) == [0, 1, 0] and emulator.pin(ENABLE) == 0
+    for motor in (1, 2):
+        assert ramped_down(rig, motor, before, failed, 1) == rig.position(motor)
+    assert trust(rig)[:2] == [(KNOWN, SET)] * 2
+    rig.forget()
+    rig.accept(MotorMove(1, rig.position(1) + 100))
+    rig.wait_idle()
+    assert rig.made(1) == 100
+
+
+def test_a_tick_that_has_died(rig):
+    """While a call on the REPL takes long: nothing looks after the motors any more, so the board starts again."""
+    start(rig, MotorMove(1, rig.position(1) + 30_000), MotorMove(2, rig.position(2) - 30_000))
+    emulator = rig.board.emulator
+    emulator.events(clear=True)
+    died = rig.now
+    emulator.repl().start(
+        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nb.hal._ticker.deinit()\nsum(range(110000))"
+    )
+    emulator.wait_event("reset", TIMEOUT_MS)
+    assert emulator.ns * 1e-9 - died == pytest.approx(TIMEOUT_MS / 5000, abs=0.3)
+    starts_again(rig)
+    rig.run(0.2)
+    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
 
 
 def test_the_watchdog_leaves_the_repl_alone(rig):

@@ -45,7 +45,8 @@ and dmx is one with
 and watchdog is one with
 
     barked            whether it has started the board this time
-    arm(ms)           from now on it is to be fed within so many milliseconds
+    arm(ms)           from now on it is to be fed within so many milliseconds. While the main loop is held up by
+                      something else than a pass, and the tick has brought all motors to rest, it feeds itself
     feed()
     disarm()
 

@@ -7,6 +7,7 @@ and the REPL stays what it is. With one port it runs in the foreground, as the p
 import gc
 import io
 import sys
+from array import array
 from os import dupterm, dupterm_notify  # type: ignore[attr-defined]
 from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
 
@@ -21,6 +22,7 @@ from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.hal.rp2_usb import addressed
+from framestep.hal.rp2_watchdog import PASS
 from framestep.motion.stepper import StepKernel, halt_motors
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
@@ -94,7 +96,10 @@ class Rp2Hal:
         self._everyone = (1 << self.motors) - 1
         self._bus_guard_callback = self._bus_guard
         self.dmx = self._make_dmx(board.get("dmx"), rig)
-        self.watchdog = self._make_watchdog() if rig.watchdog else NoWatchdog()
+        self._watched = rig.watchdog
+        watchdog = self._make_watchdog() if rig.watchdog else None
+        self.watchdog = watchdog or NoWatchdog()
+        self._inside = watchdog.words if watchdog else array("i", [0] * (PASS + 1))  # [PASS]: within a pass
         self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
@@ -196,6 +201,8 @@ class Rp2Hal:
         self._ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:
             self._guard = Timer(-1, period=_GUARD_MS, mode=Timer.PERIODIC, callback=self._bus_guard_callback, hard=True)
+        if self._watched:
+            self.watchdog.guard(self.kernel.state)  # type: ignore[union-attr]
         self.port.start()
 
     irq_off = staticmethod(machine.disable_irq)
@@ -309,9 +316,11 @@ class Rp2Hal:
     def _poll(self):
         """One pass in the foreground. Returns what the controller's poll() does."""
         heap_lock()
+        self._inside[PASS] = 1
         try:
             return self._controller.poll(ticks_ms())  # type: ignore[union-attr]
         finally:
+            self._inside[PASS] = 0
             heap_unlock()
 
     # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front of _turn(), which
@@ -321,6 +330,7 @@ class Rp2Hal:
         try:
             self._turn()
         finally:
+            self._inside[PASS] = 0
             heap_unlock()
         if self._due:
             self._after()
@@ -341,6 +351,7 @@ class Rp2Hal:
                 controller.fail()  # type: ignore[union-attr]
                 self._failing = False
                 self._failed = True
+            self._inside[PASS] = 1
             controller.poll(ticks_ms())  # type: ignore[union-attr]
         except KeyboardInterrupt:
             self._struck = self._failing = True

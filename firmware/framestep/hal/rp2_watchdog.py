@@ -1,18 +1,35 @@
 """The watchdog of the RP2040 and RP2350 (RP2040 datasheet 4.7, RP2350 12.9).
 
 `machine.WDT` knows no way to stop it; the chip does: a bit of its control register.
+
+A call in C that a program on the REPL makes may hold the main loop up for longer than the watchdog waits. By then the
+tick has ramped every motor down, and there is nothing to save anybody from: a reset would only switch the drivers off,
+and lose the positions. So a hard timer feeds it as well, while all of this holds: the tick's count goes on, no motor
+takes segments any more, and the main loop is outside its pass, so that it is not framestep itself that hangs.
 """
 
 import sys
+from array import array
 
 import machine
 
-from framestep.native import const, micropython, ptr32
+from framestep.motion.stepper import FIRST, MODE, NEXT, RUN, TICKS
+from framestep.native import addressof, as_word, const, micropython, ptr32
 
 _RP2350 = "RP2350" in sys.implementation._machine
 _SCRATCH4 = (0x400D8000 if _RP2350 else 0x40058000) + 0x1C
 _ARMED = const(0x6AB73121)  # what the SDK leaves in SCRATCH4: the watchdog ran, as opposed to machine.reset()
 _PAGE = 0x400D if _RP2350 else 0x4005
+_COUNTS = 1 if _RP2350 else 2  # of the counter in a microsecond (erratum RP2040-E1)
+_GUARD_MS = const(500)
+
+# State words
+_HEADER = const(0)  # address of the tick's header
+_SEEN = const(1)  # its count of ticks at the last look
+_LOAD = const(2)  # what the counter begins with when it is fed
+_REGISTER = const(3)  # address that feeds it
+PASS = const(4)  # 1 while the main loop is in a pass
+_WORDS = const(5)
 
 
 @micropython.viper
@@ -30,12 +47,41 @@ class Watchdog:
         self.barked = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
         machine.mem32[_SCRATCH4] = 0  # told once, not again after a soft reset
         self._wdt = None
+        self.words = array("i", [0] * _WORDS)  # the main loop keeps PASS
+        self._timer = None
+
+    def guard(self, header):
+        """Feed it from a hard timer as well, as the head of this file has it. header: of the tick."""
+        words = self.words
+        words[_HEADER] = as_word(addressof(header))
+        words[_REGISTER] = (_PAGE << 16) + 0x8004  # LOAD
+        self._timer = machine.Timer(-1, period=_GUARD_MS, mode=machine.Timer.PERIODIC, callback=self._look, hard=True)
+
+    @micropython.viper
+    def _look(self, _timer):
+        w = ptr32(self.words)
+        m = ptr32(w[_HEADER])
+        ticks = m[TICKS]
+        if ticks == w[_SEEN]:
+            return
+        w[_SEEN] = ticks
+        if w[PASS] or w[_LOAD] == 0:
+            return
+        a = m[FIRST]
+        while a:
+            m = ptr32(a)
+            a = m[NEXT]
+            if m[MODE] & RUN:
+                return
+        ptr32(w[_REGISTER])[0] = w[_LOAD]
 
     def arm(self, ms):
         self._wdt = machine.WDT(id=0, timeout=ms)
+        self.words[_LOAD] = ms * 1000 * _COUNTS
 
     def feed(self):
         self._wdt.feed()  # type: ignore[union-attr]
 
     def disarm(self):
+        self.words[_LOAD] = 0
         _disable(_PAGE)
