@@ -153,3 +153,21 @@ def test_a_pin_that_something_else_takes(rig):
     rig.accept(MotorResetPosition(7, 0), MotorMove(7, 50))
     rig.wait_idle()
     assert rig.position(7) == 50 and rig.made(7) == 50
+
+
+def test_a_bus_reset_in_motion_with_one_port():
+    """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as for a lost host."""
+    found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, args=B1), motors=7, reply_s=0.1)
+    with found.board:
+        emulator = found.board.emulator
+        found.speed(7, 2000, 20_000)
+        found.accept(MotorResetPosition(7, 0), MotorMove(7, 20_000))
+        found.run(0.5)
+        failed = emulator.ns
+        emulator.cmd("usb_reset")
+        emulator.wait_event("usb-configured", 2000)
+        found.board.run_until(emulator.ns + 300_000_000)
+        found.client.events.clear()
+        assert found.steps(7)[0][-1] * 1e9 - failed < 130e6
+        assert found.position(7) == found.made(7) and not found.moving
+        assert not found.events(HardStop) and trust(found)[6] == (KNOWN, SET)

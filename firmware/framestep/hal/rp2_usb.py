@@ -66,7 +66,10 @@ class BusWatch:
         self._still = -1  # until frames have been seen to come
 
     def dead(self):
-        """True when frames have come, and none for 0.1 s. To be called all the time; it looks every 10 ms."""
+        """True when frames have come, and none for 0.1 s, or the host has reset the bus and not yet given an address.
+
+        To be called all the time; it looks at frames every 10 ms.
+        """
         now = time.ticks_ms()
         if time.ticks_diff(now, self._looked_at) >= _LOOK_MS:
             self._looked_at = now
@@ -76,4 +79,4 @@ class BusWatch:
                 self._still = 0
             elif 0 <= self._still < _STILL:
                 self._still += 1
-        return self._still == _STILL
+        return self._still == _STILL or self._still >= 0 and not addressed()
