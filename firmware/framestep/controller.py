@@ -131,6 +131,7 @@ class Controller:
         # what is to be sent unasked, kept until there is room
         self.say_hi = False
         self.say_position = False
+        self.say_frame = False  # that is of the frame reached last
         self.say_virtual = False
         self.say_end = False
         self.say_go = False
@@ -177,6 +178,7 @@ class Controller:
     def poll(self, now):
         """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
         self.now = now
+        self.axes.sample()
         busy = self._listen()
         if self.io.poll(now):
             self._halt()
@@ -196,7 +198,7 @@ class Controller:
         if self.show.busy:
             self.show.poll()
         if self.stage.state == RUNNING and self.stage.reached():
-            self.say_position = True
+            self.say_position = self.say_frame = True
             self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
             self._tend(now, False)
         elif (
@@ -453,7 +455,8 @@ class Controller:
             self.say_end = True
         self.io.report(self.was_open)
         if not self.was_open:
-            self.say_position = self.say_virtual = self.say_end = self.say_go = False
+            self.say_position = self.say_frame = self.say_virtual = False
+            self.say_end = self.say_go = False
             return
         if self.say_hi and self._send_hi(None):
             self.say_hi = False
@@ -464,8 +467,8 @@ class Controller:
                 self.say_hard_stop = -1
         if self.say_virtual and (not self.virtuals.configured or self.virtuals.send_positions(None)):
             self.say_virtual = False  # field note 9.8
-        if self.say_position and self._send_positions(None):
-            self.say_position = False
+        if self.say_position and self._send_positions(None, self.say_frame):
+            self.say_position = self.say_frame = False
             self.report_at = self.now
             self.say_virtual = self.virtuals.configured  # a pass later, since they are to be calculated
         if self.say_go:
@@ -495,10 +498,14 @@ class Controller:
         writer.u16(m.PROTOCOL_VERSION)
         return writer.end()
 
-    def _send_positions(self, reader):
+    def _send_positions(self, reader, frame=False):
+        """MOTOR_GET_POSITION: MOVE TIME and positions of one moment, that of the pins (field note 4.6).
+
+        frame: of the frame that has been reached last.
+        """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(self.stage.move_time)
+        writer.u32(self.stage.tell(frame))
         self.axes.tell(writer)
         return writer.end()
 
@@ -728,6 +735,7 @@ class Controller:
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
         self.positions.know(motor)
+        self.axes.renumbered(motor)
         self.say_position = True
         return m.OK
 

@@ -13,7 +13,7 @@ REPLAY = Path(__file__).parent / "motion_replay.py"
 
 # Words that hold addresses
 HEADER_ADDRESSES = [stepper.CLOCK, stepper.FIRST, stepper.CUES, stepper.OUT_SET, stepper.OUT_CLEAR]
-BLOCK_ADDRESSES = [stepper.NEXT, stepper.FIFO, stepper.QUEUE, stepper.WORK, stepper.PHASES]
+BLOCK_ADDRESSES = [stepper.NEXT, stepper.FIFO, stepper.QUEUE, stepper.WORK, stepper.PHASES, stepper.PLACE]
 MOTOR_WORDS = stepper.BLOCK_WORDS + segments.CUBIC_WORDS + 1 + 1
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 

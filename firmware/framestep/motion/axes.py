@@ -12,7 +12,7 @@ from array import array
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
-from framestep.motion.reals import add_words, order_words
+from framestep.motion.reals import add_words, copy_words, order_words
 from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
@@ -349,7 +349,8 @@ class Axis:
         self.share = 0
         self.stale = True  # what travel() has computed from share and settings no longer holds
         self.backlash = 0  # steps of play that the motor takes up before the load moves
-        self.place = array("i", [0])  # where the load is: what is reported and asked for
+        self.place = array("i", [0])  # where the load is, with what has been queued to the engine: what is asked for
+        self.block[stepper.PLACE] = as_word(addressof(self.place))
         # The place that the phases lead to, from there to the motor's step (-backlash where the load is moved down),
         # and the backlash
         self.planned = array("i", [0] * 3)
@@ -598,6 +599,7 @@ class Axis:
         self.backlash = steps
         self.planned[_PLAY] = steps
         self._bound()
+        self.block[stepper.PLAY] = steps
 
     # ---------------------------------------------------------------- motion
 
@@ -702,7 +704,7 @@ class Axis:
         With interrupts off. Motors that play the same phases in time are cut at the same moment.
         """
         taken = stepper.splice(self.block, ticks, self.state)
-        if self.partner:
+        if taken >= 0 and self.partner:
             stepper.splice(self.partner.block, ticks, self.partner.state)
         return taken
 
@@ -853,19 +855,16 @@ class Axis:
             _feed(self.parts, None, self.base, most, enough)
 
 
-@micropython.viper
-def _tell(axes, count: int, writer):
-    i = 0
-    while i < count:
-        axis = axes[i]
-        place = axis.place
-        _play(place, axis.block, axis.backlash)
-        writer.word_from(place, 0)
-        i += 1
+_SAMPLES = const(8)  # kept, one in each pass of the main loop
+_STALE = const(16)  # ticks after which one is too old to be told
 
 
 class Axes:
-    """All motors of the controller."""
+    """All motors of the controller.
+
+    The pins are behind the kernel: what it queues in a tick is pulsed `LEAD` ticks later. So what is told of positions
+    comes from samples taken some ticks ago: all of one moment, and of pulses that have been made.
+    """
 
     def __init__(self, hal):
         self.hal = hal
@@ -874,6 +873,10 @@ class Axes:
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.loose = []  # those with backlash
+        self._row = 1 + self.count
+        self._samples = array("i", [-_STALE & _ALL_BITS] * (_SAMPLES * self._row))
+        self._newest = 0
+        self.told = array("i", [0] * self.count)  # where the loads are by the pulses made until then: see choose()
 
     def __getitem__(self, motor):
         return self.axes[motor]
@@ -917,9 +920,48 @@ class Axes:
         """Whether every queue has AHEAD segments, or all that there is to cut."""
         return _neediest(self.kernel.state, AHEAD, 0) == 0
 
+    def sample(self):
+        """In each pass: keep where all motors are."""
+        state = self.kernel.state
+        if self._samples[self._newest] != state[stepper.TICKS]:
+            self._newest = (self._newest + self._row) % (_SAMPLES * self._row)
+            stepper.sample(state, self._samples, self._newest)
+
+    def choose(self):
+        """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^30) whose pulses were the
+        last of them."""
+        state = self.kernel.state
+        row = self._newest
+        samples = self._samples
+        now = state[stepper.TICKS]
+        if state[stepper.RUNNING]:
+            for _ in range(_SAMPLES):
+                age = (now - samples[row]) & _ALL_BITS
+                if age > _STALE:
+                    row = self._newest  # the main loop was away for long: some ticks ahead of the pins
+                    break
+                if age > state[stepper.LEAD]:
+                    break
+                row = (row - self._row) % (_SAMPLES * self._row)
+            tick = samples[row]
+        else:
+            stepper.sample(state, samples, row)  # nothing has moved for some ticks
+            tick = (now - state[stepper.LEAD] - 1) & _ALL_BITS
+        copy_words(self.told, samples, row + 1, self.count)
+        return tick
+
+    def renumbered(self, motor):
+        """A motor at rest has been given another position: that is what it was in the samples kept."""
+        place = self.axes[motor].place
+        at = 1 + motor
+        while at < _SAMPLES * self._row:
+            reals.copy_word(self._samples, at, place, 0)
+            at += self._row
+
     def tell(self, writer):
-        """Append where each motor is to a frames.FrameWriter."""
-        _tell(self.axes, self.count, writer)
+        """Append `told` to a frames.FrameWriter."""
+        for motor in range(self.count):
+            writer.word_from(self.told, motor)
 
     def moving_bits(self):
         """One bit per motor that moves."""

@@ -93,7 +93,9 @@ WHOLE_SPAN = const(26)  # cycles per tick
 PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
 WORK = const(28)  # addresses of what the queue is filled from, see axes.py; nothing to the tick either
 PHASES = const(29)
-BLOCK_WORDS = const(30)
+PLACE = const(30)  # address of the load's place, see axes.py, and the play between it and the motor: for sample()
+PLAY = const(31)
+BLOCK_WORDS = const(32)
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
@@ -314,6 +316,33 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     out[2] = v
     out[3] = a
     return done
+
+
+@micropython.viper
+def sample(m: ptr32, out, i: int):
+    """out[i] = the tick done last, and behind it where each motor's load is with what has been queued until then.
+
+    Brings the loads' places up to date. m: the header.
+    """
+    h = m
+    o = ptr32(out)
+    tick = h[TICKS] - 1
+    while tick != h[TICKS]:  # once more where a tick came in between
+        tick = h[TICKS]
+        k = i
+        o[k] = tick
+        a = h[FIRST]
+        while a:
+            m = ptr32(a)
+            a = m[NEXT]
+            k += 1
+            place = ptr32(m[PLACE])
+            position = m[POSITION]
+            if place[0] < position:
+                place[0] = position
+            elif place[0] - position > m[PLAY]:
+                place[0] = position + m[PLAY]
+            o[k] = place[0]
 
 
 @micropython.viper

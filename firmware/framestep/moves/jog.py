@@ -405,13 +405,20 @@ class JogAll(Operation):
             reals.put(r, _W, 0, 0)
         return k
 
-    def reached(self, ticks):
-        # Between frames the time of the move is that of the last frame queued, at rest it is exact.
-        if self.closed and not self.stage.moving():
-            self.stage.move_time = (self.store.start + self.at) * 1000
-        return False
+    def play_head(self, tick, frame):
+        kernel = self.stage.axes.kernel.state
+        k = self._locate((tick + 1 + kernel[stepper.LEAD] - self.begun) & _WRAP)
+        if k < 0:
+            return self.stage.move_time
+        r = self.follower.numbers
+        reals.multiply(r, X, _U, THOUSAND)
+        reals.put(r, Y, 1, -1)
+        reals.add(r, X, X, Y)
+        return (self.store.start + self.rows[k + _INDEX]) * 1000 + self.step * reals.floor(r, X, HALF)
 
     def finished(self):
+        if self.closed and not self.stage.moving():
+            self.stage.move_time = (self.store.start + self.at) * 1000
         return self.closed
 
     def again(self):
@@ -452,7 +459,7 @@ class JogAll(Operation):
             for motor in range(axes.count):
                 if bits >> motor & 1:
                     taken = axes[motor].cut_off(ticks)
-                    uneven = uneven or taken <= 0 or before != 0 and taken != before
+                    uneven = uneven or before != 0 and taken != before
                     before = taken
             ticks = before
         axes.hal.irq_on(irq)

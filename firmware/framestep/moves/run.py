@@ -18,7 +18,7 @@ post-roll. When they stand, RT_END is due, and they go back to the end frame's p
 from array import array
 
 from framestep.motion import axes as motion
-from framestep.motion import reals
+from framestep.motion import reals, stepper
 from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.stage import Operation
@@ -333,6 +333,34 @@ class RunMove(Operation):
                     axis.coast(_ROLL, own, ZERO, r, places, motor)
         follower.close(plan.bits)
         self.closed = True
+
+    def play_head(self, tick, frame):
+        told = self.told
+        here = self.store.start + self.first + self.step * (told - 1)  # the frame told last
+        if told == 0:
+            return (here + self.step) * 1000  # in the pre-roll
+        clock = self.tell_clock
+        kernel = self.stage.axes.kernel.state
+        ahead = (clock.tick - tick - 1 - kernel[stepper.LEAD]) & _WRAP  # ticks to the frame to be told next
+        last = told > self.plan.frames
+        if ahead >= _HALF or ahead == 0 and clock.us == 0:
+            if last:
+                return here * 1000
+            # it has been reached in this pass: nothing is told of what lies behind it before that is
+            here += self.step
+            left = clock.quotient
+        else:
+            left = ahead * 1000 + clock.us
+            if last and left < clock.quotient:
+                return here * 1000
+        if frame or left >= clock.quotient:
+            self.stage.exact = here - self.store.start
+            return here * 1000
+        if left < 0x100000:
+            part = left * 1000 // clock.quotient
+        else:
+            part = left // (clock.quotient // 1000)
+        return here * 1000 + self.step * (1000 - part)
 
     def reached(self, ticks):
         clock = self.tell_clock

@@ -80,6 +80,14 @@ class Operation:
         """Whether a frame has been reached that is to be told; ticks: of the pulses now made."""
         return False
 
+    def play_head(self, tick, frame):
+        """MOVE TIME when the pulses of a tick have been made, while it runs: thousandths of a scene frame.
+
+        frame: that of the frame reached last instead. Where it is exactly a frame's, that one's index is put in
+        `stage.exact`.
+        """
+        return self.stage.move_time
+
     def finished(self):
         """Whether everything has been queued and told; the motors may still be moving."""
         return True
@@ -122,7 +130,10 @@ class Stage:
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.early = _NOT_YET
         self.held = 0  # bits of motors that have more to come than has been queued early
-        self.move_time = 0  # thousandths of a scene frame
+        self.move_time = 0  # thousandths of a scene frame, where no operation runs
+        self.exact = -1  # index of the frame of which the positions told are
+        self.bound = 0  # bits of motors that have been sent to a frame, and that one
+        self.bound_to = 0
         self.ended = False  # RT_END is due
         self.unattended = False  # the next pass starts without a GO
         self.forsaken = False  # whoever asked for the operation has gone
@@ -171,8 +182,40 @@ class Stage:
             return code
         self.drop()
         self._travel(bits, places)
-        self.move_time = frame * 1000
+        self.bound = bits
+        self.bound_to = frame
+        self._arrive()
         return OK
+
+    def _arrive(self):
+        """Where the motors sent to a frame have come to rest, MOVE TIME is that frame, if they are there."""
+        bits = self.bound
+        if bits and self.axes.moving_bits() & bits == 0:
+            self.bound = 0
+            store = self.store
+            place = self.follower.place
+            if store.state != UPLOADED or not store.start <= self.bound_to <= store.end:
+                return
+            for motor in range(self.axes.count):
+                if bits >> motor & 1 and store.has(motor):
+                    store.position(motor, self.bound_to - store.start, place, 0)
+                    if not self.axes[motor].stands_on(place, 0):
+                        return
+            self.move_time = self.bound_to * 1000
+
+    def tell(self, frame):
+        """MOVE TIME to be told, with the positions in `axes.told`. frame: that of the frame reached last."""
+        tick = self.axes.choose()
+        if self.state == RUNNING:
+            self.exact = -1
+            time = self.operation.play_head(tick, frame)
+            if self.exact >= 0:
+                for motor in range(self.axes.count):
+                    if self.operation.bits >> motor & 1:
+                        self.store.position(motor, self.exact, self.axes.told, motor)
+            return time
+        self._arrive()
+        return self.move_time
 
     def barred(self, bits, places):
         """OK, or why one of these motors may not go to places[motor]: it would have to go on into a limit switch."""
@@ -191,6 +234,7 @@ class Stage:
         self.operation = operation
         self.begins = begins
         self.ways = ways
+        self.bound = 0
         self._travel(operation.bits, begins, ways)
         self.move_time = frame * 1000
         self.state = POSITIONING
@@ -223,6 +267,7 @@ class Stage:
         self.operation = operation
         self.begins = begins
         self.ways = ways
+        self.bound = 0
         self.waiting = operation.bits
         self.unattended = True
         self.forsaken = False
@@ -262,6 +307,7 @@ class Stage:
             return 0
         if land and self.state == RUNNING and self.operation.land(everything):
             return self.operation.bits
+        self.move_time = self.tell(False)
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
                 self.axes[motor].stop(self.axes.hal, factor)

@@ -188,21 +188,23 @@ class Virtuals:
     # ---------------------------------------------------------------- positions
 
     def locate(self):
-        """POSE of where the motors are now; a plan under way is not disturbed."""
+        """POSE of where the motors are by what is told of them; a plan under way is not disturbed."""
         motion = self.motion
         rig = motion.rig
         for i in range(g.AXES):
             motor = motion.motor[i]
             if motor:
-                self.axes[motor - 1].position_to(self.word, 0)
-                rig.joint(i, self.word, 0)
+                rig.joint(i, self.axes.told, motor - 1)
             else:
                 reals.copy(self.r, g.JOINT + 2 * i, g.HOME + 2 * i)
         rig.forward()
 
     def send_positions(self, reader):
-        """VIRT_GET_POSITION, asked for or not. Whether there was room."""
+        """VIRT_GET_POSITION, asked for or not: then of the same moment as the motors' positions told last (field note
+        4.6). Whether there was room."""
         writer = self.writer
+        if reader:
+            self.axes.choose()
         self.locate()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(g.AXES):

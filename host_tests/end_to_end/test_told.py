@@ -1,0 +1,189 @@
+"""MOVE TIME and positions of a message belong together: both of the same moment, that of the pins (field note 4.6)."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    MotorConfigure,
+    MotorGetPosition,
+    MotorMove,
+    MotorResetPosition,
+    MotorStop,
+    MotorStopAll,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+)
+from host_tests.end_to_end.realtime import rig, upload
+from host_tests.end_to_end.session import run_request
+
+FRAMES = 49
+LOOP, PING_PONG = 2, 1
+LIVE = 0x09
+PATH = {
+    1: 90 * np.arange(FRAMES) + 500,
+    2: np.rint(400 * np.sin(np.arange(FRAMES) * 0.2)).astype(int),
+}
+LATE_S = 0.006  # that a message may be behind the moment that it tells of
+
+
+class Pins:
+    """Where each motor is by its edges, at any moment."""
+
+    def __init__(self, session):
+        self.session = session
+        self.origin = session.positions
+
+    def __call__(self, motor, time):
+        times, signs = self.session.steps(motor)
+        return self.origin[motor] + int(signs[times <= time].sum())
+
+
+def loaded(**settings):
+    session = rig(**settings)
+    upload(session, PATH, frames=FRAMES)
+    return session
+
+
+def watch(session, seconds, ask):
+    """[(time, Positions)] of what comes in that time, answers to GET_POSITION among it if `ask`."""
+    begun = session.now
+    end = begun + seconds
+    replies = []
+    while session.now < end:
+        session.run(0.007)
+        if ask:
+            message = session.ask(MotorGetPosition())
+            replies.append((session.now, message))
+    events = [pair for pair in session.events(Positions) if pair[0] > begun]
+    return sorted(events + replies, key=lambda pair: pair[0])
+
+
+def assert_of_one_moment(session, pins, messages, motors=(1, 2)):
+    """There is a moment shortly before each message in which the pins of all motors were where it says, to a step."""
+    edges = {motor: session.steps(motor) for motor in motors}
+
+    def at(motor, moments):
+        times, signs = edges[motor]
+        sums = np.concatenate(([0], np.cumsum(signs)))
+        return pins.origin[motor] + sums[np.searchsorted(times, moments, side="right")]
+
+    for time, message in messages:
+        moments = np.arange(time - LATE_S, time, 0.0001)
+        off = np.max([np.abs(at(motor, moments) - message.steps[motor - 1]) for motor in motors], axis=0)
+        assert off.min() <= 1, (time, message)
+
+
+@pytest.mark.parametrize("fps", [24, 60])
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("ask", [False, True])
+def test_in_a_run(fps, way, ask):
+    session = loaded(report_ms=20)
+    first, last = (1, FRAMES) if way > 0 else (FRAMES, 1)
+    session.ready(run_request(fps, first, last, 400, 400))
+    session.forget()
+    pins = Pins(session)
+    session.accept(RtGo())
+    messages = watch(session, 0.4 + FRAMES / fps + 0.5, ask)
+    assert_of_one_moment(session, pins, messages)
+    # Every frame is told once exactly
+    told = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
+    for index in range(FRAMES)[1:-1]:
+        exact = [m for _, m in told if m.move_time == (index + 1) * 1000]
+        assert exact and all(m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact)
+    # between frames MOVE TIME is the play head: motor 1 has a constant speed
+    parts = [m for _, m in messages if m.move_time % 1000]
+    assert len(parts) > 30 or (fps == 60 and not ask)  # each frame is told, and comes before the next report is due
+    for m in parts:
+        assert m.steps[0] == pytest.approx(PATH[1][0] + 90 * (m.move_time / 1000 - 1), abs=1.6)
+    unasked = [m.move_time * way for _, m in session.events(Positions)]
+    assert unasked == sorted(unasked)
+    begin = [m.move_time for time, m in messages if time < messages[0][0] + 0.3]
+    assert set(begin) == {first * 1000} and unasked[-1] == last * 1000 * way
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_in_a_loop(flags):
+    session = loaded(report_ms=20)
+    session.ready(run_request(24, 1, 20, 200, 200, flags=flags))
+    session.forget()
+    pins = Pins(session)
+    session.accept(RtGo())
+    messages = watch(session, 6, True)
+    assert_of_one_moment(session, pins, messages)
+    assert all(1000 <= m.move_time <= 20000 for _, m in messages)
+    assert sum(m.move_time == 20000 and m.steps[0] == PATH[1][19] for _, m in messages) >= 2
+
+
+@pytest.mark.parametrize("fps", [0.5, 6, 24])
+def test_in_jog_all(fps):
+    session = loaded(report_ms=20)
+    session.accept(RtPositionFrame(10))
+    session.wait_idle()
+    session.forget()
+    pins = Pins(session)
+    messages = []
+    for frame in (30, 12):
+        session.accept(RtJogAll(round(fps * 1000), frame))
+        messages += watch(session, 2.5, True)
+        session.accept(MotorStop(1))
+        messages += watch(session, 2.5, True)
+    assert_of_one_moment(session, pins, messages)
+    parts = [m for _, m in messages if m.move_time % 1000]
+    assert len(parts) > 50
+    for m in parts:
+        assert m.steps[0] == pytest.approx(PATH[1][0] + 90 * (m.move_time / 1000 - 1), abs=3)
+    assert session.ask_positions().move_time == 1000 + (session.position(1) - 500) // 90 * 1000
+
+
+def test_position_frame_sets_it_on_arrival():
+    session = loaded()
+    session.accept(RtPositionFrame(7))
+    session.wait_idle()
+    assert session.ask_positions().move_time == 7000
+    session.accept(RtPositionFrame(40))
+    session.run(0.05)
+    assert session.ask_positions().move_time == 7000
+    session.forget()
+    session.wait_idle()
+    assert session.events(Positions)[-1][1].move_time == 40_000
+    session.accept(RtPositionFrame(3))
+    session.run(0.05)
+    session.accept(MotorStopAll())
+    session.wait_idle()
+    assert session.ask_positions().move_time == 40_000  # it has not got there
+    session.accept(RtPositionFrame(3))
+    session.wait_idle()
+    assert session.ask_positions().move_time == 3000
+
+
+def test_moves_and_a_live_motor_beside_a_run():
+    """One moment for all motors, those of the run and others."""
+    session = loaded(report_ms=20)
+    session.accept(MotorConfigure(3, LIVE))
+    session.speed(3, 9000, 60_000)
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.forget()
+    pins = Pins(session)
+    session.accept(RtGo())
+    messages = []
+    for target in (3000, -2000, 4000, 0):
+        session.ask(MotorMove(3, target))
+        messages += watch(session, 0.6, True)
+    assert_of_one_moment(session, pins, [m for m in messages if m[1].move_time % 1000], (1, 2, 3))
+    session.client.wait_event(RtEnd, 20)
+    session.wait_idle()
+    for motor in (1, 2, 3):
+        assert session.position(motor) == pins(motor, session.now)
+
+
+def test_a_position_that_is_reset_while_others_move():
+    session = rig()
+    session.ask(MotorMove(1, 5000))
+    session.run(0.1)
+    session.accept(MotorResetPosition(2, 777))
+    for _ in range(10):
+        assert session.position(2) == 777
+        session.run(0.003)
