@@ -43,7 +43,6 @@ def cases():
     jumps = [LOWEST, LOWEST + 100, 0, TOP - 100, TOP]
     shoot, shoot2, jog = 0x112, 0x115, 0x120
     blur = struct.pack("<iBIH", 12, 1, 1000, 1000)
-    far_angles = struct.pack("<iIhh", 12, 60000, -3600, 3600)
 
     def pair(a, b):
         return b"\x01" + words(a, b)
@@ -68,8 +67,6 @@ def cases():
         ("from the bottom", 3, frame(shoot, blur + pair(BOTTOM, BOTTOM + 1000)), [ERR_PREROLL]),
         ("across all", 3, frame(shoot, blur + pair(BOTTOM, TOP)), [ERR_RANGE]),
         ("a part of all", 3, frame(shoot, struct.pack("<iBIH", 12, 1, 1, 1) + pair(BOTTOM, TOP)), [ERR_RANGE]),
-        ("open long before", 3, frame(shoot2, far_angles + pair(TOP - 1_000_003, TOP - 3)), [ERR_RANGE]),
-        ("and at the bottom", 3, frame(shoot2, far_angles + pair(BOTTOM + 3, BOTTOM + 1000003)), [ERR_RANGE]),
         # neighbours
         ("wild", 3, upload(wild) + reset(0), [OK] * 4),
         ("across all", 3, run(end=8) + run(start=7, end=8) + run(start=10, end=7), [ERR_RANGE] * 3),
