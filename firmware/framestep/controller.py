@@ -736,6 +736,7 @@ class Controller:
             return m.ERR_RANGE
         self.positions.know(motor)
         self.axes.renumbered(motor)
+        self.stage.change()
         self.say_position = True
         return m.OK
 
@@ -808,6 +809,7 @@ class Controller:
             self.hal.enable(motor, False)
             self.positions.release(motor)
         self._exclude()
+        self.stage.change()
         return m.OK
 
     def _couple(self, motor, flags):
@@ -851,6 +853,7 @@ class Controller:
             acceleration = motion.STEEPEST
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
+        self.stage.change()
         if self.axes[self._leading(motor)].gentler:
             self.gentler |= 1 << motor
         return m.OK
@@ -866,4 +869,5 @@ class Controller:
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
         self.safety.assign(motor, hw_set)
+        self.stage.change()
         return m.OK

@@ -348,7 +348,7 @@ def test_go_too_early(loaded):
     loaded.forget()
     loaded.accept(RtGo())
     loaded.client.wait_event(RtEnd, 10)
-    loaded.run(0.1)
+    loaded.wait_idle()
     assert_played(loaded, before, MOVE, 24)
 
 
@@ -366,7 +366,7 @@ def test_go_after_a_motor_was_moved(loaded):
     loaded.forget()
     loaded.accept(RtGo())
     loaded.client.wait_event(RtEnd, 10)
-    loaded.run(0.1)
+    loaded.wait_idle()
     assert_played(loaded, before, MOVE, 24)
 
 
@@ -568,7 +568,7 @@ def test_refused_while_moving(loaded):
         MotorConfigure(1, 0),
     )
     loaded.client.wait_event(RtEnd, 10)
-    loaded.run(0.1)
+    loaded.wait_idle()
     assert_played(loaded, before, MOVE, 24)
 
 

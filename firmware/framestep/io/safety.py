@@ -186,6 +186,11 @@ class Safety:
             return m.OK
         return m.ERR_HARD_UP if ends == 1 else m.ERR_HARD_LOW
 
+    @property
+    def active(self):
+        """Whether any switch is."""
+        return self.words[_ACTIVE] != 0
+
     def ends(self, motor):
         """Ends at which a motor (from 0) or one coupled to it stands in a limit: bit 0 the upper, bit 1 the lower."""
         axis = self.axes[motor]

@@ -154,12 +154,12 @@ class Follower:
         else:
             path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE)
 
-    def way(self, motor, index, step, count):
+    def way(self, motor, index, step, count, anyway=False):
         """Which way the load first moves in `count` frames from `index` on, played in direction `step`: 1 up, -1 down.
 
-        0 if it does not move, or if the motor has no play, to which it would matter.
+        0 if it does not move, or if the motor has no play, to which it would matter; anyway: that matters, too.
         """
-        if not self.axes.axes[motor].backlash:
+        if not anyway and not self.axes.axes[motor].backlash:
             return 0
         found = 0
         while not found and count > 1:

@@ -73,6 +73,7 @@ class JogAll(Operation):
         self.step = 1
         self.closed = True
         self.later = -1  # a destination for after the turn
+        self.fps_milli = 0
         self.asked = 0  # to land: 1 by STOP, 2 by STOP_ALL
         self.hurry = False  # the last frame of a landing goes at a frame per second
         self.rows = array("i", [0] * (_ROWS * _ROW))
@@ -159,7 +160,12 @@ class JogAll(Operation):
         self.closed = False
         reals.put(self.follower.numbers, _RATE, 0, 0)
 
+    def recheck(self, waiting):
+        frames = (self.to - self.at) * self.step + 1
+        return self.follower.check(self.bits, self.at, frames, self.fps_milli, self.step, self.ways, ACCELERATION)
+
     def _top(self, fps_milli):
+        self.fps_milli = fps_milli
         r = self.follower.numbers
         reals.put(r, _TOP, fps_milli, 0)
         reals.divide(r, _TOP, _TOP, THOUSAND)

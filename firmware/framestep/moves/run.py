@@ -26,6 +26,7 @@ from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import (
     ERR_GENERAL,
+    ERR_NOT_IN_POSITION,
     ERR_POSTROLL,
     ERR_PREROLL,
     ERR_RANGE,
@@ -56,6 +57,8 @@ class Plan:
         self.step = 1  # 1 forward, -1 backward
         self.frames = 0  # frames after the first
         self.fps_milli = 0
+        self.pre_asked = 0  # ms, 0 for the shortest
+        self.post_asked = 0
         self.pre_ms = 0  # from the start to the first frame, and from the last one to the end
         self.post_ms = 0
         self.pre_rolls = array("i", [0] * (2 * motors))  # real numbers: each motor's own ramp, in ticks
@@ -118,6 +121,8 @@ class RunMove(Operation):
             return ERR_RANGE
         plan = self.draft
         plan.bits = follower.motors()
+        plan.pre_asked = pre_ms
+        plan.post_asked = post_ms
         plan.first = start - store.start
         plan.step = -1 if end < start else 1
         plan.frames = (end - start) * plan.step
@@ -128,22 +133,11 @@ class RunMove(Operation):
             close_angle = DEFAULT_CLOSE
         plan.open_angle = open_angle
         plan.close_angle = close_angle
-        follower.frame_rate(fps_milli)
-        self._durations(fps_milli)
-        last = plan.first + plan.step * plan.frames
-        self._ways(plan, plan.begin_ways, plan.first, plan.step)
-        self._ways(plan, plan.end_ways, last, -plan.step)
-        code = follower.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
-        if code == OK and flags & RUN_PING_PONG:
-            code = follower.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
-        if code == OK:
-            code = self._rolls(plan, pre_ms, post_ms)
+        code = self._settle(plan)
         if code == OK:
             code = self.stage.barred(plan.bits, plan.begins)
         if code != OK:
-            if self.plan.fps_milli:
-                follower.frame_rate(self.plan.fps_milli)
-                self._durations(self.plan.fps_milli)
+            self._restore()
             return code
         self.draft = self.plan
         self.plan = plan
@@ -155,6 +149,74 @@ class RunMove(Operation):
         self.looping = flags & (RUN_LOOP | RUN_PING_PONG) != 0
         self.stage.take(self, plan.begins, plan.begin_ways, start)
         return OK
+
+    def _settle(self, plan):
+        """Check what a plan asks for, and find where the motors begin and end. A code."""
+        follower = self.follower
+        fps_milli = plan.fps_milli
+        follower.frame_rate(fps_milli)
+        self._durations(fps_milli)
+        last = plan.first + plan.step * plan.frames
+        self._ways(plan, plan.begin_ways, plan.first, plan.step)
+        self._ways(plan, plan.end_ways, last, -plan.step)
+        code = follower.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
+        if code == OK and plan.flags & RUN_PING_PONG:
+            code = follower.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
+        if code == OK:
+            code = self._rolls(plan, plan.pre_asked, plan.post_asked)
+        return code
+
+    def _restore(self):
+        """The draft has not become the plan: numbers of the plan again."""
+        if self.plan.fps_milli:
+            self.follower.frame_rate(self.plan.fps_milli)
+            self._durations(self.plan.fps_milli)
+
+    def recheck(self, waiting):
+        follower = self.follower
+        old = self.plan
+        plan = self.draft
+        plan.bits = follower.motors() if waiting else old.bits
+        plan.pre_asked = old.pre_asked
+        plan.post_asked = old.post_asked
+        plan.first = old.first
+        plan.step = old.step
+        plan.frames = old.frames
+        plan.fps_milli = old.fps_milli
+        plan.flags = old.flags
+        plan.open_angle = old.open_angle
+        plan.close_angle = old.close_angle
+        plan.sync = old.sync
+        plan.bloop_bits = old.bloop_bits
+        plan.bloop_channel = old.bloop_channel
+        plan.bloop_ms = old.bloop_ms
+        code = self._settle(plan)
+        if code == OK and waiting:
+            for motor in range(follower.count):
+                if plan.bits >> motor & 1 and not follower.axes[motor].stands_on(
+                    plan.begins, motor, plan.begin_ways[motor]
+                ):
+                    code = ERR_NOT_IN_POSITION
+        if code != OK:
+            self._restore()
+            return code
+        self.draft = old
+        self.plan = plan
+        self.bits = plan.bits
+        onward = self.step == plan.step
+        self.begin_ms = plan.pre_ms if onward else plan.post_ms
+        self.end_ms = plan.post_ms if onward else plan.pre_ms
+        self.stage.begins = plan.begins if onward else plan.ends
+        self.stage.ways = plan.begin_ways if onward else plan.end_ways
+        return OK
+
+    def heading(self, motor):
+        plan = self.plan
+        place = self.follower.place
+        self.store.position(motor, plan.first, place, 0)
+        return reals.order_words(place, 0, plan.begins, motor) or self.follower.way(
+            motor, plan.first, plan.step, plan.frames + 1, True
+        )
 
     def _ways(self, plan, ways, index, step):
         """Find which way each motor goes first when the run is played from `index` on in direction `step`."""

@@ -49,6 +49,7 @@ class Shot:
     def __init__(self, motors):
         self.bits = 0
         self.exposure_ms = 0
+        self.blurs = True  # a SHOOT_FRAME, in which the blur flag counts
         self.begin_ms = 0  # from GO to the shutter's opening
         self.lasts_ms = 0  # from GO until all is over: RT_END
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
@@ -102,6 +103,7 @@ class ShootFrame(Operation):
             exposure_ms = DEFAULT_MS
         shot = self.draft
         shot.exposure_ms = exposure_ms
+        shot.blurs = permille > 0
         enabled = ~follower.excluded
         listed = 0
         at = offset
@@ -248,6 +250,36 @@ class ShootFrame(Operation):
             elif axis.beyond(shot.ends, motor):
                 return ERR_POSTROLL
         return OK
+
+    def recheck(self, waiting):
+        follower = self.follower
+        r = follower.numbers
+        shot = self.shot
+        if shot.blurs and shot.bits & ~self.blurred:
+            return ERR_GENERAL
+        self.start()
+        for motor in range(follower.count):
+            if shot.bits >> motor & 1:
+                own = speed(motor)
+                axis = follower.axes[motor]
+                reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+                reals.divide(r, own, own, _WINDOW)
+                reals.copy(r, X, own)
+                if reals.sign(r, X) < 0:
+                    reals.negate(r, X, X)
+                reals.fetch(r, Y, axis.numbers, motion.TOP)
+                if reals.compare(r, X, Y) > 0:
+                    return ERR_RANGE
+                if axis.beyond(shot.starts, motor) or shot.blurs and follower.steep(motor, own, _ROLL):
+                    return ERR_PREROLL
+                if axis.beyond(shot.ends, motor):
+                    return ERR_POSTROLL
+                if follower.steep(motor, own, _ROLL):
+                    return ERR_RANGE
+        return OK
+
+    def heading(self, motor):
+        return self.shot.ways[motor]
 
     # ---------------------------------------------------------------- the exposure
 

@@ -28,6 +28,8 @@ from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import (
     ERR_GENERAL,
+    ERR_HARD_LOW,
+    ERR_HARD_UP,
     ERR_MOVING,
     ERR_NOT_IN_POSITION,
     ERR_RANGE,
@@ -50,6 +52,7 @@ _BEGUN = const(1)
 _DONE = const(2)
 _IDLE = const(3)  # not to be begun: the motors are not where the operation begins
 
+_QUIET = const(100)  # ticks without a further change after which what is prepared is checked again
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x20000000)
 
@@ -96,6 +99,17 @@ class Operation:
         """Whether another pass follows; if so the stage's `begins` and `ways` are those of that one."""
         return False
 
+    def recheck(self, waiting):
+        """Whether it may still be played, with what has been set since it was prepared: a code as its request has.
+
+        waiting: for GO, so the motors have to stand where it would begin now; otherwise the next pass is meant.
+        """
+        return OK
+
+    def heading(self, motor):
+        """Which way a motor goes first: 1 up, -1 down, 0 not at all."""
+        return 0
+
     def wanted(self):
         """Whether the pass that again() has announced is still to come, now that the motors are there."""
         return True
@@ -130,6 +144,8 @@ class Stage:
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.early = _NOT_YET
         self.held = 0  # bits of motors that have more to come than has been queued early
+        self.changed = False  # something has been set that the operation has to keep: see change()
+        self.changed_at = 0  # and when, ticks
         self.move_time = 0  # thousandths of a scene frame, where no operation runs
         self.exact = -1  # index of the frame of which the positions told are
         self.bound = 0  # bits of motors that have been sent to a frame, and that one
@@ -235,6 +251,7 @@ class Stage:
         self.begins = begins
         self.ways = ways
         self.bound = 0
+        self.changed = False
         self._travel(operation.bits, begins, ways)
         self.move_time = frame * 1000
         self.state = POSITIONING
@@ -251,7 +268,42 @@ class Stage:
             return ERR_GENERAL if state == IDLE else ERR_MOVING
         if self.operation.bits & self.follower.excluded:
             return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
-        return OK if self._there() else ERR_NOT_IN_POSITION
+        code = self._recheck(True)
+        if code == OK:
+            code = self._switches()
+        if code == OK and not self._there():
+            code = ERR_NOT_IN_POSITION
+        return code
+
+    def change(self):
+        """A speed, a limit, a motor or its position has been set: before what is prepared begins, and before the next
+        pass of a loop, it is checked again (field note 6.12)."""
+        if self.state != IDLE:
+            self.changed = True
+            self.changed_at = self.axes.kernel.state[stepper.TICKS]
+
+    def _recheck(self, waiting):
+        if not self.changed:
+            return OK
+        for motor in range(self.axes.count):
+            self.axes[motor].calm()
+        code = self.operation.recheck(waiting)
+        if code == OK:
+            self.changed = False
+        return code
+
+    def _switches(self):
+        """OK, or why a motor may not set out: it stands in a limit switch, and would go on into it."""
+        if self.safety.active:
+            for motor in range(self.axes.count):
+                if self.operation.bits >> motor & 1:
+                    ends = self.safety.ends(motor)
+                    way = self.operation.heading(motor) if ends else 0
+                    if way > 0 and ends & 1:
+                        return ERR_HARD_UP
+                    if way < 0 and ends & 2:
+                        return ERR_HARD_LOW
+        return OK
 
     def go(self):
         """Start the operation that waits; may_go() has said OK."""
@@ -358,7 +410,7 @@ class Stage:
             if operation.feed():
                 return True
             if operation.finished() and not self.moving():
-                if operation.again():
+                if operation.again() and self._recheck(False) == OK:
                     self.approach(operation, self.begins, self.ways)
                     return True
                 operation.over()
@@ -380,8 +432,12 @@ class Stage:
             self._end()
         elif self.unattended:
             if self.operation.wanted():
-                self.go()
-                return True
+                if not self.changed:
+                    self.go()
+                    return True
+                if self._recheck(False) == OK:
+                    self.approach(self.operation, self.begins, self.ways)  # which may be elsewhere now
+                    return True
             self.operation.over()
             self._end()
             self.operation.leave()
@@ -410,6 +466,8 @@ class Stage:
         axes = self.axes
         if self.early == _NOT_YET:
             if axes.moving:
+                return False
+            if self.changed and (axes.kernel.state[stepper.TICKS] - self.changed_at) & _WRAP < _QUIET:
                 return False
             if self.may_go() != OK:
                 self.early = _IDLE
