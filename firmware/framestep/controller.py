@@ -870,4 +870,6 @@ class Controller:
             return m.ERR_RANGE
         self.safety.assign(motor, hw_set)
         self.stage.change()
+        leader = self.axes[motor].leader
+        self.virtuals.limited(motor if leader is None else motor - 1)
         return m.OK

@@ -280,3 +280,20 @@ def test_a_time_out_keeps_the_limit_that_a_jog_brakes_for(timeout_ms):
     track = Track(session, before)
     assert track.places[:, 2].min() >= -3000
     track.limits(10_000, 20_000)
+
+
+@pytest.mark.parametrize("jog", [VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)])
+def test_limits_set_under_way_are_kept(jog):
+    """The jog ends on its line, and begins anew when it is asked for again; wider limits do not end it."""
+    session = configured(XYZ, 10_000, 50_000)
+    session.accept(jog)
+    session.run(0.4)
+    session.accept(MotorSetLimits(1, 1, -(10**6), 1, 10**6, 0))
+    session.run(0.05)
+    limit = session.position(1) + 4000
+    session.accept(MotorSetLimits(1, 1, -100, 1, limit, 0))
+    session.wait_idle()
+    assert limit - 4000 < session.position(1) < limit and max(np.cumsum(session.steps(1)[1])) < limit
+    hold(session, jog, 5)
+    assert session.position(1) == pytest.approx(limit, abs=1)
+    assert max(np.cumsum(session.steps(1)[1])) <= limit and not session.events(HardStop)

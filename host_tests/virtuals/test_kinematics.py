@@ -286,7 +286,13 @@ def test_an_axis_without_a_motor_stays():
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
-    "start, far", [(2**31 - 1000, 999), (2**30, 2**30 - 1), (0, 2**31 - 64), (-(2**30), 2**31 - 64)]
+    "start, far",
+    [
+        (2**31 - 2**23 - 1000, 997),
+        (2**30, 2**30 - 2**23 - 64),
+        (0, 2**31 - 2**23 - 64),
+        (-(2**30), 2**31 - 2**23 - 64),
+    ],
 )
 def test_a_place_that_is_no_int32(sign, start, far):
     """Motors' steps are 32 bits; a pose for which a motor would have to go beyond is out of reach."""

@@ -137,7 +137,7 @@ _STEPS = bytes(
 def places(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
     """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a], all steps; and so on for `count` numbers.
 
-    0 if one of them is no int32, else 1.
+    0 if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32 bits, else 1.
     """
     base = ptr32(start)
     place = ptr32(out)
@@ -163,7 +163,7 @@ def places(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
             whole = value >> s
             rest = (value - (whole << s)) << (16 - s)
         half = (base[i + 0] >> 1) + (whole >> 1) + (base[i + 0] & whole & 1)
-        if half > 0x3FFFFFFF or half < -0x40000000:
+        if half > 0x3FBFFFFF or half < -0x3FC00000:
             return 0
         place[j + 0] = base[i + 0] + whole
         place[j + 1] = rest

@@ -449,6 +449,16 @@ class Motion:
             else:
                 reals.copy_word(bounds, k + _HIGH, axis.bounds, 1)
 
+    def narrowed(self, motor):
+        """Whether soft limits of a motor (from 0) now leave less room than the motion under way has counted on."""
+        bounds = self.axes[motor].bounds
+        for i in range(AXES):
+            if self.motor[i] == motor + 1:
+                if order_words(bounds, 0, self.bounds, 4 * i + _LOW) > 0:
+                    return True
+                return order_words(bounds, 1, self.bounds, 4 * i + _HIGH) < 0
+        return False
+
     def bound(self, i, target, j):
         """Let axis i go no farther than the step target[j], on which side it may be; -1, 0 or 1 tells which."""
         return _hold(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)

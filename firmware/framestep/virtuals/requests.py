@@ -125,6 +125,11 @@ class Virtuals:
         self.later = 0
         self.motion.stop()
 
+    def limited(self, motor):
+        """Soft limits of a motor (from 0) have been set: where they leave less room a motion under way ends."""
+        if self.engaged >> motor & 1 and self.motion.narrowed(motor):
+            self.stop()
+
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
         self.jog_at = -1
