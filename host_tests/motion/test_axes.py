@@ -412,3 +412,21 @@ def test_numbers_of_a_block_fit_its_kernels():
     assert segments._TAIL == stepper.TAIL and segments._QUEUE == stepper.QUEUE
     assert motion._TIMED == stepper.PLAN_TIMED
     assert motion._POSITION == stepper.POSITION
+
+
+@pytest.mark.parametrize("young", [0, 3, 20, 300])
+def test_one_pass_between_two_long_absences(young):
+    """Two long calls on the REPL with a single pass of the main loop between them: no motor's queue runs dry.
+
+    sum(range(30000)) keeps the passes away for 64 ms on an RP2040, os.statvfs("/") for 47.
+    """
+    rig = Rig(8)
+    for motor in range(8):
+        rig[motor].set_speed(20_000, 100_000)
+        rig.travel(motor, 40_000)
+    rig.run(young)
+    for absence in 64, 47, 64:
+        rig.bench.run(absence)
+        rig.axes.feed()
+    rig.bench.run(47)
+    assert rig.bench.state[stepper.FAULTS] == 0

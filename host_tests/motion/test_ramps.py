@@ -42,9 +42,9 @@ class Motor:
         # at rest a motor forgets the fraction of a step that a stop has left
         self.gone.append(0.0 if block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE) else self.place - before)
 
-    def _prepare_and_look(self, hal):
+    def _prepare_and_look(self, hal, *ticks):
         """Takes down the state that a plan starts from, in steps and steps per tick."""
-        if not self._prepare(hal):
+        if not self._prepare(hal, *ticks):
             return False
         block = self.block
         self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE  # that of a stop at its end is forgotten

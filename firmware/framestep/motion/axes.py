@@ -31,6 +31,7 @@ _CALL = const(2)  # so many could have been cut in the time that it takes to beg
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
 SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
+SLOW_SPLICE_TICKS = const(32)  # the same where the jerk is limited: such a plan takes up to 20 ms on an RP2040
 
 # Numbers of an axis, registers of `numbers`
 TOP = const(0)  # greatest velocity, steps per tick
@@ -603,20 +604,20 @@ class Axis:
 
     # ---------------------------------------------------------------- motion
 
-    def prepare(self, hal):
+    def prepare(self, hal, ticks=SPLICE_TICKS):
         """Make the cubic the state that a new plan starts from, and drop what was planned. Everything that moves
         begins here.
 
-        False where the motor comes to rest so soon that a plan would not be made in time: then it does that first, and
+        ticks: from now to where it takes over. False where the motor comes to rest so soon that a plan would not be made in time: then it does that first, and
         what was planned has been queued.
         """
         if self.positions.settled:
             self.positions.touch()
         block = self.block
-        taken = self._splice(hal)
+        taken = self._splice(hal, ticks)
         if taken < 0 and block[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
-            self.feed(MOST, SPLICE_TICKS)
-            taken = self._splice(hal)
+            self.feed(MOST, ticks)
+            taken = self._splice(hal, ticks)
         if taken < 0:
             return False
         _set_cubic(self.cubic, self.state)
@@ -630,11 +631,11 @@ class Axis:
         self.planned[_OFFSET] = _gap(self.place, block)
         return True
 
-    def _splice(self, hal):
+    def _splice(self, hal, ticks):
         irq = hal.irq_off()
-        taken = stepper.splice(self.block, SPLICE_TICKS, self.state)
+        taken = stepper.splice(self.block, ticks, self.state)
         if taken >= 0 and self.partner:
-            stepper.splice(self.partner.block, SPLICE_TICKS, self.partner.state)
+            stepper.splice(self.partner.block, ticks, self.partner.state)
         hal.irq_on(irq)
         return taken
 
@@ -662,7 +663,8 @@ class Axis:
         reals.copy_word(self.limits, TARGET, target, i)
         self.way = way
         # A stop by the kernel keeps no limit of the jerk: a plan within one cannot begin in the midst of it.
-        if self.stopping and reals.sign(r, JERK) > 0 or not self.prepare(hal):
+        smooth = reals.sign(r, JERK) > 0
+        if smooth and self.stopping or not self.prepare(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # seek() goes on from there
             return True
         if reals.equal_words(self.limits, TARGET, self.planned, _PLACE):
@@ -890,15 +892,22 @@ class Axes:
         """Fill the queue of the motor that has the fewest segments, if fewer than AHEAD; whether there was one.
 
         When that takes little, the next one's as well: in one pass of the main loop a piece of the work is done, so
-        that requests are answered between. urgent: only motors that move and have fewer than LOW.
+        that requests are answered between. But a pass may be the only one between two long absences, so it leaves no
+        motor that moves with fewer than LOW. urgent: no others.
         """
         state = self.kernel.state
         left = _PIECE
-        found = 1
-        while left > 0:
-            found = _neediest(state, LOW, stepper.RUN) if urgent else _neediest(state, AHEAD, 0)
+        more = True
+        while True:
+            found = _neediest(state, LOW, stepper.RUN)
             if not found:
-                break
+                if left <= 0:
+                    break
+                if not urgent:
+                    found = _neediest(state, AHEAD, 0)
+                if not found:
+                    more = False
+                    break
             axis = self.axes[(found >> 5) - 1]
             tail = axis.block[stepper.TAIL]
             axis.feed(min((found & 31) + AHEAD, MOST))
@@ -907,7 +916,7 @@ class Axes:
             axis.refresh()
         bits = stepper.seeking(self.kernel.state)
         if not bits:
-            return found != 0
+            return more
         motor = 0
         while not bits & 1:
             bits >>= 1

@@ -411,27 +411,6 @@ def _cruise():
         if reals.compare(r, _X, _S) > 0:
             reals.copy(r, _C, _V)  # nearer than the way down to the new top: stop straight away
         return
-    if reals.sign(r, _J) > 0:
-        # No closed form with both limits: bisection, 24 binary digits of the velocity
-        reals.copy(r, _LOW, _V)
-        reals.copy(r, _HIGH, _TOP)
-        reals.copy(r, _C, _TOP)
-        for _ in range(24):
-            _ramp_way(_X, _V, _C)
-            reals.copy(r, _W, _X)
-            _ramp_way(_X, _C, _ZERO)
-            reals.add(r, _X, _X, _W)
-            if reals.compare(r, _X, _S) > 0:
-                reals.copy(r, _HIGH, _C)
-            elif reals.compare(r, _C, _TOP) >= 0:
-                return
-            else:
-                reals.copy(r, _LOW, _C)
-            reals.add(r, _C, _LOW, _HIGH)
-            reals.double(r, _C, _C, -1)
-        if reals.sign(r, _LOW) > 0:
-            reals.copy(r, _C, _LOW)
-        return
     # Triangle: A·S = C² - V²/2
     reals.multiply(r, _X, _A, _S)
     reals.multiply(r, _Y, _V, _V)
@@ -442,6 +421,26 @@ def _cruise():
         reals.copy(r, _C, _TOP)
     elif reals.compare(r, _C, _V) < 0:
         reals.copy(r, _C, _V)
+    if reals.sign(r, _J) > 0:
+        # No closed form with both limits: bisection below that, since a limit of the jerk only takes away from it.
+        # What is short of the greatest velocity possible is cruised.
+        reals.copy(r, _LOW, _V)
+        reals.copy(r, _HIGH, _C)
+        for _ in range(16):
+            _ramp_way(_X, _V, _C)
+            reals.copy(r, _W, _X)
+            _ramp_way(_X, _C, _ZERO)
+            reals.add(r, _X, _X, _W)
+            if reals.compare(r, _X, _S) > 0:
+                reals.copy(r, _HIGH, _C)
+            elif reals.compare(r, _C, _HIGH) >= 0:
+                return
+            else:
+                reals.copy(r, _LOW, _C)
+            reals.add(r, _C, _LOW, _HIGH)
+            reals.double(r, _C, _C, -1)
+        if reals.sign(r, _LOW) > 0:
+            reals.copy(r, _C, _LOW)
 
 
 def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
