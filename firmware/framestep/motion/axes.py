@@ -608,8 +608,8 @@ class Axis:
         """Make the cubic the state that a new plan starts from, and drop what was planned. Everything that moves
         begins here.
 
-        ticks: from now to where it takes over. False where the motor comes to rest so soon that a plan would not be made in time: then it does that first, and
-        what was planned has been queued.
+        ticks: from now to where it takes over. False where the motor comes to rest so soon that a plan would not be
+        made in time: then it does that first, and what was planned has been queued.
         """
         if self.positions.settled:
             self.positions.touch()
