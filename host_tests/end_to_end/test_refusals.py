@@ -29,7 +29,6 @@ from framestep_tools.payloads import (
     RtRunMove,
     RtShootFrame,
     RtShootFrame2,
-    RtStopLoop,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
     RtUploadMoveDmx,
@@ -252,7 +251,7 @@ AT_REST = [
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 2**31})),
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"start_frame": 4})),
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"end_frame": 30})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 150_000})),  # too steep
+    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 200_001})),
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"sync_dmx": 2})),
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"bloop_channel": 513})),
     (Ack.ERR_RANGE, RtRunMove(**RUN | {"flags": 0x80})),
@@ -267,7 +266,6 @@ AT_REST = [
     (Ack.ERR_RANGE, RtJogAll(24000, 40)),
     (Ack.ERR_RANGE, RtJogAll(0, 10)),
     (Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 10)),
-    (Ack.ERR_GENERAL, RtStopLoop()),
 ]
 RUNNING = [
     MotorMove(1, 0),

@@ -69,9 +69,9 @@ def script():
         (1500, frame(0x112, struct.pack("<iBIH", 40, 1, 400, 1000) + pairs, BIG)),
         (1300, go),
         (900, stop_all),
-        (1500, frame(0x115, struct.pack("<iIhh", 12, 250, -90, 450) + pairs)),
+        (1500, frame(0x115, struct.pack("<iIhh", 12, 500, -90, 450) + pairs)),
         (3400, go),
-        (1500, frame(0x115, struct.pack("<iIhh", 1, 17, 0, 360))),
+        (1500, frame(0x115, struct.pack("<iIhh", 1, 400, 0, 360))),
         (2400, go),
         (3, frame(0x115, struct.pack("<iIhh", 1, 60000, 0, 1)) + frame(0x112, struct.pack("<iBIH", 1, 1, BIG, 1))),
         # jog-all: on, farther, back, slower, landing
