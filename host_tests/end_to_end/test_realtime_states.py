@@ -75,7 +75,6 @@ def enter(state):
             session.accept(MotorStopAll())
     elif state == "back":
         session.ready(run_request(24, 1, 7, flags=2))
-        slow(session)
         session.accept(RtGo())
         controller = session.board._board.controller
         while not (controller.stage.running and controller.stage.state == 1):
