@@ -7,7 +7,7 @@ import pytest
 from framestep_tools.int32 import Outside, rewritten
 from framestep_tools.script import parse
 
-from . import fuzz
+from . import fuzz, reader
 
 SCRIPTS = sorted((Path(__file__).parent / "scripts").glob("*.txt"))
 
@@ -70,6 +70,8 @@ def test_a_kernel_that_leaves_a_word_is_told(line, a, b):
         ("return a + b", 2**31 - 2, 1, 2**31 - 1),
         ("return a - b", -(2**31) + 1, 1, -(2**31)),
         ("return (a + b) & _MASK", 2**31 - 1, 1, 0),
+        ("return a + b  # wraps", 2**31 - 1, 1, -(2**31)),
+        ("a -= b  # wraps\n    return a", -(2**31), 1, 2**31 - 1),
         ("return (a << b) & 255", 2**30 + 1, 4, 16),
         ("return (a * b + 1) & 0x7FFFFFFF", 2**20, 2**11, 1),
     ],
@@ -84,3 +86,17 @@ def test_what_fits_or_is_masked_passes(line, a, b, result):
 def test_a_pass_that_makes_a_large_number_is_told(line, a, b):
     assert outcome(line, a, b, "python") is Outside
     assert outcome(line, 5, 0, "python") == 5
+
+
+# ---- the frame reader --------------------------------------------------------------------------------------
+
+
+def test_streams_grown_by_coverage():
+    tried, kept, steps = reader.explore("frames", cases=150)
+    assert tried == 150 and kept > 15 and steps > 250
+
+
+def test_a_difference_between_the_readers_is_told(monkeypatch):
+    monkeypatch.setattr(reader.READER, "abandon", lambda self: None)
+    with pytest.raises(reader.Mismatch):
+        reader.explore("frames", cases=150)

@@ -4,6 +4,7 @@
 
 * in a kernel (`@micropython.viper`) each result of an operation must fit 32 bits signed, but for what `& mask` cuts
   off at once: that is native.py's contract, of which CPython alone sees only what is stored in an array
+* in a line of a kernel that ends in `# wraps` sums are meant to come round, and do, as on a board
 * elsewhere a whole number from -2^30 to 2^30 - 1 must come out while `armed` is set, as in a pass of the main loop:
   anything beyond is an object on the heap of a 32-bit board
 
@@ -35,6 +36,11 @@ def word(value, line):
     raise Outside(f"{value:#x} leaves 32 bits in a kernel, line {line}")
 
 
+def wrap(value):
+    """Of a kernel, where that is meant: what a word holds of it."""
+    return (value + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+
 def small(value, line):
     """Of a pass: refuse what MicroPython would put on the heap."""
     if armed and value.__class__ is int and not -0x40000000 <= value <= 0x3FFFFFFF:
@@ -56,7 +62,8 @@ def _mask(node) -> bool:
 class _Checks(ast.NodeTransformer):
     """Puts the checks into functions. Constants and what runs at import stay as they are."""
 
-    def __init__(self):
+    def __init__(self, wraps):
+        self.wraps = wraps  # numbers of the lines where sums come round
         self.kernel = None  # None outside of functions
         self.masked = False  # what is looked at only counts modulo 2^32, since `& mask` follows
 
@@ -73,6 +80,8 @@ class _Checks(ast.NodeTransformer):
         line = ast.Constant(getattr(node, "lineno", 0))
         if not self.kernel:
             return ast.Call(ast.Name("_int32_small", ast.Load()), [node, line], [])
+        if line.value in self.wraps:
+            return ast.Call(ast.Name("_int32_wrap", ast.Load()), [node], [])
         # t if -2^31 <= (t := node) <= 2^31 - 1 else _int32_word(t)
         name = "_int32_t"
         fits = ast.Compare(
@@ -142,8 +151,10 @@ class _Checks(ast.NodeTransformer):
 
 def rewritten(source: str, filename: str):
     """Code of a module with the checks in it."""
-    tree = _Checks().visit(ast.parse(source, filename))
-    imports = ast.parse("from framestep_tools.int32 import small as _int32_small, word as _int32_word").body
+    wraps = {number for number, line in enumerate(source.split("\n"), 1) if line.rstrip().endswith("# wraps")}
+    tree = _Checks(wraps).visit(ast.parse(source, filename))
+    names = ", ".join(f"{name} as _int32_{name}" for name in ("small", "word", "wrap"))
+    imports = ast.parse(f"from framestep_tools.int32 import {names}").body
     at = 1 if ast.get_docstring(tree) is not None else 0
     tree.body[at:at] = imports
     return compile(ast.fix_missing_locations(tree), filename, "exec")

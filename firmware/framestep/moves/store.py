@@ -286,14 +286,14 @@ def _append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> 
         at += end - i
         if within > 1:
             value = word[i - 1]
-            velocity = value - word[i - 2]
+            velocity = value - word[i - 2]  # wraps
         else:
             # The chunk's velocity is that from its first frame to its second: the codes of both are 0.
             i -= within
             value = word[i + 0]
             velocity = 0
             if i + 1 < end:
-                velocity = word[i + 1] - value
+                velocity = word[i + 1] - value  # wraps
         # From here no way in small changes to 2^29: all of what follows fits a word.
         if (value ^ value >> 31) >> 28 | (velocity ^ velocity >> 31) >> 20:
             return 0
@@ -340,8 +340,8 @@ def _encode(i: int, code: int, memory, words, chunk: int) -> int:
         while i < end and word[i] == unsent:
             i += 1
         if i < end:
-            first = word[i] - base
-        base -= first
+            first = word[i] - base  # wraps
+        base -= first  # wraps
     value = base
     velocity = first
     far = 0
@@ -351,12 +351,12 @@ def _encode(i: int, code: int, memory, words, chunk: int) -> int:
         code = word[i]
         if code != unsent:
             far |= code ^ code >> 31
-            code -= value
-            value += code
-            code -= velocity
-            velocity += code
+            code -= value  # wraps
+            value += code  # wraps
+            code -= velocity  # wraps
+            velocity += code  # wraps
             sign = code >> 31
-            most |= (code ^ sign) - sign
+            most |= (code ^ sign) - sign  # wraps
         i += 1
     bits = 7  # of a code, without its sign
     if far >> 29 and most | first:
