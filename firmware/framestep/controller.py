@@ -335,8 +335,9 @@ class Controller:
 
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
-        self.stage.leave()
-        if self.hal.ready():
+        ready = self.hal.ready()
+        self.stage.leave(ready)
+        if ready:
             self.virtuals.stop()
             self.axes.stop(1, self.virtuals.engaged, True)
         else:

@@ -263,6 +263,7 @@ class Trial:
         self.upload = Upload()
         self.prepared = False  # an operation is
         self.going: dict | None = None  # after GO
+        self.run: dict | None = None  # what was prepared last
         self.jogs_all = False
         self.virtual = False
         self.virtual_motors: set[int] = set()
@@ -364,27 +365,37 @@ class Trial:
         self.prepared = False
         self.going = None
         self._stop_bound()
-        self.safe_at = self.ms + 12
+        self.safe_at = self.ms + self._safe_ms()
         self.idle_since = None
 
     def _pin(self, name, level):
         pins = {name} if isinstance(name, int) else {p for p, n in self.hal.names.items() if n == name}
         if self.estop_pin in pins:
             self._estop(level)
+        if self.rig.go_input and pins & {item["pin"] for item in self.rig.inputs}:
+            self._set_off()
+            self.idle_since = None
+            for motor in self.motors:
+                motor.wake(self.ms)
         if pins & self.limit_pins:
             self.struck = self.ms
             self._hard()
 
     def _estop(self, level):
         if level == self.estop_level:
-            if self.held_since is None:
-                self.held_since = self.ms
             self.pressed = True
+            if self.held_since is not None:
+                return
+            self.held_since = self.ms
             self._hard()
             self._stop_bound()
-            self.safe_at = self.ms + 12
+            self.safe_at = self.ms + self._safe_ms()
         else:
             self.held_since = None
+
+    def _safe_ms(self):
+        """How long outputs have to get to their safe levels: a video camera is stopped by a pulse first."""
+        return 400 if self.run and self.run.get("flags", 0) & m.RUN_VIDEO else 12
 
     def _hard(self):
         for motor in self.motors:
@@ -444,6 +455,10 @@ class Trial:
             left.clear()
             self.since.clear()
 
+    def _set_off(self):
+        """Something may move from now on."""
+        self.stood_by = self.rest_by = None
+
     def _sound(self, stream, at, slow=False):
         """How many bytes the sound frame there has; 0 if more must come, -1 if there is none."""
         if len(stream) - at < 10:
@@ -472,8 +487,8 @@ class Trial:
         request.order = self.counts["requests"]
         kind = request.kind
         if kind in MOTIONS:
+            self._set_off()
             self.motion = request.order
-            self.stood_by = None
             self.rest_by = None
             self.idle_since = None
             alone = kind in (m.MSG_MOTOR_MOVE, m.MSG_MOTOR_JOG) and not self.virtual and len(request.payload) >= 1
@@ -631,6 +646,10 @@ class Trial:
             self._ended()
         elif kind == m.MSG_MOTOR_HARD_STOP:
             self._hard_stop(payload)
+        elif kind == m.MSG_RT_GO:
+            if not self.rig.go_input or not self.prepared:
+                self.fail("go", "RT_GO without an input that gives it, or nothing prepared")
+            self._go(None, payload)
         elif kind == m.MSG_MOTOR_GET_POSITION:
             self._reply_form(kind, payload)
             going = self.going
@@ -648,7 +667,7 @@ class Trial:
                 motor.jerky = True
             self._stop_bound()
             if self.lit < self.ms - 3:
-                self.safe_at = self.ms + 12
+                self.safe_at = self.ms + self._safe_ms()
         elif reason == m.HARD_STOP_GENERAL:
             if not self.pressed:
                 self.fail("hard-stop", "HARD_STOP 0 without an E-stop")
@@ -796,6 +815,8 @@ class Trial:
             if motor.index in self.upload.paths
             and motor.flags & (m.MOTOR_ENABLED | m.MOTOR_LIVE) == m.MOTOR_ENABLED
             and not motor.leader
+            # a disabled motor keeps still the one that it is coupled to
+            and not (motor.coupled and not self.motors[motor.index + 1].flags & m.MOTOR_ENABLED)
         ]
 
     def _place(self, motor, number):
@@ -829,7 +850,9 @@ class Trial:
         """It may go where a ramp to that frame begins or ends."""
         velocity, _ = bounds_of(self._played(motor), self.run["fps"], 0)
         velocity = min(velocity, 3 * (motor.velocity + self.run["fps"]))
+        # the last frame lasts its period (field note 6.11)
         way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / motor.acceleration
+        way += velocity / self.run["fps"] if number == self.run["end"] else 0
         place = self._place(motor, number)
         motor.reach(int(place - way - 2), int(place + way + 2))
 
@@ -838,7 +861,7 @@ class Trial:
         return self.upload.paths[motor.index][max(begin - 2, 0) : end + 4]
 
     def _go(self, request, payload):
-        run = getattr(self, "run", None)
+        run = self.run
         self.prepared = False
         self.counts["go"] += 1
         self.going = {"ms": self.ms, "told": [], "whole": True, "motors": [], "marks": {}}

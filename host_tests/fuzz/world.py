@@ -95,6 +95,8 @@ def draw_rig(dice: Random, board: str) -> dict:
         ("watchdog", 0.2, (False,)),
         ("remember_positions", 0.25, (True,)),
         ("estop_cuts_power", 0.2, (True,)),
+        ("strict_moves", 0.3, (True,)),
+        ("go_input", 0.15, (1, 2)),
     ):
         if some() < chance:
             rig[name] = dice.choice(values)
@@ -120,7 +122,7 @@ def draw_rig(dice: Random, board: str) -> dict:
             Rig(rig, data)
             return rig
         except RigError:
-            for key in ("limits", "outputs", "estop", "motors"):
+            for key in ("go_input", "limits", "outputs", "estop", "motors"):
                 if rig.pop(key, None) is not None:
                     break
 

@@ -349,29 +349,32 @@ class Stage:
         """A STOP_ALL has been answered by coming to rest on a frame, and that goes on (field note 6.10)."""
         return self.state == RUNNING and self.operation.landing()
 
-    def stop(self, factor=1, land=False, everything=False):
+    def stop(self, factor=1, land=False, everything=False, smooth=False):
         """Ramp down whatever this moves; RT_END follows once all stand.
 
         land: an operation that can may come to rest in its own way, on a frame. Returns the bits of
-        the motors that do, and are not to be stopped otherwise. everything: by a STOP_ALL.
+        the motors that do, and are not to be stopped otherwise. everything: by a STOP_ALL. smooth, or
+        land: motors on their way to where it begins keep their jerk limits. (In a run they do not: the
+        path has none, and it may end at a soft limit.)
         """
         if self.state == IDLE:
             return 0
         if land and self.state == RUNNING and self.operation.land(everything):
             return self.operation.bits
         self.move_time = self.tell(False)
+        smooth = (smooth or land) and (self.state == POSITIONING or self.state == ENDING)
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
-                self.axes[motor].stop(self.axes.hal, factor)
+                self.axes[motor].stop(self.axes.hal, factor, smooth)
         self.operation.over()
         self.unattended = False
         self.waiting = 0
         self.state = ENDING
         return 0
 
-    def leave(self):
+    def leave(self, smooth):
         """The host has gone: as stop(), but the next host is not told of an end that it knows nothing of."""
-        self.stop()
+        self.stop(1, False, False, smooth)
         self.drop()
         self.forsaken = True
         self.ended = False
