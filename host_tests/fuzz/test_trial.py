@@ -14,7 +14,6 @@ import pytest
 from framestep.controller import Controller
 from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
-from framestep.motion import stepper
 from framestep.motion.axes import Axes, Axis
 from framestep.moves.stage import Stage
 from framestep.protocol import messages as m
@@ -246,11 +245,21 @@ def told_wrong(monkeypatch):
     tell = Axes.tell
 
     def wrong(self, writer):
-        self[0].place[0] += 1
-        self[0].block[stepper.POSITION] += 1
+        self.told[0] += 1
         tell(self, writer)
-        self[0].place[0] -= 1
-        self[0].block[stepper.POSITION] -= 1
+        self.told[0] -= 1
+
+    monkeypatch.setattr(Axes, "tell", wrong)
+
+
+def told_ahead(monkeypatch):
+    """Positions of what is queued, not of the pins."""
+    tell = Axes.tell
+
+    def wrong(self, writer):
+        self.told[0] += 30 if self.moving_bits() else 0
+        tell(self, writer)
+        self.told[0] -= 30 if self.moving_bits() else 0
 
     monkeypatch.setattr(Axes, "tell", wrong)
 
@@ -394,6 +403,7 @@ def breaks_off(monkeypatch):
         (harder_stop, stopped, "acceleration"),
         (past_the_limit, limited, "limits"),
         (told_wrong, moves, "positions"),
+        (told_ahead, moves, "pins"),
         (rests_too_soon, moves, "quiet"),
         (never_rests, stopped, "quiet|no-rest"),
         (one_step_off, run, "frames|acceleration|velocity"),

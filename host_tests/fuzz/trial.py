@@ -106,6 +106,7 @@ class Motor:
         self.backlash = settings["backlash"]
         self.jerk = settings["jerk"] * 1000
         self.edges: list[int] = []  # cycle · 2, +1 where it goes up
+        self.seen = self.made = 0  # how many of them have been pulsed by now, and their sum
         self.at = 0  # of the motor, in the numbers that are told, before these edges
         self.load = 0  # the place of the load before these edges
         self.velocity, self.acceleration = 5000, 20000  # as set
@@ -652,6 +653,7 @@ class Trial:
             self._go(None, payload)
         elif kind == m.MSG_MOTOR_GET_POSITION:
             self._reply_form(kind, payload)
+            self._pins(payload)
             going = self.going
             if going:
                 going["told"].append((self.ms - 1, struct.unpack_from("<i", payload)[0]))
@@ -712,6 +714,7 @@ class Trial:
 
     def _positions(self, request, payload):
         """At rest those told are those of the edges."""
+        self._pins(payload)
         if self.idle_since is None or self.idle_since < 0 or any(r.kind in MOTIONS for r in self.open.values()):
             return
         for motor in self.motors:
@@ -722,6 +725,26 @@ class Trial:
                 self.judge(motor)
             if told != motor.load:
                 self.fail("positions", f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}")
+
+    def _pins(self, payload):
+        """Positions in motion are those of the pins, to what may come in a tick or two (field note 4.6)."""
+        if self.player.full:
+            return
+        limit = (self.hal.cycle() << 1) + 1
+        for motor in self.motors:
+            edges = motor.edges
+            if not edges:
+                continue
+            n = motor.seen
+            while n < len(edges) and edges[n] <= limit:
+                motor.made += 1 if edges[n] & 1 else -1
+                n += 1
+            motor.seen = n
+            told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
+            ahead = told - motor.at - motor.made
+            slack = 2 + int(motor.top[-1][1] * 2.5e-3)
+            if not -slack <= ahead <= motor.backlash + slack:
+                self.fail("pins", f"motor {motor.index + 1} is told to be at {told}, its pins are {ahead} steps away")
 
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
@@ -1047,6 +1070,7 @@ class Trial:
         motor.load = int(play(np.concatenate(([motor.at], places)), motor.load - motor.at, motor.backlash)[-1])
         motor.at = int(places[-1])
         edges.clear()
+        motor.seen = motor.made = 0
 
     def _where(self, motor, name, places, cycles):
         low, high = int(places.min()), int(places.max())

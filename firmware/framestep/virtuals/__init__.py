@@ -17,6 +17,9 @@ class NoVirtuals:
     def leads(self, motor):
         return False
 
+    def limited(self, motor):
+        pass
+
     def stop(self):
         pass
 
