@@ -34,6 +34,14 @@ hypothesis.settings.load_profile("framestep")
 providers._get_local_constants = lambda: providers._local_constants
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--replay",
+        action="store_true",
+        help="play the end-to-end sessions again on 32-bit MicroPython, the heap locked",
+    )
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """In CI nothing may be skipped, by whatever means."""

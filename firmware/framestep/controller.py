@@ -5,6 +5,7 @@ One pass of the main loop is poll(). Nothing in it allocates.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.io.requests import Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import LOOK_MS, Watchdog
@@ -22,7 +23,6 @@ from framestep.virtuals import NoVirtuals
 VERSION = (0, 1, 0)
 CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
 
-_WRAP = const(0x3FFFFFFF)
 _TEND_MS = const(4)  # from one whole pass to the next
 _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
 _NAP = const(4)  # then one in so many
@@ -63,7 +63,7 @@ SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
 def elapsed(now, then):
-    """Milliseconds between two readings of a counter modulo 2^30."""
+    """Milliseconds between two readings of `Controller.now`."""
     return (now - then) & _WRAP
 
 
@@ -176,7 +176,8 @@ class Controller:
     # ---------------------------------------------------------------- the main loop
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^30. Returns whether there was anything to do."""
+        """One pass; now: milliseconds modulo 2^29 or more. Returns whether there was anything to do."""
+        now &= _WRAP
         self.now = now
         self.axes.sample()
         busy = self._listen()

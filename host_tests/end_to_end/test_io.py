@@ -185,6 +185,7 @@ def levels(session):
     return [shown(session, f"gio{i}")[-1:] and shown(session, f"gio{i}")[-1][1] for i in (1, 2, 3)]
 
 
+@pytest.mark.inside
 @pytest.mark.parametrize("cause", ["lost host", "E-stop", "fault"])
 def test_outputs_go_to_their_safe_levels(cause):
     session = simulated(SAFE)

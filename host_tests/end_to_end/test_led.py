@@ -1,5 +1,7 @@
 """The LED on the host simulation: what it shows in each state, in which colour, and when a fault no longer shows."""
 
+import pytest
+
 from framestep.motion import stepper
 from framestep_tools.payloads import MotorMove, MotorSetSpeed
 from host_tests.end_to_end.session import simulated
@@ -52,6 +54,7 @@ def test_patterns():
     assert shown(session) == MOVING
 
 
+@pytest.mark.inside
 def test_a_fault_of_the_kernel_shows():
     session = simulated()
     session.board._board.hal.kernel.state[stepper.FAULTS] = stepper.FAULT_DRY

@@ -96,6 +96,7 @@ def test_pulses_that_broke_off(moving):
     assert trust(moving, 1, 2, 3, 4) == [MISSING, MISSING, IS_SET, MISSING]
 
 
+@pytest.mark.inside
 def test_stops_that_lose_nothing(moving):
     """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is counted."""
     axes = moving.board._board.controller.axes
@@ -149,6 +150,7 @@ def test_the_repl_says_so_in_words(moving):
     assert lines[8] == words.LIMITS_COUNT and len(lines) == 9
 
 
+@pytest.mark.inside
 def test_the_status_command_says_so(monkeypatch, capsys):
     board = SimulatedBoard({"estop": "nc"}, motors=2)
     monkeypatch.setattr(cli.Client, "open", lambda device: Client(LockstepPort(board)))

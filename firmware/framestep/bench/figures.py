@@ -4,6 +4,7 @@ from array import array
 
 from framestep import boot
 from framestep.bench import dead
+from framestep.clock import WRAP
 from framestep.motion.stepper import CLOCK, HEAD, LATEST, SEGMENTS, TAIL, TICKS, WORST_LATE
 from framestep.native import CPYTHON, const, micropython, ptr32
 
@@ -42,7 +43,7 @@ def timing():
         for _ in range(_WINDOWS):
             before = state[TICKS]
             _gaps(state[CLOCK], _WINDOW_US, out)
-            ticks += (state[TICKS] - before) & _WRAP
+            ticks += (state[TICKS] - before) & WRAP
         print(
             "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
             % (out[0] // max(ticks, 1), out[1])

@@ -5,9 +5,7 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.native import const
-
-_WRAP = const(0x3FFFFFFF)
+from framestep.clock import WRAP as _WRAP
 
 
 class Camera:
@@ -52,14 +50,14 @@ class Camera:
         self.hal.drive(high, self.down)
 
     def pulse(self, now, ms):
-        """Both outputs on for `ms` milliseconds from `now` (modulo 2^30), then off; poll() ends it."""
+        """Both outputs on for `ms` milliseconds from `now` (modulo 2^29), then off; poll() ends it."""
         self.set(True, True)
         self._begin = now
         self._length = ms
         self.pulsing[0] = 1
 
     def poll(self, now):
-        """End a pulse whose time is over; now: milliseconds modulo 2^30."""
+        """End a pulse whose time is over; now: milliseconds modulo 2^29."""
         if self.pulsing[0] and (now - self._begin) & _WRAP >= self._length:
             self.set(False, False)
 

@@ -6,10 +6,10 @@ Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.native import const, micropython, ptr32
 
 DEBOUNCE_MS = const(20)  # field note 8.3
-_WRAP = const(0x3FFFFFFF)
 
 # Words of Outputs.words; its table of pin bits follows
 _COUNT = const(0)
@@ -143,7 +143,7 @@ class Inputs:
         words[_RAW] = words[_STABLE] = hal.levels() & words[_ALL]
 
     def poll(self, now, levels):
-        """Look at the pins; now: milliseconds modulo 2^30, levels: HAL.levels(). Whether an input has changed."""
+        """Look at the pins; now: milliseconds modulo 2^29, levels: HAL.levels(). Whether an input has changed."""
         return _debounce(self.words, levels, now) != 0
 
     @property

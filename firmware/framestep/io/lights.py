@@ -5,12 +5,12 @@ A channel ramps while its level and its target differ. Nothing allocates after c
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
 
 CHANNELS = const(512)
 MARK = const(2)  # bit of a channel's byte in put_marked()
 _SHARE = const(64)  # channels that a pass looks at: one frame on the wire is longer than a round of passes
-_WRAP = const(0x3FFFFFFF)
 
 # Words of Lights.words
 CHANGED = const(0)  # a level has changed; whoever has sent the levels on sets it to 0
@@ -146,7 +146,7 @@ class Lights:
         _put_marked(self.levels, self._targets, self.words, first, last, source, marks)
 
     def ramp(self, now, channel, source, at, count):
-        """The same by a ramp that begins at `now` (milliseconds modulo 2^30) from what each channel shows."""
+        """The same by a ramp that begins at `now` (milliseconds modulo 2^29) from what each channel shows."""
         if self.words[_LENGTH] == 0:
             _put(self.levels, self._targets, self.words, channel, source, at, count)
             return

@@ -17,6 +17,7 @@ Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.motion.positions import LOST
 from framestep.motion.reals import copy_word
@@ -25,7 +26,6 @@ from framestep.native import const, micropython, ptr8, ptr32
 STILL_MS = const(2000)
 SLOT_BYTES = const(128)
 PAGE_BYTES = const(256)
-_WRAP = const(0x3FFFFFFF)
 
 # Words of a record
 NUMBER = const(0)  # counts up from record to record
@@ -129,7 +129,7 @@ class Memory:
             self.working = self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self.page)
 
     def poll(self, now, busy):
-        """One pass. now: milliseconds modulo 2^30; busy: something moves, or an operation is prepared."""
+        """One pass. now: milliseconds modulo 2^29; busy: something moves, or an operation is prepared."""
         if self.positions.settled or not self.working:
             return
         if busy or not self._still:

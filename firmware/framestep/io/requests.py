@@ -74,7 +74,7 @@ class Io:
             self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^30. True where a stop input calls for action (see Safety.poll)."""
+        """One pass; now: milliseconds modulo 2^29. True where a stop input calls for action (see Safety.poll)."""
         self.now = now
         levels = self.hal.levels()
         due = _due(self._switches, self._inputs, self._levels, self._pulse, levels)

@@ -14,13 +14,13 @@ Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.motion.stepper import halt_motors
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
 RELEASE_MS = const(20)
-_WRAP = const(0x3FFFFFFF)
 _LOOKS = const(3)
 _LOWER = const(12)  # bit of motor 0's lower side in the bits of _approaching
 _SLOWEST = const(4194)  # velocity that counts as motion: a step per second, Q22 steps per tick
@@ -230,7 +230,7 @@ class Safety:
     def poll(self, now, levels):
         """Look at the switches, while one is or was active. Whether there is news.
 
-        now: milliseconds modulo 2^30, levels: HAL.levels(). The news is for the caller to act on: `tripped` has
+        now: milliseconds modulo 2^29, levels: HAL.levels(). The news is for the caller to act on: `tripped` has
         become True, or motors have come into `struck`.
         """
         words = self.words

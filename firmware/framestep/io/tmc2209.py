@@ -15,6 +15,7 @@ does one thing and waits for nothing. Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.native import const, micropython, ptr8
 
 POLL_MS = const(50)  # from the check of one driver to that of the next
@@ -23,7 +24,6 @@ PATIENCE_MS = const(8)  # an answer takes 1.3 ms
 TRIES = const(4)
 OPEN_CHECKS = const(3)  # checks in a row, in motion, that make an open load one
 _WRITTEN_MS = const(2)  # a write is on the wire for 0.7 ms
-_WRAP = const(0x3FFFFFFF)
 
 _ENTRY = const(5)  # bytes of a register in a table
 _ANSWER = const(8)
@@ -142,7 +142,7 @@ class Drivers:
             bits |= 1 << motor
         self.good = ((1 << hal.motors) - 1) & ~bits
         self.ready = 0 if self.count else self.good  # until each driver has been tried once
-        self.writes = 0  # confirmed ones, modulo 2^30
+        self.writes = 0  # confirmed ones, modulo 2^29
         self._steps = len(self.tables[0]) // _ENTRY if self.count else 0
         self._frame = bytearray(_ANSWER)
         self._heard = bytearray(_HEARD)
@@ -163,7 +163,7 @@ class Drivers:
     # ---------------------------------------------------------------- the wire
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^30. Motors whose driver has just failed, one bit each."""
+        """One pass; now: milliseconds modulo 2^29. Motors whose driver has just failed, one bit each."""
         waited = (now - self._at) & _WRAP
         if self._phase == _REST:
             if waited >= self._rest_ms:

@@ -13,13 +13,13 @@ stop the rig. That is a lost host, and the motors ramp down as for one (field no
 Nothing allocates.
 """
 
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.native import const
 
 TIMEOUT_MS = const(8000)  # the chip's longest is 8388; a slow rig takes seconds to ramp down
 LOOK_MS = const(100)
 DEAF_MS = const(3000)
-_WRAP = const(0x3FFFFFFF)
 
 
 class Watchdog:
@@ -38,7 +38,7 @@ class Watchdog:
     def look(self, now, moving, is_open):
         """To be called every LOOK_MS. True where something moves although the host is deaf.
 
-        now: milliseconds modulo 2^30; moving: whether a motor does; is_open: whether a host has the port open.
+        now: milliseconds modulo 2^29; moving: whether a motor does; is_open: whether a host has the port open.
         """
         self.looked_at = now
         taken = self.writer.taken

@@ -29,6 +29,7 @@ AHEAD is short of LEAD ticks is the time by which it is sure to have done so.
 
 from array import array
 
+from framestep.clock import WRAP
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 TICK_US = const(1000)
@@ -38,7 +39,7 @@ MAX_VELOCITY = const(500)  # steps per tick that the number format holds with ro
 # Header words
 CLOCK = const(0)  # address of a free running microsecond counter
 DUE = const(1)  # when the next tick is due, microseconds modulo 2^30
-TICKS = const(2)  # ticks done, modulo 2^30
+TICKS = const(2)  # ticks done, modulo 2^29 (clock.py)
 CYCLES = const(3)  # engine cycles per tick
 CYCLES_PER_US = const(4)
 LEAD = const(5)  # ticks of commands ahead of the pulses
@@ -50,8 +51,8 @@ RUNNING = const(10)  # 0 where nothing has moved for some ticks
 AHEAD = const(11)  # cycles from when a tick is due to its first pulse
 LATEST = const(12)  # microseconds of lateness that an engine survives
 CUES = const(13)  # address of the ring of cues
-CUE_TAKEN = const(14)  # cues given, modulo 2^30
-CUE_PUT = const(15)  # cues put, modulo 2^30
+CUE_TAKEN = const(14)  # cues given, modulo 2^29
+CUE_PUT = const(15)  # cues put, modulo 2^29
 OUT_SET = const(16)  # address that raises the output pins of a mask
 OUT_CLEAR = const(17)  # address that lowers them
 HEADER_WORDS = const(18)
@@ -169,20 +170,20 @@ class StepKernel:
         self.state[OUT_CLEAR] = as_word(clear_address)
 
     def cue(self, tick, raised, lowered):
-        """Change output pins in a tick (modulo 2^30), not before the cues put until now.
+        """Change output pins in a tick (modulo 2^29), not before the cues put until now.
 
         raised, lowered: masks of pins, below 2^30. The pins change some microseconds after the
         tick is due. False where there is no room.
         """
         state = self.state
-        if (state[CUE_PUT] - state[CUE_TAKEN]) & _WRAP >= CUE_SLOTS:
+        if (state[CUE_PUT] - state[CUE_TAKEN]) & WRAP >= CUE_SLOTS:
             return False
         k = (state[CUE_PUT] & (CUE_SLOTS - 1)) << 2
         cues = self.cues
-        cues[k] = tick & _WRAP
+        cues[k] = tick & WRAP
         cues[k + 1] = raised
         cues[k + 2] = lowered
-        state[CUE_PUT] = (state[CUE_PUT] + 1) & _WRAP
+        state[CUE_PUT] = (state[CUE_PUT] + 1) & WRAP
         return True
 
     def drop_cues(self):

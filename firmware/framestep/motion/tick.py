@@ -6,6 +6,7 @@ as soon as the main loop has pushed it out of the flash cache.
 
 from array import array
 
+from framestep.clock import HALF, WRAP
 from framestep.motion.stepper import (
     ACCEL,
     AHEAD,
@@ -108,7 +109,7 @@ class Header(array):
             while a:
                 m = ptr32(a)
                 a = m[NEXT]
-                m[IDLE_AT] = (h[TICKS] - 1000) & _WRAP
+                m[IDLE_AT] = (h[TICKS] - 1000) & WRAP
                 if m[MODE] & START:
                     m[MODE] = RUN | START  # has yet to begin
                 elif m[MODE] & (RUN | STOP):
@@ -136,18 +137,18 @@ class Header(array):
         else:
             m[DUE] = m[DUE] + (late >> 4)  # back to the timer's grid, if a hole has moved it
         m[DUE] = (m[DUE] + TICK_US) & _WRAP
-        m[TICKS] = (m[TICKS] + 1) & _WRAP
+        m[TICKS] = (m[TICKS] + 1) & WRAP
         a = m[CUE_PUT] - m[CUE_TAKEN]
         while a:
             q = ptr32(m[CUES])
             k = (m[CUE_TAKEN] & (CUE_SLOTS - 1)) << 2
-            if (m[TICKS] - q[k + 0]) & _WRAP > _HALF:
+            if (m[TICKS] - q[k + 0]) & WRAP > HALF:
                 break
             fifo = ptr32(m[OUT_SET])
             fifo[0] = q[k + 1]
             fifo = ptr32(m[OUT_CLEAR])
             fifo[0] = q[k + 2]
-            m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & _WRAP
+            m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & WRAP
             a = m[CUE_PUT] - m[CUE_TAKEN]
         cycles = m[CYCLES]
         a = m[FIRST]
@@ -162,7 +163,7 @@ class Header(array):
                     else:
                         if m[MODE] & START:
                             m[MODE] = m[MODE] & (RUN | STOP)
-                            idle = (h[TICKS] - 1 - m[IDLE_AT]) & _WRAP
+                            idle = (h[TICKS] - 1 - m[IDLE_AT]) & WRAP
                             if idle < h[LEAD] and idle * TICK_US + late < h[LATEST]:
                                 m[CARRY] = m[CARRY] + idle * cycles  # the engine has not run dry since
                             else:

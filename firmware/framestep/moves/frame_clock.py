@@ -1,13 +1,13 @@
 """When each frame of a pass is: rational times, tick and microsecond, without a sum of rounded durations."""
 
+from framestep.clock import WRAP as _WRAP
 from framestep.native import const
 
 MICROSECONDS = const(1000000000)  # in 1000 seconds
-_WRAP = const(0x3FFFFFFF)
 
 
 class FrameClock:
-    """The moment of one frame after another: `tick` (modulo 2^30) and `us` within it.
+    """The moment of one frame after another: `tick` (modulo 2^29) and `us` within it.
 
     Frame N lies round(N · 10^9 / fps_milli) microseconds after the first. Nothing allocates.
     """

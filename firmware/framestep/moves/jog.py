@@ -10,6 +10,8 @@ cuts all queues at the same moment and goes on from there.
 
 from array import array
 
+from framestep.clock import HALF as _HALF
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.motion.axes import lead
@@ -27,7 +29,6 @@ _BATCH = const(32)
 _NOTICE = const(40)  # ticks from a stop to where the queues are cut: time to plan for all motors
 _LEAST = const(16)  # with fewer queued nothing is cut
 _BRIEF = const(8)  # ticks: a rest of a frame that is shorter is played as one with the next frame
-_WRAP = const(0x3FFFFFFF)
 
 # Words of a row: a phase of the axis, Hermite as the motors' are
 _ROWS = const(32)
@@ -372,7 +373,7 @@ class JogAll(Operation):
             n -= 1
             k = n % _ROWS * _ROW
             since = (ticks - rows[k + _WHOLE]) & _WRAP
-            if since < HALF:
+            if since < _HALF:
                 reals.put(r, X, since, 0)
                 reals.fetch(r, Y, rows, k + _FRACTION)
                 reals.subtract(r, X, X, Y)

@@ -17,6 +17,8 @@ post-roll. When they stand, RT_END is due, and they go back to the end frame's p
 
 from array import array
 
+from framestep.clock import HALF as _HALF
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
@@ -39,8 +41,6 @@ LONGEST_ROLL = const(600000)  # ms
 DEFAULT_OPEN = const(90)  # degrees, of stills whose request has no angles (field note 6.9)
 DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # frames of phases to keep ahead
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 
 # Registers; follow.OWN is the first that is free
 _DURATION = const(36)  # of a frame in ticks, the shorter and the longer one

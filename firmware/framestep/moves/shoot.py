@@ -20,6 +20,8 @@ Either is the same list of phases: wait, ramp, window, ramp.
 
 from array import array
 
+from framestep.clock import HALF as _HALF
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.moves import path
@@ -34,7 +36,6 @@ RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time i
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
-_WRAP = const(0x3FFFFFFF)
 CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
 
 # Registers; follow.OWN is the first that is free
@@ -317,7 +318,7 @@ class ShootFrame(Operation):
         self.done_tick = (tick + shot.lasts_ms) & _WRAP
 
     def reached(self, ticks):
-        if not self.done and (ticks - self.done_tick) & _WRAP < HALF:
+        if not self.done and (ticks - self.done_tick) & _WRAP < _HALF:
             self.done = True
         return False
 

@@ -8,6 +8,8 @@ the main loop in the tick of their frame.
 
 from array import array
 
+from framestep.clock import HALF as _HALF
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.moves.frame_clock import FrameClock
 from framestep.native import const, micropython, ptr32
@@ -28,8 +30,6 @@ _NO_BLOOP = const(0)
 _BLOOP_WAITS = const(1)  # for the first frame
 _BLOOP_ON = const(2)
 _BLOOP_ENDS = const(3)  # its end has been handed over
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 
 
 @micropython.viper

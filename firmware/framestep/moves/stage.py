@@ -22,6 +22,7 @@ two passes nothing of it shows (`stepper.hold`): the motors are at rest. Whateve
 whole (`retract`), and it is begun anew.
 """
 
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.moves.follow import Follower
 from framestep.moves.store import READY as UPLOADED
@@ -53,8 +54,6 @@ _DONE = const(2)
 _IDLE = const(3)  # not to be begun: the motors are not where the operation begins
 
 _QUIET = const(100)  # ticks without a further change after which what is prepared is checked again
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 
 
 class Operation:

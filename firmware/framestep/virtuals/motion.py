@@ -23,6 +23,8 @@ Time in ticks, positions of motors in steps, s in units or degrees. Nothing allo
 
 from array import array
 
+from framestep.clock import HALF as _HALF
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.motion.reals import combine, multiply, order_words, put
@@ -87,8 +89,6 @@ _NOISE = const(4)  # sixteenths of a second difference that are rounding
 _SMALL_BEND = const(32)  # sixteenths that make no difference
 _MARGIN = const(10320)  # what the motors can do is taken for 10000 / 10320 of it: 3 % for what a survey cannot see
 
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 
 # Words per motor of `bounds`
 _LOW = const(0)
@@ -776,7 +776,7 @@ class Motion:
                 self.halt()  # no way to go
             return True
         if state == MOVING and not self.closed:
-            ahead = self.times[self.queued % _KNOTS] - self._elapsed()
+            ahead = self._ahead(self.queued)
             if self.guide and ahead > _SCARCE_TICKS and self.guide.extend():
                 return True
             if ahead < _AHEAD_TICKS:
@@ -793,6 +793,10 @@ class Motion:
     def _elapsed(self):
         """Ticks of the motion that have been done."""
         return (self.axes.kernel.state[stepper.TICKS] - self.tick + 1) & _WRAP
+
+    def _ahead(self, knot):
+        """Ticks until a knot, below 0 once it has been passed."""
+        return ((self.times[knot % _KNOTS] - self._elapsed() + _HALF) & _WRAP) - _HALF
 
     def _release(self):
         """All motors start in the same tick."""
@@ -824,7 +828,8 @@ class Motion:
                 self.halt()  # the survey has said that it can be reached
                 return
             self._note(knot)
-            self.times[knot % _KNOTS] = self.times[(knot - 1) % _KNOTS] + reals.floor(self.r, _T, _HALF)
+            later = self.times[(knot - 1) % _KNOTS] + reals.floor(self.r, _T, _HALF)
+            self.times[knot % _KNOTS] = later & _WRAP
             self.knot = knot
 
     def _queue(self, knot):
@@ -852,7 +857,7 @@ class Motion:
         else:
             reals.put(r, _P, 0, 0)
             reals.put(r, _Q, 0, 0)
-        reals.put(r, _LAST_T, self.times[here] - self.times[before], 0)
+        reals.put(r, _LAST_T, (self.times[here] - self.times[before]) & _WRAP, 0)
         for i in range(AXES):
             if self.motor[i]:
                 k = 2 * i
@@ -970,12 +975,11 @@ class Motion:
         last = self.knot - 1 if self.closed else self.queued
         knot = max(self.knot - _KNOTS + 2, 1)
         irq = axes.hal.irq_off()
-        now = self._elapsed()
-        while knot <= last and self.times[knot % _KNOTS] - now < _NOTICE:
+        while knot <= last and self._ahead(knot) < _NOTICE:
             knot += 1
         found = knot <= last
         if found and not (knot == self.queued and not self.closed):
-            ticks = self.times[knot % _KNOTS] - now
+            ticks = self._ahead(knot)
             for i in range(AXES):
                 if self.motor[i] and not axes[self.motor[i] - 1].trim(ticks, 0):
                     found = False

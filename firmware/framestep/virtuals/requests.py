@@ -6,6 +6,7 @@ answered itself. Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP as _WRAP
 from framestep.motion import reals
 from framestep.native import const
 from framestep.protocol import messages as m
@@ -23,7 +24,6 @@ _AXIS = const(jog.FIRST_FREE + 2)  # three
 _REGISTERS = const(jog.FIRST_FREE + 8)
 
 _FASTEST = const(10000)  # ten-thousandths: the speed of a jog
-_WRAP = const(0x3FFFFFFF)
 _PAN = const(3)  # axes of the types that have a place
 _TILT = const(4)
 _CARRIERS = const(3)  # axes that carry pan and tilt

@@ -1,0 +1,39 @@
+"""With --replay each session of these tests is played again by 32-bit MicroPython, the heap locked in every tick and
+every pass: byte by byte and millisecond by millisecond it must do what it did here. Then once more with all counters
+close to their end, so that they wrap on the way.
+"""
+
+import pytest
+
+from host_tests.recording import differences, recorded
+
+
+@pytest.fixture(scope="module", autouse=True)
+def replayed(request):
+    """Set up before any board of a module is made, it comes last when all are done."""
+    if not request.config.getoption("--replay"):
+        yield []
+        return
+    runtime = request.getfixturevalue("unix32f")
+    scratch = request.getfixturevalue("tmp_path_factory").mktemp("replay")
+    with recorded() as recorders:
+        yield recorders
+    found = [
+        differences(runtime, recording, scratch / f"{number}.recording")
+        for number, recording in enumerate(recorder.finish() for recorder in recorders)
+    ]
+    failures = [text for text in found if text]
+    assert not failures, "\n\n".join(failures)
+
+
+@pytest.fixture(autouse=True)
+def not_replayed(request, replayed):
+    """Recordings end before a test that reaches into a board (marked `inside`)."""
+    inside = request.node.get_closest_marker("inside") is not None
+    if inside:
+        for recorder in replayed:
+            recorder.finish()
+    count = len(replayed)
+    yield
+    if inside:
+        del replayed[count:]

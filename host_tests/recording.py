@@ -1,0 +1,316 @@
+"""Records what happens to a controller on the host HAL, and what it does, so that another runtime can play it again.
+
+A recording is a file for runtime/recording_replay.py: a line of JSON with what the board is made of, then
+
+    S 12 30        ticks and passes of the milliseconds 12 to 41, the usual case
+    T 12007        a tick on its own, at this microsecond
+    P 12           a pass on its own, the clock at this millisecond
+    R 4446…        bytes from the host
+    O, C           the port is opened, closed
+    L 19 0         an input's level
+    F 1, F 0       the host takes no more bytes, takes them again
+    W - 05ff…      what the drivers' wire gives in the next pass, call by call
+    X 2            what trouble() says in the next pass, call by call
+    Y -1 2         what reclaim() says in the next pass, call by call
+
+`did` are the lines that the replay prints: after each pass that has done something its millisecond and what it was,
+bytes sent (<), outputs driven (o), drivers switched (e), LED (l), lights (d), telegrams to drivers (w, c) and words
+about them (s); after a tick that gave cues its microsecond and those; at the end where the motors are.
+"""
+
+import contextlib
+import inspect
+import json
+import os
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from framestep.clock import WRAP
+from framestep.hal.host import HostBoard, HostFlash
+from framestep.io.lights import CHANGED
+from framestep.motion import stepper
+
+
+@dataclass
+class Recording:
+    """One board's life so far. test: which one made it."""
+
+    test: str
+    head: dict[str, Any]
+    lines: list[str] = field(default_factory=list)
+    did: list[str] = field(default_factory=list)
+
+
+def board_data(board: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in board.items() if key != "page"}
+
+
+class Recorder:
+    """Listens to a HostBoard. The board's methods are replaced on the object, so it must be new."""
+
+    def __init__(self, board: HostBoard, rig: Any, data: dict[str, Any], broken: bool, flash: list[str] | None):
+        """flash: what its blocks held when the board was made, in hex; None for a board without."""
+        self.board = board
+        hal = self.hal = board.hal
+        kernel = hal.kernel
+        self.recording = Recording(
+            os.environ.get("PYTEST_CURRENT_TEST", "").removesuffix(" (setup)").removesuffix(" (call)"),
+            {
+                "rig": rig,
+                "board": board_data(data),
+                "motors": hal.motors,
+                "memory": hal.upload_bytes,
+                "barked": hal.watchdog.barked,
+                "broken": broken,
+                "flash": flash,
+                "shapes": [_shape(block) for block in kernel.blocks],
+            },
+        )
+        self.finished: Recording | None = None
+        self.steps = [0, 0]  # the S line that is being gathered
+        self.ticked = None
+        self.notes: list[str] = []
+        self.cues: list[int] | None = None
+        self.in_tick = False
+        self.answers: list[str] = []
+        self.troubles: list[int] = []
+        self.taken: list[int] = []
+        self.colour = 0
+        self.sent = bytearray()
+        self.wire = bytearray()
+        self.lights: str | None = None
+        self._listen()
+
+    # ---- the script
+
+    def _flush(self):
+        if self.steps[1]:
+            self.recording.lines.append(f"S {self.steps[0]} {self.steps[1]}")
+            self.steps = [0, 0]
+        if self.ticked is not None:
+            self.recording.lines.append(f"T {self.ticked}")
+            self.ticked = None
+
+    def _line(self, line):
+        self._flush()
+        self.recording.lines.append(line)
+
+    # ---- the board
+
+    def _listen(self):
+        board, hal, controller = self.board, self.hal, self.board.controller
+        tick, poll = hal.tick, controller.poll
+        receive, open_port, set_level = board.receive, board.open_port, hal.set_level
+        drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.trouble
+        wire_send, wire_receive, choose = hal.wire.send, hal.wire.receive, hal.wire.choose
+        port_send, reclaim = hal.port.send, hal.reclaim
+
+        def note(kind, a, b):
+            self.notes.append(f"{kind}{a},{b}")
+
+        def on_tick():
+            self._flush_tick()
+            self.ticked = hal.now_ns // 1000
+            self.in_tick, self.cues = True, None
+            tick()
+            self.in_tick = False
+            if self.cues is not None:
+                self.recording.did.append(f"{self.ticked}: t{self.cues[0]},{self.cues[1]}")
+
+        def on_poll(now):
+            self.notes, self.answers, self.troubles, self.taken = [], [], [], []
+            self.wire, self.sent, self.lights = bytearray(), bytearray(), None
+            said = len(hal.said)
+            usual = self.ticked is not None and self.ticked == now * 1000 + 7
+            if not usual:
+                self._flush_tick()
+            found = poll(now)
+            extra = []
+            if any(answer != "-" for answer in self.answers):
+                extra.append("W " + " ".join(self.answers))
+            if any(self.troubles):
+                extra.append("X " + " ".join(map(str, self.troubles)))
+            if any(found != -1 for found in self.taken):
+                extra.append("Y " + " ".join(map(str, self.taken)))
+            if extra or not usual:
+                ticked, self.ticked = self.ticked, None
+                self._flush()
+                self.recording.lines += extra
+                if usual:
+                    self.steps = [now, 1]
+                    self._flush()
+                else:
+                    self.ticked = ticked
+                    self._line(f"P {now}")
+            else:
+                self.ticked = None
+                if self.steps[1] and sum(self.steps) != now:
+                    self._flush()
+                if not self.steps[1]:
+                    self.steps = [now, 0]
+                self.steps[1] += 1
+            notes = self.notes + ["s" + text.split(" ", 4)[4].replace(" ", "_") for text in hal.said[said:]]
+            if self.wire:
+                notes.append("w" + self.wire.hex())
+            if self.lights:
+                notes.append(self.lights)
+            if self.sent:
+                notes.append("<" + self.sent.hex())
+            if notes:
+                self.recording.did.append(f"{now} {' '.join(notes)}")
+            return found
+
+        def on_receive(data):
+            if data:
+                self._line("R " + bytes(data).hex())
+            receive(data)
+
+        def on_open(is_open):
+            if is_open and not hal.port.open:
+                self._line("O")
+            elif not is_open:
+                self._line("C")
+            open_port(is_open)
+
+        def on_level(pin, level):
+            self._line(f"L {pin} {level}")
+            set_level(pin, level)
+
+        def on_drive(high, low):
+            if self.in_tick:
+                raised, lowered = self.cues or (0, 0)
+                # the set register is written first, for each cue
+                self.cues = [high if self.writes == 0 else raised, low if self.writes else lowered]
+                self.writes ^= 1
+            else:
+                note("o", high, low)
+            drive(high, low)
+
+        def on_enable(motor, on):
+            note("e", motor, 1 if on else 0)
+            enable(motor, on)
+
+        def on_led(colour):
+            if colour != self.colour:
+                self.colour = colour
+                note("l", colour, 0)
+            led(colour)
+
+        def on_trouble():
+            found = trouble()
+            self.troubles.append(found)
+            return found
+
+        def on_reclaim():
+            found = reclaim()
+            self.taken.append(found)
+            return found
+
+        def on_wire_send(buffer, count):
+            self.wire += bytes(buffer[:count])
+            wire_send(buffer, count)
+
+        def on_wire_receive(buffer, at, limit):
+            count = wire_receive(buffer, at, limit)
+            self.answers.append(bytes(buffer[at : at + count]).hex() or "-")
+            return count
+
+        def on_choose(motor):
+            note("c", motor, 0)
+            choose(motor)
+
+        def on_send(writer):
+            before = len(hal.port.outgoing)
+            port_send(writer)
+            self.sent += hal.port.outgoing[before:]
+
+        def on_full(full):
+            self._line(f"F {int(full)}")
+
+        self.full = on_full
+
+        def on_show(lights):
+            if lights.words[CHANGED]:
+                self.lights = f"d{zlib.crc32(bytes(lights.levels))}"
+            show(lights)
+
+        self.writes = 0
+        if hasattr(hal.dmx, "shown"):
+            show = hal.dmx.show
+            hal.dmx.show = on_show
+        hal.tick, controller.poll = on_tick, on_poll
+        board.receive, board.open_port, hal.set_level = on_receive, on_open, on_level
+        hal.drive, hal.enable, hal.led, hal.trouble = on_drive, on_enable, on_led, on_trouble
+        hal.wire.send, hal.wire.receive, hal.wire.choose = on_wire_send, on_wire_receive, on_choose
+        hal.port.send = on_send
+        hal.reclaim = on_reclaim
+
+    def _flush_tick(self):
+        if self.ticked is not None:
+            self._flush()
+
+    def finish(self) -> Recording:
+        """The recording up to now, or to the first call; what comes later is no part of it."""
+        if self.finished:
+            return self.finished
+        self._flush()
+        at = " ".join(str(block[stepper.POSITION]) for block in self.hal.kernel.blocks)
+        self.recording.did.append("at " + at)
+        self.finished, self.recording = self.recording, Recording("", {})
+        return self.finished
+
+
+def _shape(block):
+    width = (block[stepper.FIXED] - 8) // 32 - 1
+    setup = max(block[stepper.SETUP] - block[stepper.FIXED] + 7, 0)
+    return [width, setup, bool(block[stepper.INVERT])]
+
+
+def write(recording: Recording, path) -> None:
+    with open(path, "w") as file:
+        file.write(json.dumps(recording.head) + "\n")
+        for line in recording.lines:
+            file.write(line + "\n")
+
+
+REPLAY = Path(__file__).parent / "runtime" / "recording_replay.py"
+NEAR_THE_END = (WRAP - 900, 2**30 - 2048)  # of ticks and of milliseconds: they wrap soon
+
+
+def differences(runtime, recording: Recording, path: Path) -> str:
+    """Play it again on 32-bit MicroPython, from where counters begin at 0 and from close to their end. "" where all is
+    as it was, else what first is not. runtime: the fixture unix32f; path: where the recording is written to."""
+    write(recording, path)
+    for ticks, ms in ((0, 0), NEAR_THE_END):
+        did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="2M", timeout=1000).split("\n")[:-1]
+        if said != did:
+            path.with_suffix(".did").write_text("\n".join(did))
+            at = next((i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b), min(len(did), len(said)))
+            lines = [f"here:  {line}" for line in did[at : at + 3]] + [f"there: {line}" for line in said[at : at + 3]]
+            where = f"{recording.test}, counters at {ticks}, {ms}: {path}, line {at}"
+            return "\n".join([where, *lines])
+    return ""
+
+
+@contextlib.contextmanager
+def recorded():
+    """Every HostBoard that is made meanwhile is recorded. Yields the list of their Recorders."""
+    found: list[Recorder] = []
+    made = HostBoard.__init__
+    signature = inspect.signature(made)
+
+    def make(self, *args, **kwargs):
+        given = signature.bind(self, *args, **kwargs)
+        given.apply_defaults()
+        flash = given.arguments["flash"]
+        held = None if flash is False else [bytes(block).hex() for block in (flash or HostFlash()).content]
+        made(self, *args, **kwargs)
+        found.append(Recorder(self, *(given.arguments[name] for name in ("rig", "board", "broken")), held))
+
+    HostBoard.__init__ = make  # type: ignore[method-assign]
+    try:
+        yield found
+    finally:
+        HostBoard.__init__ = made  # type: ignore[method-assign]

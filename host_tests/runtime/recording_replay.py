@@ -1,0 +1,396 @@
+"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, the heap locked in every tick and every pass.
+
+    micropython recording_replay.py FILE [TICKS MILLISECONDS]      (these a multiple of 2048: the LED's time)
+
+What the controller does comes out as the recorder has written it down. TICKS and MILLISECONDS: what the counters say at
+the start, so that they wrap on the way; nothing that comes out may depend on it.
+"""
+
+import binascii
+import json
+import sys
+from array import array
+
+import micropython
+
+from framestep.clock import WRAP
+from framestep.controller import Controller
+from framestep.hal import NoDmx
+from framestep.io.lights import CHANGED
+from framestep.motion import stepper
+from framestep.motion.stepper import StepKernel
+from framestep.native import addressof
+from framestep.protocol.frames import copy_bytes
+from framestep.rig import Rig
+
+CYCLES = 125000
+LOG = 512
+INCOMING = 1 << 17
+OUTGOING = 1 << 16
+OUTPUT, ENABLE, LED, CHOOSE = "oelc"  # what is noted with two numbers
+
+
+class Notes:
+    """What a pass has done, kept without memory and told after it."""
+
+    def __init__(self):
+        self.kinds = [""] * LOG
+        self.numbers = array("i", [0] * (2 * LOG))
+        self.count = 0
+        self.texts = [""] * LOG
+        self.text_count = 0
+        self.sent = bytearray(OUTGOING)
+        self.sent_count = 0
+        self.wire = bytearray(4096)
+        self.wire_count = 0
+        self.lit = None
+
+    def note(self, kind, a, b):
+        self.kinds[self.count] = kind
+        self.numbers[2 * self.count] = a
+        self.numbers[2 * self.count + 1] = b
+        self.count += 1
+
+    def told(self):
+        """The pass in words, "" for nothing. Allocates."""
+        found = []
+        for i in range(self.count):
+            found.append(f"{self.kinds[i]}{self.numbers[2 * i]},{self.numbers[2 * i + 1]}")
+        found += ["s" + text.replace(" ", "_") for text in self.texts[: self.text_count]]
+        if self.wire_count:
+            found.append("w" + binascii.hexlify(self.wire[: self.wire_count]).decode())
+        if self.lit:
+            found.append(f"d{binascii.crc32(self.lit)}")
+        if self.sent_count:
+            found.append("<" + binascii.hexlify(self.sent[: self.sent_count]).decode())
+        self.count = self.text_count = self.wire_count = self.sent_count = 0
+        self.lit = None
+        return " ".join(found)
+
+
+class Port:
+    def __init__(self, notes):
+        self.notes = notes
+        self.open = False
+        self.openings = 0
+        self.incoming = bytearray(INCOMING)
+        self.begin = self.end = 0
+        self.buffer = bytearray(512)
+        self.full = False
+
+    def receive(self, data):
+        copy_bytes(self.incoming, 0, self.incoming, self.begin, self.end - self.begin)
+        self.end -= self.begin
+        self.begin = 0
+        self.incoming[self.end : self.end + len(data)] = data
+        self.end += len(data)
+
+    def poll(self, reader):
+        before = self.begin
+        while self.begin < self.end:
+            taken = reader.feed(self.incoming, self.begin, self.end - self.begin)
+            if not taken:
+                break
+            self.begin += taken
+        return self.begin - before
+
+    def send(self, writer):
+        while not self.full:
+            count = writer.take(self.buffer, 512)
+            if not count:
+                return
+            if self.open:
+                notes = self.notes
+                copy_bytes(notes.sent, notes.sent_count, self.buffer, 0, count)
+                notes.sent_count += count
+
+
+class Dmx:
+    channels = 512
+
+    def __init__(self, notes):
+        self.notes = notes
+        self.levels = bytearray(513)
+
+    def show(self, lights):
+        if lights.words[CHANGED]:
+            lights.words[CHANGED] = 0
+            copy_bytes(self.levels, 0, lights.levels, 0, 513)
+            self.notes.lit = self.levels
+
+
+class Watchdog:
+    def __init__(self, barked):
+        self.barked = barked
+
+    def arm(self, ms):
+        pass
+
+    def feed(self):
+        pass
+
+    def disarm(self):
+        pass
+
+
+class Wire:
+    def __init__(self, notes):
+        self.notes = notes
+        self.answers = []
+        self.at = 0
+
+    def choose(self, motor):
+        self.notes.note(CHOOSE, motor, 0)
+
+    def send(self, buffer, count):
+        notes = self.notes
+        copy_bytes(notes.wire, notes.wire_count, buffer, 0, count)
+        notes.wire_count += count
+
+    def receive(self, buffer, at, limit):
+        if self.at == len(self.answers):
+            return 0
+        answer = self.answers[self.at]
+        self.at += 1
+        copy_bytes(buffer, at, answer, 0, len(answer))
+        return len(answer)
+
+
+class Flash:
+    blocks = 2
+    bytes = 1024
+
+    def __init__(self, content):
+        self.content = [bytearray(binascii.unhexlify(block)) for block in content]
+
+    def read(self, block, at, buffer):
+        size = len(buffer)
+        if isinstance(buffer, array):
+            size *= 4
+        copy_bytes(buffer, 0, self.content[block], at, size)
+
+    def program(self, block, at, page):
+        content = self.content[block]
+        for i in range(len(page)):
+            content[at + i] &= page[i]
+        return True
+
+    def erase(self, block, page):
+        content = self.content[block]
+        for i in range(len(content)):
+            content[i] = 0xFF
+        return True
+
+
+class Hal:
+    """The contract of framestep.hal over nothing."""
+
+    def __init__(self, head, rig):
+        self.notes = Notes()
+        self.motors = head["motors"]
+        self.board = rig.board
+        self.upload_bytes = head["memory"]
+        self.port = Port(self.notes)
+        self.dmx = Dmx(self.notes) if rig.dmx else NoDmx()
+        self.watchdog = Watchdog(head["barked"])
+        self.wire = Wire(self.notes)
+        self.failure = None
+        self.alive = True
+        self.content = head["flash"]
+        self.pins = 0
+        self.driven = 0
+        self.watched = 0
+        self.handler = None
+        self.colour = 0
+        self.lost = []
+        self.lost_at = 0
+        self.taken = []  # what reclaim() says
+        self.taken_at = 0
+        self.clock = array("i", [0])
+        self.sink = array("i", [0])
+        self.registers = array("i", [-1, -1])
+        self.kernel = StepKernel(self.motors, CYCLES, addressof(self.clock))
+        self.kernel.outputs(addressof(self.registers), addressof(self.registers) + 4)
+        for motor in range(self.motors):
+            self.kernel.configure(motor, addressof(self.sink), *head["shapes"][motor])
+
+    def start(self):
+        pass
+
+    def flash(self):
+        if self.content is None:
+            raise OSError("no flash")
+        return Flash(self.content)
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
+
+    def ticks_ms(self):
+        return 0
+
+    def enable(self, motor, on):
+        self.notes.note(ENABLE, motor, 1 if on else 0)
+
+    def led(self, colour):
+        if colour != self.colour:
+            self.colour = colour
+            self.notes.note(LED, colour, 0)
+
+    def say(self, motor, text):
+        self.notes.texts[self.notes.text_count] = text
+        self.notes.text_count += 1
+
+    def trouble(self):
+        if self.lost_at == len(self.lost):
+            return 0
+        self.lost_at += 1
+        return self.lost[self.lost_at - 1]
+
+    def reclaim(self):
+        if self.taken_at == len(self.taken):
+            return -1
+        self.taken_at += 1
+        return self.taken[self.taken_at - 1]
+
+    def ready(self):
+        return True
+
+    def output(self, pin, level):
+        bit = 1 << pin
+        self.driven |= bit
+        self.drive(bit * level, bit * (1 - level))
+        return bit
+
+    def input(self, pin, pull):
+        self.set_level(pin, 1 if pull == "up" else 0)
+        return 1 << pin
+
+    def drive(self, high, low):
+        self.notes.note(OUTPUT, high, low)
+        levels = (self.pins | high) & ~low
+        self.pins ^= (levels ^ self.pins) & self.driven
+
+    def levels(self):
+        return self.pins
+
+    def watch(self, bits, handler):
+        self.watched = bits
+        self.handler = handler
+
+    def set_level(self, pin, level):
+        if (self.pins >> pin & 1) != level:
+            self.pins ^= 1 << pin
+            if self.watched >> pin & 1:
+                micropython.heap_lock()
+                try:
+                    self.handler(None)
+                finally:
+                    micropython.heap_unlock()
+                    self.notes.count = 0
+
+    def idle(self):
+        pass
+
+
+class Replay:
+    def __init__(self, head, ticks, ms):
+        rig = Rig(head["rig"], head["board"])
+        self.ms = ms
+        self.us = ms * 1000
+        self.hal = hal = Hal(head, rig)
+        hal.kernel.state[stepper.TICKS] = ticks
+        hal.kernel.state[stepper.CUE_PUT] = hal.kernel.state[stepper.CUE_TAKEN] = WRAP - 3 if ticks else 0
+        for block in hal.kernel.blocks:
+            block[stepper.IDLE_AT] = ticks - 1000
+            if ticks:
+                block[stepper.HEAD] = block[stepper.TAIL] = 0x3FFFFFFF - 40
+        self.controller = Controller(hal, rig, head["broken"])
+        try:  # noqa: SIM105 - MicroPython has no contextlib
+            self.controller.moves.take_memory()
+        except ValueError:
+            pass
+        hal.notes.told()
+        # The controller begins with the clock at 0
+        controller = self.controller
+        controller.report_at = controller.tended = controller.heard_at = ms & WRAP
+        controller.watchdog.looked_at = controller.watchdog._heard_at = ms & WRAP
+
+    def tick(self, us):
+        hal = self.hal
+        word = us + self.us & 0xFFFFFFFF
+        hal.clock[0] = word - 0x100000000 if word & 0x80000000 else word
+        micropython.heap_lock()
+        try:
+            hal.kernel.tick(None)
+        finally:
+            micropython.heap_unlock()
+        registers = hal.registers
+        if registers[0] != -1:
+            print(f"{us}: t{registers[0]},{registers[1]}")
+            registers[0] = registers[1] = -1
+
+    def poll(self, ms):
+        hal = self.hal
+        hal.wire.at = hal.lost_at = hal.taken_at = 0
+        now = ms + self.ms & 0x3FFFFFFF
+        micropython.heap_lock()
+        try:
+            self.controller.poll(now)
+        finally:
+            micropython.heap_unlock()
+        told = hal.notes.told()
+        if told:
+            print(ms, told)
+        if hal.wire.answers:
+            hal.wire.answers = []
+        if hal.lost:
+            hal.lost = []
+        if hal.taken:
+            hal.taken = []
+
+    def happen(self, words):
+        verb = words[0]
+        hal = self.hal
+        if verb == "S":
+            begin = int(words[1])
+            for ms in range(begin, begin + int(words[2])):
+                self.tick(ms * 1000 + 7)
+                self.poll(ms)
+        elif verb == "P":
+            self.poll(int(words[1]))
+        elif verb == "T":
+            self.tick(int(words[1]))
+        elif verb == "R":
+            hal.port.receive(binascii.unhexlify(words[1]))
+        elif verb == "O":
+            hal.port.open = True
+            hal.port.openings += 1
+        elif verb == "C":
+            hal.port.open = False
+            hal.port.begin = hal.port.end = 0
+        elif verb == "L":
+            hal.set_level(int(words[1]), int(words[2]))
+        elif verb == "F":
+            hal.port.full = words[1] == "1"
+        elif verb == "W":
+            hal.wire.answers = [b"" if word == "-" else binascii.unhexlify(word) for word in words[1:]]
+        elif verb == "X":
+            hal.lost = [int(word) for word in words[1:]]
+        elif verb == "Y":
+            hal.taken = [int(word) for word in words[1:]]
+        else:
+            raise ValueError(verb)
+
+
+def play(path, ticks, ms):
+    with open(path) as file:
+        replay = Replay(json.loads(file.readline()), ticks, ms)
+        for line in file:
+            replay.happen(line.split())
+    print("at", *[block[stepper.POSITION] for block in replay.hal.kernel.blocks])
+
+
+play(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 0, int(sys.argv[3]) if len(sys.argv) > 3 else 0)
