@@ -9,7 +9,7 @@ BOARD ?= pico
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator fuzz lint types format \
-	plots bench profile flash image dist emulator-measure clean
+	plots bench profile flash image dist emulator-measure strain clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -82,6 +82,9 @@ bench: setup node micropython ## measure the firmware on the emulated board besi
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play or go
 	@$(PYTHON_VENV) -m framestep_tools.profile $(ARGS)
+
+strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
+	@$(PYTHON_VENV) -m host_tests.board.strain $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)

@@ -1,0 +1,380 @@
+"""Any requests in any order on the emulated board, while somebody works on its REPL: memory taken to the last byte,
+long C calls, Ctrl-C, files read, prints, bench commands.
+
+    python -m host_tests.board.strain [--requests 20000] [--seed 1]      (make strain)
+
+Every sound request is answered once and in time, whatever stops the motors is answered for, the motors end where their
+edges say, and the firmware is alive at the end. HARD_STOP 100 may come where the REPL keeps passes away for longer than
+queues last; how often it came, and why, is told.
+"""
+
+import argparse
+import collections
+import importlib
+import random
+import struct
+import sys
+import time
+from pathlib import Path
+
+from framestep.protocol import messages as m
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.wire import FrameDecoder, encode
+
+RUNTIME = Path(__file__).parents[1] / "runtime"
+SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")
+ODD = (0, 1, -1, 2, 255, 10_000, 2**30 - 1, 2**30, -(2**30) - 1, 2**31 - 1, -(2**31))
+RIG = {"estop": "nc", "outputs": [{"pin": 22}], "motor_count": 4, "dmx": False}
+ESTOP = 19
+ANSWER_S = 3  # a long C call, a collection and a frame that never ends may come together
+REST_S = 40
+CHUNK = 250
+REPLY = 0x8000
+
+# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again in any case.
+HELPERS = """
+import gc, os, time
+def take(ms, size=8192):
+    kept = None
+    while size >= 8:
+        try:
+            kept = [kept, bytearray(size)]
+        except MemoryError:
+            size //= 2
+    time.sleep_ms(ms)
+def hold(ms):
+    x = bytearray(12000)
+    time.sleep_ms(ms)
+def read(path):
+    with open(path, "rb") as file:
+        while file.read(200):
+            pass
+"""
+WORK = (
+    "take(60)",
+    "take(300)",
+    "hold(200)",
+    "sum(range(20000))",
+    "len(str(7**700))",
+    "read('/rig.json')",
+    "read('/lib/framestep/code.bin')",
+    "os.listdir('/lib/framestep'); os.stat('/rig.json'); os.statvfs('/')",
+    "print('x' * 300)",
+    "for i in range(40): print(i, i / 7)",
+    "gc.collect()",
+    "[i * i for i in range(400)]",
+    "time.sleep_ms(100)",
+    "import framestep.repl; framestep.repl.status()",
+    "import framestep.repl; framestep.repl.io(1, True)",
+    "import framestep.repl; framestep.repl.move(2, 300)",
+    "import framestep.repl; framestep.repl.stop()",
+    "import framestep.repl; framestep.repl.timing()",
+)
+ENDLESS = ("while True: pass", "while True: take(5)", "while True: gc.collect()", "while True: read('/rig.json')")
+BEARABLE = ("MemoryError", "KeyboardInterrupt")
+
+
+class Broken(AssertionError):
+    """What may not happen has; the text says what and when."""
+
+
+def pool():
+    """(type, payload) of every request in the scripts of host_tests/runtime."""
+    sys.path.insert(0, str(RUNTIME))
+    try:
+        scripts = [importlib.import_module(name).script() for name in SCRIPTS]
+    finally:
+        sys.path.remove(str(RUNTIME))
+    return [(f.type, f.payload) for script in scripts for _, data in script for f in FrameDecoder().feed(data)]
+
+
+def words(*values):
+    return struct.pack(f"<{len(values)}i", *values)
+
+
+class Strain:
+    """One board under strain. say: called with lines of the report."""
+
+    def __init__(self, board, seed, say=print):
+        self.board = board
+        self.say = say
+        self.dice = random.Random(seed)
+        self.sound = pool()
+        self.decoder = FrameDecoder()
+        self.waiting: dict[int, tuple[int, int]] = {}  # ID -> when it was sent (ns), its type
+        self.left: set[int] = set()
+        self.number = 0
+        self.counts: collections.Counter[str] = collections.Counter()
+        self.slowest = 0
+        self.told: collections.Counter[str] = collections.Counter()
+        self.edges: collections.Counter[int] = collections.Counter()
+        self.positions: list[int] = []
+        self.renumbered = True
+        self.estop = False
+        self.repl = board.emulator.repl()
+        self.busy = False  # the REPL runs something
+        self.endless = False
+        board.protocol.open_port(True)
+        self.repl.exec(HELPERS)
+
+    # ---- the protocol's end
+
+    def pass_time(self, ms):
+        board = self.board
+        board.run_until(board.now_ns + round(ms * 1e6))
+        for _, signal, value in board.edges():
+            if signal[0] == "m" and signal[1:].isdigit():
+                self.edges[int(signal[1:])] += value
+        for frame in self.decoder.feed(board.protocol.transmit()):
+            self.take(frame)
+        if self.decoder.skipped:
+            raise self.broken("something else than frames came")
+        late = [kind for sent, kind in self.waiting.values() if board.now_ns - sent > ANSWER_S * 1e9]
+        if late:
+            raise self.broken(f"no answer to {[hex(kind) for kind in late]}")
+
+    def take(self, frame):
+        if frame.id == 0:
+            self.counts[f"unasked 0x{frame.type:X}"] += 1
+            if frame.type == m.MSG_MOTOR_HARD_STOP:
+                self.counts[f"HARD_STOP {frame.payload[0]}"] += 1
+            return
+        if frame.id in self.left:
+            self.counts["answers from before a close"] += 1
+            return
+        sent = self.waiting.pop(frame.id, None)
+        if sent is None or frame.type & ~REPLY != sent[1]:
+            raise self.broken(f"an answer to nothing, type 0x{frame.type:X}, ID {frame.id}")
+        self.slowest = max(self.slowest, self.board.now_ns - sent[0])
+        code = struct.unpack_from("<H", frame.payload)[0] if frame.type & REPLY else 0
+        self.counts["answers"] += 1
+        self.counts["refused" if code not in (0, m.OK) else "taken"] += 1
+        self.answer = frame
+
+    def send(self, kind, payload):
+        self.number += 1
+        number = self.number * 0x9E3779B1 & 0xFFFFFFFF or 1
+        self.waiting[number] = self.board.now_ns, kind
+        self.renumbered |= kind in (m.MSG_MOTOR_RESET_POSITION, m.MSG_MOTOR_CONFIGURE)
+        self.board.protocol.receive(encode(kind, payload, number))
+        self.counts["requests"] += 1
+
+    def ask(self, kind, payload=b""):
+        """The payload of the answer."""
+        self.send(kind, payload)
+        while self.waiting:
+            self.pass_time(5)
+        return self.answer.payload
+
+    def broken(self, what):
+        return Broken(f"{what} at {self.board.now_ns * 1e-9:.3f} s, after {self.counts['requests']} requests")
+
+    # ---- what comes
+
+    def spoilt(self, payload):
+        dice, changed = self.dice, bytearray(payload)
+        if len(changed) >= 4 and dice.random() < 0.6:
+            struct.pack_into("<i", changed, dice.randrange(len(changed) - 3), dice.choice(ODD))
+        else:
+            for _ in range(dice.randint(1, 3)):
+                changed[dice.randrange(len(changed))] = dice.randrange(256)
+        return bytes(changed)
+
+    def play(self):
+        """An upload, a run and its GO, whatever else comes meanwhile."""
+        dice = self.dice
+        frames = dice.choice((2, 12, 40))
+        self.send(m.MSG_MOTOR_STOP_ALL, b"")
+        self.wander(300)
+        self.send(m.MSG_RT_UPLOAD_MOVE_BEGIN, words(1, frames))
+        for motor in (1, 2, 3):
+            self.send(m.MSG_MOTOR_CONFIGURE, bytes((motor, 1)))
+            self.send(m.MSG_MOTOR_SET_SPEED, bytes((motor,)) + words(20_000, 100_000))
+            steps = [round(motor * 3 * k * k / 8) for k in range(frames)]
+            for at in range(0, frames, 4):
+                self.send(m.MSG_RT_UPLOAD_MOVE_AXIS, bytes((motor,)) + words(at, *steps[at : at + 4]))
+            self.work()
+            self.pass_time(dice.choice((1, 5)))
+        self.send(m.MSG_RT_UPLOAD_MOVE_END, b"")
+        flags = struct.pack("<BIHHH", 0, 0, 0, 0, dice.choice((0, 1, 2, 0x10, 0x20)))
+        self.send(m.MSG_RT_RUN_MOVE, struct.pack("<IiiII", 24_000, 1, frames, 300, 300) + flags)
+        self.wander(dice.choice((30, 500)))
+        self.send(m.MSG_RT_GO, b"")
+        self.wander(dice.choice((20, 800)))
+
+    def wander(self, ms):
+        """Time passes, with work on the REPL."""
+        end = self.board.now_ns + ms * 1_000_000
+        while self.board.now_ns < end:
+            self.work()
+            self.pass_time(self.dice.choice((2, 20, 60)))
+
+    def anything(self):
+        dice = self.dice
+        kind, payload = dice.choice(self.sound)
+        if payload and dice.random() < 0.35:
+            payload = self.spoilt(payload)
+        chance = dice.random()
+        if chance < 0.01:
+            data = bytearray(encode(kind, payload, 0x7FFF0000))
+            data[dice.randrange(2, len(data))] ^= 1 << dice.randrange(8)
+            self.send(m.MSG_HI, b"")  # in front of it, as damage may swallow what follows
+            while self.waiting:
+                self.pass_time(5)
+            self.damage(bytes(data))
+        elif chance < 0.015:
+            self.leave()
+        elif chance < 0.02 or self.estop:
+            self.estop = not self.estop
+            self.board.emulator.set_pin(ESTOP, int(self.estop))
+        elif chance < 0.03:
+            self.play()
+        elif chance < 0.06:
+            self.send(m.MSG_MOTOR_STOP_ALL, b"")
+        else:
+            self.send(kind, payload)
+
+    def damage(self, data):
+        """What comes back for it counts nothing; a while later all is as before."""
+        self.counts["damaged"] += 1
+        self.board.protocol.receive(data)
+        self.board.run_until(self.board.now_ns + 250_000_000)
+        self.decoder = FrameDecoder()
+        self.board.protocol.transmit()
+
+    def leave(self):
+        """The host closes the port, and comes back."""
+        self.counts["closed"] += 1
+        self.board.protocol.open_port(False)
+        self.board.run_until(self.board.now_ns + self.dice.choice((30, 300)) * 1_000_000)
+        self.board.protocol.transmit()
+        self.left = set(self.waiting)  # USB may bring an answer that had been sent
+        self.waiting.clear()
+        self.decoder = FrameDecoder()
+        self.board.protocol.open_port(True)
+        self.pass_time(100)
+
+    # ---- the REPL's end
+
+    def work(self):
+        """Begin something on the REPL, or see whether it has ended; Ctrl-C ends what would not."""
+        dice = self.dice
+        serial = self.repl.serial
+        if self.busy:
+            if self.endless and dice.random() < 0.3:
+                serial.write(b"\x03")
+                self.counts["Ctrl-C"] += 1
+            serial.timeout = 0
+            self.heard += serial.read(100_000)
+            if self.heard.count(b"\x04") < 2 or not self.heard.endswith(b">"):
+                return
+            self.busy = False
+            out, err = self.heard.split(b"\x04")[:2]
+            for line in out.decode(errors="replace").splitlines():
+                if line.startswith("framestep: "):
+                    self.told[line] += 1
+            if b"fault in the firmware" in self.heard:
+                raise self.broken(f"the firmware has ended: {self.heard[-2000:]!r}")
+            if err and not any(name in err.decode() for name in BEARABLE):
+                raise self.broken(f"{self.piece!r} ended with {err!r}")
+        elif dice.random() < 0.5:
+            self.endless = dice.random() < 0.3
+            self.piece = dice.choice(ENDLESS if self.endless else WORK)
+            self.heard = b""
+            self.repl.start(self.piece)
+            self.busy = True
+            self.counts["REPL"] += 1
+
+    def calm(self):
+        """The REPL stands at its prompt."""
+        for _ in range(400):
+            if not self.busy:
+                return
+            self.work()
+            self.pass_time(20)
+        raise self.broken(f"{self.piece!r} on the REPL does not end")
+
+    # ---- all of it
+
+    def check(self):
+        """At rest: where the motors say they are they have been brought by their edges."""
+        if self.estop:
+            self.estop = False
+            self.board.emulator.set_pin(ESTOP, 0)
+        end = self.board.now_ns + REST_S * 1_000_000_000
+        while struct.unpack_from("<I", self.ask(m.MSG_MOTOR_STATUS))[0]:
+            if self.board.now_ns > end:
+                raise self.broken("the motors do not come to rest")
+            self.ask(m.MSG_MOTOR_STOP_ALL)
+            self.pass_time(200)
+        self.pass_time(60)
+        payload = self.ask(m.MSG_MOTOR_GET_POSITION)
+        positions = list(struct.unpack_from("<4i", payload, 4))
+        made = [self.edges[motor] for motor in range(1, 5)]
+        if self.positions and not self.renumbered and not self.lost:
+            for motor, (before, now) in enumerate(zip(self.positions, positions, strict=True)):
+                if (before + made[motor] - now) & 0xFFFFFFFF:
+                    raise self.broken(f"motor {motor + 1} is told at {now}: was at {before}, {made[motor]} edges since")
+        self.positions = positions
+        self.edges.clear()
+        self.renumbered = False
+        self.faults = self.counts["HARD_STOP 100"]
+
+    @property
+    def lost(self):
+        """Whether a fault may have lost steps since the last check."""
+        return self.counts["HARD_STOP 100"] > self.faults
+
+    faults = 0
+    heard = b""
+    piece = ""
+    answer = None
+
+    def run(self, requests):
+        begun = time.monotonic()
+        chunks = 0
+        while self.counts["requests"] < requests:
+            end = self.counts["requests"] + CHUNK
+            while self.counts["requests"] < end:
+                for _ in range(self.dice.choice((1, 2, 4, 8))):
+                    self.anything()
+                self.work()
+                self.pass_time(self.dice.choice((1, 3, 10, 30)))
+            self.check()
+            chunks += 1
+            if chunks % 20 == 0:
+                self.say(f"{self.counts['requests']} requests, {self.board.now_ns * 1e-9:.0f} s of the board's, "
+                         f"{time.monotonic() - begun:.0f} s")  # fmt: skip
+        self.calm()
+        self.check()
+        if self.repl.eval("(lambda hal: (hal.alive, hal.failure))(__import__('framestep.boot').boot.hal)") != (
+            True,
+            None,
+        ):
+            raise self.broken("the firmware is not alive")
+        return self
+
+    def report(self):
+        for name, count in sorted(self.counts.items()):
+            self.say(f"{count:7} {name}")
+        for line, count in self.told.most_common():
+            self.say(f"{count:7} × {line}")
+        self.say(f"slowest answer {self.slowest / 1e6:.0f} ms")
+
+
+def strain(seed, requests, say=print):
+    with EmulatedBoard(RIG) as board:
+        board.wire_switches()
+        return Strain(board, seed, say).run(requests)
+
+
+def main():
+    parser = argparse.ArgumentParser(description="requests and REPL work on the emulated board")
+    parser.add_argument("--requests", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    strain(args.seed, args.requests).report()
+
+
+if __name__ == "__main__":
+    main()
