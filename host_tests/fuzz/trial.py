@@ -274,6 +274,7 @@ class Trial:
         self.motion = 0  # number of the last request that may move something
         self.stop_sent = -(10**9)
         self.stops = 0
+        self.stale = -1  # what is sent until then may have been made long before
         self.reason = -1  # a fault has a reason until
         self.estop_pin = self.rig.board.get("estop") if self.rig.estop != "none" else None
         self.estop_level = 0 if self.rig.estop == "no" else 1  # while held
@@ -343,10 +344,14 @@ class Trial:
             self.since.clear()
         elif verb == "pin":
             self._pin(*argument)
+        elif verb == "drain":
+            self.stale = self.ms + 100
         elif verb == "hold":
+            self.stale = self.ms + argument + 100
             if argument >= 8:
                 self.reason = self.ms + argument + 1500
         elif verb == "skip" and argument >= 2:
+            self.stale = self.ms + argument + 100
             self.reason = self.ms + argument + 1500
             for motor in self.motors:
                 if motor.quiet is None:
@@ -728,7 +733,7 @@ class Trial:
 
     def _pins(self, payload):
         """Positions in motion are those of the pins, to what may come in a tick or two (field note 4.6)."""
-        if self.player.full:
+        if self.player.full or self.ms < self.stale:
             return
         limit = (self.hal.cycle() << 1) + 1
         for motor in self.motors:
