@@ -234,6 +234,9 @@ def bounds_of(path, fps, backlash):
     slopes = 3 * np.minimum(first[1:], first[:-1])
     # the curve's own slopes are central differences, and never beyond three times the lesser chord
     slopes = np.minimum(slopes, 1.7 * np.maximum(first[1:], first[:-1]) + 1)
+    # at either end it is a parabola's
+    slopes[0] = 1.5 * steps[0] + 0.5 * steps[min(1, len(steps) - 1)]
+    slopes[-1] = 1.5 * steps[-1] + 0.5 * steps[max(-2, -len(steps))]
     velocity = max(float(slopes.max()), 1.5 * float(steps.max())) + 1
     acceleration = 9.0 * (max(float(bends.max()), float(steps[0]), float(steps[-1])) + 2)
     return velocity * fps, acceleration * fps * fps
