@@ -960,7 +960,7 @@ class Trial:
                 places = play(places, motor.load - motor.at, motor.backlash)
             wanted = np.array([self._place(motor, n) for n in numbers])
             velocity = motor.top[-1][1]
-            slack = 1 + min(velocity, 50_000) * 0.07e-3 + (1 if motor.backlash else 0)
+            slack = 1 + velocity * 0.07e-3 + (1 if motor.backlash else 0)
             for i, offset in enumerate(offsets):
                 there = places[np.searchsorted(times, due + offset, side="right")]
                 worst[i] = max(worst[i], np.abs(there - wanted).max() / slack)
