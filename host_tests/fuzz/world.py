@@ -685,6 +685,8 @@ class World:
             pin = dice.choice(pins)
             limit = next(limit for limit in self.rig.limits if pin in (limit["high"], limit["low"]))
             active = 1 if limit["contact"] == "nc" else 0
+            if dice.random() < 0.7:
+                self.toward(limit, pin)
         else:
             return
         for level in (active, *(dice.randint(0, 1) for _ in range(dice.choice((0, 0, 2, 6)))), active):
@@ -697,6 +699,19 @@ class World:
             self.settle(3000)
         do("pin", (pin, 1 - active))
         self.tick(dice.choice((1, 30)))
+
+    def toward(self, limit, pin):
+        """A motor moves toward this limit switch."""
+        i, number = self.dice.randint(1, self.motors), self.rig.limits.index(limit) + 1
+        self.send(m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", i, 0, 0, 0, 0, number))
+        to = 2**31 - 1 if pin == limit["high"] else -(2**31)
+        self.send(m.MSG_MOTOR_JOG, struct.pack("<BHi", i, 10000, to))
+        self.pause(300)
+
+    def lull(self):
+        """Long enough for positions to be remembered."""
+        self.settle(1500) or self.halt()
+        self.tick(self.dice.choice((1900, 2100, 2600)))
 
     def release(self):
         """All stop switches as nobody touches them."""
@@ -857,6 +872,8 @@ class World:
             deeds += [(self.configure, 1), (self.query, 2), (self.side, 1), (self.reset, 0.7), (self.enable_all, 0.5)]
             if self.switches:
                 deeds.append((self.switch, 1))
+            if self.rig.remember_positions:
+                deeds.append((self.lull, 0.7))
             if self.wild:
                 deeds.append((self.nonsense, 5))
             if self.links:
