@@ -75,7 +75,8 @@ class Motor:
         assert not steps.rises or steps.rises[-1] < self.bench.now
         gone = [*self.gone, 0.0]
         top = max(map(abs, gone)) * 1e3
-        assert top <= velocity * 1.0001 + 0.1, f"{top} steps/s"
+        # Where two segments meet, a tick may be some ten-thousandth of a step longer: 0.25 steps/s.
+        assert top <= velocity * 1.0001 + 0.25, f"{top} steps/s"
         # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick shows. Near a
         # standstill it may be more: a stop ends with a whole tick, and what turns back in that very tick is half a
         # tick's change ahead; and the last 256th of a step is not planned for, the motor just counts as there.
@@ -233,6 +234,7 @@ OTHERS = st.lists(st.tuples(st.integers(1, 300), st.integers(-3000, 3000)), max_
 
 
 @given(moves(), st.integers(1, 1_000_000), OTHERS)
+@example((487, 1_000_000, 0), 107_232, [(1, 7), (8, 0)])
 def test_jerk_limited(move, jerk, others):
     """With a limit of the jerk in 1000 steps/s³: the same, and the acceleration comes and goes gradually."""
     velocity, acceleration, way = move
