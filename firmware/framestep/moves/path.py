@@ -113,11 +113,16 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
     if past < 0:
         past = 0 - past
     past = (past * 4 + 323) // 324
-    # halves, since from one end of the range to the other is more than a word holds
+    # halves first: from one end of the range to the other is more than a word holds
     if back > 0:
-        if (bounds[UPPER] >> 1) - (here >> 1) <= past >> 1:
-            return 0
-    elif (here >> 1) - (bounds[LOWER] >> 1) <= past >> 1:
+        room = (bounds[UPPER] >> 1) - (here >> 1)
+        if room < 0x20000000 and room > -0x20000000:
+            room = bounds[UPPER] - here
+    else:
+        room = (here >> 1) - (bounds[LOWER] >> 1)
+        if room < 0x20000000 and room > -0x20000000:
+            room = here - bounds[LOWER]
+    if room < past:
         return 0
     return s
 
