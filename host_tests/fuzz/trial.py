@@ -283,6 +283,7 @@ class Trial:
         self.estop_level = 0 if self.rig.estop == "no" else 1  # while held
         self.limit_pins = {limit[e] for limit in self.rig.limits for e in ("high", "low") if limit[e] >= 0}
         self.held_since: int | None = None
+        self.let_go = -(10**9)  # when it was released last
         self.pressed = False  # since the last HARD_STOP 0
         self.struck = 0  # when a limit switch was touched last
         self.safe_at: int | None = None
@@ -396,11 +397,14 @@ class Trial:
             if self.held_since is not None:
                 return
             self.held_since = self.ms
+            if self.ms - self.let_go < 40:
+                return  # it bounces, and has not been released for the firmware
             self._hard()
             self._stop_bound()
             self.safe_at = self.ms + self._safe_ms()
-        else:
+        elif self.held_since is not None:
             self.held_since = None
+            self.let_go = self.ms
 
     def _safe_ms(self):
         """How long outputs have to get to their safe levels: a video camera is stopped by a pulse first."""
@@ -813,6 +817,13 @@ class Trial:
     def _reset(self, request, payload):
         i, value = request.words("Bi")
         motor = self.motors[i - 1]
+        leader = motor if motor.coupled else motor.leader
+        if leader is not None:
+            partner = self.motors[leader.index + 1]
+            self._together(leader, partner)
+            for each in (leader, partner):
+                self.judge(each)
+                each.stands(self.ms)
         self.judge(motor)
         shift = value - motor.load
         motor.at += shift
@@ -1067,7 +1078,7 @@ class Trial:
         if len(apart) and motor.top[-1][1] < 100_000:
             # a ramp of a tick or two is only as fine as ticks are
             brief = motor.top[-1][1] < 0.004 * min(motor.steep[-1][1], STEEPEST)
-            least = 125e6 / motor.top[-1][1] * (0.75 if brief else 1) - 1000
+            least = 125e6 / motor.top[-1][1] * (0.5 if brief else 1) - 1000
             if apart.min() < least:
                 self.fail(
                     "velocity",
