@@ -84,13 +84,16 @@ def faults(bits):
 
 
 def positions(controller):
-    """A line per motor: where it is and how far that can be trusted; one more where that is not far."""
+    """A line per motor: where its pulses have taken it, as the host is told, and how far that can be trusted; one more
+    where that is not far."""
     found = controller.positions
+    axes = controller.axes
+    axes.choose()
     lines = []
     for motor in range(found.count):
-        axis = controller.axes[motor]
-        axis.refresh()
-        lines.append("motor %d: %d, %s" % (motor + 1, axis.place[0], trust(found.states[motor], found.reasons[motor])))
+        lines.append(
+            "motor %d: %d, %s" % (motor + 1, axes.told[motor], trust(found.states[motor], found.reasons[motor]))
+        )
     if LOST in list(found.states):  # MicroPython does not look for a number in a bytearray
         lines.append(LIMITS_COUNT)
     return lines
