@@ -39,8 +39,12 @@ class Motor:
         block = self.block
         assert block[stepper.FAULT] == 0
         before, self.place = self.place, block[stepper.POSITION] + block[stepper.FRACTION] / ONE
-        # at rest a motor forgets the fraction of a step that a stop has left
-        self.gone.append(0.0 if block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE) else self.place - before)
+        # At rest a motor forgets the fraction of a step that a stop has left. A stop that ends within a sixteenth of a
+        # whole step is put on it in its last tick, by segments.settle(): that is no motion of the plan's.
+        rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
+        on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
+        last = block[stepper.LEFT] == 0 and block[stepper.TAIL] - block[stepper.HEAD] <= 1
+        self.gone.append(0.0 if rests or (on_a_step and last) else self.place - before)
 
     def _prepare_and_look(self, hal, *ticks):
         """Takes down the state that a plan starts from, in steps and steps per tick."""

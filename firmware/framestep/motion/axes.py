@@ -9,6 +9,7 @@ handed over as (array, index). Nothing allocates after construction.
 
 from array import array
 
+from framestep.clock import WRAP
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
@@ -876,7 +877,7 @@ class Axes:
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.loose = []  # those with backlash
         self._row = 1 + self.count
-        self._samples = array("i", [-_STALE & _ALL_BITS] * (_SAMPLES * self._row))
+        self._samples = array("i", [-_STALE & WRAP] * (_SAMPLES * self._row))
         self._newest = 0
         self.told = array("i", [0] * self.count)  # where the loads are by the pulses made until then: see choose()
 
@@ -937,7 +938,7 @@ class Axes:
             stepper.sample(state, self._samples, self._newest)
 
     def choose(self):
-        """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^30) whose pulses were the
+        """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^29) whose pulses were the
         last of them."""
         state = self.kernel.state
         row = self._newest
@@ -945,7 +946,7 @@ class Axes:
         now = state[stepper.TICKS]
         if state[stepper.RUNNING]:
             for _ in range(_SAMPLES):
-                age = (now - samples[row]) & _ALL_BITS
+                age = (now - samples[row]) & WRAP
                 if age > _STALE:
                     row = self._newest  # the main loop was away for long: some ticks ahead of the pins
                     break
@@ -955,7 +956,7 @@ class Axes:
             tick = samples[row]
         else:
             stepper.sample(state, samples, row)  # nothing has moved for some ticks
-            tick = (now - state[stepper.LEAD] - 1) & _ALL_BITS
+            tick = (now - state[stepper.LEAD] - 1) & WRAP
         copy_words(self.told, samples, row + 1, self.count)
         return tick
 
