@@ -38,6 +38,7 @@ from framestep.protocol.messages import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
+_SHORTEST_ROLL = const(2)  # ms of a motor's own ramp: the phase after it must not begin in the tick of its start
 DEFAULT_OPEN = const(90)  # degrees, of stills whose request has no angles (field note 6.9)
 DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # frames of phases to keep ahead
@@ -287,7 +288,8 @@ class RunMove(Operation):
     def _roll_times(self, plan, index, ms, rolls):
         """How long each motor ramps between rest and its velocity at that frame; the longest in whole ms.
 
-        ms: the same for all, or 0: as long as each needs with its own greatest acceleration (field note 6.2).
+        ms: the same for all, or 0: as long as each needs with its own greatest acceleration (field note 6.2), but
+        _SHORTEST_ROLL at least.
         """
         follower = self.follower
         r = follower.numbers
@@ -302,6 +304,9 @@ class RunMove(Operation):
                     reals.fetch(r, Y, follower.axes[motor].numbers, motion.STEEP)
                     reals.divide(r, _ROLL, X, Y)
                     if reals.sign(r, _ROLL):
+                        reals.put(r, Y, _SHORTEST_ROLL, 0)
+                        if reals.compare(r, _ROLL, Y) < 0:
+                            reals.copy(r, _ROLL, Y)
                         longest = max(longest, reals.floor(r, _ROLL, LONGEST_ROLL) + 1)
                 reals.fetch(rolls, 2 * motor, r, _ROLL)
         return longest
