@@ -35,6 +35,7 @@ from .payloads import (
     Hi,
     MotorGetPosition,
     MotorMove,
+    MotorResetPosition,
     MotorSetSpeed,
     MotorStatus,
     MotorStopAll,
@@ -66,7 +67,7 @@ STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ide
 STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)  # of the motors in the mixed move
 _WIDTH = 120  # of the table where there is no terminal
 AT_ONCE = 40  # requests that follow each other at once, right after GO
-ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and the pose told
+ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and what the host calls the pose
     1,
     tuple(
         Axis(motor, steps, place)
@@ -78,6 +79,7 @@ ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, an
     extension=78.0,
     nodal=(20.0, 35.5, -12.0),
 )
+ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)  # the steps of its motors then: boom at 3 degrees, swing at 10
 ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
 WINDOW = 4  # sections of an upload on their way at once
 
@@ -426,11 +428,12 @@ class Asker:
 def virtual_replies(session: Session) -> list[float]:
     """How long answers take while a rig moves along lines, ms."""
     client = session.client
-    for axis in ARM.axes:
+    for axis, step in zip(ARM.axes, ARM_STANDS, strict=True):
         client.request(MotorSetSpeed(axis.motor, *ARM_SPEED))
+        client.request(MotorResetPosition(axis.motor, step))
     client.request(VirtConfig.unpack(ARM.payload()))
     ask = Asker(client)
-    client.request(VirtMove(messages.VIRT_MOTOR_EW, 250 * 100_000))
+    client.request(VirtMove(messages.VIRT_MOTOR_EW, 98 * 100_000))
     ask.until_idle()
     jog = Asker(client)
     client.request(VirtJogOnLine(messages.LINE_X, -8000))
