@@ -38,7 +38,7 @@ def test_a_boom_swing_track_move(session):
     track, _ = assert_straight(BOOM_NODAL, session, before, UNIT[m.VIRT_MOTOR_EW], length)
     track.limits(VELOCITY, ACCELERATION)
     print(f"answered after {(answered - asked) * 1000:.0f} ms, began {(track.begin - asked) * 1000:.0f} ms after that")
-    assert pose(session)[1] == pytest.approx(250, abs=0.02)
+    assert pose(session)[1] == pytest.approx(250, abs=0.03)  # half a step of SWING is 0.027 at this reach
 
 
 def test_a_jog_is_stopped_on_its_line(session):
