@@ -34,7 +34,7 @@ from host_tests.end_to_end.realtime import (
     upload,
 )
 from host_tests.end_to_end.session import Session, deceleration, run_request
-from host_tests.end_to_end.test_shoot import assert_window, shoot
+from host_tests.end_to_end.test_shoot import assert_angles, assert_window, shoot
 
 FPS = 24
 TRIGGERS = {0: 0b01, 3: 0b11, 5: 0b10}
@@ -80,12 +80,12 @@ def test_eight_motors_to_a_frame(session):
 
 
 def test_shoot_frames(session):
-    """Both kinds: constant speed, window's ends within a step and 100 µs of the shutter; by pairs and path."""
+    """Both kinds, within a step and 100 µs of the shutter's edges; by pairs and path."""
     before, _, opened, closed = shoot(session, RtShootFrame2(10, 400, 90, 270, [BlurMotor(2, 0, 720)]), START_S)
     assert closed - opened == pytest.approx(0.4, abs=3e-5)
-    assert_window(session, 2, before, opened, closed, 180, 540)
+    assert_angles(session, 2, before, opened, closed, 90, 270, 0, 720)
     middle = int(MOVE[1][9])
-    assert_window(session, 1, before, opened, closed, middle - 15, middle + 15)
+    assert_angles(session, 1, before, opened, closed, 90, 270, middle - 30, middle + 30)
     before, _, opened, closed = shoot(session, RtShootFrame(10, 0, 125, 600, [BlurMotor(1, -100, 400)]), START_S)
     assert closed - opened == pytest.approx(0.125, abs=3e-5)
     assert_window(session, 1, before, opened, closed, 300, 0)
