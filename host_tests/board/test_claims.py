@@ -10,8 +10,8 @@ import pytest
 from framestep.motion.positions import KNOWN, LOST, SET, STEPS
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.files import FIRMWARE, compiled
 from framestep_tools.payloads import DeviceInfo, GetCondition, HardStop, MotorMove, MotorResetPosition, RtGo
+from host_tests.board.modules import board_modules
 from host_tests.end_to_end.session import Session, run_request
 
 STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
@@ -48,19 +48,10 @@ def try_after(us):
 """
 
 
-def claim_files():
-    return {
-        f"/lib/framestep/{module}.mpy": compiled(
-            f"framestep/{module}.py", (FIRMWARE / "framestep" / f"{module}.py").read_bytes(), "armv6m"
-        )
-        for module in MODULES
-    }
-
-
 @pytest.mark.parametrize("chip", ["B1", "B2"])
 def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
     """The direction pin follows its engine, whenever the pin was claimed, and USB comes up again."""
-    emu = emulator(files=claim_files(), args=["--chip", chip])
+    emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
     repl = emu.repl()
     repl.exec(CLAIM.format(step=STEP, direction=DIRECTION))
     dead = []

@@ -5,11 +5,11 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from framestep_tools.files import FIRMWARE, compiled
+from host_tests.board.modules import board_modules
 from host_tests.moves import lightplots
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
-MODULES = ("__init__", "native", "io/__init__", "io/lights", "moves/__init__", "moves/cues")
+MODULES = ("__init__", "native", "clock", "io/__init__", "io/lights", "moves/__init__", "moves/cues")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames")
 ANSWER = """
 from cues_replay import replay
@@ -69,12 +69,7 @@ print("apart", step(11, False), step(10, True))
 
 
 def board_files(**more):
-    files = {f"/lib/framestep/{m}.mpy": source(f"framestep/{m}.py") for m in MODULES}
-    return {**files, **more}
-
-
-def source(name):
-    return compiled(name, (FIRMWARE / name).read_bytes(), "armv6m")
+    return {**board_modules(MODULES), **more}
 
 
 @given(st.lists(lightplots.plots(), min_size=12, max_size=12))

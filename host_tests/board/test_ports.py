@@ -9,7 +9,7 @@ import pytest
 
 from framestep.protocol.checksum import check_bytes, fletcher16
 from framestep_emulator import ReplError
-from framestep_tools.files import FIRMWARE, compiled
+from host_tests.board.modules import board_modules
 
 MODULES = ("native", "hal/__init__", "hal/rp2_usb", "hal/usb_port", "hal/stdin_port")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames", "__init__")
@@ -25,11 +25,7 @@ count = Count()
 
 def port_files():
     """What the ports need of the core, and the main loop that answers each frame with itself."""
-    files = {"/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes()}
-    for module in MODULES:
-        name = f"framestep/{module}.py"
-        files[f"/lib/{name[:-3]}.mpy"] = compiled(name, (FIRMWARE / name).read_bytes(), "armv6m")
-    return files
+    return {**board_modules(MODULES), "/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes()}
 
 
 def sealed(number, payload):

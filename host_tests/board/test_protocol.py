@@ -5,7 +5,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from framestep_tools.files import FIRMWARE, compiled
+from host_tests.board.modules import board_modules
 from host_tests.moves import uploads
 from host_tests.protocol import streams
 
@@ -18,10 +18,8 @@ ONCE = {"deadline": None, "phases": [Phase.generate], "suppress_health_check": l
 
 def run(emulator, module, call, lines):
     """What a script of the runtime layer answers on the board to these lines."""
-    files = {f"/{module}.py": (RUNTIME / f"{module}.py").read_bytes(), "/lines": "".join(lines)}
-    for name in MODULES.split():
-        source = f"framestep/{name}.py"
-        files[f"/lib/framestep/{name}.mpy"] = compiled(source, (FIRMWARE / source).read_bytes(), "armv6m")
+    files = board_modules(MODULES.split())
+    files |= {f"/{module}.py": (RUNTIME / f"{module}.py").read_bytes(), "/lines": "".join(lines)}
     repl = emulator(files=files).repl()
     return (
         repl.exec(f"import {module}\nwith open('/lines') as lines:\n    {call}\n", timeout=60)
