@@ -229,13 +229,7 @@ class ShootFrame(Operation):
             cut = reals.floor(r, X, _FARTHEST)
             reals.add_word(shot.a, motor, shot.a, motor, cut)
             reals.add_word(shot.b, motor, shot.b, motor, -cut)
-            reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-            reals.divide(r, own, own, _WINDOW)
-            reals.copy(r, X, own)
-            if reals.sign(r, X) < 0:
-                reals.negate(r, X, X)
-            reals.fetch(r, Y, axis.numbers, motion.TOP)
-            if reals.compare(r, X, Y) > 0:
+            if self._too_fast(shot, motor):
                 return ERR_RANGE
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
@@ -252,9 +246,21 @@ class ShootFrame(Operation):
                 return ERR_POSTROLL
         return OK
 
-    def recheck(self, waiting):
+    def _too_fast(self, shot, motor):
+        """Find a motor's own velocity in the window; whether it is more than is set for the motor."""
         follower = self.follower
         r = follower.numbers
+        own = speed(motor)
+        reals.put_difference(r, own, shot.b, motor, shot.a, motor)
+        reals.divide(r, own, own, _WINDOW)
+        reals.copy(r, X, own)
+        if reals.sign(r, X) < 0:
+            reals.negate(r, X, X)
+        reals.fetch(r, Y, follower.axes[motor].numbers, motion.TOP)
+        return reals.compare(r, X, Y) > 0
+
+    def recheck(self, waiting):
+        follower = self.follower
         shot = self.shot
         if shot.blurs and shot.bits & ~self.blurred:
             return ERR_GENERAL
@@ -263,13 +269,7 @@ class ShootFrame(Operation):
             if shot.bits >> motor & 1:
                 own = speed(motor)
                 axis = follower.axes[motor]
-                reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-                reals.divide(r, own, own, _WINDOW)
-                reals.copy(r, X, own)
-                if reals.sign(r, X) < 0:
-                    reals.negate(r, X, X)
-                reals.fetch(r, Y, axis.numbers, motion.TOP)
-                if reals.compare(r, X, Y) > 0:
+                if self._too_fast(shot, motor):
                     return ERR_RANGE
                 if axis.beyond(shot.starts, motor) or shot.blurs and follower.steep(motor, own, _ROLL):
                     return ERR_PREROLL
