@@ -297,3 +297,31 @@ def test_limits_set_under_way_are_kept(jog):
     hold(session, jog, 5)
     assert session.position(1) == pytest.approx(limit, abs=1)
     assert max(np.cumsum(session.steps(1)[1])) <= limit and not session.events(HardStop)
+
+
+COARSE = Rig(4, tuple(Axis(i + 1, n, 0.0) for i, n in enumerate((10.0,) * 3 + (100.0,) * 3)), nodal=(20.0, -35.5, 20.0))
+
+
+@pytest.mark.parametrize("speed", [10_000, 1000])
+def test_a_motor_without_a_part_makes_no_step(speed):
+    """Wherever between two steps the line before has left it, and though its soft limits are where it stands."""
+    session = configured(COARSE, 20_000, 50_000)
+    for k in range(6):
+        # the nodal offset turns with the camera, so X and Z go along an arc
+        session.accept(VirtJogOnLine(m.LINE_PAN, 10_000 if k < 3 else -10_000))
+        session.run(0.23 + 0.061 * k)
+        session.accept(VirtStop(m.VIRT_MOTOR_PAN))
+        session.wait_idle()
+        for number, motor in ((m.VIRT_MOTOR_EW, 1), (m.VIRT_MOTOR_NS, 2), (m.VIRT_MOTOR_TRACK, 3)):
+            for other, step in session.positions.items():
+                session.accept(MotorSetLimits(other, int(other != motor), step, int(other != motor), step, 0))
+            session.forget()
+            for way in (1, -1):
+                hold(session, VirtJog(number, speed, FAR * way), 0.2)
+                session.accept(VirtStop(number))
+                session.wait_idle()
+            assert len(session.steps(motor)[0]) > 5
+            assert [n for n in session.positions if len(session.steps(n)[0])] == [motor]
+        for motor in session.positions:
+            session.accept(MotorSetLimits(motor, 0, 0, 0, 0, 0))
+    assert not session.events(HardStop)

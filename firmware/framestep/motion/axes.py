@@ -157,11 +157,15 @@ def _take_up(planned: ptr32, limits: ptr32, way: int):
 
 
 @micropython.viper
-def _replan(planned: ptr32, cut: ptr32, places, i: int):
-    """Take places[i], for which the motor's step is cut[0], for the place where it is planned to be."""
-    step = ptr32(places)[i + 0]
-    planned[_PLACE] = step + (cut[1] >> 15)
-    planned[_OFFSET] = cut[0] - step
+def _replan(planned: ptr32, cut: ptr32, places, i: int) -> int:
+    """Plan from where the motor is on the step cut[0] and cut[1] (Q16) of one more: places[i] is that step of the load,
+    with the play as it is. cut[1] again."""
+    step = cut[0] - planned[_OFFSET]
+    part = cut[1]
+    place = ptr32(places)
+    place[i] = step
+    planned[_PLACE] = step + (part >> 15)
+    return part
 
 
 @micropython.viper
@@ -736,15 +740,16 @@ class Axis:
         return True
 
     def resume(self, places, i):
-        """After trim(): go on from there with further phases. places[i]: the whole step of the place that it is."""
+        """After trim(): go on from there with further phases of coast(). places[i] = the place that it is; Q16 of one
+        more."""
         self.phases.clear()
         work = self.work
         work[_LEFT] = work[_PART] = work[_MARKED] = 0
         reals.copy_word(self.knot, 0, self.cut, 0)
         self.knot[1] = self.cut[1]
-        _replan(self.planned, self.cut, places, i)
         work[_AIMED] = work[_MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+        return _replan(self.planned, self.cut, places, i)
 
     def expect(self, more):
         """Whether further phases will be appended: then it does not come to rest behind the last one."""

@@ -93,8 +93,11 @@ _MARGIN = const(10320)  # what the motors can do is taken for 10000 / 10320 of i
 # Words per motor of `bounds`
 _LOW = const(0)
 _HIGH = const(1)
-_CODE_LOW = const(2)
+_CODE_LOW = const(2)  # and from bit 8 on: by how much (Q16) the line begins past the bound, by rounding
 _CODE_HIGH = const(3)
+_HAIR = const(0x1000)  # Q16: what a place may be past a bound: the rounding of a survey
+
+_SEVEN_EIGHTHS = const(0xE000)  # Q16: a path that stays within so much of a step makes no other
 
 
 @micropython.viper
@@ -108,34 +111,56 @@ def along(r, to: int, base: int, way: int, s: int, spare: int):
 
 
 @micropython.viper
-def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) -> int:
-    """The code of the bound that a motor passes in a cell with these rows at its start, middle and end, or 0."""
+def _loosen(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
+    """Take into `bounds` how far the places of a row lie past them, which are within a step of the motors."""
+    k = 0
     i = 0
     while i < AXES:
         if motor[i + 0]:
-            k = 4 * i
-            middle = rows[b + 0] + (rows[b + 1] >> 15)
-            end = rows[c + 0] + (rows[c + 1] >> 15)
-            d = middle - rows[a + 0]
-            e = end - middle
-            least = middle
-            most = middle
+            if (rows[a + 0] >> 2) - (bounds[k + _HIGH] >> 2) > -2:
+                d = ((rows[a + 0] - bounds[k + _HIGH]) << 16) + rows[a + 1]
+                if d > 0:
+                    bounds[k + _CODE_HIGH] = bounds[k + _CODE_HIGH] + (d << 8)
+            if (rows[a + 0] >> 2) - (bounds[k + _LOW] >> 2) < 2:
+                d = ((bounds[k + _LOW] - rows[a + 0]) << 16) - rows[a + 1]
+                if d > 0:
+                    bounds[k + _CODE_LOW] = bounds[k + _CODE_LOW] + (d << 8)
+        a += 2
+        k += 4
+        i += 1
+
+
+@micropython.viper
+def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) -> int:
+    """The code of the bound that a motor passes in a cell with these rows at its start, middle and end, or 0.
+
+    Only of cells that _measure() has taken.
+    """
+    k = 0
+    i = 0
+    while i < AXES:
+        if motor[i + 0]:
+            d = ((rows[b + 0] - rows[a + 0]) << 4) + ((rows[b + 1] - rows[a + 1]) >> 12)
+            e = ((rows[c + 0] - rows[b + 0]) << 4) + ((rows[c + 1] - rows[b + 1]) >> 12)
             # at a turning point the curve may go a little farther than the middle of the cell
-            if d > 0 and e < 0:
-                most += ((d - e) >> 3) + 1
-            if d < 0 and e > 0:
-                least -= ((e - d) >> 3) + 1
-            if end < least:
-                least = end
-            if end > most:
-                most = end
-            if most > bounds[k + _HIGH]:
-                return bounds[k + _CODE_HIGH]
-            if least < bounds[k + _LOW]:
-                return bounds[k + _CODE_LOW]
+            more = 0
+            if (d > 0 and e < 0) or (d < 0 and e > 0):
+                more = (d - e) >> 3
+            middle = rows[b + 0] + (more >> 4)
+            part = rows[b + 1] + ((more & 15) << 12)
+            # rounded up, and then down
+            slack = 0xFFFF - _HAIR - (bounds[k + _CODE_HIGH] >> 8)
+            bound = bounds[k + _HIGH]
+            if middle + ((part + slack) >> 16) > bound or rows[c + 0] + ((rows[c + 1] + slack) >> 16) > bound:
+                return bounds[k + _CODE_HIGH] & 0xFF
+            slack = _HAIR + (bounds[k + _CODE_LOW] >> 8)
+            bound = bounds[k + _LOW]
+            if middle + ((part + slack) >> 16) < bound or rows[c + 0] + ((rows[c + 1] + slack) >> 16) < bound:
+                return bounds[k + _CODE_LOW] & 0xFF
         a += 2
         b += 2
         c += 2
+        k += 4
         i += 1
     return 0
 
@@ -215,29 +240,66 @@ def _velocity(r, to: int, rows, a: int, b: int, c: int, before: int, after: int,
 
 
 @micropython.viper
-def _aimed(out: ptr32, rows: ptr32, k: int, r: ptr32, v: int) -> int:
-    """The place in rows[k], half a step further on in the direction of the motion: out[0], and its fraction (Q16).
+def _way(rows: ptr32, a: int, b: int) -> int:
+    """The way from the place in rows[a] to that in rows[b], eightfold, in Q16: up to a step."""
+    d = ((rows[b + 0] - rows[a + 0]) << 16) + rows[b + 1] - rows[a + 1]
+    if d > 0x2000:
+        d = 0x2000
+    elif d < -0x2000:
+        d = -0x2000
+    return d << 3
 
-    A step is made when the motor reaches it, so in motion it would lag by half a step on average. Near a standstill
-    nothing is added: there it would be a step to and fro.
+
+@micropython.viper
+def _aimed(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds, k: int) -> int:
+    """Where the path of a motor, of axis i, leads to for the place in rows[b], between those in rows[a] and rows[c]:
+    out[0], and its fraction (Q16).
+
+    A step is made when the path reaches it, so with a path through the places a motor would lag by half a step on
+    average. So the path leads by half a step in the direction of the motion. The lead (leads[i], Q16) is what the way
+    makes of it, eightfold: where a place does not change the path does not either, so a motor that stands, between
+    two steps by what the line asks for, makes none. bounds[k]: a step past them is not reached.
     """
-    mantissa = r[v + 0]
-    e = 0 - r[v + 1] - 21  # half a step from 2^-6 steps per tick on: Q16 times 2^5
-    lead = 0
-    if e < 8:
-        if mantissa:
-            lead = (mantissa >> 31) * 0x10000 + 0x8000
-    else:
-        if e > 31:
-            e = 31
-        lead = mantissa >> e
-        if lead > 0x8000:
-            lead = 0x8000
-        if lead < -0x8000:
-            lead = -0x8000
-    lead += rows[k + 1]
-    out[0] = rows[k + 0] + (lead >> 16)
-    return lead & 0xFFFF
+    q = ptr32(rows)
+    lead = ptr32(leads)
+    bound = ptr32(bounds)
+    whole = q[b + 0]
+    part = q[b + 1]
+    d = lead[i + 0] + int(_way(rows, a, b))
+    if d > 0x8000:
+        d = 0x8000
+    elif d < -0x8000:
+        d = -0x8000
+    ahead = int(_way(rows, b, c))
+    # none where it is about to turn
+    if d > 0 and ahead < 0:
+        d += ahead
+        if d < 0:
+            d = 0
+    elif d < 0 and ahead > 0:
+        d += ahead
+        if d > 0:
+            d = 0
+    lead[i] = d
+    part += d
+    whole += part >> 16
+    part = part & 0xFFFF
+    d = bound[k + _HIGH]
+    if whole > d or (whole == d and part > _SEVEN_EIGHTHS):
+        whole = d
+        part = _SEVEN_EIGHTHS
+    d = bound[k + _LOW]
+    if whole < d and (whole < d - 1 or part < 0x10000 - _SEVEN_EIGHTHS):
+        whole = d - 1
+        part = 0x10000 - _SEVEN_EIGHTHS
+    out[0] = whole
+    return part
+
+
+@micropython.viper
+def _lead(leads: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr32, k: int):
+    """leads[i] for a path that is at the step at[j] and a part (Q16) of one more where the place is that in rows[k]."""
+    leads[i] = ((at[j + 0] - rows[k + 0]) << 16) + part - rows[k + 1]
 
 
 @micropython.viper
@@ -253,9 +315,39 @@ def _heading(rows: ptr32, a: int, b: int) -> int:
 
 
 @micropython.viper
-def _nearest(out: ptr32, rows: ptr32, k: int):
-    """out[0] = the step nearest to the place in rows[k]."""
-    out[0] = rows[k + 0] + (rows[k + 1] >> 15)
+def _nearest(out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor: int):
+    """out[j] = the step nearest to the place in rows[k]; of two about as near that on which the motor has been."""
+    step = present[motor + 0]
+    out[j] = step
+    d = (rows[k + 0] >> 2) - (step >> 2)
+    if d < 2 and d > -2:
+        d = ((rows[k + 0] - step) << 16) + rows[k + 1]
+        if d < 0x9000 and d > -0x9000:
+            return
+    out[j] = rows[k + 0] + (rows[k + 1] >> 15)
+
+
+@micropython.viper
+def _landed(out, part: int, rows, k: int, present, motor: int, up: int) -> int:
+    """Where a path that leads to out[0] and a part (Q16) has to end for the motor to come to rest on the step nearest
+    to the place in rows[k]: out[0], and Q16 of one more.
+
+    up: whether it leads upward. It ends beside that step, as it has come, rather than turn back onto it.
+    """
+    _nearest(out, 1, rows, k, present, motor)
+    at = ptr32(out)
+    d = ((at[0] - at[1]) << 16) + part
+    if up:
+        if d < 0:
+            d = 0
+        elif d > _SEVEN_EIGHTHS:
+            d = _SEVEN_EIGHTHS
+    elif d > 0:
+        d = 0
+    elif d < 0 - _SEVEN_EIGHTHS:
+        d = 0 - _SEVEN_EIGHTHS
+    at[0] = at[1] + (d >> 16)
+    return d & 0xFFFF
 
 
 @micropython.viper
@@ -312,6 +404,7 @@ class Motion:
         self.greatest = array("i", [0] * AXES)
         self.bounds = array("i", [0] * (4 * AXES))
         self.ways = array("i", [0] * AXES)  # in which each motor begins to move
+        self.leads = array("i", [0] * AXES)  # by how much each motor's path leads at the last knot queued, Q16
         self.word = array("i", [0] * 2)
         self.rest = array("i", [0] * AXES)  # steps in which a line has ended
         self.rested = False
@@ -375,6 +468,7 @@ class Motion:
         for i in range(AXES):
             if self.motor[i] and not _near(self.rows, SURVEY + 2 * i, self.present, self.motor[i] - 1):
                 return m.ERR_RANGE
+        _loosen(self.bounds, self.rows, SURVEY, self.motor)
         return 0
 
     def look_at(self):
@@ -435,16 +529,15 @@ class Motion:
                 continue
             axis = self.axes[motor]
             ends = self.safety.ends(motor)
-            side = axis.beyond(self.present, motor)
             k = 4 * i
             bounds[k + _CODE_LOW] = m.ERR_HARD_LOW if ends & 2 else m.ERR_SOFT_LOW
             bounds[k + _CODE_HIGH] = m.ERR_HARD_UP if ends & 1 else m.ERR_SOFT_UP
             # a motor that is past a limit may come back (field note 4.3)
-            if ends & 2 or side < 0:
+            if ends & 2 or order_words(self.present, motor, axis.bounds, 0) < 0:
                 reals.copy_word(bounds, k + _LOW, self.present, motor)
             else:
                 reals.copy_word(bounds, k + _LOW, axis.bounds, 0)
-            if ends & 1 or side > 0:
+            if ends & 1 or order_words(self.present, motor, axis.bounds, 1) > 0:
                 reals.copy_word(bounds, k + _HIGH, self.present, motor)
             else:
                 reals.copy_word(bounds, k + _HIGH, axis.bounds, 1)
@@ -699,6 +792,7 @@ class Motion:
         """Begin to plan, all motors being at rest where the line begins."""
         hal = self.axes.hal
         r = self.r
+        self.place(_ZERO, 0)
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
@@ -706,8 +800,7 @@ class Motion:
                 axis.prepare(hal)
                 axis.expect(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-                reals.copy_word(self.rows, 2 * i, self.present, motor)
-                self.rows[2 * i + 1] = 0
+                _lead(self.leads, i, self.present, motor, 0, self.rows, 2 * i)
                 reals.fetch(self.speeds, 2 * i, r, _ZERO)
         reals.put(r, S, 0, 0)
         reals.put(r, V, 0, 0)
@@ -726,7 +819,7 @@ class Motion:
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
-                _nearest(self.word, self.rows, row + 2 * i)
+                _nearest(self.word, 0, self.rows, row + 2 * i, self.present, motor)
                 axis = self.axes[motor]
                 if not axis.stands_on(self.word, 0):
                     axis.travel(self.axes.hal, self.word, 0)
@@ -862,21 +955,32 @@ class Motion:
             if self.motor[i]:
                 k = 2 * i
                 _velocity(r, _W, rows, ROW * before + k, ROW * here + k, ROW * after + k, _P, _Q, _Y)
-                part = _aimed(self.word, rows, ROW * here + k, r, _W)
+                part = self._aim(i, before, here, after)
                 reals.fetch(r, _X, self.speeds, ROW * before + k)
                 reals.fetch(self.speeds, ROW * here + k, r, _W)
                 self.axes[self.motor[i] - 1].coast(_LAST_T, _X, _W, r, self.word, 0, part)
         self.queued = knot
 
+    def _aim(self, i, before, here, after):
+        """See _aimed: into `word`, for a knot (modulo _KNOTS) between two."""
+        k = 2 * i
+        a = ROW * before + k
+        b = ROW * here + k
+        return _aimed(self.word, self.rows, a, b, ROW * after + k, self.leads, i, self.bounds, 2 * k)
+
     def _finish(self, knot):
         """Append the phase to the knot at which everything comes to rest."""
         r = self.r
+        before = (knot - 1) % _KNOTS
+        here = knot % _KNOTS
         for i in range(AXES):
             if self.motor[i]:
-                axis = self.axes[self.motor[i] - 1]
-                reals.fetch(r, _X, self.speeds, ROW * ((knot - 1) % _KNOTS) + 2 * i)
-                _nearest(self.word, self.rows, ROW * (knot % _KNOTS) + 2 * i)
-                axis.coast(_T, _X, _ZERO, r, self.word, 0)
+                motor = self.motor[i] - 1
+                axis = self.axes[motor]
+                reals.fetch(r, _X, self.speeds, ROW * before + 2 * i)
+                part = self._aim(i, before, here, here)
+                part = _landed(self.word, part, self.rows, ROW * here + 2 * i, self.present, motor, self.leads[i] > 0)
+                axis.coast(_T, _X, _ZERO, r, self.word, 0, part)
                 axis.expect(False)
         self.queued = knot
         self.closed = True
@@ -998,9 +1102,8 @@ class Motion:
                 if self.motor[i]:
                     k = 2 * i
                     row = ROW * (knot % _KNOTS) + k
-                    reals.fetch(r, _W, self.speeds, row)
-                    _aimed(self.word, self.rows, row, r, _W)
-                    axes[self.motor[i] - 1].resume(self.word, 0)
+                    part = axes[self.motor[i] - 1].resume(self.word, 0)
+                    _lead(self.leads, i, self.word, 0, part, self.rows, row)
         self.knot = knot
         self.queued = knot
         self.closed = False
