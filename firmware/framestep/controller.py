@@ -14,7 +14,7 @@ from framestep.motion import stepper
 from framestep.motion.axes import Axes
 from framestep.motion.positions import DRIVER, STEPS
 from framestep.moves.requests import Moves
-from framestep.moves.stage import ENDING, POSITIONING, READY, RUNNING
+from framestep.moves.stage import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
@@ -43,7 +43,7 @@ LED_CONNECTED = (0xFFFF, 0x080808)
 LED_MOVING = (0x5555, 0x002000)
 LED_FAULT = (0x0015, 0x300000)
 
-# Requests that leave alone what an operation has planned before GO (Stage.retract)
+# Requests that leave alone what an operation has planned before GO, and motors that have yet to set out after it
 _ASIDE = (
     m.MSG_RT_GO,
     m.MSG_MOTOR_STATUS,
@@ -325,8 +325,12 @@ class Controller:
         if self.gentler:
             self._calm()
         kind = reader.type
-        if self.stage.state == READY and kind not in _ASIDE:
-            self.stage.retract()
+        state = self.stage.state
+        if (state == READY or state == LEAVING) and kind not in _ASIDE:
+            if state == READY:
+                self.stage.retract()
+            elif kind != m.MSG_MOTOR_STOP_ALL:
+                self.stage.set_off()
         handler = self.handlers.get(kind)
         if handler is None:
             return m.ERR_UNSUPPORTED

@@ -50,6 +50,7 @@ def test_from_go_to_the_first_edge(session, again):
     begun = board.now_ns
     client.request(RtGo())
     client.wait_event(RtEnd, 10)
+    client.wait_idle()  # on the end frame again (field note 6.11)
     trace = Trace.from_records(board.emulator.trace_stop(), board.pins)
     first = [int(trace.steps(motor)[0][0]) for motor in range(1, 9)]
     assert max(first) - min(first) < APART_NS

@@ -646,6 +646,29 @@ def test_the_way_back_is_a_position_frame(loaded):
     loaded.play(run)
 
 
+@pytest.mark.parametrize("request_", [MotorMove(4, 4321), RtPositionFrame(20), MotorStop(1), MotorStopAll(), None])
+def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
+    """They set out one after the other; what is asked in between finds all on their way, and none sets out later."""
+    run = run_request(10, 1, FRAMES, 700, 700)
+    played_to(loaded, run)
+    assert loaded.moving == sorted(MOVE)
+    if request_:
+        loaded.client.request(request_)
+    loaded.run(2)
+    assert not loaded.moving and not loaded.events(RtEnd)
+    found = {motor: loaded.position(motor) for motor in MOVE}
+    expected = {motor: steps[19 if request_ == RtPositionFrame(20) else 24] for motor, steps in MOVE.items()}
+    if request_ == MotorMove(4, 4321):
+        expected[4] = 4321
+    elif request_ == MotorStop(1):
+        assert found.pop(1) > expected.pop(1) + 100
+    if request_ == MotorStopAll():
+        assert found[1] > expected[1] + 100
+    else:
+        assert found == expected
+    loaded.play(run)
+
+
 def test_no_way_back_after_a_stop(loaded):
     """A run that is stopped stays where it comes to rest."""
     for after in (0.2, 0.8, 1.62):

@@ -223,7 +223,7 @@ def _number(value: float) -> str:
 def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
     """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and ramp down.
 
-    The odd motors go up, the even ones down.
+    The odd motors go up, the even ones down. Those that have not the time for their velocity turn at the middle.
     """
     frames = round(seconds * fps) + 1
     t = np.arange(frames) / fps
@@ -231,6 +231,7 @@ def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
     moves = {}
     for motor, rate in enumerate(STEADY_RATES, 1):
         begun = min(rate / RAMP, total / 2)
+        rate = RAMP * begun
         # in halves of steps per s², exact where the frames are
         x = np.minimum(t, begun)
         way = RAMP * x * x / 2 + rate * np.clip(t - begun, 0, total - 2 * begun)

@@ -4,7 +4,7 @@ Everything is done between two passes of the main loop, so nothing is half done 
 """
 
 from framestep import boot
-from framestep.moves.stage import ENDING, READY
+from framestep.moves.stage import ENDING, LEAVING, READY
 from framestep.native import CPYTHON
 from framestep.protocol import messages as m
 
@@ -73,7 +73,7 @@ def operation(controller):
     name = "a run" if stage.operation is moves.run else "an exposure" if stage.operation is moves.shoot else "a jog-all"
     if stage.running and stage.state != ENDING:
         return "%s is on, at frame %.2f" % (name, stage.move_time / 1000)
-    if stage.state == ENDING:
+    if stage.state == ENDING or stage.state == LEAVING:
         return "%s comes to rest" % name
     return "%s waits for GO" % name if stage.state == READY else "the motors go to where %s begins" % name
 

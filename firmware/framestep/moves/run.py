@@ -462,4 +462,4 @@ class RunMove(Operation):
         self.show.end()
 
     def leave(self):
-        self.stage.go_to_frame(self.store.start + self.end, self.lasts, self.bits)
+        self.stage.set_out(self.store.start + self.end, self.lasts, self.bits)

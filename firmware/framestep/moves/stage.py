@@ -41,11 +41,12 @@ from framestep.protocol.messages import (
 
 # States
 IDLE = const(0)
-POSITIONING = const(1)
-READY = const(2)
-RUNNING = const(3)
-ENDING = const(4)  # ramping down
-STARTING = const(5)  # the first phases are planned, one motor after the other
+LEAVING = const(1)  # as IDLE, but motors have yet to set out for where they go from there: see set_out()
+POSITIONING = const(2)
+READY = const(3)
+RUNNING = const(4)
+ENDING = const(5)  # ramping down
+STARTING = const(6)  # the first phases are planned, one motor after the other
 
 # How far that is in READY
 _NOT_YET = const(0)  # to be begun once nothing moves
@@ -168,7 +169,7 @@ class Stage:
     @property
     def engaged(self):
         """Bits of the motors that an operation under way holds, whether they move or pause between two passes."""
-        return self.operation.bits if self.running else 0
+        return self.operation.bits if self.running or self.state == LEAVING else 0
 
     def takes(self, motor):
         """Whether the motor has a part in the operation."""
@@ -179,6 +180,30 @@ class Stage:
 
         places: an array of a word per motor to work with. Nothing moves unless it is OK.
         """
+        code = self._find(frame, places, among)
+        if code == OK:
+            self.drop()
+            self._travel(self.bound, places)
+            self._arrive()
+        return code
+
+    def set_out(self, frame, places, among):
+        """As go_to_frame() after the end of an operation, but one motor in each pass, all before the next request that
+        concerns motors: set_off()."""
+        if self._find(frame, places, among) == OK:
+            self.begins = places
+            self.ways = None
+            self.waiting = self.bound
+            self.state = LEAVING
+
+    def set_off(self):
+        """LEAVING: send those motors now that still wait."""
+        while self.waiting:
+            self._attend()
+        self.state = IDLE
+
+    def _find(self, frame, places, among):
+        """Where the motors go to be at a frame, in `places`, and which, in `bound`. A code as go_to_frame()."""
         store = self.store
         if store.state != UPLOADED:
             return ERR_GENERAL
@@ -193,19 +218,15 @@ class Stage:
                 if side:
                     return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
         code = self.barred(bits, places)
-        if code != OK:
-            return code
-        self.drop()
-        self._travel(bits, places)
-        self.bound = bits
-        self.bound_to = frame
-        self._arrive()
-        return OK
+        if code == OK:
+            self.bound = bits
+            self.bound_to = frame
+        return code
 
     def _arrive(self):
         """Where the motors sent to a frame have come to rest, MOVE TIME is that frame, if they are there."""
         bits = self.bound
-        if bits and self.axes.moving_bits() & bits == 0:
+        if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
             self.bound = 0
             store = self.store
             place = self.follower.place
@@ -264,7 +285,7 @@ class Stage:
         if state != READY:
             if state == POSITIONING and not self.unattended:
                 return ERR_NOT_IN_POSITION
-            return ERR_GENERAL if state == IDLE else ERR_MOVING
+            return ERR_MOVING if self.running else ERR_GENERAL
         if self.operation.bits & self.follower.excluded:
             return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
         code = self._recheck(True)
@@ -356,12 +377,15 @@ class Stage:
         land: motors on their way to where it begins keep their jerk limits. (In a run they do not: the
         path has none, and it may end at a soft limit.)
         """
+        if self.state == LEAVING:
+            self.waiting = 0
+            self.state = IDLE  # the motors that have set out are stopped as any others
         if self.state == IDLE:
             return 0
         if land and self.state == RUNNING and self.operation.land(everything):
             return self.operation.bits
         self.move_time = self.tell(False)
-        smooth = (smooth or land) and (self.state == POSITIONING or self.state == ENDING)
+        smooth = (smooth or land) and self.state != RUNNING
         for motor in range(self.axes.count):
             if self.operation.bits >> motor & 1:
                 self.axes[motor].stop(self.axes.hal, factor, smooth)
@@ -415,13 +439,14 @@ class Stage:
                 if operation.again() and self._recheck(False) == OK:
                     self.approach(operation, self.begins, self.ways)
                     return True
-                operation.over()
-                self._end()
-                operation.leave()
+                self._close()
             return False
         if self.waiting:
             self._attend()
             return True
+        if state == LEAVING:
+            self.state = IDLE
+            return False
         if state == STARTING:
             if self.operation.feed():
                 return True
@@ -440,9 +465,7 @@ class Stage:
                 if self._recheck(False) == OK:
                     self.approach(self.operation, self.begins, self.ways)  # which may be elsewhere now
                     return True
-            self.operation.over()
-            self._end()
-            self.operation.leave()
+            self._close()
         else:
             self.early = _NOT_YET
             self.state = READY
@@ -494,17 +517,25 @@ class Stage:
         while not self.waiting >> motor & 1:
             motor += 1
         self.waiting ^= 1 << motor
-        if self.state != POSITIONING:
+        if self.state == STARTING or self.state == READY:
             self.follower.begin(motor)
             self.operation.lead(motor)
         else:
-            self.axes[motor].travel(self.axes.hal, self.begins, motor, 10000, self.ways[motor])
+            self._send(motor, self.begins, self.ways)
 
     def _travel(self, bits, places, ways=None):
-        axes = self.axes
-        for motor in range(axes.count):
+        for motor in range(self.axes.count):
             if bits >> motor & 1:
-                axes[motor].travel(axes.hal, places, motor, 10000, ways[motor] if ways else 0)
+                self._send(motor, places, ways)
+
+    def _send(self, motor, places, ways):
+        self.axes[motor].travel(self.axes.hal, places, motor, 10000, ways[motor] if ways else 0)
+
+    def _close(self):
+        """The operation has come to its end by itself."""
+        self.operation.over()
+        self._end()
+        self.operation.leave()
 
     def _end(self):
         self.state = IDLE
