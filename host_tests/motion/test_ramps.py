@@ -1,9 +1,10 @@
 """Motions as a main loop asks for them, whatever it asks: limits kept in every tick, and the end exact and in time."""
 
 from array import array
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import sqrt
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -44,7 +45,8 @@ class Motor:
         rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
         on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
         last = block[stepper.LEFT] == 0 and block[stepper.TAIL] - block[stepper.HEAD] <= 1
-        self.gone.append(0.0 if rests or (on_a_step and last) else self.place - before)
+        stood = abs(self.gone[-1]) < 1e-3  # another plan may follow
+        self.gone.append(0.0 if rests or (on_a_step and (last or stood)) else self.place - before)
 
     def _prepare_and_look(self, hal, *ticks):
         """Takes down the state that a plan starts from, in steps and steps per tick."""
@@ -252,3 +254,70 @@ def test_jerk_limited(move, jerk, others):
     motor.to_rest()
     assert motor.block[stepper.POSITION] == way
     motor.check(velocity, acceleration * 1.1)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "jerk"),
+    [(400_000, 4_000_000, 40_000), (5_000, 1_000_000, 10_000), (74, 74_826, 148), (43, 110, 7)],
+)
+def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
+    """In each tick of the way to the top velocity: a new target does not take the motor past it."""
+    for tick in range(2, round(2 * sqrt(velocity * 1e3 / jerk)) + 10, 2):
+        motor = Motor(velocity, acceleration, jerk)
+        motor.travel(velocity * 10)
+        motor.run(tick)
+        motor.travel(velocity * 11)
+        motor.run(min(round(acceleration / jerk), 110) + 40)
+        assert max(motor.gone) * 1e3 <= velocity * 1.0001 + 0.25, tick
+
+
+@st.composite
+def gentle_scripts(draw):
+    """Settings with a jerk limit, whose ramps take some seconds at most, requests at any moments, and a last target."""
+    velocity = round(10 ** draw(st.floats(1, 3.6)))
+    acceleration = max(round(10 ** draw(st.floats(2, 5))), velocity * 2)
+    jerk = max(round(10 ** draw(st.floats(0, 4))), velocity // 2000)
+    script = []
+    for _ in range(draw(st.integers(1, 5))):
+        what = draw(st.sampled_from([TRAVEL, TRAVEL, TRAVEL, STOP, SPEED]))
+        if what == TRAVEL:
+            share = draw(st.sampled_from([10_000, 10_000, 5_000, 1_000]))
+            script.append((TRAVEL, draw(gentle_ways(velocity)), share))
+        elif what == STOP:
+            script.append((STOP, 1, 0))
+        else:
+            script.append((SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1]))))
+        script.append((PAUSE, draw(st.integers(0, 60) | st.integers(0, 900)), 0))
+    return velocity, acceleration, jerk, script, draw(gentle_ways(velocity))
+
+
+def gentle_ways(velocity):
+    return st.integers(-30, 30) | st.integers(-velocity, velocity)
+
+
+@given(gentle_scripts())
+@settings(max_examples=60)
+def test_any_requests_within_the_jerk_limit(case):
+    """As test_any_requests, with stops and jogs of any share: within the limits, between the targets, exact."""
+    velocity, acceleration, jerk, script, target = case
+    motor = Motor(velocity, acceleration, jerk)
+    lowest = highest = 0
+    for what, x, y in script:
+        if what == TRAVEL:
+            motor.travel(x, y)
+            lowest, highest = min(lowest, x), max(highest, x)
+        elif what == STOP:
+            motor.axis.stop(motor.bench, x, True)
+        elif what == SPEED:
+            motor.axis.set_speed(max(10, round(velocity * x)), max(1, round(acceleration * y)))
+        else:
+            motor.run(x)
+    motor.axis.set_speed(velocity, acceleration)
+    motor.travel(target)
+    lowest, highest = min(lowest, target), max(highest, target)
+    motor.to_rest(100_000)
+    assert motor.block[stepper.POSITION] == target
+    motor.check(velocity, acceleration)
+    places = list(accumulate(motor.bench.engines[0].ways))
+    # what it turns back from may be a step past where it was to end
+    assert lowest - 2 <= min(places, default=0) and max(places, default=0) <= highest + 2

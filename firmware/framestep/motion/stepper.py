@@ -309,13 +309,14 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             rem = q[k + 2]
             v = q[k + 3]
             a = q[k + 4]
+            j = q[k + 5]
     m[TAIL] = head
     whole = whole + (rem >> 22)
     rem = rem - ((rem >> 22) << 22)
     out[0] = whole
     out[1] = rem
     out[2] = v
-    out[3] = a
+    out[3] = a - j  # the kernel's is that of a tick later
     return done
 
 
