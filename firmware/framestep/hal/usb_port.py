@@ -93,7 +93,6 @@ _BUS = const(27)  # address of the word with the device's address in it
 _SENT = const(26)  # packets, modulo 2^28
 _WORDS = const(28)
 
-_CLOSING_MS = const(50)  # within this a closing host may still collect what is under way
 _QUIET_MS = const(100)  # bytes that come this long after DTR has fallen are from a host that does not use it
 _COLLECT_MS = const(500)  # a host that listens collects a packet within this; its driver does, however busy it is
 
@@ -160,6 +159,7 @@ def _part(s: ptr32):
     s[_STALE_FILL] = s[_FILL]
     s[_STALE_AT] = end
     s[_LEFT] = 0
+    s[_LAST] = 0
 
 
 @micropython.viper
@@ -341,6 +341,8 @@ class UsbPort:
             elif dtr < s[_DTR] or dtr == 0 and self.open:
                 # Without DTR, what drivers set when a program opens or closes the port is the only sign of either.
                 _part(s)
+                if chip:
+                    chip.empty_packet(s[_EP_OUT])
                 self.open = False
                 self._closed_at = self._ticks()
                 s[_BY_DTR] = s[_DTR]
@@ -435,7 +437,7 @@ class UsbPort:
                     s[_LEFT] = count
                     s[_NEXT] = s[_TX]
                     _send_packet(self)
-        elif self._drop():
+        else:
             while int(writer.take(self._tx, _OUTGOING)):
                 pass
 
@@ -450,17 +452,14 @@ class UsbPort:
         self.openings += 1
         return True
 
-    def _drop(self):
-        """Drop what was under way when the port closed; False while the host may still be collecting it."""
+    def _lose(self):
+        """The host has gone without a word: nothing that is under way is for the next one."""
         state = self._state
-        if state[_SENDING] and (state[_LEFT] or state[_LAST]):
-            if time.ticks_diff(time.ticks_ms(), self._closed_at) < _CLOSING_MS:
-                return False
-            state[_LEFT] = 0
-            state[_LAST] = 0
-            if chip:
-                chip.empty_packet(state[_EP_OUT])
-        return True
+        state[_LEFT] = 0
+        state[_LAST] = 0
+        chip.empty_packet(state[_EP_OUT])
+        self.open = False
+        self._closed_at = time.ticks_ms()
 
     def _watch(self):
         """Close the port when the bus has died, open it again when the host wakes up and still has it open."""
@@ -468,16 +467,14 @@ class UsbPort:
             state = self._state
             if self._bus.dead():
                 if self.open:
-                    self.open = False
-                    self._closed_at = time.ticks_ms()
+                    self._lose()
             elif self.open and not state[_DTR] and state[_SENDING] and chip.packet_waits(state[_EP_OUT]):
                 now = time.ticks_ms()
                 if state[_SENT] != self._waits:
                     self._waits = state[_SENT]
                     self._waits_since = now
                 elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
-                    self.open = False  # its host does not use DTR, and has gone
-                    self._closed_at = time.ticks_ms()
+                    self._lose()  # its host does not use DTR
                     state[_BY_DTR] = 0
                     _part(state)
             elif not self.open and self._state[_DTR]:
