@@ -89,13 +89,14 @@ class Runtime:
     def __init__(self, executable: Path, scratch):
         self.executable = executable
         self._scratch = scratch
+        self._core = compiled_tree("x86")  # once: it takes longer than most scripts
 
     def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 1000) -> str:
         if not isinstance(script, Path):
             script_file = self._scratch / "script.py"
             script_file.write_text(script)
             script = script_file
-        search = [compiled_tree("x86"), *path, ".frozen"]
+        search = [self._core, *path, ".frozen"]
         try:
             result = subprocess.run(
                 [self.executable, "-X", f"heapsize={heap}", script, *map(str, args)],
