@@ -27,7 +27,8 @@ class Pins:
         return 1 << pin
 
     def drive(self, high, low):
-        assert high & low == 0 and (high | low) & ~self.outputs == 0
+        assert high & low == 0
+        assert (high | low) & ~self.outputs == 0
         self.writes.append((high, low))
         self.level = (self.level | high) & ~low
 

@@ -100,7 +100,8 @@ def test_camera(shutter_on, meter_on, shutter, meter):
     assert shown() == (False, False)
     pins.writes.clear()
     camera.set(shutter, meter)
-    assert shown() == (shutter, meter) and len(pins.writes) == 1
+    assert shown() == (shutter, meter)
+    assert len(pins.writes) == 1
     camera.pulse(2**30 - 50, 100)
     for now in (2**30 - 50, 2**30 - 1, 0, 49):
         camera.poll(now)
@@ -115,7 +116,8 @@ def test_camera(shutter_on, meter_on, shutter, meter):
     assert shown() == (False, False)
     pins.writes.clear()
     high = camera.pins(1, 0, shutter, True)
-    assert high | camera.down == 1 << 20 and bool(high) == (shutter == (shutter_on == "high"))
+    assert high | camera.down == 1 << 20
+    assert bool(high) == (shutter == (shutter_on == "high"))
     assert pins.writes == []
 
 

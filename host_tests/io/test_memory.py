@@ -12,7 +12,6 @@ from framestep.hal.host import HostBoard, HostFlash, HostHal
 from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
 from framestep.io.restore import restore
 from framestep.motion import stepper
-from framestep.motion.axes import Axis
 from framestep.motion.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -23,7 +22,6 @@ from framestep.motion.positions import (
     SET,
     STEPS,
     UNSET,
-    Positions,
 )
 from framestep.protocol import messages as m
 from framestep_tools.boards import SimulatedBoard
@@ -35,6 +33,7 @@ from framestep_tools.payloads import (
     RtGo,
 )
 from host_tests.end_to_end.session import Session, run_request
+from host_tests.fakes import Motors
 
 RIG = {"remember_positions": True}
 REMEMBERED = (HELD, RESTORED)
@@ -77,26 +76,8 @@ class Brittle(HostFlash):
         return super().erase(block, page)
 
 
-class Motor:
-    """What a memory needs of an axis."""
-
-    def __init__(self):
-        self.place = array("i", [0])
-        self.block = array("i", [0] * stepper.BLOCK_WORDS)
-        self.backlash = 0
-
-    refresh = Axis.refresh
-
-
-class Motors(list):
-    def __init__(self, count):
-        super().__init__(Motor() for _ in range(count))
-        self.count = count
-        self.positions = Positions(count)
-
-
-class Bench:
-    """Motors that stand, and a memory."""
+class PoweredUp:
+    """A board from when it got power: motors that stand, and what is remembered of them."""
 
     def __init__(self, flash, motors=3):
         self.axes = Motors(motors)
@@ -143,86 +124,88 @@ def cut_off(*places):
 def test_checksum(data):
     out = array("i", [1, 2])
     checksum(data, len(data), out, 1)
-    assert out[0] == 1 and out[1] & 0xFFFFFFFF == binascii.crc32(data)
+    assert out[0] == 1
+    assert out[1] & 0xFFFFFFFF == binascii.crc32(data)
 
 
 def test_kept_at_rest_only():
     flash = HostFlash()
-    bench = Bench(flash)
-    bench.put(5, -(2**31), 2**31 - 1)
-    bench.poll(STILL_MS)
-    assert Bench(flash).state == ((0, 0, 0), (NOT_SET,) * 3)
-    bench.poll(2)
-    assert Bench(flash).state == kept(5, -(2**31), 2**31 - 1)
-    bench.move(6, 7, 8)
-    assert Bench(flash).state == cut_off(5, -(2**31), 2**31 - 1)
-    bench.poll(10 * STILL_MS, busy=True)
-    bench.poll(STILL_MS)
-    assert Bench(flash).state == cut_off(5, -(2**31), 2**31 - 1)
-    bench.poll(2)
-    assert Bench(flash).state == kept(6, 7, 8)
+    powered = PoweredUp(flash)
+    powered.put(5, -(2**31), 2**31 - 1)
+    powered.poll(STILL_MS)
+    assert PoweredUp(flash).state == ((0, 0, 0), (NOT_SET,) * 3)
+    powered.poll(2)
+    assert PoweredUp(flash).state == kept(5, -(2**31), 2**31 - 1)
+    powered.move(6, 7, 8)
+    assert PoweredUp(flash).state == cut_off(5, -(2**31), 2**31 - 1)
+    powered.poll(10 * STILL_MS, busy=True)
+    powered.poll(STILL_MS)
+    assert PoweredUp(flash).state == cut_off(5, -(2**31), 2**31 - 1)
+    powered.poll(2)
+    assert PoweredUp(flash).state == kept(6, 7, 8)
 
 
 def test_lost_ones_stay_lost():
     flash = HostFlash()
-    bench = Bench(flash)
-    bench.put(1, 2)
-    bench.positions.lose(2, STEPS)
-    bench.poll()
-    assert Bench(flash).state == ((1, 2, 0), (REMEMBERED, (LOST, BEFORE), (LOST, BEFORE)))
-    bench = Bench(flash)
-    bench.put(0, 5)
-    bench.poll()
-    assert Bench(flash).state == ((0, 5, 0), (REMEMBERED, REMEMBERED, (LOST, BEFORE)))
+    powered = PoweredUp(flash)
+    powered.put(1, 2)
+    powered.positions.lose(2, STEPS)
+    powered.poll()
+    assert PoweredUp(flash).state == ((1, 2, 0), (REMEMBERED, (LOST, BEFORE), (LOST, BEFORE)))
+    powered = PoweredUp(flash)
+    powered.put(0, 5)
+    powered.poll()
+    assert PoweredUp(flash).state == ((0, 5, 0), (REMEMBERED, REMEMBERED, (LOST, BEFORE)))
 
 
 def test_the_play_of_the_gears_is_kept():
     flash = HostFlash()
-    bench = Bench(flash)
-    bench.axes[1].backlash = 20
-    bench.put(0, 100, 0)
-    bench.axes[1].block[stepper.POSITION] = 92  # the load stands where it was
-    bench.poll()
-    again = Bench(flash)
+    powered = PoweredUp(flash)
+    powered.axes[1].backlash = 20
+    powered.put(0, 100, 0)
+    powered.axes[1].block[stepper.POSITION] = 92  # the load stands where it was
+    powered.poll()
+    again = PoweredUp(flash)
     again.axes[1].backlash = 20
-    assert again.state == kept(0, 100, 0) and again.axes[1].block[stepper.POSITION] == 92
+    assert again.state == kept(0, 100, 0)
+    assert again.axes[1].block[stepper.POSITION] == 92
 
 
 def test_a_rig_with_another_number_of_motors():
     flash = HostFlash()
-    bench = Bench(flash)
-    bench.put(1, 2, 3)
-    bench.poll()
-    assert Bench(flash, 2).state == ((0, 0), (NOT_SET,) * 2)
+    powered = PoweredUp(flash)
+    powered.put(1, 2, 3)
+    powered.poll()
+    assert PoweredUp(flash, 2).state == ((0, 0), (NOT_SET,) * 2)
 
 
 def cuts(prepare, act, step=1):
-    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() -> (flash, bench)."""
+    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() -> (flash, powered)."""
     at = 0
     while True:
-        flash, bench = prepare()
+        flash, powered = prepare()
         flash.left = at
         try:
-            act(bench)
+            act(powered)
         except PowerCut:
             flash.left = None
-            yield Bench(flash)
+            yield PoweredUp(flash)
             at += step
             continue
         return
 
 
 def moved(records):
-    """A bench after so many records, its motors moved once more. Records: places (n, -n, 0) for n up to `records`."""
+    """A powered after so many records, its motors moved once more. Records: places (n, -n, 0) for n up to `records`."""
 
     def prepare():
         flash = Brittle(2, 4 * SLOT_BYTES)
-        bench = Bench(flash)
+        powered = PoweredUp(flash)
         for n in range(1, records + 1):
-            bench.put(n, -n, 0)
-            bench.poll()
-        bench.move(77, 88, 99)
-        return flash, bench
+            powered.put(n, -n, 0)
+            powered.poll()
+        powered.move(77, 88, 99)
+        return flash, powered
 
     return prepare
 
@@ -230,14 +213,16 @@ def moved(records):
 @pytest.mark.parametrize("records", [1, 2, 8])
 def test_power_cut_while_a_record_is_written(records):
     """Also where a block is erased before: after the eighth record."""
-    found = [again.state for again in cuts(moved(records), Bench.poll)]
-    assert len(found) >= SLOT_BYTES and set(found) <= {cut_off(records, -records, 0), kept(77, 88, 99)}
+    found = [again.state for again in cuts(moved(records), PoweredUp.poll)]
+    assert len(found) >= SLOT_BYTES
+    assert set(found) <= {cut_off(records, -records, 0), kept(77, 88, 99)}
     assert found[0] == cut_off(records, -records, 0)
     # and whatever it has left, the next record finds its place
-    for again in cuts(moved(records), Bench.poll, 13):
+    for again in cuts(moved(records), PoweredUp.poll, 13):
         again.put(3, 2, 1)
         again.poll()
-        assert again.memory.working and Bench(again.memory.flash).state == kept(3, 2, 1)
+        assert again.memory.working
+        assert PoweredUp(again.memory.flash).state == kept(3, 2, 1)
 
 
 def test_power_cut_while_the_mark_is_cleared():
@@ -245,12 +230,12 @@ def test_power_cut_while_the_mark_is_cleared():
 
     def prepare():
         flash = Brittle(2, 4 * SLOT_BYTES)
-        bench = Bench(flash)
-        bench.put(1, 2, 3)
-        bench.poll()
-        return flash, bench
+        powered = PoweredUp(flash)
+        powered.put(1, 2, 3)
+        powered.poll()
+        return flash, powered
 
-    found = [again.state for again in cuts(prepare, lambda bench: bench.positions.touch())]
+    found = [again.state for again in cuts(prepare, lambda powered: powered.positions.touch())]
     assert set(found) == {cut_off(1, 2, 3), kept(1, 2, 3)}
 
 
@@ -258,26 +243,26 @@ def test_power_cut_while_the_mark_is_cleared():
 def test_power_cuts_at_any_time(steps):
     """Whatever has happened, positions that are said to be held are those at the last stand-still."""
     flash = Brittle(3, 4 * SLOT_BYTES)
-    bench = Bench(flash)
+    powered = PoweredUp(flash)
     place = 0
     for what, number in steps:
         if what < 3:
             place = number
-            bench.move(place, 0, 0)
+            powered.move(place, 0, 0)
         elif what == 3:
             place = number
-            bench.put(place, 0, 0)
+            powered.put(place, 0, 0)
         elif what < 6:
-            bench.poll()
+            powered.poll()
         else:
             flash.left = number if what == 7 else None
             with contextlib.suppress(PowerCut):
-                bench.move(place + 1, 0, 0)
+                powered.move(place + 1, 0, 0)
                 place += 1
-                bench.poll()
+                powered.poll()
             flash.left = None
-            bench = Bench(flash)
-            places, states = bench.state
+            powered = PoweredUp(flash)
+            places, states = powered.state
             if states[0] == REMEMBERED:
                 assert places[0] == place
             place = places[0]
@@ -286,13 +271,13 @@ def test_power_cuts_at_any_time(steps):
 def test_wear():
     """The figures of docs/safety.md: the blocks take turns, and one erasure serves all slots of a block."""
     flash = HostFlash(4, 4096 - 256)
-    bench = Bench(flash)
-    bench.put(0, 0, 0)
+    powered = PoweredUp(flash)
+    powered.put(0, 0, 0)
     records = 4 * 30 * 5
     for n in range(records):
-        bench.move(n, n, n)
-        bench.memory._write()
-        bench.positions.settled = True
+        powered.move(n, n, n)
+        powered.memory._write()
+        powered.positions.settled = True
     assert flash.erasures == [5] * 4
     assert records / sum(flash.erasures) == 30
 
@@ -302,18 +287,20 @@ def test_a_flash_that_does_not_take_it():
         def program(self, block, at, page):
             return True
 
-    bench = Bench(Worn())
-    bench.put(1, 2, 3)
-    bench.poll()
-    assert not bench.memory.working and not bench.positions.settled
+    powered = PoweredUp(Worn())
+    powered.put(1, 2, 3)
+    powered.poll()
+    assert not powered.memory.working
+    assert not powered.positions.settled
     flash = HostFlash()
-    bench = Bench(flash)
-    bench.put(1, 2, 3)
-    bench.poll()
+    powered = PoweredUp(flash)
+    powered.put(1, 2, 3)
+    powered.poll()
     flash.program = lambda block, at, page: False
-    bench.move(4, 5, 6)
-    bench.poll()
-    assert not bench.memory.working and not bench.positions.settled
+    powered.move(4, 5, 6)
+    powered.poll()
+    assert not powered.memory.working
+    assert not powered.positions.settled
 
 
 # ---------------------------------------------------------------- with a controller
@@ -398,7 +385,8 @@ def test_not_while_a_run_waits_for_its_go():
     session.wait_idle()
     assert flash.writes == writes
     session.run(2.1)
-    assert flash.writes == writes + 1 and power_up(flash).position(1) == session.position(1)
+    assert flash.writes == writes + 1
+    assert power_up(flash).position(1) == session.position(1)
 
 
 def test_a_driver_switched_off_needs_no_writing():
@@ -409,7 +397,8 @@ def test_a_driver_switched_off_needs_no_writing():
     writes = flash.writes
     session.accept(MotorConfigure(1, 0))
     session.run(2.1)
-    assert flash.writes == writes and trust(power_up(flash), 1) == [REMEMBERED]
+    assert flash.writes == writes
+    assert trust(power_up(flash), 1) == [REMEMBERED]
 
 
 def test_without_a_flash(capsys, monkeypatch):

@@ -76,12 +76,15 @@ def test_outputs_and_inputs_of_a_board_with_sockets():
     assert [o["pin"] for o in rig.outputs] == [20, 21, 23]
     assert [i["pin"] for i in rig.inputs] == [22]
     rig = Rig({"limits": [{"low": 4, "high": 3}], "outputs": [{"pin": 29}], "inputs": [{"pin": 25}]}, SKR_PICO)
-    assert rig.limits[0]["low"] == 4 and rig.outputs[0]["pin"] == 29 and rig.inputs[0]["pin"] == 25
+    assert rig.limits[0]["low"] == 4
+    assert rig.outputs[0]["pin"] == 29
+    assert rig.inputs[0]["pin"] == 25
 
 
 def test_fewer_motors_leave_pins_for_other_things():
     rig = Rig({"motor_count": 7, "outputs": [{"pin": 16}], "inputs": [{"pin": 17}]}, BOARD)
-    assert rig.board["step"] == BOARD["step"][:7] and rig.board["motors"] == 7
+    assert rig.board["step"] == BOARD["step"][:7]
+    assert rig.board["motors"] == 7
     assert rig.outputs[0]["pin"] == 16
     rig = Rig({"motor_count": 2, "inputs": [{"pin": 14}]}, SKR_PICO)
     assert rig.board["enable"] == [12, 7]

@@ -19,7 +19,7 @@ RIG = {"motors": [{"driver": {"run_ma": 800}}, {"driver": {"run_ma": 400, "mode"
 RESET_S = 0.2  # for two drivers to be set up
 
 
-class Bench:
+class Wired:
     """Drivers, chips and time; a pass every millisecond, or as `passes` says (microseconds)."""
 
     def __init__(self, rig=None, board=SKR_PICO, passes=1000):
@@ -58,9 +58,10 @@ def test_crc_of_anything(data):
 
 def one(**driver):
     """The chip after its set-up, with the default settings but for these."""
-    bench = Bench({"motors": [{"driver": {"run_ma": 500} | driver}]}).run(RESET_S)
-    assert bench.drivers.ready == 0b1111 and not bench.said
-    return bench.chips[0]
+    wired = Wired({"motors": [{"driver": {"run_ma": 500} | driver}]}).run(RESET_S)
+    assert wired.drivers.ready == 0b1111
+    assert not wired.said
+    return wired.chips[0]
 
 
 def test_registers():
@@ -77,11 +78,13 @@ def test_registers():
     )
     assert registers[chip.PWMCONF] == 0xC10D0024
     assert driver.gstat == 0
-    assert driver.microsteps == 16 and registers[chip.CHOPCONF] >> 28 == 1  # interpolated
+    assert driver.microsteps == 16
+    assert registers[chip.CHOPCONF] >> 28 == 1
     assert 480 < driver.run_ma() <= 500
     assert registers[chip.TPOWERDOWN] == pytest.approx(500 / (2**18 / 12e6 * 1000), abs=0.5)
     chopper = [value for register, value in driver.writes if register == chip.CHOPCONF]
-    assert chopper[0] & 0xF == 0 and chopper[-1] & 0xF == 3  # the bridges come on last of all
+    assert chopper[0] & 0xF == 0
+    assert chopper[-1] & 0xF == 3
     assert driver.writes[-1][0] == chip.CHOPCONF
 
 
@@ -123,45 +126,47 @@ def test_current(run_ma, sense_mohm):
 
 
 def test_every_motor_has_its_own():
-    bench = Bench().run(RESET_S)
-    assert [c.address for c in bench.chips] == [0, 2]
-    assert 380 < bench.chips[1].run_ma() <= 400 < 760 < bench.chips[0].run_ma() <= 800
-    assert bench.chips[0].registers[chip.GCONF] & 4 == 0 and bench.chips[1].registers[chip.GCONF] & 4
-    assert bench.drivers.writes == sum(len(c.writes) for c in bench.chips) == 24
+    wired = Wired().run(RESET_S)
+    assert [c.address for c in wired.chips] == [0, 2]
+    assert 380 < wired.chips[1].run_ma() <= 400 < 760 < wired.chips[0].run_ma() <= 800
+    assert wired.chips[0].registers[chip.GCONF] & 4 == 0
+    assert wired.chips[1].registers[chip.GCONF] & 4
+    assert wired.drivers.writes == sum(len(c.writes) for c in wired.chips) == 24
 
 
 def test_ready_only_when_all_have_been_tried():
-    bench = Bench()
-    while not bench.drivers.ready:
-        assert bench.now_us < RESET_S * 1e6
-        assert not all(c.bridges_on and c.gstat == 0 and len(c.writes) == 12 for c in bench.chips) or bench.now_us
-        bench.run(0.001)
-    assert all(len(c.writes) == 12 and c.bridges_on for c in bench.chips)
+    wired = Wired()
+    while not wired.drivers.ready:
+        assert wired.now_us < RESET_S * 1e6
+        assert not all(c.bridges_on and c.gstat == 0 and len(c.writes) == 12 for c in wired.chips) or wired.now_us
+        wired.run(0.001)
+    assert all(len(c.writes) == 12 and c.bridges_on for c in wired.chips)
 
 
 @settings(max_examples=25)
 @given(st.lists(st.integers(50, 12_000), min_size=20, max_size=60))
 def test_a_main_loop_of_any_pace(passes):
     """Passes far apart and close together: nothing is sent into an answer, every write is confirmed at once."""
-    bench = Bench(passes=itertools.cycle(passes)).run(6)
-    assert bench.drivers.ready == 0b1111 and not bench.said
-    assert [len(c.writes) for c in bench.chips] == [12, 12]
+    wired = Wired(passes=itertools.cycle(passes)).run(6)
+    assert wired.drivers.ready == 0b1111
+    assert not wired.said
+    assert [len(c.writes) for c in wired.chips] == [12, 12]
 
 
 def test_without_echo():
-    bench = Bench()
-    bench.wire.echo = False
-    assert bench.run(RESET_S).drivers.ready == 0b1111
+    wired = Wired()
+    wired.wire.echo = False
+    assert wired.run(RESET_S).drivers.ready == 0b1111
 
 
-def spoil(bench, direction, which, how):
+def spoil(wired, direction, which, how):
     """Let `how` change the telegrams of this direction whose numbers are in `which`."""
     numbers = itertools.count()
 
     def change(way, data):
         return how(data) if way == direction and next(numbers) in which else data
 
-    bench.wire.spoil = change
+    wired.wire.spoil = change
 
 
 def flipped(data):
@@ -173,59 +178,68 @@ def flipped(data):
 @pytest.mark.parametrize("first", [0, 1, 2, 7])
 def test_noise_and_losses(direction, first, how):
     """Single telegrams damaged or lost: repeated, and every register is there in the end."""
-    bench = Bench()
-    spoil(bench, direction, range(first, 60, 5), how)
-    bench.run(1)
-    assert bench.drivers.ready == 0b1111 and not bench.said and not bench.failed
-    for driver in bench.chips:
+    wired = Wired()
+    spoil(wired, direction, range(first, 60, 5), how)
+    wired.run(1)
+    assert wired.drivers.ready == 0b1111
+    assert not wired.said
+    assert not wired.failed
+    for driver in wired.chips:
         wanted = [value for register, value in driver.writes if register == chip.CHOPCONF]
-        assert driver.registers[chip.IHOLD_IRUN] != 0x11F00 and wanted[-1] & 0xF == 3 and driver.gstat == 0
+        assert driver.registers[chip.IHOLD_IRUN] != 0x11F00
+        assert wanted[-1] & 0xF == 3
+        assert driver.gstat == 0
 
 
 def test_a_reset_in_the_middle_of_the_set_up():
-    bench = Bench().run(0.05)
-    assert 0 < len(bench.chips[0].writes) < 12
-    bench.chips[0].reset()
-    bench.run(RESET_S)
-    assert bench.drivers.ready == 0b1111
-    assert bench.chips[0].registers[chip.NODECONF] == 0x200 and bench.chips[0].registers[chip.GCONF] == 0x1C0
+    wired = Wired().run(0.05)
+    assert 0 < len(wired.chips[0].writes) < 12
+    wired.chips[0].reset()
+    wired.run(RESET_S)
+    assert wired.drivers.ready == 0b1111
+    assert wired.chips[0].registers[chip.NODECONF] == 0x200
+    assert wired.chips[0].registers[chip.GCONF] == 0x1C0
 
 
 def test_a_driver_that_does_not_answer():
-    bench = Bench()
-    bench.chips[1].powered = False
-    bench.run(1)
-    assert bench.drivers.ready == 0b1101 and not bench.failed
-    assert bench.said == ["2 does not answer (has it power, and the right address?)"]
-    bench.chips[1].powered = True
-    bench.run(1.5)
-    assert bench.drivers.ready == 0b1111 and len(bench.chips[1].writes) == 12
-    assert bench.said[1:] == ["2 works again"]
+    wired = Wired()
+    wired.chips[1].powered = False
+    wired.run(1)
+    assert wired.drivers.ready == 0b1101
+    assert not wired.failed
+    assert wired.said == ["2 does not answer (has it power, and the right address?)"]
+    wired.chips[1].powered = True
+    wired.run(1.5)
+    assert wired.drivers.ready == 0b1111
+    assert len(wired.chips[1].writes) == 12
+    assert wired.said[1:] == ["2 works again"]
 
 
 def test_nothing_on_the_wire():
-    bench = Bench()
-    bench.wire.receive = lambda buffer, at, limit: 0
-    bench.run(1)
-    assert bench.drivers.ready == 0b1100
-    assert [text for text in bench.said if "gets no echo on the wire" in text] == bench.said
-    assert len(bench.said) == 2
+    wired = Wired()
+    wired.wire.receive = lambda buffer, at, limit: 0
+    wired.run(1)
+    assert wired.drivers.ready == 0b1100
+    assert [text for text in wired.said if "gets no echo on the wire" in text] == wired.said
+    assert len(wired.said) == 2
 
 
 def test_a_deaf_driver():
-    bench = Bench()
-    spoil(bench, "to", range(10_000), lambda data: flipped(data) if len(data) == 8 else data)
-    bench.run(0.5)
-    assert bench.drivers.ready == 0b1100 and "1 answers, but does not take its settings" in bench.said
+    wired = Wired()
+    spoil(wired, "to", range(10_000), lambda data: flipped(data) if len(data) == 8 else data)
+    wired.run(0.5)
+    assert wired.drivers.ready == 0b1100
+    assert "1 answers, but does not take its settings" in wired.said
 
 
 def test_confirmation_is_by_the_counter():
     """A driver whose counter stands still is not believed."""
-    bench = Bench()
-    take = bench.chips[0].take
-    bench.chips[0].take = lambda telegram: (take(telegram), setattr(bench.chips[0], "count", 7))[0]
-    bench.run(1)
-    assert bench.drivers.ready == 0b1110 and bench.said == ["1 answers, but does not take its settings"]
+    wired = Wired()
+    take = wired.chips[0].take
+    wired.chips[0].take = lambda telegram: (take(telegram), setattr(wired.chips[0], "count", 7))[0]
+    wired.run(1)
+    assert wired.drivers.ready == 0b1110
+    assert wired.said == ["1 answers, but does not take its settings"]
 
 
 FAULTS = [
@@ -239,79 +253,91 @@ FAULTS = [
 
 @pytest.mark.parametrize(("status", "gstat", "words"), FAULTS)
 def test_faults(status, gstat, words):
-    bench = Bench().run(RESET_S)
-    driver = bench.chips[0]
+    wired = Wired().run(RESET_S)
+    driver = wired.chips[0]
     driver.status |= status
     driver.gstat |= gstat
-    bench.run(0.3)
-    assert bench.failed == 0b0001 and bench.drivers.ready == 0b1110
-    assert bench.said == [f"1 {words}"]
+    wired.run(0.3)
+    assert wired.failed == 0b0001
+    assert wired.drivers.ready == 0b1110
+    assert wired.said == [f"1 {words}"]
     # As long as it lasts it stays off and nothing more is said; then it is set up anew
     if status:
-        bench.run(2.5)
-        assert bench.said == [f"1 {words}"] and bench.drivers.ready == 0b1110
+        wired.run(2.5)
+        assert wired.said == [f"1 {words}"]
+        assert wired.drivers.ready == 0b1110
     before = len(driver.writes)
     driver.status = chip.STANDSTILL
-    bench.run(1.5)
-    assert bench.drivers.ready == 0b1111 and bench.said == [f"1 {words}", "1 works again"]
-    assert len(driver.writes) - before == 12 and driver.gstat == 0
+    wired.run(1.5)
+    assert wired.drivers.ready == 0b1111
+    assert wired.said == [f"1 {words}", "1 works again"]
+    assert len(driver.writes) - before == 12
+    assert driver.gstat == 0
 
 
 def test_a_reset():
-    bench = Bench().run(RESET_S)
-    bench.chips[1].reset()
-    bench.run(0.3)
-    assert bench.failed == 0b0010 and bench.said == ["2 was reset: its supply broke down"]
-    bench.run(1.5)
-    assert bench.drivers.ready == 0b1111 and len(bench.chips[1].writes) == 12
+    wired = Wired().run(RESET_S)
+    wired.chips[1].reset()
+    wired.run(0.3)
+    assert wired.failed == 0b0010
+    assert wired.said == ["2 was reset: its supply broke down"]
+    wired.run(1.5)
+    assert wired.drivers.ready == 0b1111
+    assert len(wired.chips[1].writes) == 12
 
 
 def test_the_supply_goes():
-    bench = Bench().run(RESET_S)
-    for driver in bench.chips:
+    wired = Wired().run(RESET_S)
+    for driver in wired.chips:
         driver.powered = False
-    bench.run(0.5)
-    assert bench.failed == 0b0011 and bench.drivers.ready == 0b1100
-    for driver in bench.chips:
+    wired.run(0.5)
+    assert wired.failed == 0b0011
+    assert wired.drivers.ready == 0b1100
+    for driver in wired.chips:
         driver.powered = True
         driver.reset()
-    bench.run(1.5)
-    assert bench.drivers.ready == 0b1111 and sorted(bench.said[2:]) == ["1 works again", "2 works again"]
+    wired.run(1.5)
+    assert wired.drivers.ready == 0b1111
+    assert sorted(wired.said[2:]) == ["1 works again", "2 works again"]
 
 
 def test_single_lost_answers_are_no_fault():
-    bench = Bench().run(RESET_S)
-    spoil(bench, "from", range(0, 1000, 3), lambda data: b"")
-    bench.run(3)
-    assert bench.drivers.ready == 0b1111 and not bench.said and not bench.failed
+    wired = Wired().run(RESET_S)
+    spoil(wired, "from", range(0, 1000, 3), lambda data: b"")
+    wired.run(3)
+    assert wired.drivers.ready == 0b1111
+    assert not wired.said
+    assert not wired.failed
 
 
 def test_a_hot_driver_goes_on():
-    bench = Bench().run(RESET_S)
+    wired = Wired().run(RESET_S)
     for status in (1, 1, 0, 1):
-        bench.chips[0].status = chip.STANDSTILL | status
-        bench.run(0.3)
-    assert bench.said == ["1 is hot, close to switching off"] * 2
-    assert bench.drivers.ready == 0b1111 and not bench.failed
+        wired.chips[0].status = chip.STANDSTILL | status
+        wired.run(0.3)
+    assert wired.said == ["1 is hot, close to switching off"] * 2
+    assert wired.drivers.ready == 0b1111
+    assert not wired.failed
 
 
 def test_open_load_in_motion_only():
-    bench = Bench().run(RESET_S)
-    driver = bench.chips[0]
+    wired = Wired().run(RESET_S)
+    driver = wired.chips[0]
     driver.status = chip.STANDSTILL | 0x40
-    bench.run(1)
-    assert not bench.said
+    wired.run(1)
+    assert not wired.said
     driver.status = 0x40
-    bench.run(1)
-    assert bench.said == ["1 finds no motor on one of its coils"] and bench.drivers.ready == 0b1111
+    wired.run(1)
+    assert wired.said == ["1 finds no motor on one of its coils"]
+    assert wired.drivers.ready == 0b1111
 
 
 def test_states_in_words():
-    bench = Bench()
-    assert bench.drivers.states_in_words()[0] == "driver of motor 1 is being set up"
-    bench.chips[1].powered = False
-    bench.run(0.5)
-    assert bench.drivers.states_in_words() == [
+    wired = Wired()
+    assert wired.drivers.states_in_words()[0] == "driver of motor 1 is being set up"
+    wired.chips[1].powered = False
+    wired.run(0.5)
+    assert wired.drivers.states_in_words() == [
         "driver of motor 1 works",
         "driver of motor 2 does not answer (has it power, and the right address?)",
     ]
@@ -367,13 +393,13 @@ def test_drivers_with_a_wire_each():
         "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}],
         "inputs": [{"pin": 11}],
     }
-    bench = Bench(settings, board_data("fysetc_erb"))
-    assert bench.board["drivers"]["pins"] == [20, 17]
-    bench.wire.apart = True
-    bench.run(RESET_S)
-    assert bench.drivers.ready == 0b11
-    assert bench.chips[1].run_ma() <= 300 < 700 < bench.chips[0].run_ma()
-    assert [len(c.writes) for c in bench.chips] == [12, 12]
+    wired = Wired(settings, board_data("fysetc_erb"))
+    assert wired.board["drivers"]["pins"] == [20, 17]
+    wired.wire.apart = True
+    wired.run(RESET_S)
+    assert wired.drivers.ready == 0b11
+    assert wired.chips[1].run_ma() <= 300 < 700 < wired.chips[0].run_ma()
+    assert [len(c.writes) for c in wired.chips] == [12, 12]
 
 
 def test_a_rig_without_driver_settings_has_no_drivers():

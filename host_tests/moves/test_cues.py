@@ -70,7 +70,8 @@ def test_channels_are_set_together_and_others_left_alone():
     store.begin(2)
     for channel, values in {1: [1, 2], 2: [1, 3], 4: [1, 4], 511: [1, 1], 512: [1, 5]}.items():
         data = bytes.fromhex(levels(channel, 0, 0, values))
-        assert reader.feed(data, 0, len(data)) and reader.poll()
+        assert reader.feed(data, 0, len(data))
+        assert reader.poll()
         assert store.levels(channel, 0, 0, reader, 6, 2) == OK
     store.finish()
     store.seek(0, Lights())

@@ -1,0 +1,176 @@
+"""What stands in for the parts around a module under test: one place, so that a fake is right for all tests or none.
+
+Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches, lights and a camera
+that remember what they were told. `Pins` in host_tests/io/pins.py is the same for a HAL that only has pins, `Bench` in
+host_tests/motion/engine.py for the pulse engines.
+"""
+
+from array import array
+
+from framestep.motion import stepper
+from framestep.motion.axes import Axes, Axis
+from framestep.motion.positions import Positions
+from framestep.moves.stage import Stage
+from framestep.moves.store import EMPTY, READY
+from framestep.protocol.messages import OK
+from host_tests.motion.engine import Bench
+
+STEPS_PER_S = 4194  # of the kernel's velocity, to rough
+
+
+class Motor:
+    """An axis that is only its words: it goes nowhere unless a test says so."""
+
+    partner = leader = None
+    turned = 0
+    backlash = 0
+
+    def __init__(self):
+        self.block = array("i", [0] * stepper.BLOCK_WORDS)
+        self.place = array("i", [0])
+
+    refresh = Axis.refresh
+    position_to = Axis.position_to
+
+    def moves(self, velocity, mode=stepper.RUN):
+        """Move at `velocity` steps/s; 0 stands."""
+        self.block[stepper.MODE] = mode if velocity else stepper.IDLE
+        self.block[stepper.VELOCITY] = velocity * STEPS_PER_S
+        if velocity:
+            self.block[stepper.DOWN] = -1 if velocity < 0 else 0
+
+
+class Motors(list):
+    """Some of them, as far as io/ needs an Axes."""
+
+    def __init__(self, count=8):
+        super().__init__(Motor() for _ in range(count))
+        self.count = count
+        self.positions = Positions(count)
+
+
+class UploadedMove:
+    """An upload as lists of positions, one for each motor, or None for a motor without; the first frame is `start`."""
+
+    def __init__(self, *paths, start=1):
+        self.paths = paths
+        frames = max((len(path) for path in paths if path is not None), default=0)
+        self.state = READY if frames else EMPTY
+        self.start = start
+        self.end = start + frames - 1
+
+    def has(self, motor):
+        return self.paths[motor] is not None
+
+    def position(self, motor, index, words, k):
+        words[k] = int(self.paths[motor][index])
+
+    def positions(self, motor, index, count, words, k):
+        path = self.paths[motor]
+        for i in range(count):
+            words[k + i] = int(path[min(max(index + i, 0), len(path) - 1)])
+
+
+class NoSwitches:
+    """Safety inputs that nobody touches. code: what bars every motor instead of OK; held: the ends it stands in."""
+
+    code = OK
+    held = 0
+    active = False
+
+    def bars(self, motor, target, i):
+        return self.code
+
+    def ends(self, motor):
+        return self.held
+
+
+class RecordedShow:
+    """Lights and camera that remember what they were told: `calls`, and the `signals` as (tick, mask, values)."""
+
+    def __init__(self):
+        self.calls = []
+        self.signals = []
+
+    def signal(self, tick, mask, values):
+        self.signals.append((tick, mask, values))
+
+    def __getattr__(self, name):
+        return lambda *arguments: self.calls.append((name, *arguments))
+
+    def finished(self):
+        return True
+
+
+class StageBench:
+    """Motors on a kernel with the stage that plays an upload of theirs; a pass of the main loop after each tick.
+
+    paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.
+    """
+
+    def __init__(self, *paths, start=1, ticks=None, velocity=50_000, acceleration=1_000_000):
+        self.bench = Bench(len(paths)).settle()
+        self.kernel = self.bench.state
+        if ticks is not None:
+            self.kernel[stepper.TICKS] = ticks
+        self.axes = Axes(self.bench)
+        for axis in self.axes.axes:
+            axis.set_speed(velocity, acceleration)
+        self.store = UploadedMove(*paths, start=start)
+        self.safety = NoSwitches()
+        self.show = RecordedShow()
+        self.stage = Stage(self.axes, self.store, self.safety)
+        self.follower = self.stage.follower
+        self.told = []  # MOVE TIME of each frame that was told
+        self.ends = 0  # RT_ENDs
+
+    def run(self, ticks=1):
+        for _ in range(ticks):
+            self.bench.tick()
+            self.axes.sample()
+            if self.stage.running and self.stage.reached():
+                self.told.append(self.stage.move_time)
+            while self.stage.poll() | self.axes.feed():
+                pass
+            if self.stage.ended:
+                self.stage.ended = False
+                self.ends += 1
+        return self
+
+    def until(self, state, limit=20_000):
+        """Until the stage has that state."""
+        while self.stage.state != state:
+            self.run()
+            limit -= 1
+            assert limit, f"the stage stays in state {self.stage.state}"
+        return self
+
+    def rest(self, limit=30_000):
+        """Until nothing is under way and everything stands."""
+        while self.stage.state or self.axes.moving:
+            self.run()
+            limit -= 1
+            assert limit, f"no rest; the stage is in state {self.stage.state}"
+        return self
+
+    def place(self, motor=0):
+        return self.axes[motor].block[stepper.POSITION]
+
+    def stand_on(self, *places):
+        """The motors stand there."""
+        for axis, place in zip(self.axes.axes, places, strict=True):
+            assert axis.set_position(array("i", [place]), 0)
+
+    def limit(self, lower=None, upper=None, motor=0):
+        """Soft limits of a motor, in steps; None for none."""
+        words = array("i", [0 if lower is None else lower, 0 if upper is None else upper])
+        assert self.axes[motor].set_limits(lower is not None, upper is not None, words, 0)
+
+    def now(self):
+        """When the pulses of the next tick begin, engine cycles."""
+        return self.bench.due + self.kernel[stepper.AHEAD]
+
+    def place_at(self, cycle, motor=0):
+        """Where a motor is at a moment by the edges on its pins, if it was at 0 before the first of them."""
+        times, ways = self.bench.times(motor)
+        return int(ways[times <= cycle].sum())

@@ -1,0 +1,254 @@
+"""What all plays of an uploaded move share: who takes part, whether the motors can (field note 5.5), how fast."""
+
+from array import array
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from framestep.motion import reals
+from framestep.moves import follow
+from framestep.protocol import messages as m
+from host_tests.fakes import StageBench
+
+LOWEST, HIGHEST = -(2**31), 2**31 - 1
+WAY_UP = [1] * 8
+
+
+def followed(*paths, start=1, **settings):
+    bench = StageBench(*paths, start=start, **settings)
+    return bench.follower
+
+
+def check(follower, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
+    """The code for `frames` frames from the index `begin` on, of motor 1 alone."""
+    count = len(follower.store.paths[0]) if frames is None else frames
+    return follower.check(1, begin, count, round(fps * 1000), step, ways, **more)
+
+
+def exceeded(follower):
+    told = follower.exceeded
+    return {word: told[getattr(follow, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
+
+
+def place(value):
+    return array("i", [value])
+
+
+# ---------------------------------------------------------------- who takes part
+
+
+def test_a_motor_without_uploaded_data_has_no_part():
+    """field note 5.4"""
+    assert followed([0, 1], None, [0, 1]).motors() == 0b101
+
+
+def test_an_excluded_motor_has_no_part():
+    """field note 3.1: disabled, or under live control."""
+    follower = followed([0, 1], [0, 1], [0, 1])
+    follower.excluded = 0b010
+    assert follower.motors() == 0b101
+
+
+# ---------------------------------------------------------------- how fast at a frame
+
+
+@given(st.integers(1, follow.FASTEST_FPS), st.lists(st.integers(-5000, 5000), min_size=3, max_size=6), st.data())
+def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, data):
+    index = data.draw(st.integers(0, len(frames) - 1))
+    follower = SHARED
+    follower.store.paths = (frames,)
+    follower.store.end = len(frames)
+    follower.frame_rate(fps_milli)
+    follower.velocity(follow.OWN, 0, index, 1)
+    per_tick = follower.slope(0, index, 1) / 12 * fps_milli / 1e6
+    assert reals.value(follower.numbers, follow.OWN) == pytest.approx(per_tick, rel=1e-8)
+
+
+SHARED = followed([0, 0])
+
+
+@pytest.mark.parametrize("index", [0, 1, 2, 4, 5])
+def test_backward_it_is_the_same_velocity_the_other_way(index):
+    follower = followed([0, 40, 100, 90, 90, 300])
+    assert follower.slope(0, index, -1) == -follower.slope(0, index, 1)
+
+
+def test_the_window_of_a_slope_has_the_frame_in_its_middle():
+    follower = followed([7, 40, 100])
+    follower.slope(0, 2, -1)
+    assert follower.window[2] == 100
+
+
+# ---------------------------------------------------------------- which way
+
+
+@pytest.mark.parametrize("step, begin, frames, way", [(1, 0, 80, 1), (-1, 79, 80, -1), (1, 0, 40, 0), (-1, 79, 20, 0)])
+def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(step, begin, frames, way):
+    follower = followed([5] * 45 + [6] * 35)
+    assert follower.way(0, begin, step, frames, anyway=True) == way
+
+
+def test_the_way_matters_to_a_motor_with_play_only():
+    follower = followed([0, 9])
+    assert follower.way(0, 0, 1, 2) == 0
+    follower.axes.set_backlash(0, 20)
+    assert follower.way(0, 0, 1, 2) == 1
+
+
+# ---------------------------------------------------------------- whether the motors can
+
+
+@pytest.mark.parametrize("fps", [0.001, 0.5, 1, 23.976, 24, 60, 120])
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("step", [1, -1])
+def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one_step(fps, way, step):
+    """field note 5.5"""
+    velocity = 2400
+    most = int(velocity / fps) + 1
+    begin = 0 if step > 0 else 1
+    # a path of a frame more, so that its two ends are no single step from rest
+    follower = followed([0, way * most], velocity=velocity)
+    assert check(follower, fps, begin=begin, step=step) == m.OK
+    follower.store.paths = ([0, way * (most + 1)],)
+    assert check(follower, fps, begin=begin, step=step) == m.ERR_RANGE
+
+
+def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
+    follower = followed([0, 100, 200, 350, 450], start=101, velocity=2400)
+    assert check(follower, 24) == m.ERR_RANGE
+    assert exceeded(follower) == {"WHAT": m.EXCEEDED_VELOCITY, "MOTOR": 0, "FRAME": 104, "BY": 150 * 24 - 2400}
+
+
+def test_only_the_frames_played_count():
+    follower = followed([0, 100, 200, 350, 450], velocity=2400)
+    assert check(follower, 24, frames=3) == m.OK
+    assert check(follower, 24, frames=4) == m.ERR_RANGE
+    assert check(follower, 24, frames=2, begin=4, step=-1) == m.OK
+    assert check(follower, 24, frames=3, begin=4, step=-1) == m.ERR_RANGE
+
+
+def test_a_single_frame_is_never_too_fast():
+    assert check(followed([12_345], velocity=10), 120) == m.OK
+
+
+@pytest.mark.parametrize("frame", [1, 65_534])
+def test_of_65535_frames_each_is_checked(frame):
+    path = np.zeros(65_535, int)
+    follower = followed(path, velocity=2400)
+    assert check(follower, 24) == m.OK
+    path[frame] = 102
+    assert check(follower, 24) == m.ERR_RANGE
+
+
+def test_a_sharp_corner_is_no_reason_to_refuse_but_is_told():
+    """field note 5.5: the corners of an uploaded path are what the animator drew."""
+    follower = followed([0, 0, 100, 200], acceleration=10_000)
+    assert check(follower, 24) == m.OK
+    told = exceeded(follower)
+    assert (told["WHAT"], told["FRAME"]) == (m.EXCEEDED_ACCELERATION, 2)
+    assert told["BY"] == pytest.approx(100 * 24 * 24 - 10_000, abs=1)
+
+
+def test_the_sharper_corner_of_two_motors_is_told():
+    follower = followed([0, 0, 100, 200], [0, 0, 0, 200], acceleration=10_000)
+    assert follower.check(3, 0, 4, 24_000, 1, WAY_UP) == m.OK
+    assert (exceeded(follower)["MOTOR"], exceeded(follower)["FRAME"]) == (1, 3)
+
+
+def test_strict_moves_refuse_it():
+    follower = followed([0, 0, 100, 200], acceleration=10_000)
+    follower.strict = True
+    assert check(follower, 24) == m.ERR_RANGE
+    assert exceeded(follower)["WHAT"] == m.EXCEEDED_ACCELERATION
+
+
+def test_a_move_that_fits_tells_nothing():
+    follower = followed([0, 0, 100, 200], acceleration=10_000)
+    check(follower, 24)
+    assert check(follower, 1) == m.OK
+    assert exceeded(follower)["WHAT"] == m.EXCEEDED_NOTHING
+
+
+def test_a_corner_that_the_board_cannot_make_is_refused():
+    corner = int(follow.HARDEST / 120 / 120)
+    follower = followed([0, 0, 2 * corner], velocity=500_000)
+    assert check(follower, 120) == m.ERR_RANGE
+    assert exceeded(follower)["WHAT"] == m.EXCEEDED_BOARD
+
+
+@pytest.mark.parametrize("path, code", [([0, 51], m.ERR_SOFT_UP), ([0, -51], m.ERR_SOFT_LOW), ([50, -50], m.OK)])
+def test_a_frame_past_a_soft_limit_is_refused(path, code):
+    bench = StageBench(path)
+    bench.limit(-50, 50)
+    assert check(bench.follower, 24) == code
+
+
+def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration():
+    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²."""
+    path = range(0, 100 * 60, 100)
+    assert check(followed(path, acceleration=410), 24, ramp=4) == m.OK
+    assert check(followed(path, acceleration=390), 24, ramp=4) == m.ERR_RANGE
+
+
+# ---------------------------------------------------------------- ramps to and from a frame (field note 6.2)
+
+
+def register(follower, index, value):
+    """A register with a number in it; denominators of 2^20 are exact."""
+    reals.put(follower.numbers, index, round(value * 2**20), -20)
+    return index
+
+
+@pytest.mark.parametrize("backward, wanted", [(True, 1000 - 75), (False, 1000 + 75)])
+def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
+    """p - v·T/2: 0.5 steps a tick, come to within 300 ticks."""
+    follower = followed([0, 0])
+    places = place(1000)
+    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
+    assert follower.roll(0, velocity, ticks, backward, places)
+    assert places[0] == wanted
+
+
+@pytest.mark.parametrize("acceleration, fits", [(1667, True), (1666, False)])
+def test_a_roll_steeper_than_the_motor_can_is_refused(acceleration, fits):
+    """0.5 steps a tick within 300 ticks are 1666.7 steps/s²."""
+    follower = followed([0, 0], acceleration=acceleration)
+    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
+    assert follower.roll(0, velocity, ticks, True, place(0)) is fits
+    assert follower.steep(0, velocity, ticks) is not fits
+
+
+def test_a_roll_past_a_soft_limit_is_refused():
+    bench = StageBench([0, 0])
+    bench.limit(-75, None)
+    follower = bench.follower
+    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
+    assert follower.roll(0, velocity, ticks, True, place(0))
+    assert not follower.roll(0, velocity, ticks, True, place(-1))
+
+
+def test_without_velocity_a_roll_goes_nowhere():
+    follower = followed([0, 0])
+    places = place(9)
+    assert follower.roll(0, register(follower, follow.OWN, 0), register(follower, follow.OWN + 2, 0), True, places)
+    assert places[0] == 9
+
+
+@pytest.mark.parametrize("by, backward, moved", [(2.25, False, 2), (2.5, False, 3), (2.25, True, -2), (2.75, True, -3)])
+def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
+    follower = followed([0, 0])
+    places = place(10)
+    register(follower, follow.X, by)
+    assert follower.shift(places, 0, backward)
+    assert places[0] == 10 + moved
+
+
+@pytest.mark.parametrize("begin, by", [(HIGHEST, 1), (LOWEST, -1), (HIGHEST - 99, 100)])
+def test_a_shift_past_the_range_of_positions_changes_nothing(begin, by):
+    follower = followed([0, 0])
+    places = place(begin)
+    register(follower, follow.X, by)
+    assert not follower.shift(places, 0, False)
+    assert places[0] == begin

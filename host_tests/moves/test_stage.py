@@ -1,0 +1,348 @@
+"""The state machine that every real-time operation goes through: in what order, what bars it, how it ends."""
+
+from array import array
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from framestep.motion import reals, stepper
+from framestep.moves.follow import OWN, ZERO
+from framestep.moves.stage import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING, Operation
+from framestep.protocol import messages as m
+from host_tests.fakes import StageBench, UploadedMove
+from host_tests.motion.engine import PER_TICK, PER_US
+
+TICKS = 200  # that the operation below moves for
+
+
+class There(Operation):
+    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; notes what it is asked."""
+
+    def __init__(self, bench, begins, ends, passes=1):
+        super().__init__(bench.stage)
+        self.axes = bench.axes
+        self.bits = (1 << bench.axes.count) - 1
+        self.begins, self.ends = array("i", begins), array("i", ends)
+        self.ways = array("i", [0] * len(begins))
+        self.passes = passes
+        self.code = m.OK
+        self.asked = []
+        self.began = None
+
+    def take(self):
+        self.stage.take(self, self.begins, self.ways, 1)
+
+    def start(self):
+        self.asked.append("start")
+
+    def lead(self, motor):
+        self.asked.append(f"lead {motor}")
+        numbers = self.stage.follower.numbers
+        reals.put(numbers, OWN, TICKS, 0)
+        self.axes[motor].aim(OWN, ZERO, ZERO, numbers, self.ends, motor)
+        self.axes[motor].expect(False)
+
+    def started(self, tick):
+        self.began = tick
+
+    def recheck(self, waiting):
+        self.asked.append("recheck")
+        return self.code
+
+    def again(self):
+        self.passes -= 1
+        self.begins, self.ends = self.ends, self.begins
+        self.stage.begins = self.begins
+        return self.passes > 0
+
+    def wanted(self):
+        return self.passes > 0
+
+    def over(self):
+        self.asked.append("over")
+
+    def leave(self):
+        self.asked.append("leave")
+
+    def land(self, everything):
+        return False
+
+    def heading(self, motor):
+        return self.ends[motor] - self.begins[motor]
+
+
+def prepared(begins=(50,), ends=(450,), passes=1, **settings):
+    """(bench, operation), the operation taken."""
+    bench = StageBench(*([0, 10, 20] for _ in begins), **settings)
+    operation = There(bench, begins, ends, passes)
+    operation.take()
+    return bench, operation
+
+
+# ---------------------------------------------------------------- the way to READY
+
+
+def test_an_operation_first_sends_its_motors_to_where_it_begins():
+    bench, _ = prepared()
+    assert bench.stage.state == POSITIONING
+    assert bench.stage.busy
+    assert not bench.stage.running
+    bench.until(READY)
+    assert bench.place() == 50
+    assert not bench.axes.moving
+
+
+def test_go_before_they_are_there_is_not_in_position():
+    """field note 6.1"""
+    bench, _ = prepared()
+    assert bench.stage.may_go() == m.ERR_NOT_IN_POSITION
+    assert bench.until(READY).stage.may_go() == m.OK
+
+
+def test_go_without_an_operation_is_refused():
+    assert StageBench([0]).stage.may_go() == m.ERR_GENERAL
+
+
+def test_go_while_it_runs_is_refused():
+    bench, _ = prepared()
+    bench.until(READY).stage.go()
+    assert bench.until(RUNNING).stage.may_go() == m.ERR_MOVING
+
+
+def test_go_for_a_motor_that_has_been_excluded_meanwhile_is_refused():
+    bench, _ = prepared()
+    bench.until(READY).follower.excluded = 1
+    assert bench.stage.may_go() == m.ERR_GENERAL
+
+
+def test_what_is_set_meanwhile_is_checked_at_go():
+    """field note 6.12"""
+    bench, operation = prepared()
+    bench.until(READY).stage.change()
+    operation.code = m.ERR_PREROLL
+    assert bench.stage.may_go() == m.ERR_PREROLL
+    operation.code = m.OK
+    assert bench.stage.may_go() == m.OK
+    assert operation.asked.count("recheck") == 2
+    assert bench.stage.may_go() == m.OK
+    assert operation.asked.count("recheck") == 2, "nothing has been set since"
+
+
+@pytest.mark.parametrize("held, code", [(1, m.ERR_HARD_UP), (2, m.OK)])
+def test_go_into_a_limit_switch_is_refused(held, code):
+    """field note 8.4: the motor sets out upward."""
+    bench, _ = prepared()
+    bench.until(READY)
+    bench.safety.active, bench.safety.held = True, held
+    assert bench.stage.may_go() == code
+
+
+def test_in_ready_the_first_phases_are_planned_and_nothing_moves():
+    bench, operation = prepared()
+    bench.until(READY).run(300)
+    assert operation.asked[:2] == ["start", "lead 0"]
+    assert bench.place() == 50
+    assert bench.stage.may_go() == m.OK
+
+
+def test_what_is_planned_early_can_be_dropped_and_is_planned_anew():
+    bench, operation = prepared()
+    bench.until(READY).run(50)
+    bench.stage.retract()
+    bench.run(50)
+    assert operation.asked.count("start") == 2
+    bench.stage.go()
+    bench.rest()
+    assert bench.place() == 450
+
+
+def test_an_operation_dropped_before_go_leaves_nothing():
+    bench, _ = prepared()
+    bench.until(READY).run(50)
+    bench.stage.drop()
+    assert bench.stage.state == IDLE
+    bench.run(200)
+    assert (bench.place(), bench.ends) == (50, 0)
+
+
+# ---------------------------------------------------------------- the run
+
+
+def test_all_motors_start_in_the_same_tick():
+    """field note 6.3: equal motions of three motors have equal edges, whenever GO comes."""
+    bench, _ = prepared((5, 10, 15), (405, 410, 415))
+    bench.until(READY).run(7)
+    before = [len(engine.rises) for engine in bench.bench.engines]
+    bench.stage.go()
+    bench.rest()
+    edges = [engine.rises[n:] for engine, n in zip(bench.bench.engines, before, strict=True)]
+    assert len(edges[0]) == 400
+    # but for the cycles in which the tick writes one command after the other
+    assert np.ptp(edges, axis=0).max() < PER_US
+
+
+def test_it_is_told_the_tick_of_the_first_pulses():
+    bench, operation = prepared()
+    bench.until(READY).run(50)
+    first = len(bench.bench.engines[0].rises)
+    bench.stage.go()
+    bench.until(RUNNING)
+    assert operation.began == bench.kernel[stepper.TICKS] + 1 + bench.kernel[stepper.LEAD]
+    begins = bench.now()
+    bench.rest()
+    # 400 steps from rest to rest in 200 ticks: the first step is due when 3·x² - 2·x³ is 1/400
+    x = Polynomial([-1 / 400, 0, 3, -2]).roots()[1].real
+    assert bench.bench.engines[0].rises[first] == pytest.approx(begins + x * TICKS * PER_TICK, abs=0.5 * PER_TICK)
+
+
+def test_the_end_is_told_once():
+    """field note 6.4"""
+    bench, operation = prepared()
+    bench.until(READY).stage.go()
+    bench.rest().run(300)
+    assert bench.place() == 450
+    assert bench.ends == 1
+    assert operation.asked[-2:] == ["over", "leave"]
+
+
+def test_an_operation_without_an_rt_end_tells_none():
+    bench, operation = prepared()
+    operation.tells_end = False
+    bench.until(READY).stage.go()
+    assert bench.rest().ends == 0
+
+
+@pytest.mark.parametrize("passes", [1, 2, 3])
+def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
+    bench, operation = prepared(passes=passes)
+    bench.until(READY).stage.go()
+    bench.rest()
+    assert operation.asked.count("start") == passes
+    assert bench.place() == (450 if passes % 2 else 50)
+    assert bench.ends == 1
+
+
+@pytest.mark.parametrize("ticks", [2**29 - 1, 2**29 - 150, 2**29 - 400])
+def test_the_counter_of_ticks_may_wrap_at_any_moment_of_it(ticks):
+    bench, _ = prepared(ticks=ticks)
+    bench.until(READY).stage.go()
+    bench.rest()
+    assert (bench.place(), bench.ends) == (450, 1)
+
+
+# ---------------------------------------------------------------- stops
+
+
+@pytest.mark.parametrize("state", [POSITIONING, READY, STARTING, RUNNING])
+def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
+    bench, operation = prepared()
+    if state != POSITIONING:
+        bench.until(READY).run(20)
+    if state in (STARTING, RUNNING):
+        bench.stage.go()
+    if state == RUNNING:
+        bench.until(RUNNING).run(60)
+    assert bench.stage.state == state
+    assert bench.stage.stop() == 0
+    assert bench.stage.state == ENDING
+    bench.rest()
+    assert bench.ends == 1
+    assert operation.asked[-1] == "over"
+    assert bench.place() < 450
+
+
+def test_a_stop_with_nothing_under_way_tells_no_end():
+    bench = StageBench([0])
+    assert bench.stage.stop() == 0
+    assert bench.run(50).ends == 0
+
+
+def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
+    """field note 1.11"""
+    bench, _ = prepared()
+    bench.until(READY).stage.go()
+    bench.until(RUNNING).run(60)
+    bench.stage.leave(False)
+    assert bench.rest().ends == 0
+
+
+def test_a_stop_of_a_loop_ends_all_passes():
+    bench, operation = prepared(passes=5)
+    bench.until(READY).stage.go()
+    bench.until(RUNNING).run(60)
+    operation.passes = 0
+    bench.stage.stop()
+    bench.rest()
+    assert operation.asked.count("start") == 1
+
+
+# ---------------------------------------------------------------- POSITION_FRAME
+
+
+def to_frame(bench, frame, among=-1):
+    return bench.stage.go_to_frame(frame, array("i", [0] * bench.axes.count), among)
+
+
+@pytest.mark.parametrize("frame, place", [(101, 7), (102, 300), (103, -20)])
+def test_to_a_frame_all_motors_go_to_its_uploaded_positions(frame, place):
+    """field note 5.1: scene frame numbers; 4.6: MOVE TIME is that frame's on arrival."""
+    bench = StageBench([7, 300, -20], [0, 0, 40], start=101)
+    bench.stage.move_time = 0
+    assert to_frame(bench, frame) == m.OK
+    assert bench.stage.move_time == 0
+    bench.rest()
+    assert bench.place(0) == place
+    bench.stage.tell(False)
+    assert bench.stage.move_time == frame * 1000
+
+
+def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
+    bench = StageBench([0, 3000])
+    to_frame(bench, 2)
+    bench.run(40)
+    bench.axes[0].stop(bench.bench)
+    bench.rest().stage.tell(False)
+    assert bench.stage.move_time == 0
+
+
+@pytest.mark.parametrize("frame, code", [(0, m.ERR_RANGE), (1, m.OK), (3, m.OK), (4, m.ERR_RANGE)])
+def test_a_frame_outside_the_upload_is_out_of_range(frame, code):
+    """field note 5.2"""
+    assert to_frame(StageBench([0, 10, 20]), frame) == code
+
+
+def test_without_a_finished_upload_there_is_no_frame_to_go_to():
+    """field note 5.2"""
+    bench = StageBench([0])
+    bench.stage.store = UploadedMove()
+    assert to_frame(bench, 1) == m.ERR_GENERAL
+
+
+@pytest.mark.parametrize("target, code", [(101, m.ERR_SOFT_UP), (-101, m.ERR_SOFT_LOW), (100, m.OK)])
+def test_a_frame_past_a_soft_limit_is_refused_and_nothing_moves(target, code):
+    bench = StageBench([0, target])
+    bench.limit(-100, 100)
+    assert to_frame(bench, 2) == code
+    assert bench.axes.moving is (code == m.OK)
+
+
+def test_a_frame_behind_a_limit_switch_is_refused_and_nothing_moves():
+    bench = StageBench([0, 100])
+    bench.safety.code = m.ERR_HARD_UP
+    assert to_frame(bench, 2) == m.ERR_HARD_UP
+    assert not bench.axes.moving
+
+
+def test_going_to_a_frame_drops_what_is_prepared():
+    bench, _ = prepared()
+    bench.until(READY)
+    assert to_frame(bench, 2) == m.OK
+    assert bench.stage.state == IDLE
+
+
+def test_only_the_motors_asked_for_go_to_a_frame():
+    bench = StageBench([0, 100], [0, 100])
+    to_frame(bench, 2, among=0b10)
+    bench.rest()
+    assert (bench.place(0), bench.place(1)) == (0, 100)
