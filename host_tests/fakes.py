@@ -127,8 +127,8 @@ class StageBench:
     def run(self, ticks=1):
         for _ in range(ticks):
             self.bench.tick()
-            self.axes.sample()
-            if self.stage.running and self.stage.reached():
+            alarm = stepper.sample(self.kernel, self.axes.samples)
+            if alarm and self.stage.running and self.stage.reached():
                 self.told.append(self.stage.move_time)
             while self.stage.poll() | self.axes.feed():
                 pass

@@ -6,13 +6,14 @@ One pass of the main loop is poll(). Nothing in it allocates.
 from array import array
 
 from framestep.clock import WRAP as _WRAP
-from framestep.io.requests import Io
+from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import LOOK_MS, Watchdog
 from framestep.motion import axes as motion
 from framestep.motion import stepper
 from framestep.motion.axes import Axes
 from framestep.motion.positions import DRIVER, STEPS
+from framestep.motion.stepper import sample
 from framestep.moves.requests import Moves
 from framestep.moves.stage import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.native import const
@@ -85,6 +86,7 @@ class Controller:
         self.writer = FrameWriter(m.LARGEST_FRAME)
         self.axes = Axes(hal)
         self.header = hal.kernel.state  # of the tick
+        self.samples = self.axes.samples
         self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
         self.watchdog = Watchdog(hal, self.writer)
@@ -179,48 +181,47 @@ class Controller:
         """One pass; now: milliseconds modulo 2^29 or more. Returns whether there was anything to do."""
         now &= _WRAP
         self.now = now
-        self.axes.sample()
+        alarm = sample(self.header, self.samples)
         busy = self._listen()
-        if self.io.poll(now):
-            self._halt()
-        if self.io.go:
-            self.io.go = False
-            if self.moves.go_from_input():
-                self.say_go = True
-                busy = True
+        if busy:
+            self.port.send(self.writer)
+            self.awake = _AWAKE
+            self.planning = True
+        news = self.io.poll(now)
+        if news:
+            if news & STOP:
+                self._halt()
+            if news & GO and self.moves.go_from_input():
+                self.say_go = self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
                 self._drivers_failed(bits)
-        if busy:
-            self.awake = _AWAKE
-            self.planning = True
-            self.port.send(self.writer)
         if self.show.busy:
             self.show.poll()
-        if self.stage.state == RUNNING and self.stage.reached():
+        if alarm and self.stage.state == RUNNING and self.stage.reached():
             self.say_position = self.say_frame = True
             self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
-            self._tend(now, False)
+            self._tend(now, False, news)
         elif (
             self.was_moving
             and (now - self.report_at) & _WRAP >= self.rig.report_ms
             and (now - self.tended) & _WRAP < 2 * _TEND_MS
         ):
-            self._tend(now, False)
-        elif (now - self.tended) & _WRAP >= _TEND_MS or self.io.news:
+            self._tend(now, False, news)
+        elif (now - self.tended) & _WRAP >= _TEND_MS or news:
             self.tended = now
-            self._tend(now, True)
+            self._tend(now, True, news)
         elif self.planning:
             self._plan(now)
             if self.stage.ended:
-                self._tend(now, False)
+                self._tend(now, False, news)
         return busy
 
-    def _tend(self, now, whole):
+    def _tend(self, now, whole, news):
         """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports.
 
-        whole: if not, what is to be planned waits for the next pass.
+        whole: if not, what is to be planned waits for the next pass. news: of Io.poll().
         """
         if (now - self.watchdog.looked_at) & _WRAP >= LOOK_MS:
             self._sound()
@@ -229,7 +230,7 @@ class Controller:
         if now >> 7 & 15 != self.beat:
             self._light(now >> 7 & 15)
         look = stepper.look(self.header)
-        if look or self.io.news:
+        if look or news:
             self.awake = _AWAKE
         elif self.awake > _NAP:
             self.awake -= 1
@@ -285,7 +286,8 @@ class Controller:
 
     def _attend(self, reader):
         """Answer what has come; whether there was anything."""
-        if self.stage.state == POSITIONING or self.stage.state == ENDING:
+        state = self.stage.state
+        if state == POSITIONING or state == ENDING:
             self.stage.poll()  # answers tell how it stands now
         writer = self.writer
         busy = False
@@ -527,7 +529,7 @@ class Controller:
     def _status(self):
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(self.axes.moving_bits() | self.stage.engaged | self.virtuals.engaged)
+        writer.u32(stepper.moving(self.header) | self.stage.engaged | self.virtuals.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0
@@ -571,8 +573,8 @@ class Controller:
         writer.begin(m.MSG_EXCEEDED, self.reader)
         writer.u8(exceeded[0])
         writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
-        writer.word_from(exceeded, 2)
-        writer.word_from(exceeded, 3)
+        writer.words_from(exceeded, 2, 1)
+        writer.words_from(exceeded, 3, 1)
         writer.end()
         return 0
 

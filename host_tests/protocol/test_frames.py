@@ -164,6 +164,7 @@ _field = st.one_of(
     st.tuples(st.just("u16"), st.integers(-0x8000, 0xFFFF)),
     st.tuples(st.just("u32"), st.integers(-(2**30), 2**30 - 1)),
     st.tuples(st.just("word"), st.integers(-(2**31), 2**31 - 1)),
+    st.tuples(st.just("words"), st.lists(st.sampled_from(_EDGES), max_size=12)),
     st.tuples(st.just("text"), st.binary(max_size=1000), st.integers(0, 1036)),
 )
 _writing = st.lists(
@@ -180,13 +181,17 @@ _WIDTHS = {"u8": 1, "u16": 2, "u32": 4, "word": 4}
 def _encoded(field):
     if field[0] == "text":
         return field[1][: field[2]].ljust(field[2], b"\0")
+    if field[0] == "words":
+        return struct.pack(f"<{len(field[1])}i", *field[1])
     width = _WIDTHS[field[0]]
     return (field[1] & (1 << 8 * width) - 1).to_bytes(width, "little")
 
 
 def _write(writer, field):
     if field[0] == "word":
-        writer.word_from(array("i", [0, field[1]]), 1)
+        writer.words_from(array("i", [0, field[1]]), 1, 1)
+    elif field[0] == "words":
+        writer.words_from(array("i", [5, *field[1], 6]), 1, len(field[1]))
     else:
         getattr(writer, field[0])(*field[1:])
 

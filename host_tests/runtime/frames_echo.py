@@ -29,7 +29,7 @@ def answer(reader, writer, words):
     left = reader.length
     while left >= 4:
         reader.word_to(at, words, 1)
-        writer.word_from(words, 1)
+        writer.words_from(words, 1, 1)
         at += 4
         left -= 4
     if left >= 2:

@@ -116,9 +116,10 @@ class Rp2Hal:
         self.failure = None  # the exception that ended the passes
         self.alive = False  # passes go on
         self.task = None  # what framestep.repl wants done between two passes
-        self._due = False  # something is to be done after this pass
+        self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
         self._failed = False  # that is to be told
+        self._news = False  # that or something of drivers is
         self._struck = False  # Ctrl-C came in a pass: it is passed on to whom it was for
         self._ctrl_c = _CtrlC()
         self.led = self._make_led(board)
@@ -250,6 +251,7 @@ class Rp2Hal:
         self._saying_motors[place] = motor
         self._saying_texts[place] = text
         self._sayings += 1
+        self._news = True
 
     def trouble(self):
         return lost_commands(self.motors)
@@ -332,7 +334,7 @@ class Rp2Hal:
         finally:
             self._inside[PASS] = 0
             heap_unlock()
-        if self._due:
+        if self.task:
             self._after()
         if self._struck:
             self._struck = False
@@ -350,7 +352,7 @@ class Rp2Hal:
             if self._failing:
                 controller.fail()  # type: ignore[union-attr]
                 self._failing = False
-                self._failed = True
+                self._failed = self._news = True
             self._inside[PASS] = 1
             controller.poll(ticks_ms())  # type: ignore[union-attr]
         except KeyboardInterrupt:
@@ -359,21 +361,17 @@ class Rp2Hal:
         except Exception as error:
             self.failure = error
             self._end()
-            self._due = True
+            self.task = self._traceback_task
             return
-        self._due = self.task is not None
-        if (controller.untold or self._sayings or self._failed) and not controller.was_moving:  # type: ignore[union-attr]
+        if (controller.untold or self._news) and not controller.was_moving:  # type: ignore[union-attr]
             self._tell()
 
     def _after(self):
         """What a pass may not do itself, as it allocates."""
-        if not self.alive:
-            self._due = False
-            self._traceback()
-            return
+        if self._failing and self.alive:
+            return  # what the pass was at is half done
         task = self.task
         self.task = None
-        self._due = False
         try:
             task()  # type: ignore[misc]
         except KeyboardInterrupt:
@@ -408,6 +406,7 @@ class Rp2Hal:
         for bit, text in FAULTS:
             if untold & bit:
                 print("framestep: ", text, outcome(bit), sep="")
+        self._news = False
         if self._failed:
             self._failed = False
             print("framestep: Ctrl-C came in the middle of the controller's work; the motors were ramped down")

@@ -4,10 +4,12 @@ The controller merges `handlers` into its own table; a handler returns the code 
 with, or 0 where it has answered itself. Nothing allocates after construction.
 """
 
+from array import array
+
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import Lights
-from framestep.native import const, micropython, ptr32
+from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
 # What a pass has to look after, and where that is told: words of Safety, Inputs, Lights and Camera
@@ -16,7 +18,9 @@ _INPUTS = const(2)
 _RAMPS = const(4)
 _LEVELS = const(8)
 _PULSE = const(16)
-_NEWS = const(_SWITCHES | _INPUTS)
+NEWS = const(_SWITCHES | _INPUTS)  # poll(): a switch or an input is other than before,
+STOP = const(32)  # a stop input calls for action,
+GO = const(64)  # the input for GO has come on
 _ALL = const(0)  # Safety
 _REST = const(1)
 _ACTIVE = const(3)
@@ -29,7 +33,11 @@ _RAMPING = const(1)
 
 
 @micropython.viper
-def _due(switches: ptr32, inputs: ptr32, lights: ptr32, camera: ptr32, levels: int) -> int:
+def _due(table: ptr32, levels: int) -> int:
+    switches = ptr32(table[0])
+    inputs = ptr32(table[1])
+    lights = ptr32(table[2])
+    camera = ptr32(table[3])
     due = 0
     if (levels ^ switches[_REST]) & switches[_ALL] | switches[_ACTIVE] | switches[_CAUGHT]:
         due = _SWITCHES
@@ -53,18 +61,15 @@ class Io:
         self.reader = reader
         self.writer = writer
         self.now = 0
+        self._look = hal.levels
         self.lights = Lights(hal.dmx.channels, rig.dmx_ramp_ms)
         self.gio = Gio(hal, rig)
         self.camera = Camera(hal, rig)
-        self._switches = safety.words
-        self._inputs = self.gio.inputs.words
-        self._levels = self.lights.words
-        self._pulse = self.camera.pulsing
+        looked_at = (safety.words, self.gio.inputs.words, self.lights.words, self.camera.pulsing)
+        self._table = array("i", [as_word(addressof(words)) for words in looked_at])
         self.say_inputs = False  # GIO_IN is due
         self._go_bit = 1 << rig.go_input - 1 if rig.go_input else 0
         self._go_was = self.gio.inputs.values & self._go_bit
-        self.go = False  # the input for GO has come on
-        self.news = 0  # the last pass has found a switch or an input other than before
         self.handlers = {
             m.MSG_GIO_OUT: self._gio_out,
             m.MSG_GIO_IN: self._gio_in,
@@ -74,27 +79,29 @@ class Io:
             self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^29. True where a stop input calls for action (see Safety.poll)."""
+        """One pass; now: milliseconds modulo 2^29. Bits: NEWS, STOP (see Safety.poll), GO."""
         self.now = now
-        levels = self.hal.levels()
-        due = _due(self._switches, self._inputs, self._levels, self._pulse, levels)
-        self.news = due & _NEWS
+        levels = self._look()
+        due = _due(self._table, levels)
         if due == 0:
-            return False
+            return 0
+        news = due & NEWS
         if due & _INPUTS and self.gio.poll(now, levels):
             self.say_inputs = True
             if self._go_bit:
                 was = self._go_was
                 self._go_was = self.gio.inputs.values & self._go_bit
                 if self._go_was and not was:
-                    self.go = True
+                    news |= GO
         if due & _PULSE:
             self.camera.poll(now)
         if due & _RAMPS:
             self.lights.poll(now)
         if due & _LEVELS:
             self.hal.dmx.show(self.lights)
-        return due & _SWITCHES != 0 and self.safety.poll(now, levels)
+        if due & _SWITCHES and self.safety.poll(now, levels):
+            news |= STOP
+        return news
 
     def safe(self):
         """Outputs to their safe levels; lights stay as they are."""

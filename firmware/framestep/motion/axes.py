@@ -9,11 +9,10 @@ handed over as (array, index). Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import WRAP
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.positions import Positions
 from framestep.motion.ramps import load
-from framestep.motion.reals import add_words, copy_words, order_words
+from framestep.motion.reals import add_words, order_words
 from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
@@ -863,10 +862,6 @@ class Axis:
             _feed(self.parts, None, self.base, most, enough)
 
 
-_SAMPLES = const(8)  # kept, one in each pass of the main loop
-_STALE = const(16)  # ticks after which one is too old to be told
-
-
 class Axes:
     """All motors of the controller.
 
@@ -881,9 +876,7 @@ class Axes:
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.loose = []  # those with backlash
-        self._row = 1 + self.count
-        self._samples = array("i", [-_STALE & WRAP] * (_SAMPLES * self._row))
-        self._newest = 0
+        self.samples = stepper.samples(self.count)  # each pass of the main loop begins with another
         self.told = array("i", [0] * self.count)  # where the loads are by the pulses made until then: see choose()
 
     def __getitem__(self, motor):
@@ -935,48 +928,22 @@ class Axes:
         """Whether every queue has AHEAD segments, or all that there is to cut."""
         return _neediest(self.kernel.state, AHEAD, 0) == 0
 
-    def sample(self):
-        """In each pass: keep where all motors are."""
-        state = self.kernel.state
-        if self._samples[self._newest] != state[stepper.TICKS]:
-            self._newest = (self._newest + self._row) % (_SAMPLES * self._row)
-            stepper.sample(state, self._samples, self._newest)
-
     def choose(self):
         """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^29) whose pulses were the
         last of them."""
-        state = self.kernel.state
-        row = self._newest
-        samples = self._samples
-        now = state[stepper.TICKS]
-        if state[stepper.RUNNING]:
-            for _ in range(_SAMPLES):
-                age = (now - samples[row]) & WRAP
-                if age > _STALE:
-                    row = self._newest  # the main loop was away for long: some ticks ahead of the pins
-                    break
-                if age > state[stepper.LEAD]:
-                    break
-                row = (row - self._row) % (_SAMPLES * self._row)
-            tick = samples[row]
-        else:
-            stepper.sample(state, samples, row)  # nothing has moved for some ticks
-            tick = (now - state[stepper.LEAD] - 1) & WRAP
-        copy_words(self.told, samples, row + 1, self.count)
-        return tick
+        return stepper.choose(self.kernel.state, self.samples, self.told)
+
+    def alarm(self, tick):
+        """Have stepper.sample() tell from when this tick (modulo 2^29) is over; -1: no longer."""
+        self.samples[stepper.ALARM] = tick
 
     def renumbered(self, motor):
-        """A motor at rest has been given another position: that is what it was in the samples kept."""
-        place = self.axes[motor].place
-        at = 1 + motor
-        while at < _SAMPLES * self._row:
-            reals.copy_word(self._samples, at, place, 0)
-            at += self._row
+        """A motor at rest has been given another position."""
+        stepper.renumber(self.samples, motor, self.axes[motor].place)
 
     def tell(self, writer):
         """Append `told` to a frames.FrameWriter."""
-        for motor in range(self.count):
-            writer.word_from(self.told, motor)
+        writer.words_from(self.told, 0, self.count)
 
     def moving_bits(self):
         """One bit per motor that moves."""

@@ -29,7 +29,7 @@ AHEAD is short of LEAD ticks is the time by which it is sure to have done so.
 
 from array import array
 
-from framestep.clock import WRAP
+from framestep.clock import HALF, WRAP
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 TICK_US = const(1000)
@@ -97,6 +97,15 @@ PHASES = const(29)
 PLACE = const(30)  # address of the load's place, see axes.py, and the play between it and the motor: for sample()
 PLAY = const(31)
 BLOCK_WORDS = const(32)
+
+# Words of samples(): rows of a tick and a place for each motor
+_NEWEST = const(0)  # where the newest row is
+ALARM = const(1)  # a tick, modulo 2^29, or -1
+_ROW = const(2)  # words of a row
+_END = const(3)
+_ROWS = const(4)
+_SAMPLES = const(8)  # kept, one in each pass of the main loop
+_STALE = const(16)  # ticks after which one is too old to be told
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
@@ -320,31 +329,89 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     return done
 
 
-@micropython.viper
-def sample(m: ptr32, out, i: int):
-    """out[i] = the tick done last, and behind it where each motor's load is with what has been queued until then.
+def samples(motors):
+    """An array for sample() and choose()."""
+    row = 1 + motors
+    words = array("i", [-_STALE & WRAP] * (_ROWS + _SAMPLES * row))
+    words[_NEWEST] = _ROWS
+    words[ALARM] = -1
+    words[_ROW] = row
+    words[_END] = len(words)
+    return words
 
-    Brings the loads' places up to date. m: the header.
+
+@micropython.viper
+def sample(m: ptr32, out: ptr32) -> int:
+    """Keep in samples() the tick done last, and where each motor's load is with what has been queued until then.
+
+    Brings the loads' places up to date. Whether the tick of the alarm is over. m: the header.
     """
     h = m
-    o = ptr32(out)
-    tick = h[TICKS] - 1
-    while tick != h[TICKS]:  # once more where a tick came in between
-        tick = h[TICKS]
-        k = i
-        o[k] = tick
-        a = h[FIRST]
-        while a:
-            m = ptr32(a)
-            a = m[NEXT]
-            k += 1
-            place = ptr32(m[PLACE])
-            position = m[POSITION]
-            if place[0] < position:
-                place[0] = position
-            elif place[0] - position > m[PLAY]:
-                place[0] = position + m[PLAY]
-            o[k] = place[0]
+    i = out[_NEWEST]
+    if out[i + 0] != h[TICKS]:
+        i += out[_ROW]
+        if i == out[_END]:
+            i = _ROWS
+        out[_NEWEST] = i
+        tick = h[TICKS] - 1
+        while tick != h[TICKS]:  # once more where a tick came in between
+            tick = h[TICKS]
+            k = i
+            out[k] = tick
+            a = h[FIRST]
+            while a:
+                m = ptr32(a)
+                a = m[NEXT]
+                k += 1
+                place = ptr32(m[PLACE])
+                position = m[POSITION]
+                if place[0] < position:
+                    place[0] = position
+                elif place[0] - position > m[PLAY]:
+                    place[0] = position + m[PLAY]
+                out[k] = place[0]
+    if out[ALARM] >= 0:
+        if (out[i + 0] - out[ALARM] - 1) & WRAP < HALF:
+            return 1
+    return 0
+
+
+@micropython.viper
+def choose(header, words, told: ptr32) -> int:
+    """told = where the pulses made until now have taken the loads, by samples(). The tick (modulo 2^29) whose pulses
+    were the last of them."""
+    h = ptr32(header)
+    running = h[RUNNING]
+    if running == 0:
+        sample(header, words)  # nothing has moved for some ticks
+    out = ptr32(words)
+    i = out[_NEWEST]
+    tick = (h[TICKS] - h[LEAD] - 1) & WRAP
+    while running:
+        age = (h[TICKS] - out[i + 0]) & WRAP
+        if age > _STALE:
+            i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
+        elif age <= h[LEAD]:
+            if i == _ROWS:
+                i = out[_END]
+            i -= out[_ROW]
+            continue
+        tick = out[i + 0]
+        break
+    k = 1
+    while k < out[_ROW]:
+        told[k - 1] = out[i + k]
+        k += 1
+    return tick
+
+
+@micropython.viper
+def renumber(words: ptr32, motor: int, place: ptr32):
+    """A motor at rest has been given another position: that is what it was in the samples kept."""
+    i = _ROWS + 1 + motor
+    while i < words[_END]:
+        words[i] = place[0]
+        i += words[_ROW]
 
 
 @micropython.viper

@@ -352,6 +352,7 @@ class RunMove(Operation):
     def started(self, tick):
         first = (tick + self.begin_ms) & _WRAP
         self.tell_clock.begin(self.plan.fps_milli, first)
+        self.stage.axes.alarm(first)
         self.show.begin(self.plan, self.first, self.step, tick, first, not self.looping)
 
     def feed(self):
@@ -436,6 +437,7 @@ class RunMove(Operation):
         self.stage.move_time = (self.store.start + self.first + self.step * self.told) * 1000
         self.told += 1
         clock.advance()
+        self.stage.axes.alarm(clock.tick if self.told <= self.plan.frames else -1)
         return True
 
     def finished(self):

@@ -316,10 +316,12 @@ class ShootFrame(Operation):
         show.signal(opens, SHUTTER, SHUTTER)
         show.signal(closes, SHUTTER | METER, 0)
         self.done_tick = (tick + shot.lasts_ms) & _WRAP
+        self.stage.axes.alarm((self.done_tick - 1) & _WRAP)
 
     def reached(self, ticks):
         if not self.done and (ticks - self.done_tick) & _WRAP < _HALF:
             self.done = True
+            self.stage.axes.alarm(-1)
         return False
 
     def finished(self):

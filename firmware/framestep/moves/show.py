@@ -163,7 +163,7 @@ class Show:
         self.cue_clock.begin(plan.fps_milli, tick)
         self.level_clock.begin(plan.fps_milli, tick)
         self.queued = 0
-        self.shown = 0
+        self.shown = 0 if plan.sync and self.cues.has_levels else plan.frames + 1
         self.until = tick
         self.triggers = 0
         if not again:
@@ -265,7 +265,7 @@ class Show:
         """Whether all that goes with the pass has been given."""
         plan = self.plan
         ticks = self.axes.kernel.state[stepper.TICKS]
-        if self.queued <= plan.frames or self.shown <= plan.frames and plan.sync:
+        if self.queued <= plan.frames or self.shown <= plan.frames:
             return False
         return (ticks - self.until) & _WRAP < _HALF
 
@@ -275,16 +275,15 @@ class Show:
             self.pass_on()
         ticks = self.axes.kernel.state[stepper.TICKS]
         plan = self.plan
-        changed = False
-        if plan is not None and plan.sync:
-            changed = self._levels(plan.frames, ticks, self.level_clock)
+        levels = plan is not None and self.shown <= plan.frames
+        changed = levels and self._levels(plan.frames, ticks, self.level_clock)
         if self.bloop:
             changed |= self._bloop(ticks, (ticks - self.bloop_from) & _WRAP)
         if changed:
             self.dmx.show(self.lights)
         if self.stopping and (ticks - self.stop_until) & _WRAP < _HALF:
             self.stopping = False
-        self.busy = plan is not None or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
+        self.busy = levels or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
 
     def _levels(self, frames, ticks, clock):
         """Set the levels of the frames that are due; whether there were any."""
@@ -292,13 +291,12 @@ class Show:
         while self.shown <= frames:
             if (ticks - clock.tick - (clock.us + _ROUND_US) // 1000) & _WRAP >= _HALF:
                 break
-            if self.cues.has_levels:
-                index = self.first + self.step * self.shown
-                if self.shown:
-                    self.cues.step(index, self.step < 0, self.lights)
-                else:
-                    self.cues.seek(index, self.lights)
-                changed = True
+            index = self.first + self.step * self.shown
+            if self.shown:
+                self.cues.step(index, self.step < 0, self.lights)
+            else:
+                self.cues.seek(index, self.lights)
+            changed = True
             self.shown += 1
             clock.advance()
         return changed

@@ -26,7 +26,7 @@ from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.moves.follow import Follower
 from framestep.moves.store import READY as UPLOADED
-from framestep.native import const
+from framestep.native import const, micropython
 from framestep.protocol.messages import (
     ERR_GENERAL,
     ERR_HARD_LOW,
@@ -80,7 +80,8 @@ class Operation:
         """The first segment is taken in this tick."""
 
     def reached(self, ticks):
-        """Whether a frame has been reached that is to be told; ticks: of the pulses now made."""
+        """Whether a frame has been reached that is to be told; ticks: of the pulses now made. Asked in each pass from
+        the tick on that `axes.alarm` was set to."""
         return False
 
     def play_head(self, tick, frame):
@@ -129,6 +130,17 @@ class Operation:
         """It has come to its end, RT_END is due: send the motors on from there."""
 
 
+@micropython.viper
+def _positions(store, bits: int, index: int, out):
+    """out[motor] = the uploaded position at frame `index`, for the motors of these bits."""
+    motor = 0
+    while bits:
+        if bits & 1:
+            store.positions(motor, index, 1, out, motor)
+        bits >>= 1
+        motor += 1
+
+
 class Stage:
     """Runs one operation at a time."""
 
@@ -169,7 +181,8 @@ class Stage:
     @property
     def engaged(self):
         """Bits of the motors that an operation under way holds, whether they move or pause between two passes."""
-        return self.operation.bits if self.running or self.state == LEAVING else 0
+        state = self.state
+        return self.operation.bits if state >= RUNNING or state == LEAVING or self.unattended else 0
 
     def takes(self, motor):
         """Whether the motor has a part in the operation."""
@@ -246,9 +259,7 @@ class Stage:
             self.exact = -1
             time = self.operation.play_head(tick, frame)
             if self.exact >= 0:
-                for motor in range(self.axes.count):
-                    if self.operation.bits >> motor & 1:
-                        self.store.position(motor, self.exact, self.axes.told, motor)
+                _positions(self.store, self.operation.bits, self.exact, self.axes.told)
             return time
         self._arrive()
         return self.move_time
@@ -418,7 +429,7 @@ class Stage:
             self.unattended = False
 
     def reached(self):
-        """In each pass while it runs: whether a frame has been reached that is to be told."""
+        """While it runs, in each pass with an alarm: whether a frame has been reached that is to be told."""
         return self.operation.reached(self.axes.kernel.state[stepper.TICKS])
 
     def poll(self):

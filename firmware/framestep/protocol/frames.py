@@ -414,20 +414,22 @@ class FrameWriter:
         _put(self._buffer, self._state, value, 4)
 
     @micropython.viper
-    def word_from(self, words: object, index: int):
-        """Append `words[index]` of an array('i') as a DWORD; any value."""
+    def words_from(self, words: object, index: int, count: int):
+        """Append `count` elements of an array('i') from `words[index]` on as DWORDs; any values."""
         state = ptr32(self._state)
         at = state[_PUT]
-        if state[_LIMIT] - at < 4:
+        index <<= 2
+        end = at + (count << 2)
+        if end > state[_LIMIT]:
             state[_FULL] = 1
             return
-        value = ptr32(words)[index + 0]
+        state[_PUT] = end
+        source = ptr8(words)
         buffer = ptr8(self._buffer)
-        buffer[at] = value & 0xFF
-        buffer[at + 1] = value >> 8 & 0xFF
-        buffer[at + 2] = value >> 16 & 0xFF
-        buffer[at + 3] = value >> 24 & 0xFF
-        state[_PUT] = at + 4
+        while at < end:
+            buffer[at] = source[index + 0]
+            at += 1
+            index += 1
 
     def text(self, text, width):
         """Append bytes cut or filled with zeros to `width`."""

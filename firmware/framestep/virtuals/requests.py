@@ -214,11 +214,11 @@ class Virtuals:
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(g.AXES):
             self.motion.rig.tell(self.word, 0, i)
-            writer.word_from(self.word, 0)
+            writer.words_from(self.word, 0, 1)
         if self.capabilities & m.CAP_AIM_POINT:
             writer.u8(1 if self.motion.aiming else 0)
             for i in range(3):
-                writer.word_from(self.point, i)
+                writer.words_from(self.point, i, 1)
         return writer.end()
 
     def _get_position(self):
@@ -465,7 +465,7 @@ class Virtuals:
         writer.u8(enable)
         for i in range(3):
             reader.word_to(1 + 4 * i, self.point, i)
-            writer.word_from(self.point, i)
+            writer.words_from(self.point, i, 1)
         writer.end()
         return 0
 
