@@ -878,6 +878,8 @@ class Controller:
             return m.ERR_RANGE
         self.safety.assign(motor, hw_set)
         self.stage.change()
-        leader = self.axes[motor].leader
-        self.virtuals.limited(motor if leader is None else motor - 1)
+        motor = self._leading(motor)
+        self.virtuals.limited(motor)
+        if not (self.stage.playing | self.virtuals.engaged) >> motor & 1:
+            self.axes[motor].heed(self.hal)
         return m.OK

@@ -548,6 +548,61 @@ def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
     assert np.cumsum(rig.steps(1)[1]).max() <= 8000
 
 
+UNDER_WAY = {
+    "a move": [MotorMove(1, 30_000)],
+    "a jog": [MotorJog(1, 10_000, FARTHEST)],
+    "a move that turns": [MotorMove(1, -30_000), MotorMove(1, 30_000)],
+}
+
+
+@pytest.mark.parametrize("jerk", [0, 300])
+@pytest.mark.parametrize("backlash", [0, 40])
+@pytest.mark.parametrize("room", [9_000, 1_000], ids=["in time", "too late"])
+@pytest.mark.parametrize("requests", UNDER_WAY.values(), ids=UNDER_WAY)
+def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
+    """The motor comes to rest on it; where it is too near to stop there, it comes back (field note 4.3)."""
+    rig = simulated({"motors": [{"jerk": jerk, "backlash": backlash}], "jog_timeout_ms": 0})
+    rig.accept(MotorSetSpeed(1, 20_000, 40_000))
+    for request in requests:
+        rig.accept(request)
+        rig.run(0.3)
+    rig.run(0.2)
+    limit = rig.position(1) + room
+    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
+    rig.wait_idle()
+    assert rig.position(1) == limit
+    times, signs = rig.steps(1)
+    assert_within(times, signs, 20_000, 40_000)
+    if room > 5_000:
+        assert np.cumsum(signs).max() <= limit
+    else:
+        stop_s = 20_000 / 40_000 / 2 + 0.05 + (0.2 if jerk else 0)
+        assert limit < np.cumsum(signs).max() < limit - room + 20_000 * stop_s
+    rig.refuse(Ack.ERR_SOFT_UP, MotorMove(1, limit + 1))
+
+
+@pytest.mark.parametrize("stop", [MotorStop(1), MotorStopAll()])
+@pytest.mark.parametrize("jerk", [0, 300])
+def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
+    rig = simulated({"motors": [{"jerk": jerk}]})
+    rig.accept(MotorSetSpeed(1, 20_000, 40_000), MotorMove(1, 30_000))
+    rig.run(0.4)
+    rig.accept(stop)
+    rig.run(0.05)
+    limit = rig.position(1) + 12_000
+    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
+    rig.wait_idle()
+    assert rig.position(1) < limit - 2_000
+
+
+def test_limits_of_another_motor_leave_a_move_alone(rig):
+    rig.accept(MotorMove(1, 3000))
+    rig.run(0.2)
+    rig.accept(MotorSetLimits(2, 1, -1, 1, 1), MotorSetLimits(1, 1, -1, 1, 3000))
+    rig.wait_idle()
+    assert rig.position(1) == 3000
+
+
 def test_less_acceleration_waits_for_the_motor_to_stand(rig):
     rig.accept(MotorSetSpeed(1, 20000, 40000), MotorMove(1, 8000))
     rig.run(0.2)

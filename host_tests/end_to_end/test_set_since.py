@@ -160,3 +160,29 @@ def test_a_slower_way_back_in_a_loop():
     assert_within(times, signs, 1500 * 1.01, 3000 * 1.02, window=0.05)
     assert not session.events(RtEnd)
     assert np.count_nonzero(np.diff(signs)) >= 3
+
+
+def test_a_limit_set_on_the_way_to_the_start():
+    """The motors go no farther than that, and GO is refused."""
+    session = loaded()
+    session.accept(MotorSetSpeed(1, 2_000, 4_000), RUN)
+    session.run(0.2)
+    session.accept(MotorSetLimits(1, 1, -100, 1, 500))
+    session.wait_idle()
+    assert session.position(1) == session.made(1) == 500
+    session.refuse(Ack.ERR_SOFT_UP, RtGo())
+
+
+@pytest.mark.parametrize("when", ["on the way back", "before the way back"])
+def test_a_limit_set_in_a_loop_holds_on_the_way_back(when):
+    session = loaded()
+    session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
+    session.accept(RtGo())
+    session.run(2.1 if when == "on the way back" else 1.5)
+    assert session.position(1) > 1500
+    set_at = session.now
+    session.accept(MotorSetLimits(1, 1, 900, 1, 100_000))
+    session.client.wait_event(RtEnd, 6)
+    session.wait_idle()
+    times, signs = session.steps(1)
+    assert np.cumsum(signs)[times > set_at].min() >= 900

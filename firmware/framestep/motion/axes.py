@@ -496,6 +496,11 @@ class Axis:
             if self.outside(target, i) or order_words(self.place, 0, self.bounds, end) == side:
                 reals.copy_word(target, i, self.place, 0)
 
+    def heed(self, hal):
+        """After set_limits() in a motion by travel(): end it at the new limit, if it leads past that."""
+        if self.moving and not self.stopping and not self.easing and self.outside(self.limits, TARGET):
+            self.travel(hal, self.limits, TARGET, self.share, self.way)
+
     def heads_for(self, target, i, share):
         """Whether the motion under way is the one that travel() would plan."""
         return (
@@ -648,7 +653,8 @@ class Axis:
 
         way: what the motor is to do next, 1 up, -1 down, 0 unknown. It comes to rest with its play taken up for that
         direction, by a second motion where it comes from the other side (see stands_on).
-        Under way it bends to the new target, stopping first where it must turn (field note 4.8).
+        Under way it bends to the new target, stopping first where it must turn (field note 4.8). A target past `bounds`
+        is held there, see clamp(): they may have become narrower since it was checked.
         Returns whether anything moves. The motion starts with the next tick.
         """
         r = self.numbers
@@ -665,6 +671,7 @@ class Axis:
             else:
                 reals.copy(r, SHARE_STEEP, _Y)
         reals.copy_word(self.limits, TARGET, target, i)
+        self.clamp(self.limits, TARGET)
         self.way = way
         # A stop by the kernel keeps no limit of the jerk: a plan within one cannot begin in the midst of it.
         smooth = reals.sign(r, JERK) > 0

@@ -184,6 +184,11 @@ class Stage:
         state = self.state
         return self.operation.bits if state >= RUNNING or state == LEAVING or self.unattended else 0
 
+    @property
+    def playing(self):
+        """Bits of the motors that move by an operation's phases, or stop after them, and not to where it begins."""
+        return self.operation.bits if self.state >= RUNNING else 0
+
     def takes(self, motor):
         """Whether the motor has a part in the operation."""
         return self.operation.bits >> motor & 1
