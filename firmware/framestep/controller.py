@@ -119,6 +119,7 @@ class Controller:
         self.tended = 0
         self.awake = _AWAKE
         self.planning = False  # the next pass plans on
+        self.unsent = False  # the port was still at something else
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
@@ -184,9 +185,10 @@ class Controller:
         alarm = sample(self.header, self.samples)
         busy = self._listen()
         if busy:
-            self.port.send(self.writer)
             self.awake = _AWAKE
             self.planning = True
+        if busy or self.unsent:
+            self.unsent = self.port.send(self.writer)
         news = self.io.poll(now)
         if news:
             if news & STOP:
@@ -251,7 +253,7 @@ class Controller:
         self._report()
         if self.memory:
             self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
-        self.port.send(self.writer)
+        self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
         """A piece of what is to be planned, a frame or segments of one motor: the rest waits for the next pass."""

@@ -35,7 +35,8 @@ and a port is one with
     open              whether the host has it open (DTR); True where that cannot be seen
     openings          how often it has been opened; a change means a new host
     poll(reader)      move received bytes into reader.feed(buffer, start, count); returns how many
-    send(writer)      begin to send what writer.take(buffer, limit) hands out; never waits
+    send(writer)      begin to send what writer.take(buffer, limit) hands out; never waits. Something true where it is
+                      worth while to ask again in the next pass, since something else is still under way
 
 and dmx is one with
 

@@ -424,22 +424,24 @@ class UsbPort:
         return moved
 
     @micropython.viper
-    def send(self, writer):
-        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives. Never waits.
+    def send(self, writer) -> int:
+        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives; else 1. Never waits.
 
         What is given to a closed port goes nowhere, as on any serial port.
         """
         s = ptr32(self._state)
         if self.open:
-            if not s[_SENDING]:
-                count = int(writer.take(self._tx, _OUTGOING))
-                if count:
-                    s[_LEFT] = count
-                    s[_NEXT] = s[_TX]
-                    _send_packet(self)
+            if s[_SENDING]:
+                return 1
+            count = int(writer.take(self._tx, _OUTGOING))
+            if count:
+                s[_LEFT] = count
+                s[_NEXT] = s[_TX]
+                _send_packet(self)
         else:
             while int(writer.take(self._tx, _OUTGOING)):
                 pass
+        return 0
 
     # ------------------------------------------------------------ openings and closings
 

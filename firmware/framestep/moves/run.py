@@ -93,6 +93,9 @@ class RunMove(Operation):
         self.begin_ms = 0
         self.end_ms = 0
         self.queued = 0
+        self.unclosed = 0  # bits of motors that have yet to get their post-roll,
+        self.period = _DURATION  # after a frame of this register in the last pass
+        self.last_pass = False
         self.closed = False
         self.told = 0
         self.queue_clock = FrameClock()
@@ -325,6 +328,7 @@ class RunMove(Operation):
         self._durations(plan.fps_milli)
         self.queue_clock.begin(plan.fps_milli, 0)
         self.queued = 0
+        self.unclosed = 0
         self.closed = False
         self.told = 0
 
@@ -359,6 +363,9 @@ class RunMove(Operation):
         self.show.feed()
         if self.closed:
             return False
+        if self.unclosed:
+            self._close()
+            return True
         if self.bits:
             if self.follower.ahead(self.bits) >= _AHEAD:
                 return False
@@ -374,33 +381,40 @@ class RunMove(Operation):
         k = self.queued + 1
         duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
         if k > plan.frames:
-            self._close(duration)
+            self.period = duration
+            self.end = self.first + self.step * plan.frames
+            self.last_pass = not self.looping
+            self.unclosed = plan.bits
+            self._close()
             return
         self.queued = k
         follower.hop(plan.bits, self.first + self.step * k, self.step, duration)
 
-    def _close(self, duration):
-        """Append the post-roll; in the last pass after the end frame's own period of register `duration`."""
+    def _close(self):
+        """Append the post-roll of the next motor; in the last pass after the end frame's own period."""
         follower = self.follower
         r = follower.numbers
         plan = self.plan
-        onward = self.step == plan.step
-        rolls = plan.post_rolls if onward else plan.pre_rolls
-        places = plan.ends if onward else plan.begins
-        self.end = self.first + self.step * plan.frames
-        for motor in range(follower.count):
-            if plan.bits >> motor & 1:
-                axis = follower.axes[motor]
-                own = speed(motor)
-                reals.fetch(r, _ROLL, rolls, 2 * motor)
-                if not self.looping:
-                    self._last(motor, self.end)
-                    axis.coast(duration, own, own, r, self.lasts, motor)
-                    places = self.rests
-                if reals.sign(r, _ROLL):
-                    axis.coast(_ROLL, own, ZERO, r, places, motor)
-        follower.close(plan.bits)
-        self.closed = True
+        bits = self.unclosed
+        if bits:
+            motor = 0
+            while not bits >> motor & 1:
+                motor += 1
+            self.unclosed = bits ^ 1 << motor
+            onward = self.step == plan.step
+            places = plan.ends if onward else plan.begins
+            axis = follower.axes[motor]
+            own = speed(motor)
+            reals.fetch(r, _ROLL, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
+            if self.last_pass:
+                self._last(motor, self.end)
+                axis.coast(self.period, own, own, r, self.lasts, motor)
+                places = self.rests
+            if reals.sign(r, _ROLL):
+                axis.coast(_ROLL, own, ZERO, r, places, motor)
+        if not self.unclosed:
+            follower.close(plan.bits)
+            self.closed = True
 
     def play_head(self, tick, frame):
         told = self.told
