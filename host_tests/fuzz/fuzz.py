@@ -50,7 +50,7 @@ def follow(trial, script: Script, tail_ms: int = 0) -> None:
 
 def fails(script: Script) -> str | None:
     """The kind of finding that a script leads to."""
-    from .trial import Finding
+    from .finding import Finding
 
     try:
         replay(script)
@@ -122,8 +122,10 @@ def shrink_from(script: Script, finding) -> Script:
 
 def session(seed: str, requests: int):
     """One session; (Trial, Finding or None)."""
-    from .trial import Finding, Trial
-    from .world import World, draw_script
+    from .finding import Finding
+    from .rigs import draw_script
+    from .trial import Trial
+    from .world import World
 
     dice = Random(seed)
     trial = Trial(draw_script(dice))
@@ -197,7 +199,7 @@ def main() -> int:
 
 def replay_all(names) -> int:
     """Say for each script what it leads to."""
-    from .trial import Finding
+    from .finding import Finding
 
     bad = 0
     for name in names:

@@ -10,8 +10,8 @@ import pytest
 
 from framestep.protocol import messages as m
 
+from .link import frame
 from .test_trial import PATH, Host
-from .trial import frame
 
 RUN = struct.pack("<IiiIIBIHHHHH", 24_000, 1, 24, 300, 300, 0, 0, 0, 0, 0, 90, 180)
 BYTES = len(frame(m.MSG_RT_RUN_MOVE, RUN, 1))

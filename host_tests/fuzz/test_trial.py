@@ -21,7 +21,9 @@ from framestep.virtuals.jog import Guide
 from framestep_tools.script import Script, parse
 
 from . import fuzz
-from .trial import Finding, Trial, frame
+from .finding import Finding
+from .link import frame
+from .trial import Trial
 
 SCRIPTS = Path(__file__).parent / "scripts"
 
@@ -76,7 +78,7 @@ class Host:
         self.send(m.MSG_RT_GO)
         for _ in range(6000):
             self.trial.step()
-            if self.trial.going is None:
+            if self.trial.runs.going is None:
                 break
 
 

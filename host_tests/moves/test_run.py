@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from framestep.motion import reals
 from framestep.moves.run import LONGEST_ROLL, RunMove
 from framestep.moves.stage import IDLE, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
@@ -189,8 +190,20 @@ def test_at_each_frames_time_a_motor_has_made_the_uploaded_steps(fps, start, end
         assert around[0] <= path[number - 1] <= around[1], number
 
 
-def test_frames_of_a_hundred_seconds_are_in_time():
-    """A rate far below one, some frames of it: nothing is in a hurry, and nothing wraps."""
+@pytest.mark.parametrize("fps", [23.976, 29.97, 120])
+def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
+    """Each is a difference of rounded times, in whole microseconds: no rounding adds up."""
+    run = Run([0] * 1001)
+    run.prepare(fps)
+    run.run.start()
+    follower, durations = run.bench.follower, []
+    follower.hop = lambda bits, index, step, duration: durations.append(reals.value(follower.numbers, duration))
+    for _ in range(1000):
+        run.run._queue()
+    assert sum(round(1000 * ms) for ms in durations) == round(1000 * due(1000, fps))
+
+
+def test_frames_of_five_seconds_are_in_time():
     run = Run([0, 40, 20], velocity=500)
     run.play(0.2, end=2).rest()
     assert run.at(due(1, 0.2) + 0.25) == 40

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
+from framestep.motion import reals, stepper
 from framestep.moves.shoot import CUE_DELAY_US, LONGEST_MS, ShootFrame
 from framestep.moves.show import METER, SHUTTER
 from framestep.moves.stage import READY, RUNNING
@@ -200,6 +200,13 @@ def test_the_run_up_and_the_run_out_last_a_second():
     assert shot.at(shot.closes, 990) < 1800 <= shot.at(shot.closes, 1010)
 
 
+def test_the_motion_comes_as_much_later_than_its_ticks_as_cues_do():
+    """A tick, since the shutter opens in a whole one, then what cues are later by: 100 µs and 12."""
+    shot = Shot([0])
+    shot.blur((1, 0, 800))
+    assert reals.value(shot.shoot.shot.wait, 0) == pytest.approx(1 + 0.100 + 0.012, abs=1e-6)
+
+
 def test_the_speed_is_constant_while_the_shutter_is_open():
     shot = Shot([0])
     shot.blur((1, 0, 800))
@@ -220,9 +227,9 @@ def test_a_blur_of_less_is_the_middle_of_the_way(permille, a, b):
 def test_direction_0_exchanges_a_and_b():
     """field note 7.1"""
     shot = Shot([0])
-    shot.blur((1, 0, 800), backward=True)
+    shot.blur((1, 100, 900), backward=True)
     shot.play()
-    assert (shot.at(shot.opens), shot.at(shot.closes)) == (pytest.approx(800, abs=1), pytest.approx(0, abs=1))
+    assert (shot.at(shot.opens), shot.at(shot.closes)) == (pytest.approx(900, abs=1), pytest.approx(100, abs=1))
 
 
 def test_an_exposure_of_0_lasts_a_second():

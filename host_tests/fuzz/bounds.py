@@ -1,0 +1,139 @@
+"""What a motor may do, from the requests that have been acknowledged: velocities, accelerations, places, paths."""
+
+import numpy as np
+
+from framestep.protocol import messages as m
+
+FREE = float("inf")
+STEEPEST = 4_000_000
+
+
+class Motor:
+    """What is known of a motor: its settings as acknowledged, and its edges since it last stood."""
+
+    def __init__(self, index, settings):
+        self.index = index
+        self.backlash = settings["backlash"]
+        self.jerk = settings["jerk"] * 1000
+        self.edges: list[int] = []  # cycle · 2, +1 where it goes up
+        self.seen = self.made = 0  # how many of them have been pulsed by now, and their sum
+        self.at = 0  # of the motor, in the numbers that are told, before these edges
+        self.load = 0  # the place of the load before these edges
+        self.velocity, self.acceleration = 5000, 20000  # as set
+        self.flags = m.MOTOR_ENABLED
+        self.limits = (None, None)
+        self.coupled = 0  # 1 or -1: the next motor does the same
+        self.leader = None
+        self.top = [(0, 5000)]  # (ms, steps/s): what it may do from then on, since it last stood; never less
+        self.steep = [(0, 20000)]
+        self.least = 20000  # the lowest acceleration since it last stood
+        self.jerky = False  # something else than moves of its own since it last stood
+        self.low = self.high = 0  # where it may be, since it last stood: of the motor
+        self.free = False  # that is not known
+        self.soft: tuple | None = (None, None)  # bounds of the motor by the soft limits, None: not known
+        self.fresh = True  # it stood before these edges
+        self.sent = 0  # places that it has been sent to since it last stood
+        self.quiet: int | None = 0  # since when it may not move, ms
+        self.quiets: list[tuple[int, int]] = []
+
+    def allow(self, ms, velocity=0.0, acceleration=0.0):
+        if velocity > self.top[-1][1]:
+            self.top.append((ms, velocity))
+        if acceleration > self.steep[-1][1]:
+            self.steep.append((ms, acceleration))
+
+    def reach(self, *places):
+        """It may go to these places of the load."""
+        self.sent += 1
+        self.low = min(self.low, min(places) - self.backlash)
+        self.high = max(self.high, *places)
+
+    def stands(self, ms):
+        """It is known to stand where the edges so far have brought it: bounds begin anew."""
+        self.top = [(ms, self.velocity)]
+        self.steep = [(ms, self.acceleration)]
+        self.least = self.acceleration
+        self.jerky = self.free = False
+        self.fresh = True
+        self.sent = 0
+        self.low = self.high = self.at
+        self.bound()
+
+    def bound(self):
+        lower, upper = self.limits
+        self.soft = (
+            None if lower is None else min(lower, self.load) - self.backlash,
+            None if upper is None else max(upper, self.load),
+        )
+
+    def wake(self, ms):
+        if self.quiet is not None:
+            self.quiets.append((self.quiet, ms))
+            self.quiet = None
+
+    def rest(self, ms):
+        if self.quiet is None:
+            self.quiet = ms
+
+
+class Upload:
+    """The uploaded move as the acknowledged requests have made it."""
+
+    def __init__(self, start=1, end=0):
+        self.start, self.count = start, end - start + 1
+        self.sent: dict[int, dict[int, int]] = {}
+        self.ready = False
+        self.known = True
+        self.paths: dict[int, np.ndarray] = {}
+
+    def section(self, motor, index, last, steps):
+        sent = self.sent.setdefault(motor, {})
+        for i, step in enumerate(steps, index):
+            if i < self.count:
+                sent[i] = step
+        if last and steps:
+            for i in range(index + len(steps), self.count):
+                sent[i] = steps[-1]
+
+    def finish(self):
+        self.paths = {}
+        for motor, sent in self.sent.items():
+            if not sent:
+                continue
+            path = np.zeros(self.count, np.int64)
+            value = sent[min(sent)]
+            for i in range(self.count):
+                value = sent.get(i, value)
+                path[i] = value
+            self.paths[motor] = path
+        self.ready = True
+
+
+def play(path, gap, backlash):
+    """The load's places for the motor's, both arrays; gap: how far the load is above the motor before."""
+    if not backlash:
+        return path
+    out = np.empty_like(path)
+    load = path[0] + gap
+    for i, p in enumerate(path.tolist()):
+        load = min(max(load, p), p + backlash)
+        out[i] = load
+    return out
+
+
+def bounds_of(path, fps, backlash):
+    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at most."""
+    if len(path) < 2:
+        return 0.0, 0.0
+    steps = np.abs(np.diff(path)) + backlash
+    bends = np.abs(np.diff(path, 2)) + 2 * backlash if len(path) > 2 else steps
+    first = np.concatenate((steps[:1], steps, steps[-1:]))
+    slopes = 3 * np.minimum(first[1:], first[:-1])
+    # the curve's own slopes are central differences, and never beyond three times the lesser chord
+    slopes = np.minimum(slopes, 1.7 * np.maximum(first[1:], first[:-1]) + 1)
+    # at either end it is a parabola's
+    slopes[0] = 1.5 * steps[0] + 0.5 * steps[min(1, len(steps) - 1)]
+    slopes[-1] = 1.5 * steps[-1] + 0.5 * steps[max(-2, -len(steps))]
+    velocity = max(float(slopes.max()), 1.5 * float(steps.max())) + 1
+    acceleration = 9.0 * (max(float(bends.max()), float(steps[0]), float(steps[-1])) + 2)
+    return velocity * fps, acceleration * fps * fps

@@ -1,0 +1,141 @@
+"""The edges on the pins, held to what a motor may do."""
+
+import numpy as np
+
+from framestep.hal.host import CYCLES as MS
+
+from .bounds import STEEPEST, play
+from .finding import Part
+
+
+class Edges(Part):
+    """The judge of edges."""
+
+    def judge(self, motor):
+        """Hold the edges of a motor so far to its limits, and go on from where they lead."""
+        name = f"motor {motor.index + 1}"
+        edges = motor.edges
+        quiets, motor.quiets = motor.quiets, []
+        if motor.quiet is not None:
+            quiets.append((motor.quiet, self.ms + 10))
+        if not edges:
+            return
+        e = np.array(edges)
+        cycles = e >> 1
+        signs = np.where(e & 1, 1, -1)
+        self.counts["edges"] += len(e)
+        for since, until in quiets:
+            late = cycles[(cycles > (since + 1) * MS) & (cycles < until * MS)]
+            if len(late):
+                self.fail("quiet", f"{name} makes a step at {late[0] / MS:.2f} ms, but stands since {since} ms")
+        places = motor.at + np.cumsum(signs)
+        self._where(motor, name, places, cycles)
+        first = int(cycles[0]) // MS + (-1 if motor.fresh else 1)
+        motor.fresh = False
+        # what comes later is not all known while it moves
+        grid = np.arange(first, max(min(int(cycles[-1]) // MS + 3, self.ms), first + 1)) * MS
+        place = np.concatenate(([motor.at], places))[np.searchsorted(cycles, grid, side="right")]
+        ms = grid // MS
+        top = self._bound(motor.top, ms)
+        steep = self._bound(motor.steep, ms)
+        self._fast(motor, name, place, top, ms)
+        self._sharp(motor, name, place, steep, ms)
+        apart = np.diff(cycles)[signs[1:] == signs[:-1]]
+        if len(apart) and motor.top[-1][1] < 100_000:
+            # a ramp of a tick or two is only as fine as ticks are
+            brief = motor.top[-1][1] < 0.004 * min(motor.steep[-1][1], STEEPEST)
+            least = 125e6 / motor.top[-1][1] * (0.5 if brief else 1) - 1000
+            if apart.min() < least:
+                self.fail(
+                    "velocity",
+                    f"{name} makes two steps {apart.min() * 8e-3:.1f} µs apart at "
+                    f"{cycles[1:][signs[1:] == signs[:-1]][apart.argmin()] / MS:.2f} ms, "
+                    f"allowed {motor.top[-1][1]:.0f}/s",
+                )
+        motor.load = int(play(np.concatenate(([motor.at], places)), motor.load - motor.at, motor.backlash)[-1])
+        motor.at = int(places[-1])
+        edges.clear()
+        motor.seen = motor.made = 0
+
+    def _where(self, motor, name, places, cycles):
+        low, high = int(places.min()), int(places.max())
+        slack = 1
+        if motor.jerk and motor.sent > 1:
+            # where no soft limit is near a plan may need more room than the one before it
+            times = cycles // (16 * MS)
+            fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
+            slack += int(
+                fast * fast / motor.least + 4 * fast * min((fast / motor.jerk) ** 0.5, motor.steep[-1][1] / motor.jerk)
+            )
+        if not motor.free and (low < motor.low - slack or high > motor.high + slack):
+            out = low if low < motor.low - slack else high
+            at = cycles[(places < motor.low - slack) | (places > motor.high + slack)][0] / MS
+            self.fail("astray", f"{name} is at {out}, at {at:.1f} ms outside {motor.low} … {motor.high}")
+        if motor.soft is not None:
+            lower, upper = motor.soft
+            if (lower is not None and low < lower) or (upper is not None and high > upper):
+                self.fail("limits", f"{name} goes to {low} … {high}, its soft limits are {lower} … {upper}")
+
+    @staticmethod
+    def _bound(changes, ms):
+        times = np.array([t for t, _ in changes])
+        values = np.array([v for _, v in changes], float)
+        return values[np.maximum(np.searchsorted(times, ms, side="right") - 1, 0)]
+
+    def _fast(self, motor, name, place, top, ms):
+        w = 1
+        while w < len(place) and w <= 512:
+            moved = np.abs(place[w:] - place[:-w])
+            over = moved > top[w:] * (w * 1.003e-3) + 2.02
+            if over.any():
+                i = int(np.argmax(over))
+                self.fail(
+                    "velocity",
+                    f"{name} makes {moved[i]} steps in {w} ms from {ms[i]} ms on, allowed {top[i + w]:.0f}/s",
+                )
+            w *= 2
+
+    def _sharp(self, motor, name, place, steep, ms):
+        w = 2
+        while 2 * w < len(place) and w <= 512:
+            bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
+            # of whole steps each is off by less than one; virtual lines are followed within a step (field note 9.5)
+            allowed = steep[2 * w :] * (w * w * 1.02e-6) + (7.05 if self.trial.virtual else 4.05)
+            over = bend > allowed
+            if over.any():
+                i = int(np.argmax(over))
+                self.fail(
+                    "acceleration",
+                    f"{name} bends by {bend[i]} steps in 2 x {w} ms from {ms[i]} ms on, {allowed[i]:.1f} are allowed",
+                )
+            if motor.jerk and not motor.jerky and 3 * w < len(place):
+                twist = np.abs(place[3 * w :] - 3 * place[2 * w : -w] + 3 * place[w : -2 * w] - place[: -3 * w])
+                allowed = motor.jerk * (w / 1000) ** 3 * 1.02 + 8.05
+                if (twist > allowed).any():
+                    i = int(np.argmax(twist > allowed))
+                    self.fail(
+                        "jerk",
+                        f"{name} twists by {twist[i]} in 3 x {w} ms from {ms[i]} ms on, {allowed:.1f} are allowed",
+                    )
+            w *= 2
+
+    def together(self, motor, partner):
+        """Coupled motors go together, at every millisecond and at rest."""
+        if motor.edges or partner.edges:
+            both = []
+            for each, sign in ((motor, motor.coupled), (partner, 1)):
+                e = np.array(each.edges or [0])
+                signs = np.where(e & 1, sign, -sign) if each.edges else np.array([0])
+                both.append((e >> 1, np.concatenate(([0], np.cumsum(signs)))))
+            last = max(int(times[-1]) for times, _ in both) // MS + 2
+            grid = np.arange(last - 5000 if last > 5000 else 0, last) * MS
+            a, b = (places[np.searchsorted(times, grid, side="right")] for times, places in both)
+            apart = np.abs(a - b - (a[0] - b[0]))
+            ends = int(both[0][1][-1] - both[1][1][-1])
+            if apart.max() > 1 or ends:
+                i = int(np.argmax(apart > 1))
+                self.fail(
+                    "coupled",
+                    f"motors {motor.index + 1} and {partner.index + 1} are {apart.max()} steps apart from "
+                    f"{grid[i] // MS} ms on, {ends} at rest",
+                )

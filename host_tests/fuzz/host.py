@@ -1,0 +1,222 @@
+"""What a host does with its port: it sends, waits for the answer, lets time pass, stops everything."""
+
+import struct
+from random import Random
+
+from framestep.protocol import messages as m
+
+from .link import frame
+from .trial import Trial
+
+ODD = (
+    0,
+    1,
+    -1,
+    2,
+    -2,
+    255,
+    10_000,
+    2**30 - 1,
+    2**30,
+    -(2**30),
+    -(2**30) - 1,
+    2**31 - 1,
+    -(2**31),
+    2**31 - 2,
+    1 - 2**31,
+)
+WORD = 0xFFFFFFFF
+QUESTIONS = (
+    m.MSG_HI,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_GET_POSITION,
+    m.MSG_GIO_IN,
+    m.MSG_VIRT_GET_POSITION,
+    m.MSG_CONDITION,
+    0x300,
+)
+
+
+def signed(value):
+    """Into the range of a word, from the other end where it is past one."""
+    return (value + 2**31 & WORD) - 2**31
+
+
+class Over(Exception):
+    """The session has had its requests or its time."""
+
+
+class Host:
+    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the link."""
+
+    def __init__(self, dice: Random, trial: Trial, requests: int, ms: int, links: bool):
+        self.dice = dice
+        self.trial = trial
+        self.requests = requests
+        self.end = ms
+        self.links = links
+        self.number = 0
+        self.motors = trial.count
+        self.speeds = [5000] * self.motors  # as this host has set them
+        self.steep = [20000] * self.motors
+
+    def tick(self, ms=1):
+        trial = self.trial
+        for _ in range(ms):
+            trial.step()
+        if trial.ms >= self.end:
+            raise Over
+
+    def pause(self, most=300):
+        """Some time, mostly little."""
+        self.tick(int(self.dice.random() ** 3 * most))
+
+    def send(self, kind, payload=b"") -> int:
+        self.number += 1
+        # every word as an ID, each once
+        number = self.number * 0x9E3779B1 & WORD or 1
+        data = frame(kind, payload, number)
+        if self.links and self.dice.random() < 0.06:
+            self.spoil(data)
+        else:
+            self.trial.do("rx", data)
+        if self.trial.counts["requests"] >= self.requests:
+            raise Over
+        return number
+
+    def ask(self, kind, payload=b""):
+        """The code or the payload of the answer: (code, payload); (None, b"") where none comes soon."""
+        number = self.send(kind, payload)
+        self.chatter()
+        for _ in range(40):
+            self.tick()
+            for request, code, data in self.trial.answers:
+                if request is not None and request.number == number:
+                    return code, data
+        return None, b""
+
+    def spoil(self, data):
+        """A fault of the link: bytes dropped, doubled, flipped, late, the port closed in the middle."""
+        dice, do = self.dice, self.trial.do
+        at = dice.randrange(len(data))
+        kind = dice.randrange(7)
+        if kind == 0:
+            do("rx", data[:at] + data[at + 1 :])
+        elif kind == 1:
+            do("rx", data[:at] + data[at : at + 1] + data[at:])
+        elif kind == 2:
+            do("rx", data[:at] + bytes((data[at] ^ 1 << dice.randrange(8),)) + data[at + 1 :])
+        elif kind == 3:
+            do("rx", data[:at]) if at else None
+            self.tick(dice.choice((1, 5, 150, 199, 201, 250)))
+            do("rx", data[at:])
+        elif kind == 4:
+            do("rx", data[:at]) if at else None
+            self.close(dice.choice((0, 0, 1, 5, 100)))
+            do("rx", data[at:])
+        elif kind == 5:
+            do("rx", dice.randbytes(dice.randint(1, 30)) + data)
+        else:
+            do("rx", data + data[: at + 1])
+
+    def close(self, ms):
+        do = self.trial.do
+        do("close")
+        self.tick(ms)
+        do("open")
+        self.tick(self.dice.choice((0, 1, 5)))
+
+    def settle(self, most=4000):
+        """Wait until everything stands, and hear where."""
+        trial = self.trial
+        end = trial.ms + most
+        while trial.ms < end:
+            self.ask(m.MSG_MOTOR_STATUS)
+            if trial.last_status == 0 and trial.idle_since is not None:
+                self.tick(self.dice.choice((1, 2, 5, 30)))
+                self.ask(m.MSG_MOTOR_GET_POSITION)
+                return True
+            self.tick(self.dice.choice((1, 5, 20, 50)))
+        return False
+
+    def halt(self):
+        """Stop whatever there is, and see it stand."""
+        self.send(
+            m.MSG_MOTOR_STOP_ALL, b"" if self.dice.random() < 0.6 else struct.pack("<I", self.dice.choice((0, 1)))
+        )
+        if self.dice.random() < 0.3:
+            self.pause(600)
+            self.send(m.MSG_MOTOR_STOP_ALL)
+        self.settle(9000)
+
+    def finish(self):
+        """The end of the session: everything comes to rest, and all is told truly."""
+        trial = self.trial
+        self.end = 10**9
+        self.requests = 10**9
+        self.links = False
+        if trial.player.full:
+            trial.do("drain")
+        if not trial.hal.port.open:
+            trial.do("open")
+        for _ in range(60):
+            trial.step()
+        self.send(m.MSG_MOTOR_STOP_ALL)
+        for _ in range(400):
+            if self.settle(500):
+                break
+        self.ask(m.MSG_HI)
+        for motor in trial.motors:
+            trial.judge(motor)
+
+    def motor(self):
+        """The number of a motor, seldom of none."""
+        if self.dice.random() < 0.02:
+            return self.dice.choice((0, self.motors + 1, 255))
+        return self.dice.randint(1, self.motors)
+
+    def here(self, i):
+        return self.trial.motors[i].load if 0 <= i < self.motors else 0
+
+    def target(self, i):
+        """A place to send motor i (from 0) to: mostly reached soon."""
+        dice = self.dice
+        if not 0 <= i < self.motors:
+            return dice.choice(ODD)
+        x = dice.random()
+        if x < 0.08:
+            return dice.choice(ODD)
+        if x < 0.2:
+            limits = [limit for limit in self.trial.motors[i].limits if limit is not None]
+            if limits:
+                return signed(dice.choice(limits) + dice.choice((-2, -1, 0, 1, 2)))
+        if x < 0.3:
+            return signed(self.here(i) + dice.choice((-2, -1, 0, 1, 2, 3)))
+        reach = self.speeds[i] * dice.choice((0.02, 0.1, 0.5, 2))
+        return signed(self.here(i) + int(dice.uniform(-reach, reach)))
+
+    def chatter(self):
+        """Questions at once with another request, as from a host with several windows."""
+        dice = self.dice
+        if dice.random() < 0.5:
+            for _ in range(dice.choice((1, 2, 4, 8, 12))):
+                self.send(dice.choice(QUESTIONS))
+
+    def query(self):
+        dice = self.dice
+        for _ in range(dice.choice((1, 1, 3, 20))):
+            self.send(dice.choice(QUESTIONS))
+        self.tick()
+
+
+class Deeds:
+    """Some of what happens in a session: base of the classes that make it happen. They find each other by `world`."""
+
+    def __init__(self, world):
+        self.world = world
+        self.host = host = world.host
+        self.dice, self.trial, self.rig, self.motors = world.dice, world.trial, world.rig, world.motors
+        self.send, self.ask, self.query, self.close = host.send, host.ask, host.query, host.close
+        self.tick, self.pause, self.settle, self.halt = host.tick, host.pause, host.settle, host.halt
+        self.motor, self.here, self.target = host.motor, host.here, host.target

@@ -1,0 +1,237 @@
+"""What answers may say, and what each acknowledgement means for what the motors may do from then on."""
+
+import struct
+
+from framestep.protocol import messages as m
+
+from .bounds import STEEPEST
+from .finding import Part
+
+
+class Replies(Part):
+    """What the device sends, message by message."""
+
+    def __init__(self, trial):
+        super().__init__(trial)
+        self.done = {
+            m.MSG_MOTOR_STATUS: self._status,
+            m.MSG_MOTOR_GET_POSITION: self._positions,
+            m.MSG_MOTOR_MOVE: self._moved,
+            m.MSG_MOTOR_JOG: self._moved,
+            m.MSG_MOTOR_STOP: self._stopped,
+            m.MSG_MOTOR_STOP_ALL: self._stop_all,
+            m.MSG_MOTOR_SET_SPEED: self._set_speed,
+            m.MSG_MOTOR_SET_LIMITS: self._set_limits,
+            m.MSG_MOTOR_CONFIGURE: self._configured,
+            m.MSG_MOTOR_RESET_POSITION: self._reset,
+            m.MSG_VIRT_CONFIG: self._virt_config,
+            m.MSG_VIRT_MOVE: self._virtual,
+            m.MSG_VIRT_JOG: self._virtual,
+            m.MSG_VIRT_JOG_ON_LINE: self._virtual,
+            m.MSG_VIRT_AIM_POINT: self._virtual,
+            **trial.runs.done,
+        }
+
+    def message(self, number, kind, payload):
+        if number == 0 and not kind & m.MSG_FLAG_ACK:
+            self.trial.answers.append((None, kind, payload))
+            self._unasked(kind, payload)
+            return
+        request = self.open.get(number)
+        plain = kind & ~m.MSG_FLAG_ACK
+        if kind & m.MSG_FLAG_ACK:
+            if len(payload) != (4 if self.rig.wide else 2):
+                self.fail("form", f"an acknowledgement of {len(payload)} bytes")
+            code = payload[0] | payload[1] << 8
+        else:
+            code = m.OK
+        if code == m.ERR_CHECKSUM:
+            if self.trial.passes - self.trial.garbage > 5000:
+                self.fail("checksum", f"request {number} of type {plain:#06x} is called damaged")
+            return
+        if request is None or request.kind != plain:
+            self.fail("answers", f"an answer to nothing: id {number}, type {kind:#06x}, {payload.hex()}")
+        request.copies -= 1
+        if not request.copies:
+            del self.open[number]
+        self.counts[f"{code:#04x}"] += 1
+        self.trial.answers.append((request, code, payload))
+        if not kind & m.MSG_FLAG_ACK:
+            self._form(kind, payload)
+        if code == m.OK:
+            done = self.done.get(plain)
+            if done:
+                done(request, payload)
+            held = self.trial.stops.held_since
+            if request.moves and held is not None and held < request.sent - 3:
+                self.fail("estop", f"a request of type {plain:#06x} is taken while the E-stop is held")
+
+    def _form(self, kind, payload):
+        sizes = {
+            m.MSG_HI: 51,
+            m.MSG_MOTOR_STATUS: 5,
+            m.MSG_MOTOR_GET_POSITION: 4 + 4 * self.count,
+            m.MSG_GIO_IN: 4,
+            m.MSG_MOTOR_MOVE: 1,
+            m.MSG_VIRT_AIM_POINT: 13,
+        }
+        if sizes.get(kind, len(payload)) != len(payload):
+            self.fail("form", f"a reply of type {kind:#06x} with {len(payload)} bytes")
+
+    def _unasked(self, kind, payload):
+        self.counts["unasked"] += 1
+        if kind == m.MSG_RT_END:
+            if not self.trial.runs.prepared and not self.trial.runs.going:
+                self.fail("rt-end", "RT_END without an operation, or a second one")
+            self.trial.runs.ended()
+        elif kind == m.MSG_MOTOR_HARD_STOP:
+            self.trial.stops.told(payload)
+        elif kind == m.MSG_RT_GO:
+            if not self.rig.go_input or not self.trial.runs.prepared:
+                self.fail("go", "RT_GO without an input that gives it, or nothing prepared")
+            self.trial.runs.go(None, payload)
+        elif kind == m.MSG_MOTOR_GET_POSITION:
+            self._form(kind, payload)
+            self._pins(payload)
+            going = self.trial.runs.going
+            if going:
+                going["told"].append((self.ms - 1, struct.unpack_from("<i", payload)[0]))
+
+    def _status(self, request, payload):
+        bits = struct.unpack_from("<I", payload)[0]
+        ms = self.ms - 1
+        self.trial.last_status = bits
+        if self.may_set_off():
+            return
+        if bits == 0:
+            if self.trial.idle_since is None:
+                self.trial.idle_since = ms
+            self.trial.stops.asked = 0
+            self.trial.runs.jogs_all = False
+            going = self.trial.runs.going
+            if going and going["motors"] and self.ms - self.trial.idle_since > 400:
+                self.fail("rt-end", "everything stands after GO, and RT_END has not come")
+        else:
+            self.trial.idle_since = None
+            if self.trial.stops.stood_by is not None and ms > self.trial.stops.stood_by + 200:
+                self.fail("no-rest", f"long after everything was to stop MOTOR_STATUS is {bits:#x}")
+        for motor in self.motors:
+            if bits >> motor.index & 1:
+                continue
+            pair = self.motors[motor.index + 1] if motor.coupled else motor.leader
+            if pair is not None and bits >> pair.index & 1:
+                continue
+            if motor.coupled:
+                self.trial.edges.together(motor, pair)
+            if motor.edges or motor.quiets:
+                self.trial.edges.judge(motor)
+            motor.stands(ms)
+            motor.rest(ms)
+
+    def _positions(self, request, payload):
+        """At rest those told are those of the edges."""
+        self._pins(payload)
+        if self.trial.idle_since is None or self.trial.idle_since < 0 or self.may_set_off():
+            return
+        for motor in self.motors:
+            if motor.quiet is None:
+                continue
+            told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
+            if motor.edges:
+                self.trial.edges.judge(motor)
+            if told != motor.load:
+                self.fail("positions", f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}")
+
+    def _pins(self, payload):
+        """Positions in motion are those of the pins, to what may come in a tick or two (field note 4.6)."""
+        if self.player.full or self.ms < self.trial.stale:
+            return
+        limit = (self.hal.cycle() << 1) + 1
+        for motor in self.motors:
+            edges = motor.edges
+            if not edges:
+                continue
+            n = motor.seen
+            while n < len(edges) and edges[n] <= limit:
+                motor.made += 1 if edges[n] & 1 else -1
+                n += 1
+            motor.seen = n
+            told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
+            ahead = told - motor.at - motor.made
+            slack = 2 + int(motor.top[-1][1] * 2.5e-3)
+            if not -slack <= ahead <= motor.backlash + slack:
+                self.fail("pins", f"motor {motor.index + 1} is told to be at {told}, its pins are {ahead} steps away")
+
+    def _moved(self, request, payload):
+        motor = self.motors[request.motor]
+        place = request.words("Bi" if request.kind == m.MSG_MOTOR_MOVE else "BHi")[-1]
+        motor.reach(place)
+        self.led(motor)
+        if self.trial.virtual:
+            self.anywhere()
+
+    def _set_speed(self, request, payload):
+        i, velocity, acceleration = request.words("BII")
+        motor = self.motors[i - 1]
+        motor.velocity = max(velocity, 10)
+        motor.acceleration = min(acceleration or max(motor.velocity // 2, 1), STEEPEST)
+        motor.least = min(motor.least, motor.acceleration)
+        motor.allow(self.ms, motor.velocity, motor.acceleration)
+        if motor.quiet is not None:
+            motor.stands(self.ms)
+
+    def _set_limits(self, request, payload):
+        i, lower_on, lower, upper_on, upper, _ = request.words("BBiBiB")
+        motor = self.motors[i - 1]
+        motor.limits = (lower if lower_on else None, upper if upper_on else None)
+        if motor.quiet is not None:
+            if motor.edges:
+                self.trial.edges.judge(motor)
+            motor.bound()
+        else:
+            motor.soft = None
+
+    def _configured(self, request, payload):
+        i, flags = request.words("BB")
+        motor = self.motors[i - 1]
+        before = motor.flags & 0x30
+        motor.flags = flags
+        if flags & 0x30 != before and i < self.count:
+            partner = self.motors[i]
+            if motor.coupled:
+                motor.coupled, partner.leader = 0, None
+            for each in (motor, partner):
+                if each.edges:
+                    self.trial.edges.judge(each)
+            if flags & 0x30:
+                motor.coupled = -1 if flags & m.MOTOR_COUPLE_REVERSED else 1
+                partner.leader = motor
+
+    def _reset(self, request, payload):
+        i, value = request.words("Bi")
+        motor = self.motors[i - 1]
+        leader = motor if motor.coupled else motor.leader
+        if leader is not None:
+            partner = self.motors[leader.index + 1]
+            self.trial.edges.together(leader, partner)
+            for each in (leader, partner):
+                self.trial.edges.judge(each)
+                each.stands(self.ms)
+        self.trial.edges.judge(motor)
+        motor.at += value - motor.load
+        motor.load = value
+        motor.stands(self.ms)
+
+    def _virt_config(self, request, payload):
+        self.trial.virtual = request.payload[0] != 0
+
+    def _virtual(self, request, payload):
+        self.anywhere()
+
+    def _stop_all(self, request, payload):
+        if request.order > self.trial.motion:
+            self.trial.stops.begin()
+        self.trial.runs.disturbed()
+
+    def _stopped(self, request, payload):
+        self.trial.runs.disturbed()

@@ -1,0 +1,98 @@
+"""Rigs and boards drawn at random."""
+
+import json
+from random import Random
+
+from framestep.rig import Rig, RigError
+from framestep_tools.files import board_data, board_names
+from framestep_tools.script import Script
+
+
+def draw_rig(dice: Random, board: str) -> dict:
+    """What a rig file for this board may hold."""
+    data = board_data(board)
+    some = dice.random
+    rig: dict = {}
+    if some() < 0.85:
+        rig["motor_count"] = min(data["motors"], dice.choice((1, 2, 2, 3, 3, 4, 6, data["motors"])))
+    count = rig.get("motor_count", data["motors"])
+    motors = []
+    for _ in range(count):
+        motor: dict = {}
+        if some() < 0.3:
+            motor["invert"] = True
+        if some() < 0.2:
+            motor["pulse_us"] = dice.choice((0.25, 2.0, 4.0))
+        if some() < 0.2:
+            motor["setup_us"] = dice.choice((0, 1, 50, 200))
+        if some() < 0.2:
+            motor["backlash"] = dice.choice((1, 2, 24, 200, 1000, dice.randint(1, 10000)))
+        if some() < 0.3:
+            motor["jerk"] = dice.choice((1, 20, 100, 500, 2000, 30000, 1000000))
+        if some() < 0.1:
+            motor["enable_high"] = True
+        motors.append(motor)
+    if some() < 0.8:
+        rig["motors"] = motors
+    for name, chance, values in (
+        ("hard_stop_factor", 0.4, (1, 2, 8, 16)),
+        ("jog_timeout_ms", 0.5, (0, 20, 100, 2000)),
+        ("report_ms", 0.4, (20, 33, 250, 1000)),
+        ("dialect", 0.4, ("dmc-lite",)),
+        ("virtuals", 0.5, (0, 8, 60, 64, 124)),
+        ("dmx_ramp_ms", 0.3, (0, 20, 60000)),
+        ("shutter_on", 0.2, ("low",)),
+        ("meter_on", 0.2, ("low",)),
+        ("dmx", 0.2, (False,)),
+        ("watchdog", 0.2, (False,)),
+        ("remember_positions", 0.25, (True,)),
+        ("estop_cuts_power", 0.2, (True,)),
+        ("strict_moves", 0.3, (True,)),
+        ("go_input", 0.15, (1, 2)),
+    ):
+        if some() < chance:
+            rig[name] = dice.choice(values)
+    if "estop" in data and some() < 0.5:
+        rig["estop"] = dice.choice(("nc", "no"))
+    pins = data.get("stops", []) + [22, 26, 27, 28]
+    if some() < 0.4:
+        dice.shuffle(pins)
+        sets = []
+        while len(pins) >= 2 and len(sets) < dice.randint(1, 2):
+            sets.append(
+                {"high": pins.pop(), "low": pins.pop() if some() < 0.8 else -1, "contact": dice.choice(("nc", "no"))}
+            )
+        if sets:
+            rig["limits"] = sets
+    if some() < 0.15:
+        rig["outputs"] = [
+            {"pin": pin, "safe": dice.choice(("off", "on", "hold")), "on": dice.choice(("high", "low"))}
+            for pin in pins[:2]
+        ]
+    while True:
+        try:
+            Rig(rig, data)
+            return rig
+        except RigError:
+            for key in ("go_input", "limits", "outputs", "estop", "motors"):
+                if rig.pop(key, None) is not None:
+                    break
+
+
+def draw_script(dice: Random) -> Script:
+    """A board and a rig, sometimes short of something."""
+    board = dice.choice((*board_names(), "pico", "pico"))
+    script = Script(board, draw_rig(dice, board))
+    if dice.random() < 0.02:
+        text = json.dumps(script.rig)
+        script.rig, script.rig_text = None, text[: dice.randrange(1, max(2, len(text) - 1))]
+    if dice.random() < 0.08:
+        script.memory = dice.choice((0, 16, 200, 1000, 4096, 12000))
+    if script.rig and script.rig.get("remember_positions"):
+        if dice.random() < 0.15:
+            script.flash = None
+        else:
+            for block in (0, 1):
+                if dice.random() < 0.3:
+                    script.flash[block] = dice.randbytes(dice.choice((1, 100, 128, 1024)))
+    return script

@@ -1,0 +1,200 @@
+"""Uploaded moves and what plays them: where it may take the motors, and where they have to be at each frame."""
+
+import struct
+
+import numpy as np
+
+from framestep.hal.host import CYCLES as MS
+from framestep.protocol import messages as m
+
+from .bounds import Upload, bounds_of, play
+from .finding import Part
+
+
+class Runs(Part):
+    """RUN_MOVE, SHOOT_FRAME, POSITION_FRAME and JOG_ALL; `done` is what an acknowledgement of each means."""
+
+    def __init__(self, trial):
+        super().__init__(trial)
+        self.upload = Upload()
+        self.prepared = False  # an operation is
+        self.going: dict | None = None  # after GO
+        self.run: dict | None = None  # what was prepared last
+        self.jogs_all = False
+        self.done = {
+            m.MSG_RT_UPLOAD_MOVE_BEGIN: self._upload_begin,
+            m.MSG_RT_UPLOAD_MOVE_AXIS: self._upload_axis,
+            m.MSG_RT_UPLOAD_MOVE_END: self._upload_end,
+            m.MSG_RT_POSITION_FRAME: self._position_frame,
+            m.MSG_RT_RUN_MOVE: self._run_move,
+            m.MSG_RT_GO: self.go,
+            m.MSG_RT_JOG_ALL: self._jog_all,
+            m.MSG_RT_SHOOT_FRAME: self._shoot,
+            m.MSG_RT_SHOOT_FRAME2: self._shoot,
+        }
+
+    def _upload_begin(self, request, payload):
+        start, end = request.words("ii")
+        self.upload = Upload(start, end)
+        self.prepared = False
+
+    def _upload_axis(self, request, payload):
+        i, index = request.words("BI")
+        steps = struct.unpack_from(f"<{(len(request.payload) - 5) // 4}i", request.payload, 5)
+        self.upload.section(i - 1, index & 0x7FFFFFFF, index >> 31, steps)
+        self.upload.ready = False
+
+    def _upload_end(self, request, payload):
+        if not self.upload.ready:
+            self.upload.finish()
+
+    def _takers(self):
+        """Motors with a part in the upload."""
+        return [
+            motor
+            for motor in self.motors
+            if motor.index in self.upload.paths
+            and motor.flags & (m.MOTOR_ENABLED | m.MOTOR_LIVE) == m.MOTOR_ENABLED
+            and not motor.leader
+            # a disabled motor keeps still the one that it is coupled to
+            and not (motor.coupled and not self.motors[motor.index + 1].flags & m.MOTOR_ENABLED)
+        ]
+
+    def _place(self, motor, number):
+        return int(self.upload.paths[motor.index][number - self.upload.start])
+
+    def _position_frame(self, request, payload):
+        (number,) = request.words("i")
+        for motor in self._takers():
+            motor.reach(self._place(motor, number))
+            self.led(motor)
+        self.prepared = False
+
+    def _run_move(self, request, payload):
+        fps, start, end, pre, post = request.words("IiiII")
+        flags = struct.unpack_from("<H", request.payload, 29)[0] if len(request.payload) > 29 else 0
+        fps /= 1000
+        self.run = {"fps": fps, "start": start, "end": end, "pre": pre, "post": post, "flags": flags, "shot": False}
+        self.prepared = True
+        self.going = None
+        for motor in self._takers():
+            self._rolled(motor, start, pre)
+            self.led(motor)
+
+    @staticmethod
+    def _over(motor, path):
+        """It may go along this path, which passes a turning point by 4/27 of its slope at most."""
+        past = 0 if len(path) < 2 else int(np.abs(np.diff(path)).max() * 4 / 27 + 1)
+        motor.reach(int(path.min()) - past, int(path.max()) + past)
+
+    def _rolled(self, motor, number, roll_ms):
+        """It may go where a ramp to that frame begins or ends."""
+        velocity, _ = bounds_of(self._played(motor), self.run["fps"], 0)
+        velocity = min(velocity, 3 * (motor.velocity + self.run["fps"]))
+        # the last frame lasts its period (field note 6.11)
+        way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / motor.acceleration
+        way += velocity / self.run["fps"] if number == self.run["end"] else 0
+        place = self._place(motor, number)
+        motor.reach(int(place - way - 2), int(place + way + 2))
+
+    def _played(self, motor):
+        begin, end = sorted((self.run["start"] - self.upload.start, self.run["end"] - self.upload.start))
+        return self.upload.paths[motor.index][max(begin - 2, 0) : end + 4]
+
+    def go(self, request, payload):
+        run = self.run
+        self.prepared = False
+        self.counts["go"] += 1
+        self.going = {"ms": self.ms, "told": [], "whole": True, "motors": []}
+        if run is None:
+            return
+        if run["shot"]:
+            self.going["whole"] = False
+            self.going["motors"] = run["motors"]
+            for motor in self.motors:
+                motor.jerky = motor.free = True
+            return
+        self.going["run"] = run
+        for motor in self._takers():
+            self.going["motors"].append(motor)
+            path = self._played(motor)
+            self._over(motor, path)
+            self._rolled(motor, run["start"], run["pre"])
+            self._rolled(motor, run["end"], run["post"])
+            self._along(motor, path, run["fps"])
+
+    def _along(self, motor, path, fps, extra=0.0):
+        velocity, acceleration = bounds_of(path, fps, motor.backlash)
+        velocity = min(velocity, 3 * (motor.velocity + fps))
+        motor.allow(self.ms, velocity, acceleration + extra)
+        motor.jerky = True
+        if motor.coupled:
+            led = self.motors[motor.index + 1]
+            led.allow(self.ms, min(velocity, 3 * (led.velocity + fps)), acceleration + extra)
+            led.free = led.jerky = True
+
+    def ended(self):
+        """RT_END: where the run has been undisturbed, it has passed each frame exactly."""
+        going, self.going, self.prepared = self.going, None, False
+        if going and "run" in going and going["whole"] and not self.trial.stops.asked and not self.trial.virtual:
+            self._frames(going)
+
+    def _frames(self, going):
+        run = going["run"]
+        if run["flags"] & 3:
+            return
+        step = 1 if run["end"] >= run["start"] else -1
+        count = abs(run["end"] - run["start"]) + 1
+        if count < 2:
+            return
+        second = (run["start"] + step) * 1000
+        anchor = next((ms for ms, time in going["told"] if time == second), None)
+        if anchor is None:
+            self.fail("frames", f"frame {second // 1000} was not told in a whole run")
+        due = np.array([round(k * 1e6 / run["fps"]) for k in range(-1, count - 1)]) / 1000 + anchor
+        best = None
+        moving = [motor for motor in going["motors"] if motor.edges]
+        for motor in moving:
+            if motor.backlash and len(motor.edges) > 20_000:
+                return
+        numbers = [run["start"] + step * k for k in range(count)]
+        offsets = np.arange(-8, 2.01, 0.125)
+        worst = np.zeros(len(offsets))
+        for motor in moving:
+            edges = np.array(motor.edges)
+            times = (edges >> 1) / MS
+            places = motor.at + np.concatenate(([0], np.cumsum(np.where(edges & 1, 1, -1))))
+            if motor.backlash:
+                places = play(places, motor.load - motor.at, motor.backlash)
+            wanted = np.array([self._place(motor, n) for n in numbers])
+            velocity = motor.top[-1][1]
+            slack = 1 + velocity * 0.07e-3 + (1 if motor.backlash else 0)
+            for i, offset in enumerate(offsets):
+                there = places[np.searchsorted(times, due + offset, side="right")]
+                worst[i] = max(worst[i], np.abs(there - wanted).max() / slack)
+        if len(moving):
+            best = worst.min()
+            if best > 1:
+                self.fail("frames", f"a motor is {best:.1f} times what is allowed beside a frame of the run")
+            self.counts["runs judged"] += 1
+
+    def _jog_all(self, request, payload):
+        fps, _ = request.words("Ii")
+        self.jogs_all = True
+        self.prepared = False
+        for motor in self._takers():
+            path = self.upload.paths[motor.index]
+            self._over(motor, path)
+            fastest = np.abs(np.diff(path)).max() if len(path) > 1 else 0
+            self._along(motor, path, max(fps / 1000, 2.0), 12 * float(fastest + motor.backlash))
+
+    def _shoot(self, request, payload):
+        self.prepared = True
+        self.going = None
+        for motor in self.motors:
+            motor.free = True  # how far the ramps reach is for velocity and acceleration to say
+        self.run = {"shot": True, "motors": []}
+
+    def disturbed(self):
+        if self.going:
+            self.going["whole"] = False

@@ -1,0 +1,133 @@
+"""Stops and what they leave: by when everything stands, which outputs are off, and why a HARD_STOP may come."""
+
+from framestep.protocol import messages as m
+
+from .bounds import STEEPEST
+from .finding import Part
+
+LONG_AGO = -(10**9)
+
+
+class Stops(Part):
+    """STOP_ALL, E-stop, limit switches, faults and lost hosts."""
+
+    def __init__(self, trial):
+        super().__init__(trial)
+        self.factor = self.rig.hard_stop_factor
+        self.asked = 0  # STOP_ALLs since everything stood
+        self.all_at = LONG_AGO  # the last of them
+        self.reason = -1  # a fault has a reason until
+        self.rest_by: int | None = None
+        self.stood_by: int | None = None  # when that was over, and nothing may move since
+        self.estop_pin = self.rig.board.get("estop") if self.rig.estop != "none" else None
+        self.estop_level = 0 if self.rig.estop == "no" else 1  # while held
+        self.limit_pins = {limit[e] for limit in self.rig.limits for e in ("high", "low") if limit[e] >= 0}
+        self.held_since: int | None = None
+        self.let_go = LONG_AGO  # when it was released last
+        self.pressed = False  # since the last HARD_STOP 0
+        self.struck = 0  # when a limit switch was touched last
+        self.safe_at: int | None = None  # when all outputs have their safe level
+        self.lit = LONG_AGO  # when one was asked for last
+        self.enabling: list[tuple[int, int]] = []  # (ms, motor) of drivers switched on
+
+    def pin(self, name, level):
+        """An input has another level."""
+        pins = {name} if isinstance(name, int) else {p for p, n in self.hal.names.items() if n == name}
+        if self.estop_pin in pins:
+            self.estop(level)
+        if self.rig.go_input and pins & {item["pin"] for item in self.rig.inputs}:
+            self.set_off()
+            self.trial.idle_since = None
+            for motor in self.motors:
+                motor.wake(self.ms)
+        if pins & self.limit_pins:
+            self.struck = self.ms
+            self.hard()
+
+    def estop(self, level):
+        if level == self.estop_level:
+            self.pressed = True
+            if self.held_since is not None:
+                return
+            self.held_since = self.ms
+            if self.ms - self.let_go < 40:
+                return  # it bounces, and has not been released for the firmware
+            self.hard()
+            self.begin()
+            self.safe_at = self.ms + self.safe_ms()
+        elif self.held_since is not None:
+            self.held_since = None
+            self.let_go = self.ms
+
+    def safe_ms(self):
+        """How long outputs have to get to their safe levels: a video camera is stopped by a pulse first."""
+        return 400 if self.trial.runs.run and self.trial.runs.run.get("flags", 0) & m.RUN_VIDEO else 12
+
+    def hard(self):
+        """From now on motors may slow down as steeply as a hard stop has it."""
+        for motor in self.motors:
+            motor.allow(self.ms, 0, min(motor.steep[-1][1] * self.factor, STEEPEST))
+            motor.jerky = True
+
+    def begin(self):
+        """By when all must stand that is asked to stop now."""
+        longest = 0.0
+        for motor in self.motors:
+            slow = min(motor.least, motor.acceleration)
+            t = motor.top[-1][1] / slow
+            if motor.jerk:
+                t += 2 * max(slow, motor.acceleration) / motor.jerk
+            longest = max(longest, t)
+        bound = 1.3 * longest * 1000 + 600 + max(motor.backlash for motor in self.motors) * 2
+        if self.trial.runs.jogs_all:
+            bound += 4500
+        if self.trial.virtual:
+            bound = 3 * bound + 3000
+        by = self.ms + round(bound)
+        self.rest_by = by if self.rest_by is None else min(by, self.rest_by)
+
+    def set_off(self):
+        """Something may move from now on."""
+        self.stood_by = self.rest_by = None
+
+    def enabled(self):
+        """Drivers have been switched on: that of no motor that is configured as disabled."""
+        for ms, i in self.enabling:
+            motor = self.motors[i]
+            asked = any(r.kind == m.MSG_MOTOR_CONFIGURE and r.motor == i for r in self.open.values() if r.payload)
+            if not motor.flags & m.MOTOR_ENABLED and not asked:
+                self.fail("enabled", f"motor {i + 1} is switched on at {ms} ms, but configured as disabled")
+        self.enabling.clear()
+
+    def safe(self):
+        """Outputs have their safe level."""
+        self.safe_at = None
+        levels = self.hal.levels()
+        board = self.rig.board
+        for name, on in (("shutter", self.rig.shutter_on), ("meter", self.rig.meter_on)):
+            if name in board and levels >> board[name] & 1 == (on == "high"):
+                self.fail("outputs", f"{name} is still on")
+        for i, output in enumerate(self.rig.outputs, 1):
+            if output["safe"] != "hold":
+                on = (output["on"] == "high") == (output["safe"] == "on")
+                if levels >> output["pin"] & 1 != on:
+                    self.fail("outputs", f"output {i} is not {output['safe']}")
+
+    def told(self, payload):
+        """A HARD_STOP has come: with a reason."""
+        reason = payload[0]
+        if reason == m.HARD_STOP_FAULT:
+            if self.ms > self.reason:
+                self.fail("fault", f"HARD_STOP 100 without a reason (fault {self.trial.board.controller.fault:#x})")
+            for motor in self.motors:
+                motor.jerky = True
+            self.begin()
+            if self.lit < self.ms - 3:
+                self.safe_at = self.ms + self.safe_ms()
+        elif reason == m.HARD_STOP_GENERAL:
+            if not self.pressed:
+                self.fail("hard-stop", "HARD_STOP 0 without an E-stop")
+            self.pressed = self.held_since is not None
+        elif self.ms - self.struck > 3000 and not self.limit_pins:
+            self.fail("hard-stop", f"HARD_STOP {reason} without a limit switch")
+        self.trial.runs.disturbed()
