@@ -11,7 +11,6 @@ free memory from there, and looks often, as larger call frames come from the hea
 import gc
 import sys
 
-import framestep
 from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
@@ -35,16 +34,20 @@ class Settings:
         return self.motors[i]
 
 
+def _forget(*names):
+    """Give back the memory of modules that only the start needs."""
+    for name in names:
+        if sys.modules.pop(name, None):
+            package, last = name.rsplit(".", 1)
+            delattr(sys.modules[package], last)
+
+
 def _settings(board):
     from framestep import rig
 
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
-    del sys.modules["framestep.rig"]
-    del framestep.rig
-    if settings.drivers:
-        del sys.modules["framestep.io.tmc2209_setup"]
-        del framestep.io.tmc2209_setup
+    _forget("framestep.rig", "framestep.io.tmc2209_setup", "framestep.board")
     return settings, mistake
 
 
@@ -57,8 +60,7 @@ def _load_into_ram():
     from framestep.hal import rp2_ram
 
     rp2_ram.load(FILES)
-    for name in ("framestep.hal.rp2_ram", "framestep.ram_files"):
-        del sys.modules[name]
+    _forget("framestep.hal.rp2_ram", "framestep.ram_files")
 
 
 def _held(board):
@@ -87,6 +89,7 @@ def start():
     from framestep.hal.rp2_pins import drivers_off  # at once: while the rest is loaded they would float
 
     settings, mistake = _settings(BOARD)
+    del BOARD
     drivers_off(settings.board, settings)
     if mistake:
         print("framestep:", mistake)
@@ -102,10 +105,9 @@ def start():
     except MemoryError:
         print(_SAVE)
         raise
-    if settings.remember_positions:
-        del sys.modules["framestep.io.restore"], sys.modules["framestep.hal.rp2_claim"]
-        del framestep.io.restore, framestep.hal.rp2_claim
-    held = _held(BOARD)  # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
+    # rp2_code, where there is one: a module that is loaded later loads it again
+    _forget("framestep.io.restore", "framestep.hal.rp2_claim", "framestep.hal.rp2_code")
+    held = _held(settings.board)  # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
     if held:
         gc.threshold(-1)
         print("framestep: not started,", held)

@@ -154,14 +154,16 @@ class Controller:
             m.MSG_CONDITION: self._condition,
             m.MSG_EXCEEDED: self._exceeded,
         }
-        self.handlers.update(self.moves.handlers)
-        self.handlers.update(self.io.handlers)
+        parts = [self.moves, self.io]
         self.virtuals = NoVirtuals()
         if rig.virtuals:
             from framestep.virtuals.requests import Virtuals
 
             self.virtuals = Virtuals(self)
-        self.handlers.update(self.virtuals.handlers)
+        parts.append(self.virtuals)
+        for part in parts:
+            self.handlers.update(part.handlers)
+            part.handlers = None  # which would only keep memory
 
     def _remember(self):
         from framestep.io.memory import Memory

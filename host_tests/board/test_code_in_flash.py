@@ -1,6 +1,7 @@
 """Copied code: functions run from where they lie in flash."""
 
 import ast
+import re
 
 import pytest
 
@@ -13,6 +14,9 @@ CODE = "/lib/" + NAME
 FLASH = 0x1000_0000
 RAM, RAM_SIZE = 0x2000_0000, 264 * 1024
 CODE_OF_A_FUNCTION = 12  # offset of the pointer to its code (py/objfun.h, mp_obj_fun_bc_t)
+MOST_NAMES = (
+    1200  # with 1261 MicroPython doubles its table of names: 7.7 kB (framestep_tools.names); some are for the REPL
+)
 
 # Every function of a module, and of the classes in it, with what is nested in it: a loaded function has a table of that
 # (py/emitglue.h, mp_raw_code_t), whose length is not known: what follows it is looked at, too.
@@ -77,6 +81,8 @@ def test_it_runs_from_flash_with_room_for_a_long_move(board):
         client.wait_idle()
         assert client.request(MotorGetPosition()).steps[0] == 500
         repl = emulator.repl()
+        names = re.search(r"n_qstr=(\d+)", repl.exec("import micropython\nmicropython.qstr_info()"))
+        assert names and int(names[1]) < MOST_NAMES
         left, in_flash = map(int, repl.exec(LOOK, timeout=60).splitlines()[-1].split())
         assert left == 0 and in_flash > 400
         tick = "id(__import__('framestep.motion.tick', None, None, ('Header',)).Header.tick)"

@@ -17,7 +17,7 @@ half of as many pages as it needs.
 import ast
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
 from hashlib import sha256
 from itertools import zip_longest
@@ -191,17 +191,19 @@ class CodeFile:
 
     bodies: dict[int, bytes] = field(default_factory=dict)  # by key
 
-    def take(self, name: str, source: str, compiled: bytes) -> bytes | None:
+    def take(self, name: str, source: str, compiled: bytes, stays: Set[str] = frozenset()) -> bytes | None:
         """The module with placeholders for the bodies that have been taken out of it, None if there were none.
 
-        source: what it was compiled of, but for FORWARD at its end.
+        source: what it was compiled of, but for FORWARD at its end. stays: names of functions that stay in it.
         """
         module = parse(compiled)
         tree = ast.parse(source)
         at_import = runs_at_import(tree)
         taken = False
         for body, scope in _pairs(module, tree, name):
-            if scope in at_import or len(body.code) <= _WORTH or len(body.code) > PAGE - HEAD:
+            if scope in at_import or getattr(scope, "name", "") in stays:
+                continue
+            if len(body.code) <= _WORTH or len(body.code) > PAGE - HEAD:
                 continue
             if body.kind not in (Kind.BYTECODE, Kind.VIPER):
                 continue

@@ -139,7 +139,7 @@ def _value(modules: Mapping[str, _Module], module: str, name: str) -> int:
     return modules[module].public[name]
 
 
-class _Edits:
+class Edits:
     """Replacements in a source text, by the places of syntax tree nodes."""
 
     def __init__(self, text: str):
@@ -166,7 +166,7 @@ def _literal(value: int) -> str:
 
 
 def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> str:
-    edits = _Edits(module.text)
+    edits = Edits(module.text)
     foreign = {  # names here that are constants elsewhere
         name: modules[source].public[original]
         for name, (source, original) in module.imported.items()
@@ -191,7 +191,7 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     _refuse_other_meanings(module, {*foreign, *hidden, *folded}, targets)
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
-            _shorten(edits, node, {*foreign, *(folded - needed)})
+            shorten(edits, node, {*foreign, *(folded - needed)})
     return _with_bytes(edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()})
 
 
@@ -216,7 +216,7 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
                 return _OPERATORS[type(op)](number(left), number(right))
         raise LookupError
 
-    edits = _Edits(text)
+    edits = Edits(text)
     for node in ast.walk(ast.parse(text)):
         match node:
             case ast.Call(func=ast.Name(id="bytes"), args=[argument]):
@@ -254,7 +254,7 @@ def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) 
             )
 
 
-def _shorten(edits: _Edits, node: ast.ImportFrom, gone: set[str]) -> None:
+def shorten(edits: Edits, node: ast.ImportFrom, gone: set[str]) -> None:
     """Take names out of an import."""
     kept = [alias for alias in node.names if (alias.asname or alias.name) not in gone]
     if len(kept) == len(node.names):

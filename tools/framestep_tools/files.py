@@ -21,6 +21,7 @@ from . import code_file
 from .code_file import CodeFile
 from .constants import fold
 from .errors import ToolError
+from .names import lean
 
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
@@ -43,11 +44,7 @@ _WHOLE = (
     "framestep/hal/rp2_pins.mpy",
     "framestep/rig.mpy",
     "framestep/io/tmc2209_setup.mpy",
-    "framestep/controller.mpy",  # run so often that from flash they would hold up answers and the tick
-    "framestep/hal/rp2.mpy",
-    "framestep/hal/usb_port.mpy",
-    "framestep/motion/reals.mpy",
-    "framestep/motion/segments.mpy",
+    "framestep/motion/reals.mpy",  # what fills the queues calls all of it
     "framestep/repl.mpy",  # asked for while motors run, when there is no time to look through memory
     "framestep/words.mpy",
     "framestep/bench/__init__.mpy",
@@ -55,6 +52,25 @@ _WHOLE = (
     "framestep/bench/motion.mpy",
     "framestep/bench/state.mpy",
 )
+
+# Functions of other modules that stay in RAM: what each pass of the main loop runs, and what fills the queues. From
+# flash they would hold up answers and the tick.
+_STAYS = {
+    "framestep/controller.mpy": {
+        "elapsed", "poll", "_tend", "_plan", "_listen", "_attend", "_calm", "_handle", "_light", "_report",
+        "_send_positions", "_sound", "acknowledge",
+    },
+    "framestep/hal/rp2.mpy": {"_interrupt", "ticks_ms", "trouble", "reclaim", "ready", "_bus_guard", "_pass", "_turn"},
+    "framestep/hal/usb_port.mpy": {
+        "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll", "send", "_heard", "_watch",
+    },
+    "framestep/motion/segments.mpy": {
+        "shift", "cut", "spin", "mark", "bridge", "snap", "settle", "coefficient", "velocity", "distance",
+    },
+}  # fmt: skip
+
+_NAMED = {"framestep/native.py", *_HOST_ONLY}  # keep the names that framestep_tools.names takes from others
+_BY_HAND = ("framestep/repl.py", "framestep/bench/")  # called on the REPL, perhaps with parameters named
 
 _PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 
@@ -123,9 +139,15 @@ def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
     return {name: text.encode() for name, text in fold(texts, hide, _ON_BOARDS).items()}
 
 
+def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
+    kept: set[str] = set().union(*_STAYS.values())
+    texts = lean({name: text.decode() for name, text in modules.items() if name not in _NAMED}, _BY_HAND, kept)
+    return {name: texts[name].encode() if name in texts else text for name, text in modules.items()}
+
+
 def _board_sources(board: str) -> dict[str, bytes]:
     """{"framestep/motion/axes.mpy": source} of what is compiled for a board."""
-    sources = folded({"framestep/board.py": board_module(board)}, hide=True)
+    sources = _lean(folded({"framestep/board.py": board_module(board)}, hide=True))
     return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
 
 
@@ -158,7 +180,8 @@ def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes
     for name, source in sources.items():
         taken = None
         if name not in _WHOLE:
-            taken = code.take(name, source.decode(), _compiled(name, source + code_file.FORWARD, march))
+            whole = _compiled(name, source + code_file.FORWARD, march)
+            taken = code.take(name, source.decode(), whole, _STAYS.get(name, frozenset()))
         files[name] = taken or _compiled(name, source, march)
     return files | {code_file.NAME: code.packed()}
 

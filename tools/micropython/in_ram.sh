@@ -27,7 +27,7 @@ FUNCTIONS=(
 # Files that are compiled for speed instead of size
 FAST=(
     # the interpreter
-    argcheck bc binary nativeglue obj objarray objboundmeth objdict objfun objint objtuple objtype qstr runtime scheduler
+    argcheck binary nativeglue obj objarray objboundmeth objdict objfun objint objtuple objtype qstr runtime scheduler
     # USB
     cdc_device dcd_rp2040 mp_usbd mp_usbd_cdc mp_usbd_runtime mphalport rp2040_usb sys_stdio_mphal tusb_fifo usbd
 )
@@ -53,6 +53,14 @@ for ((i = 1; i < $#; i++)); do
             # A full buffer of what the REPL's port has received is filled up again after every byte that is read, which
             # costs as much as reading it. Let it wait until a packet fits.
             sed -E 's|(cdc_itf_pending && ringbuf_free\(&stdin_ringbuf\))\)|\1 > 64)|' "${command[i]}" >"$object.c"
+            command[i]=$object.c
+            ;;
+        */vfs_lfs.c)
+            # Three buffers of 1 kB for files are more than anybody needs here. Half of that is the least: a file that
+            # lies in its directory's block takes up to an eighth of a block, and must fit one.
+            sed -E 's|\(4 \* MAX\(read_size, prog_size\)\)|(2 * MAX(read_size, prog_size))|' \
+                "${command[i]%vfs_lfs.c}vfs_lfsx.c" >"$object.lfsx.c"
+            sed -E "s|\"extmod/vfs_lfsx.c\"|\"${object##*/}.lfsx.c\"|" "${command[i]}" >"$object.c"
             command[i]=$object.c
             ;;
     esac

@@ -30,7 +30,8 @@ from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
 _FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
-_STEP = const(512)
+_LEAST = const(512)
+_CLOSE = const(32)
 _PASS_MS = const(1)
 _SAYINGS = const(16)
 _BEAT_MS = const(128)
@@ -184,18 +185,19 @@ class Rp2Hal:
 
     @property
     def upload_bytes(self):
-        """The largest block of memory that there is. Allocates, for a moment."""
+        """The largest block of memory that there is, but for a few bytes. Allocates, for a moment."""
         gc.collect()
-        size = gc.mem_free()
-        while size > _STEP:
+        size = _LEAST
+        most = gc.mem_free()
+        while most - size > _CLOSE:
+            middle = (size + most) // 2
             try:
-                bytearray(size)
+                bytearray(middle)
+                size = middle
             except MemoryError:
-                size -= _STEP
-                continue
-            gc.collect()
-            return size
-        return _STEP
+                most = middle
+        gc.collect()
+        return size
 
     def start(self):
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)

@@ -26,6 +26,7 @@ from framestep.native import addressof, as_word, const
 from framestep.protocol.frames import copy_bytes
 
 _BAUD = const(250000)
+_SHORT = const(32)  # of a UART's own buffers: bytes, the least that there is
 _DRAIN_US = const(1500)  # 33 characters of 44 µs, and the mark before the break
 _DMA = const(0x50000000)
 _CHANNEL = const(0x40)  # bytes of a channel's registers
@@ -60,7 +61,10 @@ class Dmx:
         uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
         tx = wiring["tx"]
         # Its own buffers are not used; RX belongs to it whether anything is there or not.
-        self._uart = UART(wiring["uart"], _BAUD, bits=8, parity=None, stop=2, tx=Pin(tx), rx=Pin(wiring["rx"]))
+        rx = Pin(wiring["rx"])
+        self._uart = UART(
+            wiring["uart"], _BAUD, bits=8, parity=None, stop=2, tx=Pin(tx), rx=rx, txbuf=_SHORT, rxbuf=_SHORT
+        )
         uart = uarts[wiring["uart"]]
         mem32[uart + _UARTIMSC] = 0
         mem32[_DMA + timers + 4 * _PACER] = 1 << 16 | hz // 1000000

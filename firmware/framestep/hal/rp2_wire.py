@@ -8,6 +8,7 @@ from machine import UART, Pin, mem32
 from framestep.native import const, micropython, ptr8, ptr32
 
 _BAUD = const(115200)
+_SHORT = const(32)  # bytes of a UART's own buffers, which are not used: the least that there is
 _UARTIMSC = const(0x38)
 _FR = const(6)  # word of the flags
 _RXFE = const(0x10)
@@ -52,7 +53,7 @@ class Wire:
         """wiring: {"uart", "tx", "rx"} of the board."""
         number = wiring["uart"]
         tx, rx = Pin(wiring["tx"]), Pin(wiring["rx"])
-        self._uart = UART(number, _BAUD, bits=8, parity=None, stop=1, tx=tx, rx=rx)
+        self._uart = UART(number, _BAUD, bits=8, parity=None, stop=1, tx=tx, rx=rx, txbuf=_SHORT, rxbuf=_SHORT)
         self._offset = (_RP2350 if rp2350 else _RP2040)[number]
         mem32[_PERIPHERALS + self._offset + _UARTIMSC] = 0  # its own buffers are not used
 

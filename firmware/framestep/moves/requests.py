@@ -17,7 +17,7 @@ from framestep.moves.store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
 
-_BYTES_PER_CHANGE = const(128)  # of memory, 7 of which are for the change and its share of the triggers
+_BYTES_PER_CHANGE = const(140)  # of memory, 7 of which are for the change and its share of the triggers
 
 RUN_FLAGS = m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS
 

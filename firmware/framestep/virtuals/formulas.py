@@ -140,15 +140,14 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
             # low = m / n, Q30
             low = 0
             shift = 30 - shift
-            if m >= n:
-                m = m - n
-                low = 1
-            while shift:
-                low = low + low
-                m = m + m
+            while True:
                 if m >= n:
                     m = m - n
                     low += 1
+                if shift == 0:
+                    break
+                low = low + low
+                m = m + m
                 shift -= 1
             # the nearest sixteenth k, and u = (low - k) / (1 + low · k), whose arc tangent is the rest
             k = (low + 0x2000000) >> 26
@@ -175,10 +174,11 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
             m = (m >> 15) * 29335 + (((m >> 15) * 14389 + (m & 0x7FFF) * 29335 + 0x4000) >> 15)
             m = ptr32(_TABLES)[k + _ARCS] + ((m ^ f) - f)
             e = -24
+            n = 0x2D000000  # 45 degrees
             if steep:
-                m = 0x2D000000 - m + 0x2D000000
+                m = n - m + n
             if behind:
-                m = 0x2D000000 - (m >> 1) + 0x2D000000
+                m = n - (m >> 1) + n
                 e = -23
             m = (m ^ s) - s
         elif what == SINES:

@@ -1,0 +1,147 @@
+"""Takes names out of the source before it is compiled for a board that nothing looks up there.
+
+Each name in a .mpy file is an entry in MicroPython's table of names, which lies in memory where the file was copied:
+seven bytes and the text. And the table grows by doubling: the 1261st name of copied code takes 7.7 kB at once. A name
+that a module imports is an entry of its dictionary, frozen or copied. So on a board
+
+* modules do not import what the compiler alone needs: `const`, `micropython` for its decorators, the casts of viper;
+* parameters are called `_1`, `_2`, ... where no call names them and no function within might see them;
+* what a module has for itself, and no traceback shows, is called `__1`, `__2`, ...: kernels in viper, and data.
+
+Lines stay where they are, so that tracebacks are right.
+"""
+
+import ast
+from collections.abc import Iterator, Mapping, Set
+
+from .constants import Edits, shorten
+
+_NATIVE = "framestep.native"
+_CASTS = {"ptr8", "ptr16", "ptr32"}
+_DECORATORS = {"viper", "native"}
+_INNER = (ast.FunctionDef, ast.Lambda, ast.ClassDef, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+
+
+def lean(texts: Mapping[str, str], by_hand: tuple[str, ...] = (), kept: Set[str] = frozenset()) -> dict[str, str]:
+    """The same modules, {path: source}, without the names. They have been folded (framestep_tools.constants) before.
+
+    by_hand: beginnings of the paths of modules whose functions somebody calls from the REPL, naming parameters: those
+    keep theirs. kept: names that modules keep for themselves.
+    """
+    trees = {path: ast.parse(text) for path, text in texts.items()}
+    named = {
+        node.arg for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg
+    }
+    looked_up = set(kept).union(*map(_looked_up, trees.values()))
+    found = {}
+    for path, text in texts.items():
+        edits = Edits(text)
+        _drop_imports(edits, trees[path])
+        if not path.startswith(by_hand or ("/",)):
+            _number_parameters(edits, trees[path], named)
+            _number_globals(edits, trees[path], looked_up)
+        found[path] = edits.text()
+    return found
+
+
+def _live(node: ast.AST) -> Iterator[ast.AST]:
+    """The node and all in it that is compiled: not what stands behind `if 0:`."""
+    yield node
+    match node:
+        case ast.If(test=ast.Constant(value=value)):
+            inner: list[ast.AST] = [*(node.body if value else node.orelse)]
+        case _:
+            inner = list(ast.iter_child_nodes(node))
+    for child in inner:
+        yield from _live(child)
+
+
+def _is_decorator(node: ast.AST) -> bool:
+    match node:
+        case ast.Attribute(value=ast.Name(id="micropython"), attr=name):
+            return name in _DECORATORS
+    return False
+
+
+def _drop_imports(edits: Edits, tree: ast.Module) -> None:
+    """Take what the compiler alone needs out of the imports from framestep.native."""
+    for_compiler: set[int] = set()  # ids of Name nodes
+    for node in _live(tree):
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(func=function)) if name.startswith("_"):
+                if node in tree.body:
+                    for_compiler.add(id(function))
+            case ast.FunctionDef(decorator_list=decorators):
+                for decorator in decorators:
+                    if _is_decorator(decorator):
+                        for_compiler.update(map(id, ast.walk(decorator)))
+                        for_compiler.update(id(n) for n in ast.walk(node) if isinstance(n, ast.Name) and n.id in _CASTS)
+    needed = {node.id for node in _live(tree) if isinstance(node, ast.Name) and id(node) not in for_compiler}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == _NATIVE:
+            shorten(edits, node, {"const", "micropython", *_CASTS} - needed)
+
+
+def _number_parameters(edits: Edits, tree: ast.Module, named: set[str]) -> None:
+    """Number the parameters of functions that have nothing nested in them."""
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        inside = [node for statement in function.body for node in ast.walk(statement)]
+        if any(isinstance(node, (*_INNER, ast.Global, ast.Nonlocal)) for node in inside):
+            continue
+        bound = {node.name for node in inside if isinstance(node, ast.ExceptHandler)}
+        bound |= {node.asname or node.name for node in inside if isinstance(node, ast.alias)}
+        given = function.args
+        if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
+            continue
+        new = {}
+        for number, argument in enumerate(given.args):
+            if argument.arg != "self" and argument.arg not in named | bound:
+                new[argument.arg] = f"_{number}"
+                end = argument.col_offset + len(argument.arg.encode())
+                edits.edits.append((argument.lineno - 1, argument.col_offset, end, new[argument.arg].encode()))
+        for node in inside:
+            if isinstance(node, ast.Name) and node.id in new:
+                edits.replace(node, new[node.id])
+
+
+def _looked_up(tree: ast.Module) -> Iterator[str]:
+    """Names that are looked up other than in the dictionary of the module that has them."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Attribute(attr=name) | ast.alias(name=name) | ast.arg(arg=name) | ast.Constant(value=str(name)):
+                yield name
+            case ast.Global(names=names) | ast.Nonlocal(names=names):
+                yield from names
+
+
+def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str]) -> None:
+    """Number a module's own kernels and data, those that begin with an underscore."""
+    own: dict[str, str] = {}
+    inner: set[str] = set()  # names that functions and classes have of their own
+    for node in _live(tree):
+        match node:
+            case ast.FunctionDef() | ast.ClassDef() if node not in tree.body:
+                inner.add(node.name)
+            case ast.FunctionDef() | ast.ClassDef() | ast.Lambda():
+                inner.update(
+                    n.id for n in ast.walk(node) if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)
+                )
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                constant = isinstance(value, ast.Call) and ast.unparse(value.func) == "const"
+            case ast.FunctionDef(name=name, decorator_list=[decorator]) if _is_decorator(decorator):
+                constant = False
+            case _:
+                continue
+        if name.startswith("_") and not constant and name not in looked_up | inner:
+            own.setdefault(name, f"__{len(own) + 1}")
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) if name in own:
+                edits.replace(node, own[name])
+            case ast.FunctionDef(name=name) if name in own:
+                begin = node.col_offset + len("def ")
+                edits.edits.append((node.lineno - 1, begin, begin + len(name.encode()), own[name].encode()))
