@@ -866,7 +866,9 @@ class Controller:
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
         self.stage.change()
-        if self.axes[self._leading(motor)].gentler:
+        leading = self._leading(motor)
+        self.virtuals.changed(leading)
+        if self.axes[leading].gentler:
             self.gentler |= 1 << motor
         return m.OK
 
@@ -883,7 +885,7 @@ class Controller:
         self.safety.assign(motor, hw_set)
         self.stage.change()
         motor = self._leading(motor)
-        self.virtuals.limited(motor)
+        self.virtuals.changed(motor)
         if not (self.stage.playing | self.virtuals.engaged) >> motor & 1:
             self.axes[motor].heed(self.hal)
         return m.OK

@@ -17,6 +17,7 @@ from framestep_tools.payloads import (
     VirtStop,
 )
 from framestep_tools.virtual_reference import Axis, Rig, line_direction
+from host_tests.end_to_end.session import assert_within
 from host_tests.end_to_end.virtual import (
     BOOM,
     BOOM_NODAL,
@@ -325,3 +326,57 @@ def test_a_motor_without_a_part_makes_no_step(speed):
         for motor in session.positions:
             session.accept(MotorSetLimits(motor, 0, 0, 0, 0, 0))
     assert not session.events(HardStop)
+
+
+@pytest.mark.parametrize(
+    "request_", [VirtMove(2, 60 * 100000), VirtJog(2, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)], ids=str
+)
+def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
+    """By a ramp within the acceleration; and what was asked for goes on."""
+    session = configured(NODAL, 20_000, 40_000)
+    session.accept(request_)
+    for _ in range(8):
+        session.run(0.1)
+        if isinstance(request_, VirtJog):
+            session.accept(request_)
+    assert len(session.steps(1)[0]) > 5000
+    session.forget()
+    session.speed(1, 2000, 40_000)
+    since = session.now
+    if isinstance(request_, VirtJog):
+        hold(session, request_, 3)
+    else:
+        session.run(3)
+    assert session.moving
+    times, signs = session.steps(1)
+    assert_within(times, signs, 20_000, 40_000)
+    late = times[times > since + 1.2]
+    assert 3000 < len(late) <= 3700 and np.diff(late).min() > 1 / 2000
+    # the velocity before does not come back by itself, nor is it kept from coming back
+    session.speed(1, 20_000, 40_000)
+    session.accept(VirtStop(m.VIRT_MOTOR_EW))
+    session.wait_idle()
+    assert not session.events(HardStop)
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 0))
+    session.wait_idle()
+    assert 1 / np.diff(session.steps(1)[0]).min() > 19_000
+
+
+@pytest.mark.parametrize("jog", [VirtJog(2, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)], ids=str)
+def test_a_lower_acceleration_set_under_way_counts_for_the_next_motion(jog):
+    """As for a motor's own moves: where it has to stop has been planned with the one before."""
+    session = configured(NODAL, 20_000, 40_000)
+    session.accept(MotorSetLimits(1, 1, -100, 1, 15_000, 0))
+    session.accept(jog)
+    session.run(0.4)
+    session.speed(1, 20_000, 10_000)
+    hold(session, jog, 3)
+    assert session.moving == []
+    times, signs = session.steps(1)
+    assert_within(times, signs, 20_000, 40_000)
+    assert max(np.cumsum(signs)) == pytest.approx(15_000, abs=1) and max(np.cumsum(signs)) <= 15_000
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 10 * 100000))
+    session.wait_idle()
+    assert_within(*session.steps(1), 20_000, 10_000)

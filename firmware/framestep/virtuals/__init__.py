@@ -17,7 +17,7 @@ class NoVirtuals:
     def leads(self, motor):
         return False
 
-    def limited(self, motor):
+    def changed(self, motor):
         pass
 
     def stop(self):

@@ -53,6 +53,7 @@ class Guide:
         self.behind = 0  # before that
         self.level = 0
         self.step = _PROBE
+        self.short = False  # the cell probed last is so short that its half is of no use
         self.share = 0
         self.closed = True
         self.rows = array("i", [v.SURVEY, v.SURVEY + v.ROW, v.SURVEY + 2 * v.ROW])
@@ -83,7 +84,7 @@ class Guide:
             code = self._probe()
             if not code:
                 break
-            if self.level == _HALVINGS:
+            if self.short:
                 return code
             self.level += 1
         motion.head(self.rows[0], self.rows[1], self.rows[2], True)
@@ -124,11 +125,14 @@ class Guide:
         motion = self.motion
         r = motion.r
         rows = self.rows
+        self.short = self.level == _HALVINGS
         reals.double(r, _REACH, v.HALF_CELL, -self.level)
         reals.add(r, _REACH, v.END, _REACH)
         code = motion.place(_REACH, rows[1])
         if code:
             return code
+        if motion.short(rows[0], rows[1]):
+            self.short = True
         reals.double(r, _REACH, v.HALF_CELL, 1 - self.level)
         reals.add(r, _REACH, v.END, _REACH)
         code = motion.place(_REACH, rows[2])
@@ -147,9 +151,9 @@ class Guide:
             if not self._probe():
                 self.step = _RATE
                 return True
-            self.level += 1
-            if self.level > _HALVINGS:
+            if self.short:
                 self.closed = True
+            self.level += 1
         elif self.step == _RATE:
             self._append()
             self.step = _LEAVE

@@ -183,12 +183,13 @@ def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, gr
                 x = rows[a + k]
                 y = rows[b + k]
                 z = rows[c + k]
-                d = (y >> 1) - (x >> 1)
-                e = (z >> 1) - (y >> 1)
-                if d > 0x1000000 or d < -0x1000000 or e > 0x1000000 or e < -0x1000000:
+                d = ((y >> 1) - (x >> 1)) >> (24 - level)
+                e = ((z >> 1) - (y >> 1)) >> (24 - level)
+                if d > 0 or d < -1 or e > 0 or e < -1:
                     return _FAR
-                d = ((y - x) << 4) + ((rows[b + k + 1] - rows[a + k + 1]) >> 12)
-                e = ((z - y) << 4) + ((rows[c + k + 1] - rows[b + k + 1]) >> 12)
+                # in sixteenths of a step per half cell of level 0, with what there is of fractions of that
+                d = ((y - x) << (4 + level)) + ((rows[b + k + 1] - rows[a + k + 1]) >> (12 - level))
+                e = ((z - y) << (4 + level)) + ((rows[c + k + 1] - rows[b + k + 1]) >> (12 - level))
                 bend = e - d
                 if bend < 0:
                     bend = 0 - bend
@@ -198,19 +199,20 @@ def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, gr
                     e = 0 - e
                 if e > d:
                     d = e
-                bend -= _NOISE
+                bend -= _NOISE << level
                 if bend < 0:
                     bend = 0
                 # a parabola's slope at the end of the cell, and what a cubic adds to its bend there
                 d += (bend >> 1) + 1
+                if d >> 29 or bend >> 28:
+                    return _FAR
                 more = bend // ((d >> 3) + 1)
                 if more > 8:
                     more = 8
                 more = bend + (bend >> 1) * more
-                if d >> (29 - level) or more >> (29 - 2 * level):
+                if more >> (29 - level):
                     return _FAR
-                d = d << level
-                more = more << (2 * level)
+                more = more << level
                 if turn:
                     if curve[k + 0] < d:
                         curve[k] = d
@@ -221,11 +223,27 @@ def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, gr
                 else:
                     if greatest[i + 0] > d:
                         d = greatest[i + 0]
-                    if bend > _SMALL_BEND and bend > d >> (3 + level):
+                    if bend > _SMALL_BEND << level and bend > d >> 3:
                         return _BENT
             i += 1
         turn += 1
     return SMOOTH
+
+
+@micropython.viper
+def _short(rows: ptr32, a: int, b: int) -> int:
+    """Whether from row a to row b each motor moves by less than an eighth of a step."""
+    end = a + ROW
+    while a < end:
+        d = rows[b + 0] - rows[a + 0]
+        if d > 1 or d < -1:
+            return 0
+        d = (d << 16) + rows[b + 1] - rows[a + 1]
+        if d > 0x2000 or d < -0x2000:
+            return 0
+        a += 2
+        b += 2
+    return 1
 
 
 @micropython.viper
@@ -661,6 +679,10 @@ class Motion:
             code = self._sample(at + size, c)
         return code
 
+    def short(self, a, b):
+        """See _short."""
+        return _short(self.rows, a, b)
+
     def clear(self):
         """Forget the slopes and bends of the cells measured."""
         for i in range(2 * AXES):
@@ -747,6 +769,20 @@ class Motion:
         reals.multiply(r, TOP, TOP, HALF_CELL)
         reals.multiply(r, STEEP, STEEP, HALF_CELL)
         reals.multiply(r, STEEP, STEEP, _W)
+
+    def slow(self):
+        """Motors may be slower now than the motion under way has counted on: a move keeps to that from its next knot
+        on, a jog where it has not been surveyed yet."""
+        if self.state and not self.guide:
+            r = self.r
+            reals.copy(r, _NEXT, TOP)
+            reals.copy(r, _AT, STEEP)
+            span = self.span
+            self.rates(10000)
+            reals.copy(r, STEEP, _AT)  # it has to slow down first
+            self.span = min(span, self.span)
+            if reals.compare(r, _NEXT, TOP) < 0:
+                reals.copy(r, TOP, _NEXT)
 
     def _smoothen(self):
         """Set the ticks from knot to knot, and if need be a lower TOP, so that a cubic is as good as the motors' path.

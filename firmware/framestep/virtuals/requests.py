@@ -125,10 +125,12 @@ class Virtuals:
         self.later = 0
         self.motion.stop()
 
-    def limited(self, motor):
-        """Soft limits of a motor (from 0) have been set: where they leave less room a motion under way ends."""
-        if self.engaged >> motor & 1 and self.motion.narrowed(motor):
-            self.stop()
+    def changed(self, motor):
+        """Speed or soft limits of a motor (from 0) have been set: a motion that has less room for that ends."""
+        if self.engaged >> motor & 1:
+            if self.motion.narrowed(motor):
+                self.stop()
+            self.motion.slow()
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
