@@ -380,3 +380,40 @@ def test_a_lower_acceleration_set_under_way_counts_for_the_next_motion(jog):
     session.accept(VirtMove(m.VIRT_MOTOR_EW, 10 * 100000))
     session.wait_idle()
     assert_within(*session.steps(1), 20_000, 10_000)
+
+
+@pytest.mark.parametrize("stop", [VirtStop(m.VIRT_MOTOR_EW), MotorStop(1), MotorStopAll()], ids=str)
+@pytest.mark.parametrize("delay_s", [0.0, 0.05, 0.3])
+def test_a_jog_asked_for_again_while_it_stops_begins_anew(stop, delay_s):
+    """A key let go and pressed again: what has been acknowledged moves."""
+    session = configured(XYZ, 10_000, 10_000)
+    for jog in (VirtJogOnLine(m.LINE_X, 10_000), VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR)):
+        session.accept(jog)
+        session.run(0.45)
+        session.accept(stop)
+        session.run(delay_s)
+        session.accept(jog)
+        for _ in range(3):
+            session.run(0.25)
+            session.forget()
+            if isinstance(jog, VirtJog):
+                session.accept(jog)
+        session.run(0.25)
+        assert len(session.steps(1)[0]) > 100 and min(session.steps(1)[1]) == 1
+        session.accept(VirtStop(m.VIRT_MOTOR_EW))
+        session.wait_idle()
+        session.run(1)  # no second STOP_ALL
+
+
+def test_the_end_of_one_jog_is_not_that_of_the_next():
+    """A second key pressed, then the first let go."""
+    session = configured(XYZ, 10_000, 10_000)
+    session.accept(VirtJogOnLine(m.LINE_X, 10_000))
+    session.run(0.45)
+    session.accept(VirtJogOnLine(m.LINE_Y, 10_000))
+    session.run(0.05)
+    session.accept(VirtStop(m.VIRT_MOTOR_EW))
+    session.run(1)
+    assert session.made(2) > 1000
+    session.accept(VirtStop(m.VIRT_MOTOR_NS))
+    session.wait_idle()

@@ -112,16 +112,21 @@ class Virtuals:
         if motion.state:
             limit = self.controller.rig.jog_timeout_ms
             if self.jog_at >= 0 and limit and (now - self.jog_at) & _WRAP >= limit:
-                self.jog_at = -1
+                self._leave()
                 motion.stop()
             planned = motion.poll()
             if self.later and not motion.state:
                 self._turn(limit)
         return planned
 
+    def _leave(self):
+        """The jog under way ends: the same one, asked for again, is another."""
+        self.jog_at = -1
+        self.jog_speed = 0
+
     def stop(self):
         """Slow down along the line."""
-        self.jog_at = -1
+        self._leave()
         self.later = 0
         self.motion.stop()
 
@@ -134,7 +139,7 @@ class Virtuals:
 
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
-        self.jog_at = -1
+        self._leave()
         self.later = 0
         self.motion.halt(factor)
 
@@ -536,5 +541,6 @@ class Virtuals:
         if later == number:
             self.later = 0
         if self.moved >> number & 1:
-            self.stop()
+            self._leave()
+            self.motion.stop()
         return m.OK
