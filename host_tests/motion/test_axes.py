@@ -430,3 +430,50 @@ def test_one_pass_between_two_long_absences(young):
         rig.axes.feed()
     rig.bench.run(47)
     assert rig.bench.state[stepper.FAULTS] == 0
+
+
+# ---------------------------------------------------------------- phases that begin and end within a tick
+
+
+def play(phases):
+    """Plays (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from rest at step 0."""
+    rig = Rig()
+    axis = rig[0]
+    axis.prepare(rig.bench)
+    axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
+    axis.expect(True)
+    r = array("i", [0] * 6)
+    before = 0
+    for duration, step, velocity in phases:
+        for register, number in ((0, duration), (2, before), (4, velocity)):
+            reals.put(r, register, number, -6)
+        axis.aim(0, 2, 4, r, word(step), 1)
+        before = velocity
+    axis.expect(False)
+    axis.feed()
+    axis.start(rig.bench)
+    rig.to_rest()
+    assert axis.block[stepper.FAULT] == 0, phases
+    assert rig.place() == rig.bench.engines[0].position == phases[-1][1], phases
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("wait", [0, 1, 13, 32, 40, 63, 64, 65, 100])
+def test_a_phase_that_ends_in_the_tick_of_its_start(wait, sense):
+    """A ramp of a tick, less or next to nothing, beginning anywhere in the first ticks: its whole steps are not quite
+    where its velocities lead, and yet each segment begins where the one before it has ended."""
+    for duration in sorted({0, 1, 7, 33, 60, 63, 64, 65, 128, 64 - wait % 64}):
+        for velocity in (0, 20, 90, 237):
+            if velocity > 4 * duration:
+                continue  # more than 4 000 000 steps/s²
+            way = round(velocity * duration / 64 / 64 / 2)
+            on = way + round(velocity * 10 / 64)
+            rest = on + round(velocity * 10 / 64)
+            play(
+                [
+                    *([(wait, 0, 0)] if wait else []),
+                    (duration, sense * way, sense * velocity),
+                    (640, sense * on, sense * velocity),
+                    (1280, sense * rest, 0),
+                ]
+            )

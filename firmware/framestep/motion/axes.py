@@ -261,7 +261,9 @@ def _feed(parts, other, base, most: int, enough: int):
                 w[_PART] = out[1]
                 break
             rest = _ALL_BITS - part + 1  # of the tick, below 2^30
-            if out[0] or out[1] >= rest:
+            # A phase that ends with the tick is over before what follows it: within a tick an AIM phase may miss its
+            # step, and is put there in this tick's segment, not between two.
+            if out[0] or out[1] > rest:
                 shift(cubic, rest, 0, 0)
                 bridge(state, cubic, block, part)
                 if led:
