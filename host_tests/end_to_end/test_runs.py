@@ -25,6 +25,7 @@ from framestep_tools.payloads import (
     RtJogAll,
     RtPositionFrame,
     RtRunMove,
+    RtStopLoop,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
     RtUploadMoveDmx,
@@ -417,6 +418,49 @@ def test_too_fast_is_refused_at_its_rate(loaded):
     loaded.refuse(Ack.ERR_RANGE, run_request(30, 1, FRAMES), run_request(26, 1, FRAMES), run_request(30, FRAMES, 1))
     before = loaded.play(run_request(24, 1, FRAMES, 200, 200))
     assert_played(loaded, before, MOVE, 24)
+
+
+# At 4 frames/s 1280 steps/s from frame to frame, but 2560 at either end by the parabola that leads there;
+# and 1920 and 2440 at the third frame
+STEEP_ENDS = [0, 320, 0, 320]
+STEEP_FRAME = [300, 0, 480, 960, 660]
+
+
+def gap(times, signs):
+    """The least time between two steps in the same direction."""
+    return np.diff(times)[signs[1:] == signs[:-1]].min()
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 4), (4, 1)])
+@pytest.mark.parametrize(("flags", "rolls"), [(0, (300, 300)), (0, (0, 0)), (1, (300, 200)), (2, (0, 300))])
+def test_no_end_of_a_run_is_faster_than_its_motor(rig, first, last, flags, rolls):
+    """Of the last frame's period, the rolls, the turns of a loop and the frames, none."""
+    rig.upload({1: STEEP_ENDS})
+    rig.speed(1, 2000, 100_000)
+    rig.ready(run_request(4, first, last, *rolls, flags=flags))
+    rig.forget()
+    rig.accept(RtGo())
+    rig.run(4)
+    rig.accept(RtStopLoop())
+    if flags:
+        rig.client.wait_event(RtEnd, 10)
+    rig.wait_idle()
+    assert gap(*rig.steps(1)) >= 1 / 2000 - 2e-6
+    assert rig.position(1) in STEEP_ENDS
+
+
+@pytest.mark.parametrize(("first", "last"), [(2, 3), (3, 2)])
+def test_no_end_of_a_part_is_faster_than_its_motor(rig, first, last):
+    rig.upload({1: STEEP_FRAME})
+    rig.speed(1, 2000, 100_000)
+    rig.ready(run_request(4, first, last, 300, 300))
+    rig.forget()
+    go = rig.now
+    rig.accept(RtGo())
+    rig.client.wait_event(RtEnd, 10)
+    times, signs = rig.steps(1)
+    for part in (times < go + 0.3, times > go + 0.56):
+        assert gap(times[part], signs[part]) >= 1 / 2000 - 2e-6
 
 
 CORNERS = np.array([0, 0, 0, 50, 100, 150, 150, 150])  # 50 steps/frame² at 24 fps: 28 800 steps/s²

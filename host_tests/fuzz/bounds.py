@@ -121,8 +121,11 @@ def play(path, gap, backlash):
     return out
 
 
-def bounds_of(path, fps, backlash):
-    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at most."""
+def bounds_of(path, fps, backlash, top=np.inf):
+    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at most.
+
+    top: steps/s that its motor is set to, which it does not exceed at any frame.
+    """
     if len(path) < 2:
         return 0.0, 0.0
     steps = np.abs(np.diff(path)) + backlash
@@ -134,6 +137,6 @@ def bounds_of(path, fps, backlash):
     # at either end it is a parabola's
     slopes[0] = 1.5 * steps[0] + 0.5 * steps[min(1, len(steps) - 1)]
     slopes[-1] = 1.5 * steps[-1] + 0.5 * steps[max(-2, -len(steps))]
-    velocity = max(float(slopes.max()), 1.5 * float(steps.max())) + 1
+    velocity = max(min(float(slopes.max()), top / fps), 1.5 * float(steps.max())) + 1
     acceleration = 9.0 * (max(float(bends.max()), float(steps[0]), float(steps[-1])) + 2)
     return velocity * fps, acceleration * fps * fps

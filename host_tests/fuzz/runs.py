@@ -124,7 +124,7 @@ class Runs(Part):
             self._along(motor, path, run["fps"])
 
     def _along(self, motor, path, fps, extra=0.0):
-        velocity, acceleration = bounds_of(path, fps, motor.backlash)
+        velocity, acceleration = bounds_of(path, fps, motor.backlash, motor.velocity)
         velocity = min(velocity, 3 * (motor.velocity + fps))
         motor.allow(self.ms, velocity, acceleration + extra)
         motor.jerky = True

@@ -32,7 +32,8 @@ T = const(8)
 SCALE = const(10)  # twelfths of a step per frame to steps per tick
 _SPEEDS = const(12)  # per motor: velocity at the last frame queued
 OWN = const(36)  # after twelve motors' velocities
-REGISTERS = const(64)
+_TOPS = const(64)  # per motor: its velocity as set when the play was checked, which no slope exceeds
+REGISTERS = const(88)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
@@ -78,9 +79,9 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
             store.positions(motor, index - 2, 5, window, 0)
             if step < 0:
                 path.turn(window)
-                path.velocity(r, X, window, axis.bounds, last - index, index, scale)
+                path.velocity(r, X, window, axis.bounds, last - index, index, scale, own + _TOPS - _SPEEDS)
             else:
-                path.velocity(r, X, window, axis.bounds, index, last - index, scale)
+                path.velocity(r, X, window, axis.bounds, index, last - index, scale, own + _TOPS - _SPEEDS)
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
             lead(axis.planned, limits, place, 0, 0)
@@ -146,13 +147,15 @@ class Follower:
         return store.end - store.start - index
 
     def velocity(self, to, motor, index, step):
-        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick. See slope()."""
+        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick: see slope(). No more than the
+        motor's own as check() has found it."""
         after = self._look(motor, index, step)
         bounds = self.axes.axes[motor].bounds
+        top = _TOPS + 2 * motor
         if step < 0:
-            path.velocity(self.numbers, to, self.window, bounds, after, index, SCALE)
+            path.velocity(self.numbers, to, self.window, bounds, after, index, SCALE, top)
         else:
-            path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE)
+            path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE, top)
 
     def way(self, motor, index, step, count, anyway=False):
         """Which way the load first moves in `count` frames from `index` on, played in direction `step`: 1 up, -1 down.
@@ -187,6 +190,7 @@ class Follower:
             if not bits >> motor & 1:
                 continue
             axis = self.axes[motor]
+            reals.fetch(r, _TOPS + 2 * motor, axis.numbers, motion.TOP)
             # What the limits allow from frame to frame, in steps. Positions are rounded to steps
             # before they come here, which alone makes differences of ±1 and changes of ±2.
             reals.put(r, Y, fps_milli, 0)

@@ -5,7 +5,7 @@ its ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocit
 Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12,
 which follows sampled motion more closely than a parabola, held within the range that keeps the
 cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope)
-and away from a halt in passing (half the lesser slope).
+and away from a halt in passing (half the lesser slope). They are held within the motor's velocity, too: velocity().
 Where a motor holds still on either side the velocity is 0, so it never leaves a hold
 (field note 5.6).
 """
@@ -128,10 +128,25 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
 
 
 @micropython.viper
-def velocity(r, to: int, window, bounds, before: int, after: int, scale: int):
-    """r[to] = slope() times the real number r[scale]."""
+def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
+    """r[to] = slope() times the real number r[scale], but no more than r[top] either way.
+
+    A slope may be steeper than both of its chords. At an end of a play the motor keeps it for a whole frame, and ramps
+    to it and from it.
+    """
     put(r, to, int(slope(window, bounds, before, after)), 0)
     multiply(r, to, to, scale)
+    w = ptr32(r)
+    m = w[to + 0]
+    if m < 0:
+        m = 0 - m
+    e = w[to + 1] - w[top + 1]
+    if m and (e > 0 or (e == 0 and m > w[top + 0])):
+        m = w[top + 0]
+        if w[to + 0] < 0:
+            m = 0 - m
+        w[to + 0] = m
+        w[to + 1] = w[top + 1]
 
 
 # Words of a check: the two frames before, how many of them there are, and what the motor allows
