@@ -15,7 +15,7 @@ from framestep.protocol import frames
 from host_tests.protocol.streams import ABANDON, POLL, Case, expected
 from host_tests.runtime.frames_echo import echo
 
-from .trial import frame
+from .link import frame
 
 READER = frames.FrameReader
 CODES = {f.__code__ for f in (READER.feed, READER.poll, READER.abandon, READER.clear, frames._search)}
