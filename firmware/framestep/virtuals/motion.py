@@ -269,14 +269,14 @@ def _way(rows: ptr32, a: int, b: int) -> int:
 
 
 @micropython.viper
-def _aimed(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds, k: int) -> int:
+def _aimed(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -> int:
     """Where the path of a motor, of axis i, leads to for the place in rows[b], between those in rows[a] and rows[c]:
     out[0], and its fraction (Q16).
 
     A step is made when the path reaches it, so with a path through the places a motor would lag by half a step on
     average. So the path leads by half a step in the direction of the motion. The lead (leads[i], Q16) is what the way
     makes of it, eightfold: where a place does not change the path does not either, so a motor that stands, between
-    two steps by what the line asks for, makes none. bounds[k]: a step past them is not reached.
+    two steps by what the line asks for, makes none. A step past its bounds is not reached.
     """
     q = ptr32(rows)
     lead = ptr32(leads)
@@ -302,11 +302,12 @@ def _aimed(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds, k: i
     part += d
     whole += part >> 16
     part = part & 0xFFFF
-    d = bound[k + _HIGH]
+    i = 4 * i
+    d = bound[i + _HIGH]
     if whole > d or (whole == d and part > _SEVEN_EIGHTHS):
         whole = d
         part = _SEVEN_EIGHTHS
-    d = bound[k + _LOW]
+    d = bound[i + _LOW]
     if whole < d and (whole < d - 1 or part < 0x10000 - _SEVEN_EIGHTHS):
         whole = d - 1
         part = 0x10000 - _SEVEN_EIGHTHS
@@ -987,37 +988,42 @@ class Motion:
             reals.put(r, _P, 0, 0)
             reals.put(r, _Q, 0, 0)
         reals.put(r, _LAST_T, (self.times[here] - self.times[before]) & _WRAP, 0)
+        a = ROW * before
+        b = ROW * here
+        c = ROW * after
+        word = self.word
+        speeds = self.speeds
         for i in range(AXES):
-            if self.motor[i]:
-                k = 2 * i
-                _velocity(r, _W, rows, ROW * before + k, ROW * here + k, ROW * after + k, _P, _Q, _Y)
-                part = self._aim(i, before, here, after)
-                reals.fetch(r, _X, self.speeds, ROW * before + k)
-                reals.fetch(self.speeds, ROW * here + k, r, _W)
-                self.axes[self.motor[i] - 1].coast(_LAST_T, _X, _W, r, self.word, 0, part)
+            motor = self.motor[i]
+            if motor:
+                _velocity(r, _W, rows, a, b, c, _P, _Q, _Y)
+                part = _aimed(word, rows, a, b, c, self.leads, i, self.bounds)
+                reals.fetch(r, _X, speeds, a)
+                reals.fetch(speeds, b, r, _W)
+                self.axes[motor - 1].coast(_LAST_T, _X, _W, r, word, 0, part)
+            a += 2
+            b += 2
+            c += 2
         self.queued = knot
-
-    def _aim(self, i, before, here, after):
-        """See _aimed: into `word`, for a knot (modulo _KNOTS) between two."""
-        k = 2 * i
-        a = ROW * before + k
-        b = ROW * here + k
-        return _aimed(self.word, self.rows, a, b, ROW * after + k, self.leads, i, self.bounds, 2 * k)
 
     def _finish(self, knot):
         """Append the phase to the knot at which everything comes to rest."""
         r = self.r
-        before = (knot - 1) % _KNOTS
-        here = knot % _KNOTS
+        rows = self.rows
+        word = self.word
+        a = ROW * ((knot - 1) % _KNOTS)
+        b = ROW * (knot % _KNOTS)
         for i in range(AXES):
-            if self.motor[i]:
-                motor = self.motor[i] - 1
+            motor = self.motor[i] - 1
+            if motor >= 0:
                 axis = self.axes[motor]
-                reals.fetch(r, _X, self.speeds, ROW * before + 2 * i)
-                part = self._aim(i, before, here, here)
-                part = _landed(self.word, part, self.rows, ROW * here + 2 * i, self.present, motor, self.leads[i] > 0)
-                axis.coast(_T, _X, _ZERO, r, self.word, 0, part)
+                reals.fetch(r, _X, self.speeds, a)
+                part = _aimed(word, rows, a, b, b, self.leads, i, self.bounds)
+                part = _landed(word, part, rows, b, self.present, motor, self.leads[i] > 0)
+                axis.coast(_T, _X, _ZERO, r, word, 0, part)
                 axis.expect(False)
+            a += 2
+            b += 2
         self.queued = knot
         self.closed = True
 
