@@ -8,7 +8,7 @@ ARGS ?=
 BOARD ?= pico
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-board test-emulator fuzz lint types format \
+.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator fuzz lint types format \
 	plots bench profile flash image dist emulator-measure strain clean
 
 help: ## show this list
@@ -53,6 +53,10 @@ test-core: setup ## the core on CPython
 test-runtime: setup ## the core on 32-bit MicroPython
 	@tools/micropython/build.sh unix32f
 	@$(PYTEST) host_tests/runtime $(ARGS)
+
+test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, the heap locked
+	@tools/micropython/build.sh unix32f
+	@$(PYTEST) --replay host_tests/end_to_end $(ARGS)
 
 test-board: setup node ## the firmware on the emulated board, end to end
 	@tools/micropython/build.sh rp2

@@ -128,7 +128,7 @@ class Strain:
         for frame in self.decoder.feed(board.protocol.transmit()):
             self.take(frame)
         if self.decoder.skipped:
-            raise self.broken("something else than frames came")
+            raise self.broken(f"{self.decoder.skipped} bytes came that are no frame")
         late = [kind for sent, kind in self.waiting.values() if board.now_ns - sent > ANSWER_S * 1e9]
         if late:
             raise self.broken(f"no answer to {[hex(kind) for kind in late]}")
@@ -140,8 +140,7 @@ class Strain:
                 self.counts[f"HARD_STOP {frame.payload[0]}"] += 1
             return
         if frame.id in self.left:
-            self.counts["answers from before a close"] += 1
-            return
+            raise self.broken(f"an answer for the client before, type 0x{frame.type:X}")
         sent = self.waiting.pop(frame.id, None)
         if sent is None or frame.type & ~REPLY != sent[1]:
             raise self.broken(f"an answer to nothing, type 0x{frame.type:X}, ID {frame.id}")
@@ -248,7 +247,7 @@ class Strain:
         self.board.protocol.open_port(False)
         self.board.run_until(self.board.now_ns + self.dice.choice((30, 300)) * 1_000_000)
         self.board.protocol.transmit()
-        self.left = set(self.waiting)  # USB may bring an answer that had been sent
+        self.left |= set(self.waiting)
         self.waiting.clear()
         self.decoder = FrameDecoder()
         self.board.protocol.open_port(True)

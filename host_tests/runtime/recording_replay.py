@@ -53,6 +53,8 @@ class Notes:
 
     def told(self):
         """The pass in words, "" for nothing. Allocates."""
+        if not (self.count or self.sent_count or self.text_count or self.wire_count or self.lit):
+            return ""
         found = []
         for i in range(self.count):
             found.append(f"{self.kinds[i]}{self.numbers[2 * i]},{self.numbers[2 * i + 1]}")
