@@ -93,6 +93,8 @@ LENGTHS = {
     0x0206: [3],
     0x0207: [13],
 }
+# not tried below: VIRT_CONFIG has a form for each type (test_virtual_moves.py), framestep's own take any length
+APART = {0x0200, 0x4600, 0x4601}
 TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
 
 
@@ -102,6 +104,11 @@ def fits(kind, length):
         return length >= min(lengths)
     least, entry = lengths
     return length >= least and (length - least) % entry == 0
+
+
+def test_every_request_has_its_lengths_here():
+    new = sorted(hex(kind) for kind in m.REQUESTS.keys() - LENGTHS.keys() - APART)
+    assert not new, f"add to LENGTHS in this file, from docs/protocol-notes.md, 2: {', '.join(new)}"
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

@@ -20,7 +20,8 @@ def test_the_boards_that_there_are():
     readme = (ROOT / "README.md").read_text()
     for name in BOARDS:
         count = board_data(name)["motors"]
-        assert re.search(rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE), name
+        found = re.search(rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE)
+        assert found, f"add a line to the README's table of boards: | [...](boards/{name}/README.md) | {count} | ..."
 
 
 @pytest.mark.parametrize("name", BOARDS)
@@ -61,8 +62,8 @@ def test_a_mistake_is_found(data, complaint):
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_page_and_drawing_are_up_to_date(name):
-    for path, text in board_pages.page(name).items():
-        assert path.read_text() == text, "run python -m framestep_tools.board_pages"
+    old = [str(path.relative_to(ROOT)) for path, text in board_pages.page(name).items() if path.read_text() != text]
+    assert not old, f"run python -m framestep_tools.board_pages: {', '.join(old)}"
 
 
 @pytest.mark.parametrize("name", BOARDS)
@@ -93,10 +94,12 @@ def test_folder_is_complete(name):
     assert "not yet tried on hardware" in (folder / "README.md").read_text().lower()
     chip = board_data(name)["chip"]
     cmake = (folder / "mpconfigboard.cmake").read_text()
-    assert f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")' in cmake
+    line = f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")'
+    assert line in cmake, f"boards/{name}/mpconfigboard.cmake needs this line, by the chip in board.json: {line}"
     assert "${MICROPY_BOARD_DIR}/manifest.py" in cmake
     header = (folder / "mpconfigboard.h").read_text()
-    assert f'"{board_data(name)["name"]} with framestep"' in header
+    line = f'#define MICROPY_HW_BOARD_NAME "{board_data(name)["name"]} with framestep"'
+    assert line in header, f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
     assert "MICROPY_HW_FLASH_STORAGE_BYTES" in header
     assert (folder / "manifest.py").read_text() == 'include("../manifest.py")\n'
 

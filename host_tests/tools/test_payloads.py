@@ -48,9 +48,13 @@ NUMBERS = {"B": (0, 255), "H": (0, 0xFFFF), "h": (-0x8000, 0x7FFF), "I": (0, 2**
 
 
 def test_every_message_type_has_a_class():
-    types = {v for k, v in vars(messages).items() if k.startswith("MSG_") and k != "MSG_FLAG_ACK"}
-    assert set(REQUESTS) == types
-    assert set(messages.REQUESTS) <= set(REQUESTS)
+    names = {
+        value: name for name, value in vars(messages).items() if name.startswith("MSG_") and name != "MSG_FLAG_ACK"
+    }
+    missing = sorted(names[kind] for kind in names.keys() - REQUESTS.keys())
+    assert not missing, f"add a dataclass to tools/framestep_tools/payloads.py for {', '.join(missing)}"
+    gone = sorted(REQUESTS[kind].__name__ for kind in REQUESTS.keys() - names.keys())
+    assert not gone, f"of no MSG_ in protocol/messages.py, so take out of payloads.py: {', '.join(gone)}"
 
 
 def values(code):
