@@ -69,6 +69,16 @@ def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, da
 SHARED = followed([0, 0])
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_no_frame_is_passed_faster_than_the_motor(way):
+    """field note 5.6: at this end the slope is 150 steps per frame, 3600 steps/s."""
+    follower = followed([0, 0, way * 100], velocity=2400)
+    assert check(follower, 24) == m.OK
+    follower.frame_rate(24_000)
+    follower.velocity(follow.OWN, 0, 2, 1)
+    assert reals.value(follower.numbers, follow.OWN) == pytest.approx(way * 2.4, rel=1e-8)
+
+
 @pytest.mark.parametrize("index", [0, 1, 2, 4, 5])
 def test_backward_it_is_the_same_velocity_the_other_way(index):
     follower = followed([0, 40, 100, 90, 90, 300])
