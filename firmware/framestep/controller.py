@@ -19,7 +19,6 @@ from framestep.moves.stage import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
-from framestep.virtuals import NoVirtuals
 
 VERSION = (0, 1, 0)
 CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
@@ -155,11 +154,14 @@ class Controller:
             m.MSG_EXCEEDED: self._exceeded,
         }
         parts = [self.moves, self.io]
-        self.virtuals = NoVirtuals()
         if rig.virtuals:
             from framestep.virtuals.requests import Virtuals
 
             self.virtuals = Virtuals(self)
+        else:
+            from framestep.virtuals.absent import NoVirtuals
+
+            self.virtuals = NoVirtuals()
         parts.append(self.virtuals)
         for part in parts:
             self.handlers.update(part.handlers)

@@ -1,6 +1,6 @@
 """Pins for tests of io/: a HAL that only has pins, and remembers what was driven when."""
 
-from framestep.hal import NoDmx
+from framestep.hal.absent import NoDmx
 from framestep.hal.host import BOARD
 from framestep.rig import Rig
 

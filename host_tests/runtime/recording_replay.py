@@ -15,7 +15,7 @@ import micropython
 
 from framestep.clock import WRAP
 from framestep.controller import Controller
-from framestep.hal import NoDmx
+from framestep.hal.absent import NoDmx
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel

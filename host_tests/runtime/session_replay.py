@@ -9,7 +9,7 @@ import struct
 from array import array
 
 from framestep.controller import Controller
-from framestep.hal import NoDmx, NoWatchdog
+from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.motion.stepper import POSITION, StepKernel
 from framestep.native import CPYTHON, addressof
 from framestep.rig import Rig

@@ -9,7 +9,7 @@ import pytest
 
 from framestep_emulator.image import make_image
 from framestep_tools.code_file import ENTRIES, HEAD, INDEX, MAGIC, MARK, MARK_AT, NAME, PAGE, CodeFile, runs_at_import
-from framestep_tools.files import board_files, board_modules, compiled
+from framestep_tools.files import IN_RAM, board_files, board_modules, compiled
 from framestep_tools.mpy_file import Body, Kind, MpyError, parse
 
 
@@ -195,3 +195,15 @@ def test_bodies_that_are_the_same_are_there_once_and_no_key_stands_for_two():
     code.bodies[first] = b"another that has the key"
     assert code.add(b"x" * 40) == first + 1
     assert Body(Kind.BYTECODE, b"", b"", []).children == []
+
+
+def test_every_function_of_a_copied_module_fits_a_block_of_flash(modules):
+    """A larger one would stay in RAM unnoticed, but for what is meant to."""
+    for name, content in modules.items():
+        if name in IN_RAM:
+            continue
+        todo = [parse(content).body]
+        while todo:
+            body = todo.pop()
+            assert len(body.code) <= PAGE - HEAD, name
+            todo += body.children

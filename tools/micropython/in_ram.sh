@@ -24,6 +24,12 @@ FUNCTIONS=(
     gc_alloc
 )
 
+# What pico-sdk has in RAM and framestep calls seldom or never
+FROM_FLASH=(
+    mutex_enter_blocking mutex_enter_block_until mutex_enter_timeout_ms mutex_try_enter mutex_try_enter_block_until
+    mutex_exit recursive_mutex_try_enter spi_write_blocking spi_write_read_blocking
+)
+
 # Files that are compiled for speed instead of size
 FAST=(
     # the interpreter
@@ -34,6 +40,7 @@ FAST=(
 
 renames=()
 for name in "${FUNCTIONS[@]}"; do renames+=(--rename-section ".text.$name=.time_critical.$name"); done
+for name in "${FROM_FLASH[@]}"; do renames+=(--rename-section ".time_critical.$name=.text.$name"); done
 
 command=("$@")
 object=

@@ -68,27 +68,3 @@ and flash is one with
 
 Nothing here allocates after start().
 """
-
-
-class NoWatchdog:
-    """For boards without a watchdog, and for rigs that do without."""
-
-    barked = False
-
-    def arm(self, ms):
-        pass
-
-    def feed(self):
-        pass
-
-    def disarm(self):
-        pass
-
-
-class NoDmx:
-    """For boards without DMX."""
-
-    channels = 0
-
-    def show(self, lights):
-        pass

@@ -7,7 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
-from framestep.hal import NoDmx, NoWatchdog
+from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.stepper import StepKernel

@@ -17,7 +17,6 @@ from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
-from framestep.hal import NoDmx, NoWatchdog
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
@@ -98,9 +97,9 @@ class Rp2Hal:
         self._bus_guard_callback = self._bus_guard
         self.dmx = self._make_dmx(board.get("dmx"), rig)
         self._watched = rig.watchdog
-        watchdog = self._make_watchdog() if rig.watchdog else None
-        self.watchdog = watchdog or NoWatchdog()
-        self._inside = watchdog.words if watchdog else array("i", [0] * (PASS + 1))  # [PASS]: within a pass
+        self.watchdog = self._make_watchdog(rig)
+        # [PASS]: within a pass
+        self._inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
         self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
@@ -127,6 +126,8 @@ class Rp2Hal:
 
     def _make_dmx(self, wiring, rig):
         if wiring is None or not rig.dmx:
+            from framestep.hal.absent import NoDmx
+
             return NoDmx()
         from framestep.hal.rp2_dmx import Dmx
 
@@ -137,10 +138,14 @@ class Rp2Hal:
         dmx.start()
         return dmx
 
-    def _make_watchdog(self):
-        from framestep.hal.rp2_watchdog import Watchdog
+    def _make_watchdog(self, rig):
+        if rig.watchdog:
+            from framestep.hal.rp2_watchdog import Watchdog
 
-        return Watchdog()
+            return Watchdog()
+        from framestep.hal.absent import NoWatchdog
+
+        return NoWatchdog()
 
     def _make_wire(self, wiring):
         if "pins" in wiring:

@@ -46,7 +46,7 @@ _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 _ADDRESS = const(0x7F)  # bits of that register, 0 from a bus reset on until the host has given a new one
 _PACKET = const(64)  # full-speed bulk endpoint
 _PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
-_OUTGOING = const(512)  # bytes taken from the writer at a time
+_OUTGOING = const(256)  # bytes taken from the writer at a time
 
 # The mark: words 0 and 15 of a packet's place. Only a full packet reaches its last byte.
 _MARK_0 = const(0x1B7E35C9)
