@@ -6,7 +6,8 @@ that a module imports is an entry of its dictionary, frozen or copied. So on a b
 
 * modules do not import what the compiler alone needs: `const`, `micropython` for its decorators, the casts of viper;
 * parameters are called `_1`, `_2`, ... where no call names them and no function within might see them;
-* what a module has for itself, and no traceback shows, is called `__1`, `__2`, ...: kernels in viper, and data.
+* what a module has for itself, and no traceback shows, is called `__1`, `__2`, ...: kernels in viper, and data; of
+  modules that only the start needs all functions, of which a traceback then gives file and line.
 
 Lines stay where they are, so that tracebacks are right.
 """
@@ -19,6 +20,7 @@ from .constants import Edits, shorten
 _NATIVE = "framestep.native"
 _CASTS = {"ptr8", "ptr16", "ptr32"}
 _DECORATORS = {"viper", "native"}
+_BRIEF = {"framestep/rig.py", "framestep/hal/rp2_code.py"}  # loaded for the start alone, but their names remain
 _INNER = (ast.FunctionDef, ast.Lambda, ast.ClassDef, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 
 
@@ -39,7 +41,7 @@ def lean(texts: Mapping[str, str], by_hand: tuple[str, ...] = (), kept: Set[str]
         _drop_imports(edits, trees[path])
         if not path.startswith(by_hand or ("/",)):
             _number_parameters(edits, trees[path], named)
-            _number_globals(edits, trees[path], looked_up)
+            _number_globals(edits, trees[path], looked_up, path in _BRIEF)
         found[path] = edits.text()
     return found
 
@@ -116,8 +118,8 @@ def _looked_up(tree: ast.Module) -> Iterator[str]:
                 yield from names
 
 
-def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str]) -> None:
-    """Number a module's own kernels and data, those that begin with an underscore."""
+def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str], brief: bool) -> None:
+    """Number a module's own kernels and data, those that begin with an underscore; brief: all its functions."""
     own: dict[str, str] = {}
     inner: set[str] = set()  # names that functions and classes have of their own
     for node in _live(tree):
@@ -132,7 +134,7 @@ def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str]) -> None
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 constant = isinstance(value, ast.Call) and ast.unparse(value.func) == "const"
-            case ast.FunctionDef(name=name, decorator_list=[decorator]) if _is_decorator(decorator):
+            case ast.FunctionDef(name=name, decorator_list=decorators) if brief or any(map(_is_decorator, decorators)):
                 constant = False
             case _:
                 continue
