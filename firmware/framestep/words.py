@@ -26,6 +26,7 @@ from framestep.protocol.messages import (
     CONDITION_UNKEPT,
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
+    EXCEEDED_SLOWED,
     EXCEEDED_VELOCITY,
 )
 
@@ -63,11 +64,12 @@ EXCEEDED = {
     EXCEEDED_VELOCITY: "its velocity by %d steps/s: refused",
     EXCEEDED_ACCELERATION: "its acceleration by %d steps/s²; it is refused with strict_moves only",
     EXCEEDED_BOARD: "what the board can make: refused",
+    EXCEEDED_SLOWED: "what it is set to: JOG_ALL goes at %d frames in 1000 s",
 }
 
 
 def exceeded(what, motor, frame, by):
-    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: steps/s or steps/s²."""
+    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: see follow.py."""
     if what not in EXCEEDED:
         return []
     return ["the last move exceeds, at frame %d of motor %d, " % (frame, motor) + EXCEEDED[what].replace("%d", str(by))]

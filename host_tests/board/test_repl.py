@@ -5,9 +5,9 @@ import pytest
 from framestep_emulator import Emulator
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.files import board_files
-from framestep_tools.payloads import HardStop, RtEnd, RtGo
+from framestep_tools.payloads import Ack, HardStop, RtEnd, RtGo, RtJogAll
 from host_tests.board.test_end_to_end import assert_played, load, move
-from host_tests.end_to_end.session import Session
+from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING
 
 LED, JUMPER = 25, 27
@@ -142,6 +142,25 @@ def test_faults_in_words(session):
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
     assert repl.eval("6 * 7") == 42
     assert repl.exec("import framestep.repl; status()").splitlines()[2].startswith("framestep has stopped by a fault")
+
+
+def test_a_move_that_asks_too_much_is_told_unasked():
+    """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
+    with EmulatedBoard() as board:
+        session = Session(board, reply_s=0.1)
+        repl = board.emulator.repl()
+        repl.exec("import time")
+        session.speed(2, 1000, 20000)
+        session.upload({1: [10 * k for k in range(20)], 2: [0] * 10 + [100] * 10})
+        line = "framestep: the last move asks too much of motor 2 at frame 11 - see status()"
+        repl.start("time.sleep_ms(100)")
+        session.refuse(Ack.ERR_RANGE, run_request(fps=24, end=20))
+        assert repl.finish(1).splitlines() == [line]
+        session.accept(RtJogAll(24000, 20))
+        repl.start("time.sleep_ms(9000)")  # when it has come to rest
+        session.client.wait_idle(60, 0.1)
+        assert repl.finish(10).splitlines() == [line]
+        assert "JOG_ALL goes at" in repl.exec("import framestep.repl; status()")
 
 
 def test_bootsel_and_jumper_keep_it_from_starting():

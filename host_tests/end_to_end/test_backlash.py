@@ -208,3 +208,27 @@ def test_a_turn_within_the_path(fps, start):
                 session.wait_idle()
                 assert np.diff(times).min() >= 1 / (VELOCITY * 1.002) - 5e-6
     assert taken and (refused or start == 17)
+
+
+@pytest.mark.parametrize("jog", [False, True])
+def test_the_load_turns_where_the_path_does(jog):
+    """At an uneven peak the curve alone may go past the frame: the load would stay there while the play is taken up."""
+    session = rig()
+    peak = np.array([0, 5, 10, 20, 40, 70, 60, 55, 50, 45, 40, 35, 30, 25, 20, 18, 16, 18, 48, 98, 140, 160, 170, 175])
+    upload(session, {1: peak, 2: -peak}, frames=len(peak))
+    session.accept(RtPositionFrame(1))
+    session.wait_idle()
+    if jog:
+        session.accept(RtJogAll(6000, len(peak)))
+        session.wait_idle()
+        session.client.wait_idle(60, 0.05)
+    else:
+        session.ready(run_request(6, 1, len(peak), 500, 500))
+        session.accept(RtGo())
+        session.client.wait_event(RtEnd, 20)
+    session.wait_idle()
+    for motor, sign in ((1, 1), (2, -1)):
+        places = sign * np.array(load(session.steps(motor)[1]))
+        places = places[np.insert(np.diff(places) != 0, 0, True)]
+        turns = places[1:-1][np.diff(np.sign(np.diff(places))) != 0].tolist()
+        assert [place for place in turns if 0 < place < 175] == [70, 16]

@@ -219,6 +219,24 @@ def test_stop_loop(after, ping_pong, loop, flags):
     to_the_end(session)
 
 
+@pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
+@pytest.mark.parametrize("flags", [PING_PONG, LOOP])
+def test_stop_loop_late_in_a_pass(after, flags):
+    """Field note 6.11: when the ramp behind the end frame is queued, it becomes the post-roll, within the limits."""
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    begun = session.now
+    session.run(after)
+    session.accept(RtStopLoop())
+    ended = to_the_end(session)
+    assert 1.99 < ended - begun < 2.06
+    session.wait_idle()
+    assert session.position(1) == MOVE[1][-1] and session.position(2) == MOVE[2][-1]
+    assert passes_told(session)[-1][-1][1] == FRAMES and len(passes_told(session)) == 1
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+
+
 def test_stop_loop_on_the_way_back():
     """Between two passes of a loop: the rig ends at the start, an end point, and plays no further pass."""
     session = rig()

@@ -4,11 +4,12 @@ from array import array
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from framestep.motion import reals
 from framestep.moves import follow
+from framestep.moves.path import FROM_REST, MOST
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
 
@@ -195,11 +196,55 @@ def test_a_frame_past_a_soft_limit_is_refused(path, code):
     assert check(bench.follower, 24) == code
 
 
-def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration():
-    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²."""
-    path = range(0, 100 * 60, 100)
-    assert check(followed(path, acceleration=410), 24, ramp=4) == m.OK
-    assert check(followed(path, acceleration=390), 24, ramp=4) == m.ERR_RANGE
+@pytest.mark.parametrize("acceleration, rate", [(410, 24_000), (400, 24_000), (390, 2792), (50, 1000), (1, 141)])
+def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration(acceleration, rate):
+    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate gathers half its square."""
+    follower = followed(range(0, 100 * 60, 100), acceleration=acceleration)
+    assert check(follower, 24, ramp=4) == m.OK
+    assert follower.rate == pytest.approx(rate, abs=2)
+
+
+@pytest.mark.parametrize("step", [1, -1])
+@pytest.mark.parametrize("velocity", [10, 999, 1001, 20_000])
+def test_with_a_ramp_the_rate_is_what_the_steepest_frame_allows(velocity, step):
+    """field note 5.5: JOG_ALL slows down instead of refusing."""
+    path = np.cumsum([0] + [60] * 30 + [70, 80, 90, 100, 100, 100, 100, 90, 80, 70] + [60] * 30)
+    follower = followed(path, velocity=velocity, acceleration=1_000_000)
+    begin = 0 if step > 0 else len(path) - 1
+    assert check(follower, 24, begin=begin, step=step, ramp=4) == m.OK
+    assert follower.rate == pytest.approx(min(24_000, velocity * 10), rel=0.03)
+    if follower.rate < 24_000:
+        assert follower.exceeded[follow.WHAT] == m.EXCEEDED_SLOWED
+        assert follower.exceeded[follow.BY] == follower.rate
+        assert abs(follower.exceeded[follow.FRAME] - 35) <= 4
+
+
+@given(st.lists(st.integers(-3000, 3000), min_size=3, max_size=80), st.integers(10, 20_000), st.integers(1, 400_000))
+def test_with_a_ramp_the_curve_is_within_velocity_and_acceleration(path, velocity, acceleration):
+    follower = followed(path, velocity=velocity, acceleration=acceleration)
+    assume(check(follower, 24, ramp=4) == m.OK)
+    rate = follower.rate / 1000
+    follower.window[MOST] = FROM_REST
+    slopes = np.array([follower.slope(0, k, 1) for k in range(len(path))]) / 12
+    steps = np.diff(path)
+    inner = slice(1, -1)
+    bend = np.maximum(
+        np.abs(6 * steps - 4 * slopes[:-1] - 2 * slopes[1:]), np.abs(6 * steps - 2 * slopes[:-1] - 4 * slopes[1:])
+    )[inner]
+    gathered = np.maximum(np.abs(2 * slopes[:-1] - slopes[1:]), np.abs(2 * slopes[1:] - slopes[:-1]))[inner]
+    needed = np.maximum(bend - 7, 0) * rate**2 + np.maximum(gathered - 1, 0) * min(4, rate**2 / 2)
+    assert np.all(needed <= acceleration * 1.01 + rate**2)
+    x = np.linspace(0, 1, 21)[:, None]
+    a, b, s = slopes[:-1], slopes[1:], steps
+    speeds = np.abs(a * (1 - x) ** 2 + (3 * s - a - b) * 2 * x * (1 - x) + b * x**2)[:, inner]
+    assert np.all(speeds * rate <= velocity + 1.1 * rate)
+
+
+def test_no_rate_is_less_than_a_frame_in_a_thousand_seconds():
+    assert check(followed([0, 6_000], velocity=10), 24, ramp=4) == m.OK
+    follower = followed([0, 10_010], velocity=10)
+    assert check(follower, 24, ramp=4) == m.ERR_RANGE
+    assert follower.exceeded[follow.WHAT] == m.EXCEEDED_BOARD
 
 
 # ---------------------------------------------------------------- ramps to and from a frame (field note 6.2)

@@ -17,11 +17,11 @@ FREE = (LOWEST, HIGHEST)
 FAR = 2**24  # steps per frame: more counts as this in a slope
 
 
-def slope(frames, index, bounds=FREE):
+def slope(frames, index, bounds=FREE, most=path.MONOTONE, exact=0):
     """The path's slope at a frame of these positions, steps per frame."""
     last = len(frames) - 1
-    window = array("i", [int(frames[min(max(index + i, 0), last)]) for i in range(-2, 3)])
-    return Fraction(path.slope(window, array("i", bounds), index, last - index), path.TWELFTHS)
+    window = array("i", [int(frames[min(max(index + i, 0), last)]) for i in range(-2, 3)] + [most])
+    return Fraction(path.slope(window, array("i", (*bounds, exact)), index, last - index), path.TWELFTHS)
 
 
 def slopes(frames, bounds=FREE):
@@ -78,13 +78,25 @@ def test_played_backward_the_path_is_the_same(frames):
     assert slopes(frames[::-1]) == [-s for s in reversed(slopes(frames))]
 
 
+def test_where_the_rate_changes_within_a_frame_the_lesser_slope_counts_half_as_much():
+    """Up to rest it takes twice as long: with more the curve would go past the frame and come back."""
+    assert slope([0, 900, 905, 910], 1) == 15
+    assert slope([0, 900, 905, 910], 1, most=path.FROM_REST) == Fraction(15, 2)
+
+
+def test_a_motor_with_play_turns_exactly_at_the_frame():
+    assert slope([0, 100, 200, 180, 160], 2) == 40
+    assert slope([0, 100, 200, 180, 160], 2, exact=40) == 0
+    assert slope([0, 100, 200, 250, 260], 2, exact=40) > 0
+
+
 @given(moves)
 def test_turning_a_window_round_gives_the_slope_of_the_move_backward(frames):
     last = len(frames) - 1
     for index in range(len(frames)):
-        window = array("i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)])
+        window = array("i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)] + [path.MONOTONE])
         path.turn(window)
-        bounds = array("i", FREE)
+        bounds = array("i", (*FREE, 0))
         assert path.slope(window, bounds, last - index, index) == -12 * slope(frames, index)
 
 

@@ -24,7 +24,9 @@ def slopes(positions: Sequence[int] | np.ndarray, first: int, last: int, limits:
     of the play. limits: the motor's soft limits."""
     step = 1 if last >= first else -1
     window = array("i", [0] * path.WINDOW_WORDS)
+    window[path.MOST] = path.MONOTONE
     bounds = array("i", (far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)))
+    bounds.append(0)
     found = []
     for index in range(first, last + step, step):
         around = np.clip(np.arange(index - 2 * step, index + 3 * step, step), 0, len(positions) - 1)

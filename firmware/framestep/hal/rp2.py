@@ -23,6 +23,7 @@ from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.hal.rp2_usb import addressed
 from framestep.hal.rp2_watchdog import PASS
 from framestep.motion.stepper import StepKernel, halt_motors
+from framestep.moves.follow import UNTOLD, WHAT
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
@@ -414,6 +415,9 @@ class Rp2Hal:
             if untold & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
+        told = self._controller.stage.follower.exceeded  # type: ignore[union-attr]
+        if untold & UNTOLD and told[WHAT]:
+            print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
         if self._failed:
             self._failed = False
             print("framestep: Ctrl-C came in the middle of the controller's work; the motors were ramped down")

@@ -346,7 +346,7 @@ class Axis:
         )
         self.lower_enabled = False
         self.upper_enabled = False
-        self.bounds = array("i", [0] * 2)  # how far the load may go: see _bound()
+        self.bounds = array("i", [0] * 3)  # how far the load may go: see _bound()
         self.own_velocity = 0  # as set_speed() has it; in force is what the coupled motor can do as well
         self.own_acceleration = 0
         self.own_jerk = 0
@@ -451,13 +451,16 @@ class Axis:
         """`bounds`: the lowest and the highest place for the load.
 
         Those of the soft limits that are enabled, and of the range of positions, to whose lower end the motor must be
-        able to take up its play; for coupled motors also what the partner's own bounds are for this one.
+        able to take up its play; for coupled motors also what the partner's own bounds are for this one. Then whether
+        there is any play.
         """
         bounds = self.bounds
         self._own_bounds(bounds)
         partner = self.partner
+        bounds[2] = self.backlash
         if not partner:
             return
+        bounds[2] |= partner.backlash
         # The partner's motor goes from its lower bound less its play up to its upper bound.
         word = self.word
         partner._own_bounds(partner.bounds, 1)  # by rounding it may be a hair past the end of its range

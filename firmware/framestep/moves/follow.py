@@ -19,6 +19,7 @@ from framestep.protocol.messages import (
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
     EXCEEDED_NOTHING,
+    EXCEEDED_SLOWED,
     EXCEEDED_VELOCITY,
     OK,
 )
@@ -43,8 +44,11 @@ HARDEST = const(2500000)  # steps/s²: a corner's cubics have at most six times 
 WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
-BY = const(3)  # steps/s or steps/s², by what it is asked for
+BY = const(
+    3
+)  # steps/s or steps/s², by what it is asked for; SLOWED: the rate instead, thousandths of a frame per second
 EXCEEDED_WORDS = const(4)
+UNTOLD = const(0x200)  # bit of Controller.untold, after its FAULT_ bits: the REPL is to be told of it
 _HEAD = const(160)  # ramps.HEAD and the like, as constants for the kernels below
 _TAIL = const(161)
 _PHASE_MASK = const(15)
@@ -52,6 +56,9 @@ _PHYSICAL = const(3)  # axes.PHYSICAL
 if (ramps.HEAD, ramps.TAIL, ramps.PHASES, motion.PHYSICAL) != (_HEAD, _TAIL, _PHASE_MASK + 1, _PHYSICAL):
     raise ValueError("follow.py disagrees with ramps.py or axes.py about an axis")
 _BATCH = const(32)  # frames checked at a time
+_FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
+_FINE = const(3000)  # from this rate on limits are numbers so small that they are counted in parts of steps
+_EXACT = const(16)  # so often a motor lowers the rate by just what it needs, then by a 32nd at least
 
 
 def speed(motor):
@@ -102,8 +109,10 @@ class Follower:
         self.count = axes.count
         self.excluded = 0  # bits of motors that take no part (disabled, under live control)
         self.numbers = array("i", [0] * REGISTERS)
-        self.window = array("i", [0] * path.WINDOW_WORDS)
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is for a run, but while something else is worked out
+        self.window[path.MOST] = path.MONOTONE
         self.words = array("i", [0] * path.CHECK_WORDS)
+        self.rate = 0  # at which the motors can follow what was checked last, thousandths of a frame per second
         self.values = array("i", [0] * _BATCH)
         self.place = array("i", [0])
         self.strict = False  # setting `strict_moves`
@@ -173,69 +182,34 @@ class Follower:
             count -= batch - 1
         return found
 
-    def check(self, bits, begin, count, fps_milli, step, ways, ramp=0):
+    def check(self, bits, begin, count, fps_milli, step, ways, ramp=0, going=False):
         """Whether the motors can follow `count` frames from `begin`, played in direction `step`, at that rate (field
         note 5.5).
 
-        ways: for what direction each motor's play is taken up at the first frame. ramp: frames/s² with which that rate
-        is come to on the way. OK, ERR_RANGE where one is asked for more than its velocity, also to take up its play
-        where the path turns, or more than the board can make, or the code of a soft limit. More than its acceleration
-        is refused if `strict`, or with a ramp. `exceeded` tells what was too much.
+        ways: for what direction each motor's play is taken up at the first frame. OK, ERR_RANGE where one is asked for
+        more than its velocity, also to take up its play where the path turns, or more than the board can make, or the
+        code of a soft limit. More than its acceleration is refused if `strict`. `exceeded` tells what was too much.
+
+        ramp: frames/s² with which that rate is come to on the way, from rest unless `going`. With a ramp
+        nothing is too much as long as there is a lower rate at which all motors can follow, on the curve between the
+        frames as well: `rate` tells it, or the one asked for if that will do.
         """
         self.exceeded[WHAT] = EXCEEDED_NOTHING
-        r = self.numbers
+        self.rate = fps_milli
+        if ramp and count == 2 and not going:
+            self.rate = min(fps_milli, 1000)  # from rest to rest
         words = self.words
         values = self.values
         for motor in range(self.count):
             if not bits >> motor & 1:
                 continue
             axis = self.axes[motor]
-            reals.fetch(r, _TOPS + 2 * motor, axis.numbers, motion.TOP)
-            # What the limits allow from frame to frame, in steps. Positions are rounded to steps
-            # before they come here, which alone makes differences of ±1 and changes of ±2.
-            reals.put(r, Y, fps_milli, 0)
-            reals.divide(r, Y, Y, THOUSAND)  # frames per second
-            reals.put(r, X, axis.velocity, 0)
-            reals.divide(r, X, X, Y)
-            words[path.FASTEST] = reals.floor(r, X, HALF) + 1
-            words[path.RAMP] = 0
+            reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, motion.TOP)
             if ramp:
-                # within a frame no more than the rate itself is gathered: half its square
-                reals.multiply(r, X, Y, Y)
-                reals.double(r, X, X, -1)
-                reals.put(r, T, ramp, 0)
-                if reals.compare(r, X, T) < 0:
-                    reals.copy(r, T, X)
-                reals.put(r, X, axis.acceleration, 0)
-                reals.divide(r, X, X, T)
-                words[path.FASTEST] = min(words[path.FASTEST], reals.floor(r, X, HALF))
-                reals.divide(r, T, T, Y)
-                reals.divide(r, T, T, Y)
-                reals.double(r, T, T, 15)
-                words[path.RAMP] = reals.floor(r, T, HALF)
-            reals.put(r, X, axis.acceleration, 0)
-            reals.divide(r, X, X, Y)
-            reals.divide(r, X, X, Y)
-            words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
-            # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its ticks)
-            reals.put(r, X, HARDEST, 0)
-            reals.multiply(r, X, X, THOUSAND)
-            reals.double(r, T, Y, 1)
-            reals.add(r, T, T, THOUSAND)
-            reals.divide(r, X, X, T)
-            reals.divide(r, X, X, Y)
-            reals.divide(r, X, X, Y)
-            words[path.HARDEST] = reals.floor(r, X, HALF) + 2
-            words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
-            if self.strict or ramp:
-                words[path.HARDEST] = words[path.STEEPEST]
-            kernel = self.axes.kernel.state
-            pulsed = min(
-                motion.FASTEST, motion.TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST]
-            )
-            reals.put(r, X, pulsed, 0)
-            reals.divide(r, X, X, Y)
-            words[path.PULSED] = reals.floor(r, X, HALF) + 2
+                words[path.FASTEST] = _FARTHEST
+                words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF
+            else:
+                self._allow(axis, fps_milli)
             words[path.SHARPEST] = 0
             words[path.SEEN] = 0
             words[path.PLAY] = axis.backlash
@@ -255,15 +229,161 @@ class Follower:
                 found = path.check(words, values, batch, order)
                 if found != path.FITS:
                     if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
-                        self._exceeded(found, motor, first + order * words[path.SEEN], words[path.FOUND])
+                        self._exceeded(
+                            path.TOO_HARD if ramp else found, motor, first + order * words[path.SEEN], words[path.FOUND]
+                        )
                         return ERR_RANGE
                     if found == path.TOO_HIGH:
                         return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
                     return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
                 done += batch
+            if ramp:
+                self.window[path.MOST] = path.FROM_REST
+                fits = self._slow_down(motor, begin, count, step, ways, ramp, going)
+                self.window[path.MOST] = path.MONOTONE
+                if not fits:
+                    return ERR_RANGE
             if words[path.SHARPEST]:
                 self._exceeded(path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST])
         return OK
+
+    def _allow(self, axis, fps_milli):
+        """Put into `words` what a motor's limits allow from frame to frame, in steps. Y = frames per second.
+
+        Positions are rounded to steps before they come here, which alone makes differences of ±1 and changes of ±2.
+        """
+        r = self.numbers
+        words = self.words
+        reals.put(r, Y, fps_milli, 0)
+        reals.divide(r, Y, Y, THOUSAND)  # frames per second
+        reals.put(r, X, axis.velocity, 0)
+        reals.divide(r, X, X, Y)
+        words[path.FASTEST] = reals.floor(r, X, HALF) + 1
+        reals.put(r, X, axis.acceleration, 0)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, X, X, Y)
+        words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
+        # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its ticks)
+        reals.put(r, X, HARDEST, 0)
+        reals.multiply(r, X, X, THOUSAND)
+        reals.double(r, T, Y, 1)
+        reals.add(r, T, T, THOUSAND)
+        reals.divide(r, X, X, T)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, X, X, Y)
+        words[path.HARDEST] = reals.floor(r, X, HALF) + 2
+        words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
+        if self.strict:
+            words[path.HARDEST] = words[path.STEEPEST]
+        kernel = self.axes.kernel.state
+        pulsed = min(motion.FASTEST, motion.TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST])
+        reals.put(r, X, pulsed, 0)
+        reals.divide(r, X, X, Y)
+        words[path.PULSED] = reals.floor(r, X, HALF) + 2
+
+    def _slow_down(self, motor, begin, count, step, ways, ramp, going):
+        """Lower `rate` to one at which a motor can follow the curve through frames that check() has let pass.
+
+        False if there is none. What fits at a rate fits at any lower one, so once through the frames will do.
+        """
+        words = self.words
+        axis = self.axes[motor]
+        store = self.store
+        words[path.SEEN] = words[path.SLOPE] = lowered = 0
+        words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+        self._allow_bends(axis, ramp)
+        while count:
+            batch = min(count, _BATCH - 4)
+            rests = (0 if going else 1) | (2 if batch == count else 0)
+            store.positions(motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0)
+            done = 0
+            while True:
+                done = path.bends(
+                    words,
+                    self.values,
+                    axis.bounds,
+                    self.window,
+                    done,
+                    batch,
+                    begin,
+                    store.end - store.start,
+                    step,
+                    rests,
+                )
+                if not done:
+                    break
+                told = self.exceeded
+                told[WHAT] = EXCEEDED_SLOWED
+                told[MOTOR] = motor
+                told[FRAME] = store.start + begin + step * (done - 1)
+                told[BY] = self._lower(axis, ramp)
+                lowered += 1
+                if lowered > _EXACT:
+                    told[BY] = min(told[BY], self.rate - (self.rate >> 5))
+                if told[BY] < 1:
+                    told[WHAT] = EXCEEDED_BOARD
+                    return False
+                self.rate = told[BY]
+                self._allow_bends(axis, ramp)
+            begin += step * batch
+            count -= batch
+        return True
+
+    def _allow_bends(self, axis, ramp):
+        """Put into `words` what bends() lets pass at `rate`."""
+        r = self.numbers
+        words = self.words
+        reals.put(r, T, self.rate, 0)
+        reals.divide(r, T, T, THOUSAND)
+        reals.put(r, X, axis.velocity, 0)
+        reals.divide(r, X, X, T)
+        words[path.FASTEST] = reals.floor(r, X, HALF)
+        reals.multiply(r, T, T, T)
+        reals.put(r, X, axis.acceleration, 0)
+        reals.divide(r, X, X, T)
+        fine = self.rate >= _FINE
+        words[path.FINE] = 1 if fine else 0
+        reals.double(r, X, X, 8 if fine else 0)
+        words[path.STEEPEST] = reals.floor(r, X, HALF)
+        reals.put(r, X, ramp << (18 if fine else 15), 0)
+        reals.divide(r, X, X, T)
+        # within a frame no more than the rate itself is gathered
+        words[path.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
+
+    def _lower(self, axis, ramp):
+        """The rate, or 0, that what bends() has found allows."""
+        r = self.numbers
+        words = self.words
+        rate = self.rate
+        fast = words[path.FOUND]
+        bent = words[path.BENT]
+        gathered = words[path.GATHERED]
+        if fast > 0:
+            reals.put(r, X, axis.velocity, 0)
+            reals.put(r, Y, fast, 0)
+            reals.divide(r, X, X, Y)
+            reals.multiply(r, X, X, THOUSAND)
+            rate = min(rate, reals.floor(r, X, HALF))
+        # acceleration = bent · rate² + gathered · ramp, or half of rate² for the ramp where that is less
+        reals.put(r, Y, gathered, -1)
+        reals.put(r, T, bent, 0)
+        reals.add(r, Y, Y, T)
+        if reals.sign(r, Y):
+            reals.put(r, X, axis.acceleration, 0)
+            reals.divide(r, Y, X, Y)
+            reals.put(r, T, gathered * ramp, 0)
+            reals.subtract(r, X, X, T)
+            if reals.sign(r, X) >= 0:
+                if not bent:
+                    return rate
+                reals.put(r, T, bent, 0)
+                reals.divide(r, X, X, T)
+                if reals.compare(r, Y, X) < 0:
+                    reals.copy(r, Y, X)
+            reals.root(r, Y, Y)
+            reals.multiply(r, Y, Y, THOUSAND)
+            rate = min(rate, reals.floor(r, Y, HALF))
+        return rate
 
     def _exceeded(self, found, motor, index, amount):
         """Keep for `exceeded` what check() has found at a frame: register Y holds frames per second."""

@@ -1,8 +1,9 @@
 """MSG_RT_JOG_ALL: all motors along the uploaded path, as one axis whose unit is the frame.
 
-Its velocity is at most FPS, its acceleration 4 frames/s² (field note 6.10), and it comes to rest on whole
-frames only. From one frame to the next its acceleration is constant, and the motors follow the
-cubics through the frames' positions with the path's slope times the axis' velocity at either end.
+Its velocity is at most FPS, or less where a motor could not follow (field note 5.5), its acceleration
+4 frames/s² (field note 6.10), and it comes to rest on whole frames only. From one frame to the next its
+acceleration is constant, and the motors follow the cubics through the frames' positions with the path's slope
+times the axis' velocity at either end.
 
 What is queued is noted, a row for each phase: from it comes where on the path the axis is at a moment. A stop
 cuts all queues at the same moment and goes on from there.
@@ -16,6 +17,7 @@ from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.motion.axes import lead
 from framestep.motion.segments import G1, WHOLE, velocity
+from framestep.moves import path
 from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import ENDING, POSITIONING, Operation
 from framestep.moves.store import READY as UPLOADED
@@ -74,7 +76,7 @@ class JogAll(Operation):
         self.step = 1
         self.closed = True
         self.later = -1  # a destination for after the turn
-        self.fps_milli = 0
+        self.fps_milli = 0  # as asked for
         self.asked = 0  # to land: 1 by STOP, 2 by STOP_ALL
         self.hurry = False  # the last frame of a landing goes at a frame per second
         self.rows = array("i", [0] * (_ROWS * _ROW))
@@ -117,12 +119,13 @@ class JogAll(Operation):
         step = 1 if to >= at else -1
         frames = (to - at) * step + 1
         self._ways(self.draft, bits, at, step, frames, going)
-        code = self.follower.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION)
+        code = self.follower.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
             code = self._barred(bits, at, to)
         if code != OK:
             return code
-        self._top(fps_milli)
+        self.fps_milli = fps_milli
+        self._top()
         if under_way:
             self._retarget(to)
             return OK
@@ -163,12 +166,16 @@ class JogAll(Operation):
 
     def recheck(self, waiting):
         frames = (self.to - self.at) * self.step + 1
-        return self.follower.check(self.bits, self.at, frames, self.fps_milli, self.step, self.ways, ACCELERATION)
+        follower = self.follower
+        code = follower.check(self.bits, self.at, frames, self.fps_milli, self.step, self.ways, ACCELERATION)
+        if code == OK:
+            self._top()
+        return code
 
-    def _top(self, fps_milli):
-        self.fps_milli = fps_milli
+    def _top(self):
+        """Go at the rate that the check has found."""
         r = self.follower.numbers
-        reals.put(r, _TOP, fps_milli, 0)
+        reals.put(r, _TOP, self.follower.rate, 0)
         reals.divide(r, _TOP, _TOP, THOUSAND)
         reals.divide(r, _TOP, _TOP, THOUSAND)
         reals.put(r, _TWICE, 8, 0)
@@ -177,7 +184,10 @@ class JogAll(Operation):
         reals.put(r, _SLOWEST, 1000, 0)
 
     def _retarget(self, to):
-        """Under way: bend to the new destination; where it lies behind, land first and turn."""
+        """Under way: bend to the new destination; where it lies behind, land first and turn.
+
+        Where it cannot come down to the new top on the way that was found good for its velocity, it lands as well.
+        """
         self.asked = 0
         self.hurry = False
         if self.stage.state == POSITIONING:
@@ -199,7 +209,13 @@ class JogAll(Operation):
                 self.later = to
             return
         landing = self._landing()
-        if (to - landing) * self.step >= 0:
+        r = self.follower.numbers
+        reals.multiply(r, X, _RATE, _RATE)
+        reals.multiply(r, Y, _TOP, _TOP)
+        reals.subtract(r, X, X, Y)
+        reals.divide(r, X, X, _TWICE)
+        slows = reals.floor(r, X, HALF) + 1
+        if (to - landing) * self.step >= 0 and slows <= (self.to - self.at) * self.step:
             self.to = to
             self.later = -1
         else:
@@ -356,7 +372,9 @@ class JogAll(Operation):
         reals.subtract(r, _SINCE, _SINCE, X)
         reals.put(r, Y, 12, 0)
         reals.divide(r, _SCALE, _NEXT, Y)
+        follower.window[path.MOST] = path.FROM_REST
         follower.hop(self.bits, end, self.step, T, _SCALE)
+        follower.window[path.MOST] = path.MONOTONE
         reals.copy(r, _RATE, _NEXT)
         self.at = end
         if end == self.to:
@@ -530,6 +548,11 @@ class JogAll(Operation):
             reals.put(r, X, _BRIEF, 0)
             reals.multiply(r, X, X, _RATE)
             if reals.compare(r, _D, X) < 0:
+                for motor in range(follower.count):
+                    if self.bits >> motor & 1:
+                        # by way of that frame, where it may turn
+                        self.store.position(motor, end, follower.place, 0)
+                        lead(axes[motor].planned, axes[motor].limits, follower.place, 0, 0)
                 end += step
                 more -= 1
                 reals.put(r, X, 1, 0)
@@ -547,10 +570,36 @@ class JogAll(Operation):
             reals.add(r, X, _RATE, _NEXT)
             reals.double(r, T, _D, 1)
             reals.divide(r, T, T, X)
+        if not more:
+            self._stay_before(end)
         self._hop(at, end)
         for motor in range(follower.count):
             if self.bits >> motor & 1:
                 axes[motor].feed(motion.MOST, motion.FIRST_TICKS)
+
+    def _stay_before(self, end):
+        """Shorten T, by a quarter at most, where on the way to rest on the frame `end` a motor would go past its step.
+
+        That is where its velocity is more than three times the mean: a fast cubic that has been cut late.
+        """
+        follower = self.follower
+        r = follower.numbers
+        reals.double(r, _P, T, -2)
+        reals.subtract(r, _P, T, _P)
+        for motor in range(follower.count):
+            if self.bits >> motor & 1:
+                axis = follower.axes[motor]
+                own = speed(motor)
+                if not reals.sign(r, own):
+                    continue
+                self.store.position(motor, end, follower.place, 0)
+                lead(axis.planned, axis.limits, follower.place, 0, 0)
+                reals.put_difference(r, X, axis.limits, motion.PHYSICAL, axis.cubic, WHOLE)
+                reals.divide(r, X, X, own)
+                reals.put(r, Y, 3, 0)
+                reals.multiply(r, X, X, Y)
+                if reals.sign(r, X) > 0 and reals.compare(r, X, T) < 0:
+                    reals.copy(r, T, X if reals.compare(r, X, _P) > 0 else _P)
 
     def _steepest(self, at, end):
         """_LIMIT = the acceleration, frames per tick², within which the motors can stop there: what the check has found

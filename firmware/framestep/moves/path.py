@@ -13,13 +13,17 @@ Where a motor holds still on either side the velocity is 0, so it never leaves a
 from framestep.motion.reals import multiply, put
 from framestep.native import const, micropython, ptr32
 
-# Words of a window: five positions, frame -2 to frame 2
+# Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are the most
 FRAMES = const(0)
-WINDOW_WORDS = const(5)
+MOST = const(5)
+WINDOW_WORDS = const(6)
+MONOTONE = const(36)  # at a constant rate
+FROM_REST = const(18)  # also where the rate is come to or left within a frame, which takes twice as long
 
 # Words of bounds: what slope() may not pass
 LOWER = const(0)
 UPPER = const(1)
+EXACT = const(2)  # not 0: nor any turning point, since what takes up play there would take the load along
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
@@ -69,6 +73,7 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
             last = 0 - _FAR
         else:
             last = window[4] - window[3]
+    most = window[MOST]
     least = 6  # twelfths of the lesser slope: it never halts on its way through a frame
     if before == 0:
         least = 0
@@ -96,16 +101,16 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
             back = ahead
         if s < least * back:
             return least * back
-        if s > 36 * back:
-            return 36 * back
+        if s > most * back:
+            return most * back
         return s
     if back < 0 and ahead < 0:
         if ahead > back:
             back = ahead
         if s > least * back:
             return least * back
-        if s < 36 * back:
-            return 36 * back
+        if s < most * back:
+            return most * back
         return s
     # A turning point: the curve passes it by at most 4/27 of the slope.
     s = 6 * (back + ahead)
@@ -122,7 +127,7 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         room = (here >> 1) - (bounds[LOWER] >> 1)
         if room < 0x20000000 and room > -0x20000000:
             room = here - bounds[LOWER]
-    if room < past:
+    if room < past or bounds[EXACT]:
         return 0
     return s
 
@@ -159,14 +164,18 @@ HIGHEST = const(6)
 PLAY = const(7)  # steps of backlash
 LAST = const(8)  # the last frame's position, the motor's step for it less that
 OFFSET = const(9)
-RAMP = const(10)  # what of a step from frame to frame counts as a change of it, Q15: at most half
+RAMP = const(10)  # see bends()
 TAKEN = const(11)  # 1: from the frame before the last one to the last one the motor has taken up its play
 HARDEST = const(12)  # a change that the kernel's numbers still hold; STEEPEST where more than that is refused
 PULSED = const(13)  # steps from frame to frame that the board can pulse
 SHARPEST = const(14)  # the greatest change above STEEPEST so far, and at which frame, counted from 0
 SHARPEST_AT = const(15)
 FOUND = const(16)  # what has not been let pass, in steps or as a change of them
-CHECK_WORDS = const(17)
+SLOPE = const(17)  # of bends(): the slope at the last frame,
+BENT = const(18)  # and of what has been found, steps per frame and frame: the path's own bend,
+GATHERED = const(19)  # and what comes on top while the rate itself changes
+FINE = const(20)
+CHECK_WORDS = const(21)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -256,8 +265,6 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                 if change < 0:
                     change = 0 - change
                 most = words[FOUND]
-                if words[RAMP]:
-                    change += (most >> 5) * words[RAMP] >> 10
                 if change > steepest:
                     words[SEEN] = seen - 1
                     if change > words[HARDEST]:
@@ -285,6 +292,116 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     words[SEEN] = seen
     words[TAKEN] = taken
     return FITS
+
+
+@micropython.viper
+def bends(words, values, bounds, window, begin: int, count: int, index: int, last: int, order: int, rests: int) -> int:
+    """How fast and how steep the cubics between frames are: 0 where the motor can follow all, or the number of those
+    looked at, the last of which is too fast or too steep: FOUND, BENT, GATHERED. Call it again with that as `begin`.
+
+    values: `count` frames, in the upload's order, and two more on either side. index: of the first one played, in an
+    upload that ends with `last`. order, OFFSET: as for check(), which has let them pass, with 2^23 as FASTEST.
+    rests: 1 if it is at rest at the first frame of all, 2 if at the last one of these, 3 for both.
+    RAMP: change of the rate in a frame's time, as a part of it, Q15: at most half. FINE, for three frames per second
+    and more: that is Q18, and STEEPEST is in 256ths of a step.
+    """
+    own = ptr32(words)
+    v = ptr32(values)
+    w = ptr32(window)
+    play = own[PLAY]
+    while begin < count:
+        k = begin
+        if order < 0:
+            k = count - 1 - begin
+        i = 0
+        while i < 5:
+            w[i] = v[k + i]
+            i += 1
+        k += 2
+        before = own[SLOPE]
+        at = index + order * begin
+        here = order * int(slope(window, bounds, at, last - at))
+        own[SLOPE] = here
+        begin += 1
+        seen = own[SEEN]
+        own[SEEN] = seen + 1
+        if seen == 0:
+            continue
+        # At rest the slope does not matter: the one that makes least of it is that at the other end.
+        if rests & 2 and begin == count:
+            here = before
+            if rests & 1 and seen == 1:
+                here = 0
+        if rests & 1 and seen == 1:
+            before = here
+        step = v[k + 0] - v[k - order]
+        if play:
+            # the motor's own steps
+            if step > 0:
+                step -= own[OFFSET]
+                own[OFFSET] = 0
+            elif step < 0:
+                step -= play + own[OFFSET]
+                own[OFFSET] = 0 - play
+        # Its velocity is a parabola with these control points: before, middle, here. Beyond both ends it turns before
+        # the middle one.
+        middle = 36 * step - before - here
+        if middle < before:
+            step = 0 - step
+            before = 0 - before
+            middle = 0 - middle
+            here = 0 - here
+        most = before
+        if most < 0:
+            most = 0 - most
+        if here > most:
+            most = here
+        if 0 - here > most:
+            most = 0 - here
+        if middle > here:
+            rise = middle - before
+            if middle - here < rise:
+                rise = middle - here
+            if middle - (rise >> 1) > most:
+                most = middle - (rise >> 1)
+        bend = 72 * step - 4 * before - 2 * here
+        if bend < 0:
+            bend = 0 - bend
+        other = 72 * step - 2 * before - 4 * here
+        if other < 0:
+            other = 0 - other
+        if other > bend:
+            bend = other
+        gathered = 2 * before - here
+        if gathered < 0:
+            gathered = 0 - gathered
+        other = 2 * here - before
+        if other < 0:
+            other = 0 - other
+        if other > gathered:
+            gathered = other
+        most = most // 12
+        bend = bend // 12 - 6  # so much comes of positions rounded to steps
+        if bend < 0:
+            bend = 0
+        gathered = gathered // 12
+        own[FOUND] = most
+        own[BENT] = bend
+        own[GATHERED] = gathered
+        if own[FINE] == 0:
+            if gathered < 0x10000:
+                bend += gathered * own[RAMP] >> 15
+            else:
+                bend += (gathered >> 14) * own[RAMP] >> 1
+        elif bend > 0x100000 or gathered > 0x100000:
+            bend = 0x3FFFFFFF  # no motor can
+        elif gathered < 0x2000:
+            bend = (bend << 8) + (gathered * own[RAMP] >> 10)
+        else:
+            bend = (bend << 8) + ((gathered >> 7) * own[RAMP] >> 3)
+        if most > own[FASTEST] or bend > own[STEEPEST]:
+            return begin
+    return 0
 
 
 @micropython.viper

@@ -8,6 +8,7 @@ in stage.py and the operations. Nothing allocates after construction.
 from array import array
 
 from framestep.moves.cues import CueStore
+from framestep.moves.follow import UNTOLD, WHAT
 from framestep.moves.jog import JogAll
 from framestep.moves.run import RunMove
 from framestep.moves.shoot import ShootFrame
@@ -164,6 +165,12 @@ class Moves:
         )
         if code == m.OK:
             self.controller.moving_all(self.run.bits)
+        return self._tell(code)
+
+    def _tell(self, code):
+        """Have the REPL told that the move asks too much of a motor (field note 5.5)."""
+        if self.stage.follower.exceeded[WHAT]:
+            self.controller.untold |= UNTOLD
         return code
 
     def _shoot_frame(self):
@@ -228,4 +235,4 @@ class Moves:
             code = self.jog.request(self.reader.count(0), self.reader.i32(4))
         if code == m.OK:
             self.controller.moving_all(self.jog.bits)
-        return code
+        return self._tell(code)

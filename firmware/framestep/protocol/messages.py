@@ -152,6 +152,7 @@ EXCEEDED_NOTHING = const(0)
 EXCEEDED_VELOCITY = const(1)  # refused
 EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
 EXCEEDED_BOARD = const(3)  # refused: more than the board can make
+EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than was asked for
 
 LINE_X = const(0)
 LINE_Y = const(1)
