@@ -289,12 +289,14 @@ class Follower:
         words = self.words
         axis = self.axes[motor]
         store = self.store
-        words[path.SEEN] = words[path.SLOPE] = lowered = 0
+        lowered = 0
         words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
         self._allow_bends(axis, ramp)
-        while count:
+        rests = 0 if going else 1
+        while True:
             batch = min(count, _BATCH - 4)
-            rests = (0 if going else 1) | (2 if batch == count else 0)
+            if batch == count:
+                rests |= 2
             store.positions(motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0)
             done = 0
             while True:
@@ -325,9 +327,11 @@ class Follower:
                     return False
                 self.rate = told[BY]
                 self._allow_bends(axis, ramp)
-            begin += step * batch
-            count -= batch
-        return True
+            if batch == count:
+                return True
+            rests = 0
+            begin += step * (batch - 1)
+            count -= batch - 1
 
     def _allow_bends(self, axis, ramp):
         """Put into `words` what bends() lets pass at `rate`."""

@@ -171,11 +171,10 @@ PULSED = const(13)  # steps from frame to frame that the board can pulse
 SHARPEST = const(14)  # the greatest change above STEEPEST so far, and at which frame, counted from 0
 SHARPEST_AT = const(15)
 FOUND = const(16)  # what has not been let pass, in steps or as a change of them
-SLOPE = const(17)  # of bends(): the slope at the last frame,
-BENT = const(18)  # and of what has been found, steps per frame and frame: the path's own bend,
-GATHERED = const(19)  # and what comes on top while the rate itself changes
-FINE = const(20)
-CHECK_WORDS = const(21)
+BENT = const(17)  # of what bends() has found, steps per frame and frame: the path's own bend,
+GATHERED = const(18)  # and what comes on top while the rate itself changes
+FINE = const(19)
+CHECK_WORDS = const(20)
 
 FITS = const(0)
 TOO_FAST = const(1)
@@ -301,7 +300,7 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
 
     values: `count` frames, in the upload's order, and two more on either side. index: of the first one played, in an
     upload that ends with `last`. order, OFFSET: as for check(), which has let them pass, with 2^23 as FASTEST.
-    rests: 1 if it is at rest at the first frame of all, 2 if at the last one of these, 3 for both.
+    rests: 1 if it is at rest at the first frame of these, 2 if at the last one, 3 for both.
     RAMP: change of the rate in a frame's time, as a part of it, Q15: at most half. FINE, for three frames per second
     and more: that is Q18, and STEEPEST is in 256ths of a step.
     """
@@ -309,31 +308,13 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
     v = ptr32(values)
     w = ptr32(window)
     play = own[PLAY]
+    if begin == 0:
+        begin = 1
     while begin < count:
-        k = begin
+        k = begin + 2
         if order < 0:
-            k = count - 1 - begin
-        i = 0
-        while i < 5:
-            w[i] = v[k + i]
-            i += 1
-        k += 2
-        before = own[SLOPE]
-        at = index + order * begin
-        here = order * int(slope(window, bounds, at, last - at))
-        own[SLOPE] = here
+            k = count + 1 - begin
         begin += 1
-        seen = own[SEEN]
-        own[SEEN] = seen + 1
-        if seen == 0:
-            continue
-        # At rest the slope does not matter: the one that makes least of it is that at the other end.
-        if rests & 2 and begin == count:
-            here = before
-            if rests & 1 and seen == 1:
-                here = 0
-        if rests & 1 and seen == 1:
-            before = here
         step = v[k + 0] - v[k - order]
         if play:
             # the motor's own steps
@@ -343,64 +324,113 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
             elif step < 0:
                 step -= play + own[OFFSET]
                 own[OFFSET] = 0 - play
-        # Its velocity is a parabola with these control points: before, middle, here. Beyond both ends it turns before
-        # the middle one.
-        middle = 36 * step - before - here
-        if middle < before:
-            step = 0 - step
-            before = 0 - before
-            middle = 0 - middle
-            here = 0 - here
-        most = before
-        if most < 0:
-            most = 0 - most
-        if here > most:
-            most = here
-        if 0 - here > most:
-            most = 0 - here
-        if middle > here:
-            rise = middle - before
-            if middle - here < rise:
-                rise = middle - here
-            if middle - (rise >> 1) > most:
-                most = middle - (rise >> 1)
-        bend = 72 * step - 4 * before - 2 * here
-        if bend < 0:
-            bend = 0 - bend
-        other = 72 * step - 2 * before - 4 * here
-        if other < 0:
-            other = 0 - other
-        if other > bend:
-            bend = other
-        gathered = 2 * before - here
-        if gathered < 0:
-            gathered = 0 - gathered
-        other = 2 * here - before
-        if other < 0:
-            other = 0 - other
-        if other > gathered:
-            gathered = other
-        most = most // 12
-        bend = bend // 12 - 6  # so much comes of positions rounded to steps
+        # A slope is no farther from a step beside it than one and a half times the most that steps change around it.
+        low = k
+        if order > 0:
+            low = k - 1
+        most = 0
+        i = low - 1
+        while i < low + 3:
+            change = v[i - 1] + v[i + 1] - v[i + 0] - v[i + 0]
+            if change < 0:
+                change = 0 - change
+            if change > most:
+                most = change
+            i += 1
+        gathered = step
+        if step < 0:
+            gathered = 0 - step
+        bend = 9 * most - 6
         if bend < 0:
             bend = 0
-        gathered = gathered // 12
-        own[FOUND] = most
-        own[BENT] = bend
-        own[GATHERED] = gathered
-        if own[FINE] == 0:
-            if gathered < 0x10000:
-                bend += gathered * own[RAMP] >> 15
+        most = gathered + 3 * most
+        gathered += 5 * (most - gathered) // 3
+        worked = 0
+        if play or rests & 1 and begin == 2 or rests & 2 and begin == count or gathered > 0x100000:
+            worked = 1
+        while True:
+            if worked:
+                i = 0
+                before = here = 0
+                while i < 2:
+                    n = k - order + order * i - 2
+                    w[0] = v[n + 0]
+                    w[1] = v[n + 1]
+                    w[2] = v[n + 2]
+                    w[3] = v[n + 3]
+                    w[4] = v[n + 4]
+                    n = index + order * (begin - 2 + i)
+                    before = here
+                    here = order * int(slope(window, bounds, n, last - n))
+                    i += 1
+                # At rest the slope does not matter: the one that makes least of it is that at the other end.
+                if rests & 2 and begin == count:
+                    here = before
+                    if rests & 1 and begin == 2:
+                        here = 0
+                if rests & 1 and begin == 2:
+                    before = here
+                # Its velocity is a parabola with these control points: before, middle, here. Beyond both ends it turns
+                # before the middle one.
+                middle = 36 * step - before - here
+                if middle < before:
+                    step = 0 - step
+                    before = 0 - before
+                    middle = 0 - middle
+                    here = 0 - here
+                most = before
+                if most < 0:
+                    most = 0 - most
+                if here > most:
+                    most = here
+                if 0 - here > most:
+                    most = 0 - here
+                if middle > here:
+                    rise = middle - before
+                    if middle - here < rise:
+                        rise = middle - here
+                    if middle - (rise >> 1) > most:
+                        most = middle - (rise >> 1)
+                bend = 72 * step - 4 * before - 2 * here
+                if bend < 0:
+                    bend = 0 - bend
+                other = 72 * step - 2 * before - 4 * here
+                if other < 0:
+                    other = 0 - other
+                if other > bend:
+                    bend = other
+                gathered = 2 * before - here
+                if gathered < 0:
+                    gathered = 0 - gathered
+                other = 2 * here - before
+                if other < 0:
+                    other = 0 - other
+                if other > gathered:
+                    gathered = other
+                most = most // 12
+                bend = bend // 12 - 6  # so much comes of positions rounded to steps
+                if bend < 0:
+                    bend = 0
+                gathered = gathered // 12
+            own[FOUND] = most
+            own[BENT] = bend
+            own[GATHERED] = gathered
+            if own[FINE] == 0:
+                if gathered < 0x10000:
+                    bend += gathered * own[RAMP] >> 15
+                else:
+                    bend += (gathered >> 14) * own[RAMP] >> 1
+            elif bend > 0x100000 or gathered > 0x100000:
+                bend = 0x3FFFFFFF  # no motor can
+            elif gathered < 0x2000:
+                bend = (bend << 8) + (gathered * own[RAMP] >> 10)
             else:
-                bend += (gathered >> 14) * own[RAMP] >> 1
-        elif bend > 0x100000 or gathered > 0x100000:
-            bend = 0x3FFFFFFF  # no motor can
-        elif gathered < 0x2000:
-            bend = (bend << 8) + (gathered * own[RAMP] >> 10)
-        else:
-            bend = (bend << 8) + ((gathered >> 7) * own[RAMP] >> 3)
-        if most > own[FASTEST] or bend > own[STEEPEST]:
-            return begin
+                bend = (bend << 8) + ((gathered >> 7) * own[RAMP] >> 3)
+            if most <= own[FASTEST] and bend <= own[STEEPEST]:
+                break
+            if worked:
+                return begin
+            worked = 1
     return 0
 
 
