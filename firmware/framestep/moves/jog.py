@@ -27,6 +27,7 @@ from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSI
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 LANDING_MS = const(2000)  # what takes longer goes at a frame per second instead (the same)
 _AHEAD = const(1)
+_MOST_CHECKED = const(6000)  # frames, all motors together: under way there is no time to look at more
 _BATCH = const(32)
 _NOTICE = const(40)  # ticks from a stop to where the queues are cut: time to plan for all motors
 _LEAST = const(16)  # with fewer queued nothing is cut
@@ -118,6 +119,8 @@ class JogAll(Operation):
                     at = landing  # where it turns
         step = 1 if to >= at else -1
         frames = (to - at) * step + 1
+        if under_way and frames * self._motors(bits) > _MOST_CHECKED:
+            return ERR_MOVING
         self._ways(self.draft, bits, at, step, frames, going)
         code = self.follower.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
@@ -137,6 +140,13 @@ class JogAll(Operation):
         self._aim(to)
         self._approach()
         return OK
+
+    def _motors(self, bits):
+        n = 0
+        while bits:
+            n += bits & 1
+            bits >>= 1
+        return n
 
     def _ways(self, ways, bits, at, step, frames, going):
         """Which way each motor goes first in so many frames from the index `at` on. going: it comes there in motion."""
