@@ -117,6 +117,25 @@ def test_to_where_it_stands_nothing_moves():
     assert jog.bench.stage.state == IDLE
 
 
+# ---------------------------------------------------------------- MOVE TIME before the first pulse
+
+
+def test_move_time_is_the_frame_it_sets_out_from():
+    """field note 4.6; other motions than this one may have brought the motors there"""
+    jog = Jog(EVEN, at=33)
+    jog.to(41)
+    assert jog.bench.stage.tell(False) == 34_000
+    jog.run(60)
+    assert jog.bench.stage.state == RUNNING
+    assert min(jog.heads) >= 34
+
+
+def test_move_time_where_it_stands_on_its_frame_already():
+    jog = Jog(EVEN, at=33)
+    assert jog.to(34) == m.OK
+    assert jog.frame == 34
+
+
 # ---------------------------------------------------------------- the motion
 
 

@@ -981,7 +981,8 @@ class Axes:
         self.hal.irq_on(irq)
 
     def stop(self, factor=1, spared=0, smooth=False):
-        """Ramp all motors down but those of the bits `spared`; see Axis.stop."""
+        """Ramp all motors down but those of the bits `spared`, and those that they lead; see Axis.stop."""
         for i in range(self.count):
-            if self.axes[i].moving and not spared >> i & 1:
-                self.axes[i].stop(self.hal, factor, smooth)
+            axis = self.axes[i]
+            if axis.moving and not axis.leader and not spared >> i & 1:
+                axis.stop(self.hal, factor, smooth)

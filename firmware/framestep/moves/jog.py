@@ -135,6 +135,7 @@ class JogAll(Operation):
         self.at = at
         self.bits = bits
         stage.drop()
+        stage.move_time = (store.start + at) * 1000
         if to == at:
             return OK
         self._aim(to)
