@@ -10,6 +10,7 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
+from framestep import native
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
 
@@ -50,6 +51,13 @@ def pytest_runtest_makereport(item, call):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
     return report
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _memory():
+    """Controllers of a module's tests do not stay in memory: there are thousands."""
+    yield
+    native.forget()
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,8 @@ class Bench:
         self.offset_us = offset_us
         self.jitter_us = jitter_us
         self.random = random.Random(seed)
-        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(Clock(self)), LEAD)
+        self.clock = Clock(self)
+        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(self.clock), LEAD)
         self.engines = [Engine(self, width) for _ in range(motors)]
         self.setup = setup
         for i, engine in enumerate(self.engines):

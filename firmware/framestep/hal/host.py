@@ -240,10 +240,9 @@ class HostHal:
         self.watchdog = HostWatchdog(self, barked) if rig.watchdog else NoWatchdog()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
-        self.kernel.outputs(
-            map_device(_Register(lambda mask: self.drive(mask, 0))),
-            map_device(_Register(lambda mask: self.drive(0, mask))),
-        )
+        self._set = _Register(lambda mask: self.drive(mask, 0))
+        self._clear = _Register(lambda mask: self.drive(0, mask))
+        self.kernel.outputs(map_device(self._set), map_device(self._clear))
         self.engines = []
         self._lost = [0] * motors  # commands, until the last call of trouble()
         for i in range(motors):
