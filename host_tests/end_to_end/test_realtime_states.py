@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from framestep.moves.stage import POSITIONING
 from framestep.protocol import messages as m
 from framestep_tools.files import ROOT
 from framestep_tools.payloads import (
@@ -77,8 +78,11 @@ def enter(state):
         session.ready(run_request(24, 1, 7, flags=2))
         session.accept(RtGo())
         controller = session.board._board.controller
-        while not (controller.stage.running and controller.stage.state == 1):
+        for _ in range(500):
+            if controller.stage.running and controller.stage.state == POSITIONING:
+                break
             session.run(0.01)
+        assert controller.stage.state == POSITIONING
     elif state == "shoot":
         session.ready(RtShootFrame(9, 1, 400, 500))
         session.accept(RtGo())
