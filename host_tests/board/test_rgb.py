@@ -36,14 +36,18 @@ class LitBoard(EmulatedBoard):
         return kept
 
     def words(self):
-        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last call."""
+        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last call.
+
+        What is on its way still is left for the next call.
+        """
         self._take()
         records = np.concatenate(self.light)
-        self.light.clear()
         times, levels = records["t"].astype(np.int64), records["level"]
         rise, fall = times[levels == 1], times[levels == 0]
         fall = fall[fall > rise[0]] if len(rise) else fall[:0]  # the first record is the level at the start
-        assert len(rise) == len(fall) and len(rise) % 24 == 0
+        whole = min(len(rise), len(fall)) // 24 * 24
+        self.light = [records[times >= rise[whole]] if whole < len(rise) else records[:0]]
+        rise, fall = rise[:whole], fall[:whole]
         high, period = fall - rise, np.diff(rise)
         within = np.arange(1, len(rise)) % 24 != 0
         one = high > 525

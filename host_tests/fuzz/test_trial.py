@@ -267,7 +267,14 @@ def told_ahead(monkeypatch):
 
 
 def rests_too_soon(monkeypatch):
-    monkeypatch.setattr(Axes, "moving_bits", lambda self: 0)
+    def status(self):
+        self.writer.begin(m.MSG_MOTOR_STATUS, self.reader)
+        self.writer.u32(0)
+        self.writer.u8(0)
+        self.writer.end()
+        return 0
+
+    monkeypatch.setattr(Controller, "_status", status)
 
 
 def never_rests(monkeypatch):
