@@ -135,10 +135,24 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
     return unknown
 
 
+def _wipe():
+    """Take all memory that is free, and so fill it with zeros."""
+    taken = None
+    size = 16384
+    while size >= 16:
+        try:
+            taken = (bytearray(size), taken)
+        except MemoryError:
+            size >>= 1
+
+
 def forward():
     """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError in words."""
     if _forward(_RAM, _NO_BLOCK, _pages, _count):
-        raise RuntimeError(_FILE + " is of another version" + _AGAIN)
+        # what has been half overwritten since it was free may look like a placeholder
+        _wipe()
+        if _forward(_RAM, _NO_BLOCK, _pages, _count):
+            raise RuntimeError(_FILE + " is of another version" + _AGAIN)
 
 
 _pages, _count = _find()
