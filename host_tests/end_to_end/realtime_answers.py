@@ -154,8 +154,8 @@ What follows an OK:
 
 What lights and triggers take: the board keeps changes, not frames. A channel takes one entry at its first level, one
 for each frame at which its level differs from the frame before, and one for each gap between sections; a frame with
-triggers takes one. Of the memory for uploads there is one entry for levels in every 128 bytes, one for triggers in
-every 1024; the rest holds positions. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing:
+triggers takes one. Of the memory for uploads there is one entry for levels in every 140 bytes, one for triggers in
+every 1120; the rest holds positions. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing:
 the upload stays as it was, can be ended without it and run.
 """
 

@@ -398,7 +398,7 @@ def uploaded(session):
 
 def test_no_room_for_more_lights_and_triggers(monkeypatch):
     """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept, and played."""
-    monkeypatch.setattr(host, "UPLOAD_BYTES", 128 * 8 * 5)  # 40 changes, 5 frames with triggers
+    monkeypatch.setattr(host, "UPLOAD_BYTES", 140 * 8 * 5)  # 40 changes, 5 frames with triggers
     session = rig()
     session.accept(RtUploadMoveBegin(1, FRAMES))
     session.accept(RtUploadMoveAxis(1, LAST_SECTION, MOVE[1]))
