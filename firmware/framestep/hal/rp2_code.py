@@ -137,7 +137,7 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
 
 def _wipe():
     """Take all memory that is free, and so fill it with zeros."""
-    taken = None
+    taken = None  # type: object
     size = 16384
     while size >= 16:
         try:
