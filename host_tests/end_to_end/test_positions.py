@@ -153,7 +153,7 @@ def test_the_repl_says_so_in_words(moving):
 @pytest.mark.inside
 def test_the_status_command_says_so(monkeypatch, capsys):
     board = SimulatedBoard({"estop": "nc"}, motors=2)
-    monkeypatch.setattr(cli.Client, "open", lambda device: Client(LockstepPort(board)))
+    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
     with Client.open("x") as client:
         client.request(MotorResetPosition(1, -7))
     assert cli.app.status(["status", "x"]) == 0

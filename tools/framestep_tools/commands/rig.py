@@ -1,0 +1,38 @@
+"""`framestep rig`: what a user changes on a board."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+rig = typer.Typer(help="The rig file: what a user changes on a board.")
+
+
+@rig.command("check")
+def rig_check(
+    file: Annotated[Path, typer.Argument(help="a rig file", metavar="FILE", show_default=False)],
+    board: Annotated[str, typer.Option(help="the board that it is for, a folder of boards/")] = "pico",
+) -> None:
+    """Read a rig file as a board does; say what is wrong with it."""
+    from .. import rig_file
+    from ..files import board_data
+
+    found = rig_file.check(rig_file.read(file), board_data(board), str(file))
+    print(f"{file} is right for {board_data(board)['name']}: {found.name.decode()!r}, {len(found.motors)} motors set")
+
+
+@rig.command("edit")
+def rig_edit(
+    port: Annotated[str | None, typer.Option(help="port of the REPL; without it the only board on USB")] = None,
+    protocol: Annotated[str | None, typer.Option(help="port that Dragonframe uses, where it cannot be told")] = None,
+) -> None:
+    """Fetch a board's rig file, edit it with $EDITOR, check it, put it back and restart."""
+    from .. import rig_file
+    from ..device import Device
+
+    rig_file.edit(Device(port), protocol)
+
+
+def add(app: typer.Typer) -> None:
+    """Put these commands into the command line."""
+    app.add_typer(rig, name="rig")

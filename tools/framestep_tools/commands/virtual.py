@@ -1,0 +1,48 @@
+"""The virtual axes."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from .common import Url, stopping_on_interrupt
+
+
+class VirtualAxisName(StrEnum):
+    """Virtual axes 1 to 6 (field note 9.1)."""
+
+    TRACK = "track"
+    EW = "ew"
+    NS = "ns"
+    PAN = "pan"
+    TILT = "tilt"
+    ROLL = "roll"
+
+
+def virtual(
+    device: Url,
+    axis: Annotated[VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)] = None,
+    position: Annotated[float | None, typer.Argument(help="units or degrees", show_default=False)] = None,
+) -> None:
+    """Say where the virtual axes are, or move one of them; the host has configured them."""
+    from ..client import Client
+    from ..payloads import VirtGetPosition, VirtMove
+
+    if axis is not None and position is None:
+        raise typer.BadParameter("an axis needs a position as well")
+    with Client.open(device) as client, stopping_on_interrupt(client):
+        if axis is not None and position is not None:
+            number = list(VirtualAxisName).index(axis) + 1
+            client.request(VirtMove(number, round(position * 100_000)))
+            client.wait_idle(timeout_s=float("inf"))
+        found = client.request(VirtGetPosition())
+    values = found.track, found.east_west, found.north_south, found.pan, found.tilt, found.roll
+    for name, value in zip(VirtualAxisName, values, strict=True):
+        print(f"{name.value}: {value / 100_000:.3f}")
+    if found.aim_enabled:
+        print("aim point:", *(f"{(value or 0) / 1000:g}" for value in (found.aim_x, found.aim_y, found.aim_z)))
+
+
+def add(app: typer.Typer) -> None:
+    """Put these commands into the command line."""
+    app.command()(virtual)
