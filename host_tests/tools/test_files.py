@@ -1,0 +1,67 @@
+"""What is put on a board is made once for the same sources."""
+
+import pytest
+
+from framestep_tools import files
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """A function that is remembered, its cache and sources in a scratch folder, and what it was called with."""
+    calls = []
+    source = tmp_path / "module.py"
+    source.write_text("A = 1\n")
+
+    def make(board, hide=False):
+        calls.append((board, hide))
+        return {board: bytes(range(256)), "of": source.read_bytes()}
+
+    monkeypatch.setattr(files, "CACHE", tmp_path / "cache")
+    monkeypatch.setattr(files, "ROOT", tmp_path)
+    monkeypatch.setattr(files, "FIRMWARE", tmp_path)
+    monkeypatch.setattr(files, "__file__", str(tmp_path / "tools" / "files.py"))
+    monkeypatch.setattr(files, "sources", lambda: {"module.py": source})
+    (tmp_path / "main.py").write_text("")
+    return files._remembered(make), calls, tmp_path
+
+
+def test_the_second_time_it_is_there(made):
+    remembered, calls, _ = made
+    assert remembered("pico") == remembered("pico") == {"pico": bytes(range(256)), "of": b"A = 1\n"}
+    assert calls == [("pico", False)]
+
+
+def test_other_arguments_are_another_result(made):
+    remembered, calls, _ = made
+    for args in ({}, {"hide": True}):
+        for board in ("pico", "pico2"):
+            assert board in remembered(board, **args)
+    assert len(calls) == 4
+
+
+@pytest.mark.parametrize(
+    "changed", ["module.py", "main.py", "tools/names.py", "tools/commands/flash.py", "boards/x/board.json"]
+)
+def test_made_anew_where_a_source_a_tool_or_a_board_changes(made, changed):
+    remembered, calls, folder = made
+    remembered("pico")
+    path = folder / changed
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("A = 2\n")
+    assert remembered("pico")["of"] == (folder / "module.py").read_bytes()
+    assert len(calls) == 2
+
+
+def test_a_caller_may_change_what_it_gets(made):
+    remembered, _, _ = made
+    remembered("pico").clear()
+    assert remembered("pico")
+
+
+def test_old_results_go(made, monkeypatch):
+    remembered, _, folder = made
+    monkeypatch.setattr(files, "_KEPT_RESULTS", 3)
+    for i in range(5):
+        remembered(str(i))
+    assert len(list((folder / "cache/mpy/results").iterdir())) == 3
+    assert [p.name for p in (folder / "cache/mpy").iterdir()] == ["results"], "no scratch is left"
