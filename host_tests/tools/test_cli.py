@@ -164,7 +164,7 @@ def test_the_camera_move():
     move = read_move(CAMERA_MOVE)
     assert (move.start_frame, move.end_frame, move.frames) == (1, 240, 240)
     assert list(move.names.values()) == ["track", "boom", "swing", "pan"]
-    assert move.section(3, 1)[1].tolist() == move.positions[1][2::-1].tolist()
+    assert move.section(3, 1)[1] == move.positions[1][2::-1]
 
 
 def test_the_camera_move_is_what_its_generator_makes(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol
 
 from framestep.rig import Rig, RigError
 
@@ -18,6 +18,9 @@ from .errors import ToolError
 from .files import board_data
 from .rig_file import read
 from .trace import Edge, PinDecoder, load_board
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 _LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
@@ -144,7 +147,7 @@ class SimulatedBoard:
     def close(self) -> None:
         self._board.on_edge = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -259,7 +262,7 @@ class EmulatedBoard:
     def close(self) -> None:
         self.emulator.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -14,10 +14,8 @@ import dataclasses
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Self, TypeVar
-
-import numpy as np
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from framestep.protocol import messages
 
@@ -28,6 +26,7 @@ from .payloads import (
     Ack,
     MotorStatus,
     Moving,
+    Numbers,
     Payload,
     Request,
     RtUploadMoveAxis,
@@ -35,7 +34,11 @@ from .payloads import (
     RtUploadMoveEnd,
     type_name,
 )
+from .tcp_port import SCHEME, TcpPort
 from .wire import Frame, FrameDecoder, encode
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 DEFAULT_TIMEOUT_S = 2.0
 POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
@@ -43,8 +46,6 @@ READ_SIZE = 4096
 _CLOCK_GRAIN_S = 1e-6  # less than that is left only by rounding, and a port may round it to nothing
 _LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
 _MOTOR_AND_INDEX = 5
-
-Steps = Sequence[int] | np.ndarray
 
 R = TypeVar("R")
 P = TypeVar("P", bound=Payload)
@@ -104,11 +105,13 @@ class Client:
         self._answers: dict[int, Frame] = {}
 
     @classmethod
-    def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Self:
+    def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Self":
         """Open a device path, socket://host:port or another URL of pyserial; ClientError if there is none."""
-        import serial
-
         try:
+            if url.startswith(SCHEME):
+                return cls(TcpPort(url, timeout_s), timeout_s)
+            import serial  # needs what only this system has
+
             return cls(serial.serial_for_url(url, timeout=timeout_s), timeout_s)
         except (OSError, ValueError) as error:  # SerialException is an OSError
             number = getattr(error, "errno", None)
@@ -119,7 +122,7 @@ class Client:
         """Close the port; the device takes that as its host having gone."""
         self.port.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Self":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -253,7 +256,7 @@ class Client:
         self,
         start_frame: int,
         end_frame: int,
-        positions: Mapping[int, Steps],
+        positions: Mapping[int, Numbers],
         window: int = 1,
         section_bytes: int = messages.LARGEST_PAYLOAD,
     ) -> None:
@@ -318,7 +321,7 @@ def _report(frame: Frame) -> Payload | Frame:
 def upload_requests(
     start_frame: int,
     end_frame: int,
-    positions: Mapping[int, Steps],
+    positions: Mapping[int, Numbers],
     section_bytes: int = messages.LARGEST_PAYLOAD,
 ) -> Iterable[Request[Ack]]:
     """The requests that upload a move; see Client.upload_move."""

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -39,7 +39,7 @@ SETTLE_S = 0.2  # of board time after the run, so that its last edges are in the
 _RESULT_FOLDER = ROOT / "build" / "demo"
 
 
-class BoardKind(StrEnum):
+class BoardKind(str, Enum):
     """What the demo can run on."""
 
     EMULATOR = "emulator"

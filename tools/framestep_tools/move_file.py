@@ -5,8 +5,6 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from .errors import ToolError
 
 CAMERA_MOVE = Path(__file__).with_name("moves") / "camera_move.csv"
@@ -22,7 +20,7 @@ class Move:
 
     start_frame: int
     names: dict[int, str]
-    positions: dict[int, np.ndarray]
+    positions: dict[int, list[int]]
 
     @property
     def frames(self) -> int:
@@ -34,11 +32,11 @@ class Move:
         """The last scene frame."""
         return self.start_frame + self.frames - 1
 
-    def section(self, first: int, last: int) -> dict[int, np.ndarray]:
+    def section(self, first: int, last: int) -> dict[int, list[int]]:
         """Positions at the scene frames from `first` to `last`, both included; backward if `last` comes first."""
         step = 1 if last >= first else -1
-        index = np.arange(first, last + step, step) - self.start_frame
-        return {motor: steps[index] for motor, steps in self.positions.items()}
+        frames = range(first - self.start_frame, last + step - self.start_frame, step)
+        return {motor: [steps[i] for i in frames] for motor, steps in self.positions.items()}
 
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
@@ -61,15 +59,10 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
             raise MoveFileError(f"{path}, line {line}: expected {len(header)} whole numbers, found {','.join(row)!r}")
         if values and numbers[0] != values[-1][0] + 1:
             raise MoveFileError(f"{path}, line {line}: expected frame {values[-1][0] + 1}, found {numbers[0]}")
+        if not all(-(2**31) <= number < 2**31 for number in numbers):
+            raise MoveFileError(f"{path}, line {line}: positions have to fit 32 bits signed")
         values.append(numbers)
     if not values:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
-    table = np.array(values, np.int64)
-    if (outside := np.abs(table) >= 2**31).any():
-        line = int(np.flatnonzero(outside.any(axis=1))[0]) + 2
-        raise MoveFileError(f"{path}, line {line}: positions have to fit 32 bits signed")
-    return Move(
-        int(table[0, 0]),
-        dict(enumerate(header[1:], 1)),
-        {motor: table[:, motor] for motor in range(1, len(header))},
-    )
+    columns = [list(column) for column in zip(*values, strict=True)]
+    return Move(columns[0][0], dict(enumerate(header[1:], 1)), dict(enumerate(columns[1:], 1)))

@@ -9,15 +9,37 @@ the list and may be left out of the message is None when it is.
     Status.unpack(b'\\x01\\x00\\x00\\x00\\x00').moving   # [1]
 """
 
+import operator
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, get_args, get_origin, get_type_hints
-
-import numpy as np
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Protocol,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from framestep.protocol import messages
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Numbers(Protocol):
+    """Whole numbers one after the other: a list, a range, a numpy array."""
+
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Any]: ...
+    def __getitem__(self, at: Any, /) -> Any: ...
+
 
 U8 = Annotated[int, "B"]
 U16 = Annotated[int, "H"]
@@ -27,7 +49,7 @@ I32 = Annotated[int, "i"]
 Text32 = Annotated[str, "32s"]
 # The rest of the data section, as many as there are
 Levels = Annotated[Sequence[int], "*B"]
-Steps = Annotated[Sequence[int] | np.ndarray, "*i"]
+Steps = Annotated[Numbers, "*i"]
 
 # The high bit of START INDEX: these are the channel's last values, repeat the final one (spec: MSG_RT_UPLOAD_MOVE_AXIS)
 LAST_SECTION = messages.LAST_SECTION << 16
@@ -52,7 +74,7 @@ class Ack(IntEnum):
     ERR_HARD_LOW = messages.ERR_HARD_LOW
 
     @classmethod
-    def _missing_(cls, value: object) -> Self | None:
+    def _missing_(cls, value: object) -> "Self | None":
         if not isinstance(value, int) or not 0 <= value <= 0xFFFF_FFFF:
             return None
         unknown = int.__new__(cls, value)
@@ -131,7 +153,7 @@ class Payload:
         return b"".join(parts)
 
     @classmethod
-    def unpack(cls, data: bytes) -> Self:
+    def unpack(cls, data: bytes) -> "Self":
         """Read a data section; ValueError where it is not of this layout."""
         said, rest = cls.unpack_known(data)
         if rest:
@@ -139,7 +161,7 @@ class Payload:
         return said
 
     @classmethod
-    def unpack_known(cls, data: bytes) -> tuple[Self, int]:
+    def unpack_known(cls, data: bytes) -> "tuple[Self, int]":
         """Read the known fields of a data section, and how many bytes follow them (field note 1.8)."""
         values, rest = {}, memoryview(data)
         for name, code, optional in _layout(cls):
@@ -156,7 +178,7 @@ def _pack_field(code: str, value: Any) -> bytes:
     if isinstance(code, type):
         return b"".join(record.pack() for record in value)
     if code[0] == "*":
-        return np.asarray(value).astype("<" + code[1]).tobytes() if _fits(code[1], value) else b""
+        return _pack_values(code[1], value)
     if code[-1] == "s":
         value = value.encode()
         if len(value) > int(code[:-1]):
@@ -164,17 +186,18 @@ def _pack_field(code: str, value: Any) -> bytes:
     return struct.pack("<" + code, value)
 
 
-def _fits(code: str, values: Any) -> bool:
-    """True if there are values; OverflowError if one of them is outside the type's range."""
-    values = np.asarray(values)
-    if not values.size:
-        return False
-    if values.dtype.kind not in "iub":
-        raise OverflowError(f"whole numbers are expected, not {values.dtype}")
-    limits = np.iinfo(code)
-    if values.min() < limits.min or values.max() > limits.max:
-        raise OverflowError(f"{limits.min} to {limits.max} are allowed, found {values.min()} to {values.max()}")
-    return True
+def _pack_values(code: str, values: Numbers) -> bytes:
+    """Values one after the other; OverflowError if one of them is no whole number or outside the type's range."""
+    try:
+        numbers = [operator.index(value) for value in values]
+    except TypeError as error:
+        raise OverflowError(f"whole numbers are expected: {error}") from None
+    try:
+        return struct.pack(f"<{len(numbers)}{code}", *numbers)
+    except struct.error:
+        bits = 8 * struct.calcsize("<" + code)
+        least, most = (0, 2**bits - 1) if code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        raise OverflowError(f"{least} to {most} are allowed, found {min(numbers)} to {max(numbers)}") from None
 
 
 def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
@@ -184,9 +207,10 @@ def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
             raise struct.error
         return tuple(code.unpack(bytes(rest[i : i + size])) for i in range(0, len(rest), size)), rest[:0]
     if code[0] == "*":
-        if len(rest) % struct.calcsize(code[1]):
+        count, left = divmod(len(rest), struct.calcsize("<" + code[1]))
+        if left:
             raise struct.error
-        return tuple(np.frombuffer(rest, "<" + code[1]).tolist()), rest[:0]
+        return struct.unpack(f"<{count}{code[1]}", rest), rest[:0]
     size = struct.calcsize("<" + code)
     (value,) = struct.unpack("<" + code, rest[:size])
     if code[-1] == "s":
@@ -730,7 +754,7 @@ class VirtConfig(Request[Ack]):
         return bytes((self.type,)) + body + _pack_field("*i", numbers)
 
     @classmethod
-    def unpack(cls, data: bytes) -> Self:
+    def unpack(cls, data: bytes) -> "Self":
         if not data:
             raise ValueError("VirtConfig: 0 bytes are too few, type is not there")
         kind, body = data[0], data[1:]
@@ -745,9 +769,10 @@ class VirtConfig(Request[Ack]):
             axes = tuple(VirtualAxis.unpack(body[i * size : (i + 1) * size]) for i in range(_ARM_AXES))
             rest = body[_ARM_AXES * size :]
             lengths = struct.unpack_from("<3i" if kind == messages.VIRT_X_Y_Z else "<5i", rest)
-            numbers = np.frombuffer(rest[4 * len(lengths) : len(rest) & ~3], "<i4").tolist()
+            rest = rest[4 * len(lengths) : len(rest) & ~3]
+            numbers = struct.unpack(f"<{len(rest) // 4}i", rest)
             table = (
-                tuple(numbers[:BOOM_TABLE_SIZE])
+                numbers[:BOOM_TABLE_SIZE]
                 if kind == messages.VIRT_BOOM_SWING_TRACK and len(numbers) >= BOOM_TABLE_SIZE
                 else ()
             )

@@ -11,6 +11,7 @@ The same source makes the same file, byte for byte.
 import io
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -30,7 +31,7 @@ CLOSE_UP_S = 0.4
 _PER_FRAME = 4  # points drawn from frame to frame in the close-up: a parabola of velocity looks round
 
 
-def linear_velocity(positions: np.ndarray, fps_milli: int) -> tuple[np.ndarray, np.ndarray]:
+def linear_velocity(positions: Sequence[int], fps_milli: int) -> tuple[np.ndarray, np.ndarray]:
     """(times in s, steps/s held from each of them on) of straight lines followed on a grid of 20 ms."""
     frames = frame_times_ns(len(positions), fps_milli) * 1e-9
     grid = np.arange(0, frames[-1], LINEAR_GRID_S)

@@ -1,7 +1,7 @@
 """Pictures of a played move."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,9 @@ from .judge import Verdict, frame_times_ns
 _VELOCITY_BINS = 1000
 
 
-def plot_move(verdict: Verdict, uploaded: Mapping[int, np.ndarray], names: Mapping[int, str], path: str | os.PathLike):
+def plot_move(
+    verdict: Verdict, uploaded: Mapping[int, Sequence[int]], names: Mapping[int, str], path: str | os.PathLike
+):
     """Position, velocity and step-timing error of each motor over the run, as a PNG."""
     import matplotlib
 

@@ -1,6 +1,6 @@
 """Where the processor's time goes while the emulated board does what `make bench` measures: `make profile`."""
 
-from enum import StrEnum
+from enum import Enum
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ _OURS = "fun_data_framestep_"  # how the symbols of frozen code begin
 _UPLOAD_FRAMES = {"upload": 3000, "single-port": 500}
 
 
-class Scenario(StrEnum):
+class Scenario(str, Enum):
     """What is profiled."""
 
     UPLOAD = "upload"

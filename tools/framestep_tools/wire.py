@@ -6,9 +6,8 @@ checks the other. Only the constants are shared.
 
 import struct
 from collections.abc import Iterator
+from itertools import accumulate
 from typing import NamedTuple
-
-import numpy as np
 
 from framestep.protocol import messages
 
@@ -39,10 +38,7 @@ class Frame(NamedTuple):
 
 def checksum(data: bytes | bytearray) -> int:
     """Fletcher-16, K=8, modulus 255: 0 over a whole undamaged message (spec: Computing and Validating the Checksum)."""
-    values = np.frombuffer(data, np.uint8).astype(np.int64)
-    # Each byte is in the second sum as often as bytes follow it, itself included.
-    weights = np.arange(len(values), 0, -1)
-    return int(values @ weights) % 255 << 8 | int(values.sum()) % 255
+    return sum(accumulate(data)) % 255 << 8 | sum(data) % 255
 
 
 def encode(type: int, payload: bytes = b"", id: int = 0) -> bytes:

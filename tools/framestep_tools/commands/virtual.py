@@ -1,6 +1,6 @@
 """The virtual axes."""
 
-from enum import StrEnum
+from enum import Enum
 from typing import Annotated
 
 import typer
@@ -8,7 +8,7 @@ import typer
 from .common import Url, stopping_on_interrupt
 
 
-class VirtualAxisName(StrEnum):
+class VirtualAxisName(str, Enum):
     """Virtual axes 1 to 6 (field note 9.1)."""
 
     TRACK = "track"
