@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep.io import safety as module
 from framestep.io.safety import RELEASE_MS, Safety
 from framestep.motion import stepper
 from framestep.motion.axes import STEEPEST, kernel_rate
@@ -16,11 +15,6 @@ from host_tests.fakes import Motors
 from host_tests.io.pins import Pins, rig
 
 ESTOP, HIGH, LOW = 19, 22, 26
-
-
-def test_words_are_those_of_the_kernel():
-    assert (module.MODE, module.VELOCITY, module.DOWN) == (stepper.MODE, stepper.VELOCITY, stepper.DOWN)
-    assert module.MOVES == stepper.RUN | stepper.STOP
 
 
 class Switches:

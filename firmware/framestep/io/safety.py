@@ -16,7 +16,8 @@ from array import array
 
 from framestep.clock import WRAP as _WRAP
 from framestep.motion.axes import STEEPEST, kernel_rate
-from framestep.motion.stepper import halt_motors
+from framestep.motion.stepper import DOWN as MOVING_DOWN
+from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
@@ -40,11 +41,7 @@ _UP = const(1)  # pin of the limit switch at its upper end, or 0
 _DOWN = const(2)
 _MOTOR_WORDS = const(3)
 
-# Words of a motor's state block, as motion.stepper has them
-MODE = const(1)
-VELOCITY = const(3)
-DOWN = const(10)
-MOVES = const(3)  # RUN | STOP
+_MOVES = const(RUN | STOP)  # modes
 
 
 @micropython.viper
@@ -82,14 +79,14 @@ def _approaching(w: ptr32, active: int) -> int:
     while i < w[_COUNT]:
         if (w[at + _UP] | w[at + _DOWN]) & active:
             block = ptr32(w[at + _BLOCK])
-            if block[MODE] & MOVES:
+            if block[MODE] & _MOVES:
                 # Both the velocity and the pulses: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
                 if v > _SLOWEST:
-                    if w[at + _UP] & active and block[DOWN] == 0:
+                    if w[at + _UP] & active and block[MOVING_DOWN] == 0:
                         bits |= 1 << i
                 elif v < 0 - _SLOWEST:
-                    if w[at + _DOWN] & active and block[DOWN]:
+                    if w[at + _DOWN] & active and block[MOVING_DOWN]:
                         bits |= 1 << (i + _LOWER)
         at += _MOTOR_WORDS
         i += 1

@@ -66,40 +66,8 @@ _WORK_WORDS = const(6)
 _ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions; LOWER and UPPER
 
 _ALL_BITS = const(0x3FFFFFFF)
-_LONGEST = const(32)  # segments.LONGEST
-_PHASE_WORDS = const(10)  # of a phase, as ramps has them
-_PHASE_MASK = const(15)
-_PHASE_HEAD = const(160)  # words behind the phases
-_PHASE_TAIL = const(161)
-_FIRST = const(6)  # stepper.FIRST and the like, as constants for the kernels below
-_NEXT = const(0)
-_MODE = const(1)
-_POSITION = const(7)
-_HEAD = const(17)
-_TAIL = const(18)
-_PLANNED = const(27)
-_WORK = const(28)
-_PHASES = const(29)
-_SEGMENTS_TO_COME = const(1)  # stepper.PLAN_SEGMENTS
-_TIMED = const(4)  # stepper.PLAN_TIMED
-_GOES = const(3)  # stepper.RUN | stepper.STOP
-
-if (ramps.PHASE_WORDS, ramps.PHASES, ramps.HEAD, ramps.TAIL) != (
-    _PHASE_WORDS,
-    _PHASE_MASK + 1,
-    _PHASE_HEAD,
-    _PHASE_TAIL,
-):
-    raise ValueError("axes.py and ramps.py disagree about the phases")
-if (stepper.FIRST, stepper.NEXT, stepper.MODE, stepper.POSITION, stepper.HEAD, stepper.TAIL) != (
-    _FIRST,
-    _NEXT,
-    _MODE,
-    _POSITION,
-    _HEAD,
-    _TAIL,
-) or (stepper.PLANNED, stepper.WORK, stepper.PHASES) != (_PLANNED, _WORK, _PHASES):
-    raise ValueError("axes.py and stepper.py disagree about the block")
+_PHASE_MASK = const(ramps.PHASES - 1)
+_GOES = const(stepper.RUN | stepper.STOP)
 
 
 @micropython.viper
@@ -170,7 +138,7 @@ def _replan(planned: ptr32, cut: ptr32, places, i: int) -> int:
 @micropython.viper
 def _play(place: ptr32, block: ptr32, backlash: int):
     """Where the load is: it lags behind the motor by the play of the gears, whichever way it goes."""
-    p = block[_POSITION]
+    p = block[stepper.POSITION]
     if place[0] < p:
         place[0] = p
     elif place[0] - p > backlash:
@@ -180,13 +148,13 @@ def _play(place: ptr32, block: ptr32, backlash: int):
 @micropython.viper
 def _gap(place: ptr32, block: ptr32) -> int:
     """Steps from the load's place to the motor's."""
-    return block[_POSITION] - place[0]
+    return block[stepper.POSITION] - place[0]
 
 
 @micropython.viper
 def _taken_up(place: ptr32, block: ptr32, backlash: int, way: int) -> int:
     """Whether the play is taken up for a motion up (way > 0) or down (< 0); 0: whatever it is."""
-    gap = block[_POSITION] - place[0]
+    gap = block[stepper.POSITION] - place[0]
     if way > 0:
         return 1 if gap == 0 else 0
     if way < 0:
@@ -214,11 +182,15 @@ def _feed(parts, other, base, most: int, enough: int):
     out = ptr32(whole)
     p = ptr32(words)
     led = w[_LED]
-    while b[_PLANNED] & _SEGMENTS_TO_COME and enough > 0 and (b[_TAIL] - b[_HEAD]) & _ALL_BITS < most:
+    while (
+        b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+        and enough > 0
+        and (b[stepper.TAIL] - b[stepper.HEAD]) & _ALL_BITS < most
+    ):
         n = w[_LEFT]
         if n:
-            if n > _LONGEST:
-                n = _LONGEST
+            if n > segments.LONGEST:
+                n = segments.LONGEST
             cut(cubic, block, n)
             if led:
                 mirror(block, other, base, led - 1)
@@ -226,7 +198,7 @@ def _feed(parts, other, base, most: int, enough: int):
             w[_LEFT] = w[_LEFT] - n
             enough -= n
             continue
-        if w[_MORE] and p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+        if w[_MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
             return
         part = w[_PART]
         if part:
@@ -239,7 +211,7 @@ def _feed(parts, other, base, most: int, enough: int):
                 snap(cubic, parts[5])
                 if part:
                     knot(state, parts[5], part)
-            if p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+            if p[ramps.HEAD] == p[ramps.TAIL]:
                 settle(cubic)
                 if part:
                     bridge(state, cubic, block, part)
@@ -250,11 +222,11 @@ def _feed(parts, other, base, most: int, enough: int):
                     mirror(block, other, base, led - 1)
                 w[_PART] = 0
                 w[_AIMED] = 0
-                b[_PLANNED] = b[_PLANNED] & (-1 - _SEGMENTS_TO_COME - _TIMED)
+                b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
                 break
-            took = int(load(words, p[_PHASE_HEAD] * _PHASE_WORDS, cubic, whole, parts[5], parts[7]))
+            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[5], parts[7]))
             if took:
-                p[_PHASE_HEAD] = (p[_PHASE_HEAD] + 1) & _PHASE_MASK
+                p[ramps.HEAD] = (p[ramps.HEAD] + 1) & _PHASE_MASK
             w[_AIMED] = took >> 1
             if part == 0:
                 w[_LEFT] = out[0]
@@ -276,7 +248,7 @@ def _feed(parts, other, base, most: int, enough: int):
                 break
             shift(cubic, out[1], 0, 0)
             part += out[1]
-            if w[_MORE] and p[_PHASE_HEAD] == p[_PHASE_TAIL]:
+            if w[_MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)
                 w[_PART] = part
@@ -293,19 +265,19 @@ def _neediest(m: ptr32, least: int, modes: int) -> int:
     """
     found = 0
     motor = 0
-    a = m[_FIRST]
+    a = m[stepper.FIRST]
     while a:
         m = ptr32(a)
-        a = m[_NEXT]
+        a = m[stepper.NEXT]
         motor += 32
-        if m[_PLANNED] & _SEGMENTS_TO_COME:
-            n = (m[_TAIL] - m[_HEAD]) & _ALL_BITS
-            if modes and m[_MODE] & modes == 0:
+        if m[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
+            n = (m[stepper.TAIL] - m[stepper.HEAD]) & _ALL_BITS
+            if modes and m[stepper.MODE] & modes == 0:
                 n = least
             if n < least:
-                w = ptr32(m[_WORK])
-                p = ptr32(m[_PHASES])
-                if w[_LEFT] or w[_MORE] == 0 or p[_PHASE_HEAD] != p[_PHASE_TAIL]:
+                w = ptr32(m[stepper.WORK])
+                p = ptr32(m[stepper.PHASES])
+                if w[_LEFT] or w[_MORE] == 0 or p[ramps.HEAD] != p[ramps.TAIL]:
                     least = n
                     found = motor + n
     return found

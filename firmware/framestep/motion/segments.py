@@ -11,7 +11,20 @@ The kernel adds up displacements, so a segment gets the differences of the cubic
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
-from framestep.motion.stepper import HEAD, POSITION, QUEUE, SEGMENTS, TAIL, WHOLE_SPAN
+from framestep.motion.stepper import (
+    QUEUE,
+    SEG_ACCEL,
+    SEG_BRIDGE,
+    SEG_FRACTION,
+    SEG_JERK,
+    SEG_SPAN,
+    SEG_TICKS,
+    SEG_VELOCITY,
+    SEG_WHOLE,
+    SEGMENTS,
+    TAIL,
+    WHOLE_SPAN,
+)
 from framestep.native import const, micropython, ptr32
 
 # Words of a cubic
@@ -24,16 +37,8 @@ CUBIC_WORDS = const(9)
 
 LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the time to a new plan
 
-_TAIL = const(18)  # stepper.TAIL and the like, as constants for the kernels below
-_HEAD = const(17)
-_QUEUE = const(16)
-_POSITION = const(7)
-_WHOLE_SPAN = const(26)
-_SLOTS = const(15)
+_SLOTS = const(SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)
-
-if (TAIL, HEAD, QUEUE, POSITION, WHOLE_SPAN, SEGMENTS) != (_TAIL, _HEAD, _QUEUE, _POSITION, _WHOLE_SPAN, _SLOTS + 1):
-    raise ValueError("segments.py and stepper.py disagree about the block")
 
 
 @micropython.viper
@@ -92,39 +97,22 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
 @micropython.viper
 def cut(cubic: ptr32, block: ptr32, ticks: int):
     """Queue the next `ticks` (1 to 32) of a cubic as a segment. There must be room for it."""
-    q = ptr32(block[_QUEUE])
-    k = (block[_TAIL] & _SLOTS) << 3
+    q = ptr32(block[QUEUE])
+    k = (block[TAIL] & _SLOTS) << 3
     # G1 + G2 + G3 in Q22: their high words to Q22, and what their low words carry
     low = (cubic[G1 + 1] >> 3) + (cubic[G2 + 1] >> 3) + (cubic[G3] << 15 & 0x7FFFFFF)
     high = cubic[G1] + cubic[G2] + (cubic[G3] >> 12)
-    q[k + 0] = ticks
-    q[k + 1] = cubic[WHOLE]
-    q[k + 2] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
-    q[k + 3] = (high << 6) + (low >> 21)
+    q[k + SEG_TICKS] = ticks
+    q[k + SEG_WHOLE] = cubic[WHOLE]
+    q[k + SEG_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
+    q[k + SEG_VELOCITY] = (high << 6) + (low >> 21)
     jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
     # the kernel rounds the acceleration down from Q27 to Q22: half a unit makes up for it
-    q[k + 4] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
-    q[k + 5] = jerk
-    q[k + 6] = 0
-    q[k + 7] = block[_WHOLE_SPAN]
-    block[_TAIL] = (block[_TAIL] + 1) & _MASK
-
-
-@micropython.viper
-def spin(cubic, block, ticks: int, most: int, enough: int) -> int:
-    """Queue the next `ticks` of a cubic, as far as there are fewer than `most` segments in the queue and not yet
-    `enough` ticks more; how many ticks that made."""
-    b = ptr32(block)
-    left = ticks
-    while left > 0 and enough > 0 and (b[_TAIL] - b[_HEAD]) & _MASK < most:
-        n = left
-        if n > LONGEST:
-            n = LONGEST
-        cut(cubic, block, n)
-        shift(cubic, n << 24, 6, 0)
-        left -= n
-        enough -= n
-    return ticks - left
+    q[k + SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
+    q[k + SEG_JERK] = jerk
+    q[k + SEG_BRIDGE] = 0
+    q[k + SEG_SPAN] = block[WHOLE_SPAN]
+    block[TAIL] = (block[TAIL] + 1) & _MASK
 
 
 @micropython.viper
@@ -154,17 +142,17 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     tell, and the kernel would not make it. Then the motor goes there in that share of the tick, and the segment that
     follows begins a little behind: no step is lost, since that is less than the two steps that the kernel bears.
     """
-    q = ptr32(block[_QUEUE])
-    k = (block[_TAIL] & _SLOTS) << 3
-    q[k + 0] = 1
-    q[k + 1] = state[0]
-    q[k + 2] = state[1]
-    q[k + 3] = ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
+    q = ptr32(block[QUEUE])
+    k = (block[TAIL] & _SLOTS) << 3
+    q[k + SEG_TICKS] = 1
+    q[k + SEG_WHOLE] = state[0]
+    q[k + SEG_FRACTION] = state[1]
+    q[k + SEG_VELOCITY] = ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
     # the mean of the accelerations before and after
-    q[k + 4] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
-    q[k + 5] = 0
-    q[k + 6] = 1
-    q[k + 7] = block[_WHOLE_SPAN]
+    q[k + SEG_ACCEL] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    q[k + SEG_JERK] = 0
+    q[k + SEG_BRIDGE] = 1
+    q[k + SEG_SPAN] = block[WHOLE_SPAN]
     turns = 0
     if state[3]:
         step = state[4]
@@ -178,11 +166,11 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                 if state[0] > step or (state[0] == step and state[1]):
                     turns = state[3]
         if turns:
-            q[k + 3] = ((step - state[0]) << 22) - state[1]
+            q[k + SEG_VELOCITY] = ((step - state[0]) << 22) - state[1]
             part = turns
     if turns or (cubic[G1] == 0 and cubic[G1 + 1] == 0):
-        q[k + 7] = ((part >> 16) * block[_WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
-    block[_TAIL] = (block[_TAIL] + 1) & _MASK
+        q[k + SEG_SPAN] = ((part >> 16) * block[WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
+    block[TAIL] = (block[TAIL] + 1) & _MASK
 
 
 @micropython.viper
@@ -192,15 +180,15 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
     base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their sum. The kernel
     makes the same of both, tick by tick and bit by bit: so the two are never a step apart, whatever stops them.
     """
-    q = ptr32(block[_QUEUE])
-    k = ((block[_TAIL] - 1) & _SLOTS) << 3
-    p = ptr32(other[_QUEUE])
-    j = (other[_TAIL] & _SLOTS) << 3
-    place = q[k + 1]
-    part = q[k + 2]
-    v = q[k + 3]
-    a = q[k + 4]
-    jerk = q[k + 5]
+    q = ptr32(block[QUEUE])
+    k = ((block[TAIL] - 1) & _SLOTS) << 3
+    p = ptr32(other[QUEUE])
+    j = (other[TAIL] & _SLOTS) << 3
+    place = q[k + SEG_WHOLE]
+    part = q[k + SEG_FRACTION]
+    v = q[k + SEG_VELOCITY]
+    a = q[k + SEG_ACCEL]
+    jerk = q[k + SEG_JERK]
     if turned:
         place = base[0] - place
         if part:
@@ -212,15 +200,15 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
         a = 31 - a
     else:
         place = base[0] + place
-    p[j + 0] = q[k + 0]
-    p[j + 1] = place
-    p[j + 2] = part
-    p[j + 3] = v
-    p[j + 4] = a
-    p[j + 5] = jerk
-    p[j + 6] = q[k + 6]
-    p[j + 7] = q[k + 7]
-    other[_TAIL] = (other[_TAIL] + 1) & _MASK
+    p[j + SEG_TICKS] = q[k + SEG_TICKS]
+    p[j + SEG_WHOLE] = place
+    p[j + SEG_FRACTION] = part
+    p[j + SEG_VELOCITY] = v
+    p[j + SEG_ACCEL] = a
+    p[j + SEG_JERK] = jerk
+    p[j + SEG_BRIDGE] = q[k + SEG_BRIDGE]
+    p[j + SEG_SPAN] = q[k + SEG_SPAN]
+    other[TAIL] = (other[TAIL] + 1) & _MASK
 
 
 @micropython.viper

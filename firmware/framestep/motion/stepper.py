@@ -5,8 +5,8 @@ works on it in the interrupt, here is what else touches these words.
 
 Numbers. A tick is 1 ms. Velocity is the displacement of one tick in steps, Q9.22; its change from
 tick to tick ("acceleration") and the change of that ("jerk") are Q4.27. A segment is
-`(ticks, pin, velocity, acceleration, jerk)`; `pin` is the exact position at its start, whole steps
-and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the profile
+`(ticks, place, velocity, acceleration, jerk)`; the place is the exact position at its start, whole
+steps and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the profile
 crosses each whole step: step k is made when the position *reaches* k, going up or down, so a motor
 at rest on k has made exactly k steps and a position that trembles between two steps makes none.
 ("Reaches" means comes within a hair of: what lies on the end of a tick must not make none in one
@@ -57,8 +57,11 @@ OUT_SET = const(16)  # address that raises the output pins of a mask
 OUT_CLEAR = const(17)  # address that lowers them
 HEADER_WORDS = const(18)
 
-# A cue is a change of output pins at a tick: tick, pins to raise, pins to lower, spare
+# A cue is a change of output pins at a tick; a slot of the ring has four words
 CUE_SLOTS = const(32)
+CUE_TICK = const(0)
+CUE_RAISED = const(1)  # pins to raise
+CUE_LOWERED = const(2)
 
 _SHORT_US = const(100)  # what AHEAD is short of LEAD ticks
 _TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
@@ -130,8 +133,17 @@ FAULT_PIN = const(4)  # a segment did not begin where the motor was
 
 # Segment ring
 SEGMENTS = const(16)
-SEGMENT_WORDS = const(8)  # ticks, pin, pin fraction, velocity, acceleration, jerk, bridge, span
-# A bridge is one tick with a change of phase in it: the displacement is exact, the rest a mean.
+
+# Words of a segment
+SEG_TICKS = const(0)
+SEG_WHOLE = const(1)  # where it begins: whole steps
+SEG_FRACTION = const(2)  # and Q22 of a step
+SEG_VELOCITY = const(3)  # Q22
+SEG_ACCEL = const(4)  # Q27
+SEG_JERK = const(5)  # Q27
+SEG_BRIDGE = const(6)  # 1: one tick with a change of phase in it: the displacement is exact, the rest a mean
+SEG_SPAN = const(7)  # cycles of each tick in which the motor moves
+SEGMENT_WORDS = const(8)
 _WRAP = const(0x3FFFFFFF)
 
 
@@ -189,9 +201,9 @@ class StepKernel:
             return False
         k = (state[CUE_PUT] & (CUE_SLOTS - 1)) << 2
         cues = self.cues
-        cues[k] = tick & WRAP
-        cues[k + 1] = raised
-        cues[k + 2] = lowered
+        cues[k + CUE_TICK] = tick & WRAP
+        cues[k + CUE_RAISED] = raised
+        cues[k + CUE_LOWERED] = lowered
         state[CUE_PUT] = (state[CUE_PUT] + 1) & WRAP
         return True
 
@@ -289,12 +301,12 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             if q[k] > n:
                 q[k] = n
             left = q[k]
-            whole = q[k + 1]
-            rem = q[k + 2]
-            v = q[k + 3]
-            a = q[k + 4]
-            j = q[k + 5]
-            bridge = q[k + 6]
+            whole = q[k + SEG_WHOLE]
+            rem = q[k + SEG_FRACTION]
+            v = q[k + SEG_VELOCITY]
+            a = q[k + SEG_ACCEL]
+            j = q[k + SEG_JERK]
+            bridge = q[k + SEG_BRIDGE]
         left -= 1
         n -= 1
         done += 1
@@ -306,7 +318,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
         if bridge and n == 0 and head != m[TAIL]:
             # between two bridges nothing tells the velocity: on to the end of the second
             q = ptr32(m[QUEUE])
-            n = q[((head & (SEGMENTS - 1)) << 3) + 6]
+            n = q[((head & (SEGMENTS - 1)) << 3) + SEG_BRIDGE]
     if bridge:
         if head == m[TAIL]:
             pass
@@ -314,11 +326,11 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             # the velocity at the end of a bridge is that at the start of what follows it
             q = ptr32(m[QUEUE])
             k = (head & (SEGMENTS - 1)) << 3
-            whole = q[k + 1]
-            rem = q[k + 2]
-            v = q[k + 3]
-            a = q[k + 4]
-            j = q[k + 5]
+            whole = q[k + SEG_WHOLE]
+            rem = q[k + SEG_FRACTION]
+            v = q[k + SEG_VELOCITY]
+            a = q[k + SEG_ACCEL]
+            j = q[k + SEG_JERK]
     m[TAIL] = head
     whole = whole + (rem >> 22)
     rem = rem - ((rem >> 22) << 22)
@@ -456,8 +468,8 @@ def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
         return 0
     q = ptr32(m[QUEUE])
     k = (head & (SEGMENTS - 1)) << 3
-    out[0] = q[k + 1]
-    out[1] = q[k + 2] >> 6
+    out[0] = q[k + SEG_WHOLE]
+    out[1] = q[k + SEG_FRACTION] >> 6
     if put:
         m[TAIL] = head
     return 1

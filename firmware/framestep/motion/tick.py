@@ -13,9 +13,12 @@ from framestep.motion.stepper import (
     BRAKE,
     CARRY,
     CLOCK,
+    CUE_LOWERED,
     CUE_PUT,
+    CUE_RAISED,
     CUE_SLOTS,
     CUE_TAKEN,
+    CUE_TICK,
     CUES,
     CYCLES,
     CYCLES_PER_US,
@@ -52,6 +55,12 @@ from framestep.motion.stepper import (
     RESERVE,
     RUN,
     RUNNING,
+    SEG_ACCEL,
+    SEG_FRACTION,
+    SEG_JERK,
+    SEG_SPAN,
+    SEG_VELOCITY,
+    SEG_WHOLE,
     SEGMENTS,
     SETUP,
     SHORTEST,
@@ -142,12 +151,12 @@ class Header(array):
         while a:
             q = ptr32(m[CUES])
             k = (m[CUE_TAKEN] & (CUE_SLOTS - 1)) << 2
-            if (m[TICKS] - q[k + 0]) & WRAP > HALF:
+            if (m[TICKS] - q[k + CUE_TICK]) & WRAP > HALF:
                 break
             fifo = ptr32(m[OUT_SET])
-            fifo[0] = q[k + 1]
+            fifo[0] = q[k + CUE_RAISED]
             fifo = ptr32(m[OUT_CLEAR])
-            fifo[0] = q[k + 2]
+            fifo[0] = q[k + CUE_LOWERED]
             m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & WRAP
             a = m[CUE_PUT] - m[CUE_TAKEN]
         cycles = m[CYCLES]
@@ -185,8 +194,8 @@ class Header(array):
                             q = ptr32(m[QUEUE])
                             k = (head & (SEGMENTS - 1)) << 3
                             m[HEAD] = (head + 1) & _WRAP
-                            gap = q[k + 1] - m[POSITION]
-                            d = (gap << 22) + q[k + 2]
+                            gap = q[k + SEG_WHOLE] - m[POSITION]
+                            d = (gap << 22) + q[k + SEG_FRACTION]
                             # within two steps, so that the second line cannot overflow, and by an eighth, but
                             # for a motion that has turned within the last tick
                             if (gap + 2) >> 2 or ((d - m[FRACTION] + ONE // 8) >> 20 and m[SPAN] - cycles == 0):
@@ -201,10 +210,10 @@ class Header(array):
                             else:
                                 m[FRACTION] = d
                                 m[LEFT] = q[k]
-                                m[VELOCITY] = q[k + 3]
-                                m[ACCEL] = q[k + 4]
-                                m[JERK] = q[k + 5]
-                                m[SPAN] = q[k + 7]
+                                m[VELOCITY] = q[k + SEG_VELOCITY]
+                                m[ACCEL] = q[k + SEG_ACCEL]
+                                m[JERK] = q[k + SEG_JERK]
+                                m[SPAN] = q[k + SEG_SPAN]
                         else:
                             # The end, or with a velocity left or more to come a queue that was not filled in time
                             if m[MODE] & STOP:

@@ -49,12 +49,6 @@ BY = const(
 )  # steps/s or steps/s², by what it is asked for; SLOWED: the rate instead, thousandths of a frame per second
 EXCEEDED_WORDS = const(4)
 UNTOLD = const(0x200)  # bit of Controller.untold, after its FAULT_ bits: the REPL is to be told of it
-_HEAD = const(160)  # ramps.HEAD and the like, as constants for the kernels below
-_TAIL = const(161)
-_PHASE_MASK = const(15)
-_PHYSICAL = const(3)  # axes.PHYSICAL
-if (ramps.HEAD, ramps.TAIL, ramps.PHASES, motion.PHYSICAL) != (_HEAD, _TAIL, _PHASE_MASK + 1, _PHYSICAL):
-    raise ValueError("follow.py disagrees with ramps.py or axes.py about an axis")
 _BATCH = const(32)  # frames checked at a time
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
 _FINE = const(3000)  # from this rate on limits are numbers so small that they are counted in parts of steps
@@ -73,7 +67,7 @@ def _ahead(axes, bits: int) -> int:
         bits >>= 1
         i += 1
     p = ptr32(axes[i].phases.words)
-    return (p[_TAIL] - p[_HEAD]) & _PHASE_MASK
+    return (p[ramps.TAIL] - p[ramps.HEAD]) & (ramps.PHASES - 1)
 
 
 @micropython.viper
@@ -92,7 +86,7 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
             lead(axis.planned, limits, place, 0, 0)
-            put_aim(axis.phases.words, r, duration, own, X, limits, _PHYSICAL, 0)
+            put_aim(axis.phases.words, r, duration, own, X, limits, motion.PHYSICAL, 0)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]
         bits >>= 1
