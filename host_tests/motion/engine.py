@@ -8,13 +8,13 @@ import random
 
 import numpy as np
 
+from framestep.hal.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
 from framestep.hal.host import PulseModel
 from framestep.motion import stepper
 from framestep.native import map_device
 
 PER_US = 125
 PER_TICK = 1000 * PER_US
-LEAD = 2
 REPLAY = 7 * PER_US  # between interrupts that the timer makes up for
 PER_COMMAND = 250  # the kernel takes about so long for each command it writes
 
@@ -45,7 +45,7 @@ class Engine(PulseModel):
     def __setitem__(self, index, command):
         word = command & 0xFFFF_FFFF
         assert -0x8000_0000 <= command <= 0x7FFF_FFFF, f"a command of more than 32 bits: {command:#x}"
-        assert word >> 28 == self.width, f"gap or pulses overflow in command {word:#010x}"
+        assert word >> WIDTH == self.width, f"gap or pulses overflow in command {word:#010x}"
         now = self.bench.now
         if now > self.free_at:
             self.dry.append((self.free_at, now))
@@ -61,7 +61,7 @@ class Engine(PulseModel):
 
     @property
     def high_cycles(self):
-        return 34 + 32 * self.width
+        return HIGH_CYCLES + WIDTH_CYCLES * self.width
 
 
 class Clock:
@@ -88,7 +88,7 @@ class Bench:
         self.jitter_us = jitter_us
         self.random = random.Random(seed)
         self.clock = Clock(self)
-        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(self.clock), LEAD)
+        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(self.clock))
         self.engines = [Engine(self, width) for _ in range(motors)]
         self.setup = setup
         for i, engine in enumerate(self.engines):

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from framestep.hal.engine import LEAD
 from framestep.motion import axes as motion
-from framestep.motion import reals, segments, stepper
+from framestep.motion import reals, stepper
 from framestep.motion.axes import Axes
-from host_tests.motion.engine import LEAD, PER_TICK, PER_US, Bench
+from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
@@ -405,13 +406,6 @@ def test_a_motor_that_stands_in_a_timed_motion_faults_without_its_feed(timed):
     rig.bench.run(40)
     assert rig.bench.state[stepper.FAULTS] == (stepper.FAULT_DRY if timed else 0)
     assert not rig.bench.engines[0].rises
-
-
-def test_numbers_of_a_block_fit_its_kernels():
-    """Kernels in other modules name a block's words by constants of their own."""
-    assert segments._TAIL == stepper.TAIL and segments._QUEUE == stepper.QUEUE
-    assert motion._TIMED == stepper.PLAN_TIMED
-    assert motion._POSITION == stepper.POSITION
 
 
 @pytest.mark.parametrize("young", [0, 3, 20, 300])

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from framestep.hal.engine import LEAD
 from framestep.motion import stepper
 from framestep.motion.axes import SPLICE_TICKS, Axes
-from host_tests.motion.engine import LEAD, Bench
+from host_tests.motion.engine import Bench
 from host_tests.motion.profiles import ONE
 
 TRAVEL, STOP, PAUSE, SPEED = "travel", "stop", "pause", "speed"

@@ -5,8 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from framestep.hal.engine import LEAD
 from framestep.motion import stepper
-from host_tests.motion.engine import LEAD, PER_TICK, PER_US, Bench
+from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile, trapezoid
 
 # Where the velocity is next to nothing, the kernel's rounding of the position is a long time.

@@ -7,6 +7,7 @@ tells each edge. The main loop passes once a tick, and once for each time bytes 
 from array import array
 
 from framestep.controller import Controller
+from framestep.hal import engine
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
@@ -19,7 +20,6 @@ CYCLES = CLOCK_HZ // 1000
 NS_PER_CYCLE = 8
 TICK_NS = 1_000_000
 TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interrupt handler
-FIFO_WORDS = 8
 UPLOAD_BYTES = 176 * 1024
 _WRAP = 0x3FFFFFFF
 # as boards/pico/board.json, but for what concerns the motors
@@ -61,7 +61,7 @@ class PulseModel:
         self.clock = clock  # returns the present cycle
         self.on_step = on_step  # f(cycle, direction level) at each rising edge
         self.on_direction = on_direction  # f(cycle, level) at each change
-        self.high = 4 + 32 * (width + 1)
+        self.period = engine.PERIOD_CYCLES + engine.WIDTH_CYCLES * width  # beyond the gap
         self.free_at = 0  # when the last command is done
         self.waiting = []  # when each command in the FIFO will be fetched
         self.level = 0
@@ -72,25 +72,25 @@ class PulseModel:
         now = self.clock()
         while self.waiting and self.waiting[0] <= now:
             self.waiting.pop(0)
-        if len(self.waiting) >= FIFO_WORDS:
+        if len(self.waiting) >= engine.COMMANDS:
             self.lost += 1
             return
         start = max(now, self.free_at)
         self.waiting.append(start)
-        level = command & 1
-        pulses = command >> 1 & 0x1FF
-        gap = command >> 10 & 0x3FFFF
+        level = int(command & engine.DIRECTION != 0)
+        pulses = command >> engine.PULSES & 0x1FF
+        gap = command >> engine.GAP & 0x3FFFF
         if level != self.level:
             self.level = level
             self.on_direction(start + 2, level)
         if pulses == 0:
-            self.free_at = start + gap + 9
+            self.free_at = start + gap + engine.WAIT_CYCLES
             return
-        period = gap + 4 + self.high
+        period = gap + self.period
         first = start + gap + 8
         for i in range(pulses):
             self.on_step(first + i * period, level)
-        self.free_at = start + 4 + pulses * period
+        self.free_at = start + engine.COMMAND_CYCLES + pulses * period
 
 
 class HostPort:
@@ -247,12 +247,13 @@ class HostHal:
         self._lost = [0] * motors  # commands, until the last call of trouble()
         for i in range(motors):
             settings = rig.motor(i)
-            width = max(0, min(15, round(settings["pulse_us"] * CLOCK_HZ / 1e6 / 32 - 34 / 32)))
+            cycles = settings["pulse_us"] * CLOCK_HZ / 1e6 - engine.HIGH_CYCLES
+            width = max(0, min(engine.WIDTHS - 1, round(cycles / engine.WIDTH_CYCLES)))
             up = 0 if settings["invert"] else 1
-            engine = PulseModel(self.cycle, width, self._step(i, up), self._direction(i))
+            model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i))
             setup = int(settings["setup_us"] * CLOCK_HZ / 1e6)
-            self.kernel.configure(i, map_device(engine), width, setup, settings["invert"])
-            self.engines.append(engine)
+            self.kernel.configure(i, map_device(model), width, setup, settings["invert"])
+            self.engines.append(model)
 
     def _step(self, motor, up):
         signal = "m%d" % (motor + 1)
@@ -340,7 +341,7 @@ class HostHal:
         self.colour = colour
 
     def trouble(self):
-        before, self._lost = self._lost, [engine.lost for engine in self.engines]
+        before, self._lost = self._lost, [model.lost for model in self.engines]
         return sum(1 << i for i, lost in enumerate(self._lost) if lost > before[i])
 
     def reclaim(self):

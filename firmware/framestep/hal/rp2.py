@@ -17,6 +17,7 @@ from micropython import alloc_emergency_exception_buf, heap_lock, heap_unlock
 
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
+from framestep.hal.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
@@ -29,7 +30,6 @@ from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
 _TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
-_FASTEST_ENGINE = const(131000000)  # cycles per second: two ticks must fit a command's 18 bits
 _LEAST = const(512)
 _CLOSE = const(32)
 _PASS_MS = const(1)
@@ -74,7 +74,7 @@ class Rp2Hal:
         self.board = board
         self.motors = len(board["step"])
         hz = machine.freq()
-        while hz > _FASTEST_ENGINE:
+        while hz > FASTEST_HZ:
             hz //= 2
         cycles_per_us = hz // 1000000
         self.engine = PulseEngine(board["step"], board["dir"], hz)
@@ -83,9 +83,9 @@ class Rp2Hal:
         self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
         for i in range(self.motors):
             settings = rig.motor(i)
-            width = (int(settings["pulse_us"] * cycles_per_us) - 34 + 16) // 32
+            width = (int(settings["pulse_us"] * cycles_per_us) - HIGH_CYCLES + WIDTH_CYCLES // 2) // WIDTH_CYCLES
             setup = int(settings["setup_us"] * cycles_per_us)
-            width = 0 if width < 0 else 15 if width > 15 else width
+            width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
         # Drivers stay off until a motor is to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]

@@ -849,8 +849,8 @@ class Axis:
 class Axes:
     """All motors of the controller.
 
-    The pins are behind the kernel: what it queues in a tick is pulsed `LEAD` ticks later. So what is told of positions
-    comes from samples taken some ticks ago: all of one moment, and of pulses that have been made.
+    The pins are behind the kernel: what it queues in a tick is pulsed `BEHIND` ticks later. So what is told of
+    positions comes from samples taken some ticks ago: all of one moment, and of pulses that have been made.
     """
 
     def __init__(self, hal):

@@ -12,24 +12,17 @@ at rest on k has made exactly k steps and a position that trembles between two s
 ("Reaches" means comes within a hair of: what lies on the end of a tick must not make none in one
 tick and two in the next.)
 
-Pulses. The engine (a PIO state machine, see hal/rp2.py, or its model in hal/host.py) takes 32-bit
-commands from a FIFO and executes them one after another on its own clock of `CYCLES` per tick:
-
-    direction:1 | pulses:9 | gap:18 | width:4      (bit 0 first)
-
-With H = 4 + 32·(width + 1) cycles from a rising edge to the end of its pulse, a command of n
-pulses puts its last rising edge 4 + n·(gap + 4 + H) cycles after the previous one; a command of 0
-pulses waits gap + 9 cycles.
+Pulses. The engine takes 32-bit commands and executes them one after another on its own clock of `CYCLES` per tick;
+hal/engine.py says what they look like and how long they take, and names all that differs between engines.
 
 Time. A tick's pulses come `AHEAD` cycles after the tick was due: almost `LEAD` ticks, so that an
-interrupt that comes late by up to `LATEST` moves no edge. A tick takes up to three commands, and
-those of three ticks fit the eight words of a FIFO when the engine has fetched one of them; what
-AHEAD is short of LEAD ticks is the time by which it is sure to have done so.
+interrupt that comes late by up to `LATEST` moves no edge.
 """
 
 from array import array
 
 from framestep.clock import HALF, WRAP
+from framestep.hal import engine
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 TICK_US = const(1000)
@@ -53,18 +46,16 @@ LATEST = const(12)  # microseconds of lateness that an engine survives
 CUES = const(13)  # address of the ring of cues
 CUE_TAKEN = const(14)  # cues given, modulo 2^29
 CUE_PUT = const(15)  # cues put, modulo 2^29
-OUT_SET = const(16)  # address that raises the output pins of a mask
+OUT_SET = const(16)  # address that raises the output pins of a mask, or of the word of levels: see engine.RING
 OUT_CLEAR = const(17)  # address that lowers them
-HEADER_WORDS = const(18)
+BEHIND = const(18)  # ticks that the pins are behind: LEAD, or more where ticks are done in batches
+HEADER_WORDS = const(19)
 
 # A cue is a change of output pins at a tick; a slot of the ring has four words
 CUE_SLOTS = const(32)
 CUE_TICK = const(0)
 CUE_RAISED = const(1)  # pins to raise
 CUE_LOWERED = const(2)
-
-_SHORT_US = const(100)  # what AHEAD is short of LEAD ticks
-_TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
 
 # Words of a motor's block
 NEXT = const(0)  # address of the next motor's block, 0 after the last
@@ -78,9 +69,9 @@ POSITION = const(7)  # steps made (commanded to the engine)
 CARRY = const(8)  # cycles from the last rising edge to the start of this tick
 WORD = const(9)  # width and direction fields of a command, in place
 DOWN = const(10)  # -1 when the last pulses went down, 0 up
-FIFO = const(11)  # address the commands are written to
+FIFO = const(11)  # address the commands are written to, see engine.RING
 RESERVE = const(12)  # cycles that a waiting engine leaves for the next pulse
-FIXED = const(13)  # 4 + H: cycles of a pulse period beyond its gap
+FIXED = const(13)  # cycles of a pulse period beyond its gap
 SHORTEST = const(14)  # least cycles from a rising edge to the next
 SETUP = const(15)  # least cycles from a change of direction to the rising edge
 QUEUE = const(16)  # address of the segment ring
@@ -91,7 +82,7 @@ BRAKE = const(20)  # Q22: the same for a queue that ran dry in motion
 WAIT = const(21)  # ticks until the last pulse is out
 IDLE_AT = const(22)  # tick in which the last command of a motor not in RUN was queued
 FAULT = const(23)  # FAULT_ bits of this motor
-INVERT = const(24)  # 1 swaps the level of the direction pin
+INVERT = const(24)  # engine.DIRECTION swaps the level of the direction pin
 SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
 WHOLE_SPAN = const(26)  # cycles per tick
 PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
@@ -107,8 +98,8 @@ ALARM = const(1)  # a tick, modulo 2^29, or -1
 _ROW = const(2)  # words of a row
 _END = const(3)
 _ROWS = const(4)
-_SAMPLES = const(8)  # kept, one in each pass of the main loop
-_STALE = const(16)  # ticks after which one is too old to be told
+_SAMPLES = const(7 + engine.BATCH)  # kept, one in each pass of the main loop
+_STALE = const(15 + engine.BATCH)  # ticks after which one is too old to be told
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
@@ -150,12 +141,11 @@ _WRAP = const(0x3FFFFFFF)
 class StepKernel:
     """State blocks for `motors` motors and the tick function over them.
 
-    cycles: engine cycles per tick, a multiple of 1000, at most 131000.
+    cycles: engine cycles per tick, a multiple of 1000, at most engine.FASTEST_HZ // 1000.
     clock: address of a microsecond counter (on CPython: of anything that can be indexed with 0).
-    lead: ticks of commands queued ahead: two fill an eight-word FIFO.
     """
 
-    def __init__(self, motors, cycles, clock, lead=2):
+    def __init__(self, motors, cycles, clock):
         self.motors = motors
         from framestep.motion.tick import Header  # which takes this module's constants
 
@@ -167,8 +157,8 @@ class StepKernel:
         state[CLOCK] = as_word(clock)
         state[CYCLES] = cycles
         state[CYCLES_PER_US] = cycles // TICK_US
-        state[LEAD] = lead
-        state[AHEAD] = lead * cycles - _SHORT_US * state[CYCLES_PER_US]
+        state[LEAD] = state[BEHIND] = engine.LEAD
+        state[AHEAD] = engine.LEAD * cycles - engine.SHORT_US * state[CYCLES_PER_US]
         state[SQUARE] = (1 << 25) // cycles
         following = 0
         for i in range(motors - 1, -1, -1):
@@ -186,7 +176,7 @@ class StepKernel:
         state[OUT_SET] = state[OUT_CLEAR] = as_word(addressof(self._nowhere))
 
     def outputs(self, set_address, clear_address):
-        """Where cues go: registers that raise and lower the output pins of a mask."""
+        """Where cues go: registers that raise and lower the output pins of a mask, or the word of levels twice."""
         self.state[OUT_SET] = as_word(set_address)
         self.state[OUT_CLEAR] = as_word(clear_address)
 
@@ -214,24 +204,25 @@ class StepKernel:
     def configure(self, motor, fifo, width, setup, invert):
         """Set a motor's pulse shape.
 
-        fifo: address for its commands. width: 0 to 15, the pulse is 32·width + 34 cycles high.
+        fifo: where its commands go, see engine.RING. width: 0 … engine.WIDTHS - 1.
         setup: cycles from a change of direction to the next rising edge, up to a quarter of a tick.
         invert: swap direction.
         """
         state = self.state
         block = self.blocks[motor]
-        period = 4 + 4 + 32 * (width + 1)
+        wider = engine.WIDTH_CYCLES * width
+        high = engine.HIGH_CYCLES + wider
         block[FIFO] = as_word(fifo)
-        block[WORD] = ((width - 16 if width > 7 else width) << 28) + (0 if invert else 1)
+        signed = width - engine.WIDTHS if width >= engine.WIDTHS // 2 else width
+        block[WORD] = (signed << engine.WIDTH) + (0 if invert else engine.DIRECTION)
         block[DOWN] = 0
-        block[FIXED] = period
-        block[SHORTEST] = 2 * (32 * width + 34)
-        # the direction changes 7 cycles into the gap of the first pulse, when the last one has ended
-        block[SETUP] = max(setup + period - 7, block[SHORTEST])
-        block[RESERVE] = block[SETUP] + 16
-        block[INVERT] = 1 if invert else 0
+        block[FIXED] = engine.PERIOD_CYCLES + wider
+        block[SHORTEST] = 2 * high
+        block[SETUP] = max(setup + high + engine.TURN_CYCLES, 2 * high)
+        block[RESERVE] = block[SETUP] + engine.SPARE_CYCLES
+        block[INVERT] = engine.DIRECTION if invert else 0
         reserve = max(b[RESERVE] for b in self.blocks)
-        state[LATEST] = (state[AHEAD] - reserve) // state[CYCLES_PER_US] - _TICK_COST_US
+        state[LATEST] = (state[AHEAD] - reserve) // state[CYCLES_PER_US] - engine.TICK_COST_US
 
 
 @micropython.viper
@@ -398,12 +389,12 @@ def choose(header, words, told: ptr32) -> int:
         sample(header, words)  # nothing has moved for some ticks
     out = ptr32(words)
     i = out[_NEWEST]
-    tick = (h[TICKS] - h[LEAD] - 1) & WRAP
+    tick = (h[TICKS] - h[BEHIND] - 1) & WRAP
     while running:
         age = (h[TICKS] - out[i + 0]) & WRAP
         if age > _STALE:
             i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
-        elif age <= h[LEAD]:
+        elif age <= h[BEHIND]:
             if i == _ROWS:
                 i = out[_END]
             i -= out[_ROW]

@@ -7,9 +7,20 @@ as soon as the main loop has pushed it out of the flash cache.
 from array import array
 
 from framestep.clock import HALF, WRAP
+from framestep.hal.engine import (
+    COMMAND_CYCLES,
+    COMMANDS,
+    DIRECTION,
+    GAP,
+    LONGEST_WAIT,
+    PULSES,
+    RING,
+    WAIT_CYCLES,
+)
 from framestep.motion.stepper import (
     ACCEL,
     AHEAD,
+    BEHIND,
     BRAKE,
     CARRY,
     CLOCK,
@@ -82,6 +93,7 @@ _HAIR = const(128)  # Q22: a step is made so much early, lest rounding put it in
 _EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
 _WRAP = const(0x3FFFFFFF)
 _HALF = const(0x1FFFFFFF)
+_PULSE_BITS = const(GAP - PULSES)
 
 
 class Header(array):
@@ -154,9 +166,12 @@ class Header(array):
             if (m[TICKS] - q[k + CUE_TICK]) & WRAP > HALF:
                 break
             fifo = ptr32(m[OUT_SET])
-            fifo[0] = q[k + CUE_RAISED]
-            fifo = ptr32(m[OUT_CLEAR])
-            fifo[0] = q[k + CUE_LOWERED]
+            if RING:
+                fifo[0] = (fifo[0] | q[k + CUE_RAISED] | q[k + CUE_LOWERED]) ^ q[k + CUE_LOWERED]
+            else:
+                fifo[0] = q[k + CUE_RAISED]
+                fifo = ptr32(m[OUT_CLEAR])
+                fifo[0] = q[k + CUE_LOWERED]
             m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & WRAP
             a = m[CUE_PUT] - m[CUE_TAKEN]
         cycles = m[CYCLES]
@@ -182,12 +197,22 @@ class Header(array):
                                 word = m[WORD]
                                 clock = ptr32(h[CLOCK])
                                 passed = (clock[0] - h[DUE] + TICK_US) & _WRAP
-                                wait = h[AHEAD] - passed * h[CYCLES_PER_US] - m[RESERVE] + m[FIXED] - 4
-                                while wait > 200000:
-                                    fifo[0] = word + (199991 << 10)
-                                    wait = wait - 200000
-                                if wait > 9:
-                                    fifo[0] = word + ((wait - 9) << 10)
+                                wait = h[AHEAD] - passed * h[CYCLES_PER_US] - m[RESERVE] + m[FIXED] - COMMAND_CYCLES
+                                while wait > LONGEST_WAIT:
+                                    if RING:
+                                        k = fifo[COMMANDS]
+                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        fifo[k & (COMMANDS - 1)] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
+                                    else:
+                                        fifo[0] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
+                                    wait = wait - LONGEST_WAIT
+                                if wait > WAIT_CYCLES:
+                                    if RING:
+                                        k = fifo[COMMANDS]
+                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        fifo[k & (COMMANDS - 1)] = word + ((wait - WAIT_CYCLES) << GAP)
+                                    else:
+                                        fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
                                 m[CARRY] = m[RESERVE]
                         head = m[HEAD]
                         if head - m[TAIL]:
@@ -252,7 +277,7 @@ class Header(array):
                         m[JERK] = 0
                         m[HEAD] = m[TAIL]
                         m[LEFT] = 0
-                        m[WAIT] = h[LEAD]
+                        m[WAIT] = h[BEHIND]
                         m[MODE] = DRAIN
                     else:
                         m[WAIT] = m[WAIT] - 1
@@ -276,17 +301,17 @@ class Header(array):
                             pass
                         else:
                             m[DOWN] = s
-                            m[WORD] = (m[WORD] & -2) + m[INVERT]
+                            m[WORD] = (m[WORD] & ~DIRECTION) + m[INVERT]
                             least = m[SETUP]
                     else:
                         m[FRACTION] = rem
                         m[POSITION] = m[POSITION] + n
                         if m[DOWN]:
                             m[DOWN] = 0
-                            m[WORD] = (m[WORD] | 1) - m[INVERT]
+                            m[WORD] = (m[WORD] | DIRECTION) - m[INVERT]
                             least = m[SETUP]
                     fifo = ptr32(m[FIFO])
-                    carry = m[CARRY] - 4
+                    carry = m[CARRY] - COMMAND_CYCLES
                     bent = 0
                     back = 0  # whole steps from the pulse looked at to the last one of the tick
                     if acc:
@@ -385,8 +410,14 @@ class Header(array):
                                         rest = rest + (rest >> 2)
                                 if rest:
                                     pulses = pulses - rest
-                                    fifo[0] = ((((period - m[FIXED]) << 9) + pulses) << 1) + m[WORD]
-                                    carry = (0 - period) * pulses + carry - 4
+                                    if RING:
+                                        k = fifo[COMMANDS]
+                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
+                                        fifo[k & (COMMANDS - 1)] = d + m[WORD]
+                                    else:
+                                        fifo[0] = ((((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES) + m[WORD]
+                                    carry = (0 - period) * pulses + carry - COMMAND_CYCLES
                                     pulses = rest
                                     period += 1
                         else:
@@ -395,9 +426,15 @@ class Header(array):
                                 period = ((pulses >> 1) + x) // pulses
                             if period < least:
                                 period = least
-                        fifo[0] = ((((period - m[FIXED]) << 9) + pulses) << 1) + m[WORD]
+                        if RING:
+                            k = fifo[COMMANDS]
+                            fifo[COMMANDS] = (k + 1) & _WRAP
+                            d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
+                            fifo[k & (COMMANDS - 1)] = d + m[WORD]
+                        else:
+                            fifo[0] = ((((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES) + m[WORD]
                         if back:
-                            carry = (0 - period) * pulses + carry - 4
+                            carry = (0 - period) * pulses + carry - COMMAND_CYCLES
                             n = back
                             back = extra
                             extra = 0
@@ -411,7 +448,12 @@ class Header(array):
                     m[FRACTION] = rem
                     m[CARRY] = m[CARRY] + cycles
                     d = m[CARRY] - m[RESERVE]
-                    if d > 9:
+                    if d > WAIT_CYCLES:
                         fifo = ptr32(m[FIFO])
-                        fifo[0] = m[WORD] + ((d - 9) << 10)
+                        if RING:
+                            k = fifo[COMMANDS]
+                            fifo[COMMANDS] = (k + 1) & _WRAP
+                            fifo[k & (COMMANDS - 1)] = m[WORD] + ((d - WAIT_CYCLES) << GAP)
+                        else:
+                            fifo[0] = m[WORD] + ((d - WAIT_CYCLES) << GAP)
                         m[CARRY] = m[RESERVE]

@@ -22,6 +22,7 @@ from array import array
 
 from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
+from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.moves import path
@@ -36,7 +37,6 @@ RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time i
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
-CUE_DELAY_US = const(12)  # how far into its tick a cue takes effect
 
 # Registers; follow.OWN is the first that is free
 _WINDOW = const(36)  # ticks from A to B
