@@ -138,7 +138,6 @@ LIMIT_SETTINGS = {
 
 # keys of a board's data whose pins are taken whatever the rig file says
 _BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper")
-_HIGHEST_PIN = {"rp2040": 29}
 
 
 class RigError(ValueError):
@@ -321,7 +320,7 @@ class Rig:
         """Which pin is for what; each for one thing only."""
         taken = _board_pins(board, settings["dmx"])
 
-        highest = _HIGHEST_PIN.get(board.get("chip"), 47)
+        highest = board.get("pins", 48) - 1
         if settings["estop"] != "none" and board and "estop" not in board:
             raise RigError('estop: found "%s", but this board has no E-stop pin; allowed is "none"' % settings["estop"])
 

@@ -11,22 +11,17 @@ from typing import Any, NamedTuple
 
 from framestep.rig import fitted
 
+from .chips import chips
 from .files import ROOT, board_data, board_names
 
 BEGIN = "<!-- pins: made by python -m framestep_tools.board_pages -->\n"
 END = "<!-- end of pins -->"
 _ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can tell apart
 
-# state machines (one steps a motor), pins; the pins that each UART can have as TX and RX
-# (RP2040 datasheet 1.4.3 and 3.1, RP2350 datasheet 1.2.3 and 11.1: the same pins for function F2)
-CHIPS = {"rp2040": (8, 30), "rp2350": (12, 30)}
-UART_PINS = {
-    0: ({0, 12, 16, 28}, {1, 13, 17, 29}),
-    1: ({4, 8, 20, 24}, {5, 9, 21, 25}),
-}
 _KEYS = {
     *("name", "chip", "motors", "step", "dir", "enable", "estop", "shutter", "meter", "dmx", "drivers", "gio"),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
+    "pins",  # not in the file: files.board_data puts it there
 }
 
 
@@ -124,28 +119,28 @@ def state_machines(board: Mapping[str, Any]) -> int:
 def complaints(board: Mapping[str, Any]) -> list[str]:
     """What is wrong with a board's data, in words; nothing if it is sound."""
     found = [f"{key}: no such entry" for key in board if key not in _KEYS]
-    if board["chip"] not in CHIPS:
-        return [*found, f"chip: {board['chip']} is none of {', '.join(CHIPS)}"]
-    engines, pins = CHIPS[board["chip"]]
+    if board["chip"] not in chips():
+        return [*found, f"chip: {board['chip']} is none of {', '.join(chips())}"]
+    chip = chips()[board["chip"]]
     lengths = {len(board[key]) for key in ("step", "dir", "enable") if isinstance(board[key], list)}
     if lengths != {board["motors"]}:
         return [*found, f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}"]
-    if board["motors"] > engines:
-        found.append(f"motors: {board['motors']}, but the chip has {engines} state machines")
+    if board["motors"] > chip.motors:
+        found.append(f"motors: {board['motors']}, but the chip has {chip.motors} state machines")
     for state, data in fits(board):
         counts = Counter(use.pin for use in uses(data))
         found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
-        found += [f"{state}: there is no pin {pin}" for pin in counts if pin not in range(pins)]
+        found += [f"{state}: there is no pin {pin}" for pin in counts if pin not in range(chip.pins)]
         lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
         wires = data.get("drivers", {}).get("pins", [])
         if wires and len(wires) != board["motors"]:
             found.append(f"drivers: {len(wires)} pins for {board['motors']} motors")
-        if state_machines(data) > engines:
+        if state_machines(data) > chip.motors:
             extra = [f"{len(wires)} driver UARTs"] * bool(wires) + ["the RGB LED"] * ("rgb" in data)
             found.append(f"{state}: not enough state machines for {' and '.join(extra)}")
         for line in lines:
-            tx, rx = UART_PINS[line["uart"]]
-            if line["tx"] not in tx or line["rx"] not in rx:
+            uart = chip.uarts[line["uart"]]
+            if line["tx"] not in uart["tx"] or line["rx"] not in uart["rx"]:
                 found.append(f"{state}: pins {line['tx']}, {line['rx']} are not TX and RX of UART{line['uart']}")
         if len({line["uart"] for line in lines}) < len(lines):
             found.append(f"{state}: DMX and drivers on the same UART")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_data, board_modules, compiled, march
+from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_chip, board_modules, compiled
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -18,7 +18,6 @@ _PRODUCTS = {
     "unix64": "build/unix64/micropython",
 }
 IMAGE_MAIN = FIRMWARE / "image_main.py"
-_UF2_FAMILIES = {"rp2040": "0xe48bff56", "rp2350": "0xe48bff59"}  # RP2350: ARM, secure (RP2350 datasheet, 5.5.3)
 
 
 class BuildError(Exception):
@@ -69,7 +68,7 @@ def image_files(board: str) -> dict[str, bytes]:
 
     Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
     """
-    processor = march(board_data(board)["chip"])
+    processor = board_chip(board).processor
     files = board_modules(processor, board)
     in_ram = {name: files.pop(name) for name in IN_RAM}
     files["framestep/ram_files.mpy"] = compiled("framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor)
@@ -103,7 +102,7 @@ def frozen(board: str = "pico", checkout: str | None = None) -> Path:
             BOARD_DIR=str(folder),
             FRAMESTEP=str(modules),
             IMAGE=str(build),
-            UF2_FAMILY=_UF2_FAMILIES[board_data(board)["chip"]],
+            UF2_FAMILY=board_chip(board).uf2_family,
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         stamp.write_text(digest)

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from framestep.controller import VERSION
 
-from .files import ROOT, board_data, board_files, board_names, march, write_tree
+from .files import ROOT, board_chip, board_files, board_names, write_tree
 
 DIST = ROOT / "build" / "dist"
-_PLAIN = ("pico", "pico2")
 _BOARD = "/lib/framestep/board.mpy"
 _LIB = "/lib/"
 
@@ -22,7 +21,8 @@ def packages() -> dict[str, bytes]:
     """{path below build/dist: content} of everything."""
     made: dict[str, bytes] = {}
     for board in board_names():
-        processor = march(board_data(board)["chip"])
+        chip = board_chip(board)
+        processor = chip.processor
         urls = []
         for path, content in board_files(processor, board).items():
             # mip installs into /lib; main.py belongs beside it
@@ -32,7 +32,7 @@ def packages() -> dict[str, bytes]:
             urls.append([target, source])
         package = json.dumps({"urls": urls, "version": ".".join(map(str, VERSION))}, indent=1).encode() + b"\n"
         made[f"{processor}/{board}.json"] = package
-        if board in _PLAIN:
+        if board == chip.plain_board:
             made[f"{processor}/package.json"] = package
     return made
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, ParamSpec
 
 from . import code_file
+from .chips import Chip, chip
 from .code_file import CodeFile
 from .constants import fold
 from .errors import ToolError
@@ -38,7 +39,11 @@ IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest ru
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
 
-_IN_FLASH = "armv6m"  # the architecture whose copied functions run from flash: it has 264 kB of RAM, others 520
+# What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this module's text is
+# put in its place. Modules of other engines stay off a board.
+ENGINES = {"pio": "framestep/hal/engine.py", "stream": "framestep/hal/stream_engine.py"}
+_ENGINE = ENGINES["pio"]
+_OF_ENGINE = {"stream": ("framestep/hal/stream.py",)}
 _WHOLE = (
     *IN_RAM,
     "framestep/native.mpy",
@@ -68,14 +73,12 @@ _STAYS = {
         "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll", "send", "_heard", "_watch",
     },
     "framestep/motion/segments.mpy": {
-        "shift", "cut", "spin", "mark", "bridge", "snap", "settle", "coefficient", "velocity", "distance",
+        "shift", "cut", "mark", "bridge", "snap", "settle", "coefficient", "velocity", "distance",
     },
 }  # fmt: skip
 
 _NAMED = {"framestep/native.py", *_HOST_ONLY}  # keep the names that framestep_tools.names takes from others
 _BY_HAND = ("framestep/repl.py", "framestep/bench/")  # called on the REPL, perhaps with parameters named
-
-_PROCESSORS = {"rp2040": "armv6m", "rp2350": "armv7emsp"}
 
 
 _P = ParamSpec("_P")
@@ -118,6 +121,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
             FIRMWARE / "main.py",
             *tools.rglob("*.py"),
             *ROOT.glob("boards/*/board.json"),
+            ROOT / "boards" / "chips.json",
         ):
             content = path.read_bytes()
             key.update(f"{path.relative_to(ROOT)} {len(content)} ".encode() + content)
@@ -172,15 +176,22 @@ def board_names() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """The data of boards/<board>/board.json; ToolError for a board that there is not."""
+    """The data of boards/<board>/board.json, with the number of the chip's `pins`; ToolError if there is no such board
+    or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
-    return json.loads((ROOT / "boards" / board / "board.json").read_text())
+    data = json.loads((ROOT / "boards" / board / "board.json").read_text())
+    return data | {"pins": chip(data["chip"]).pins}
 
 
-def march(chip: str) -> str:
-    """The architecture of mpy-cross for a board's chip."""
-    return _PROCESSORS[chip]
+def board_chip(board: str) -> Chip:
+    """The chip of a board."""
+    return chip(board_data(board)["chip"])
+
+
+def march(key: str) -> str:
+    """The architecture of mpy-cross for a chip."""
+    return chip(key).processor
 
 
 def board_module(board: str) -> str:
@@ -191,10 +202,22 @@ def board_module(board: str) -> str:
 
 
 @_remembered
-def folded(extra: Mapping[str, str], hide: bool) -> dict[str, bytes]:
-    """The core's modules and `extra` ones as they are compiled: with each other's constants as numbers in them."""
+def folded(
+    extra: Mapping[str, str], hide: bool, engine: str = "pio", given: Mapping[str, Mapping[str, int]] = _ON_BOARDS
+) -> dict[str, bytes]:
+    """The core's modules and `extra` ones as they are compiled: with each other's constants as numbers in them.
+
+    engine: one of ENGINES; given: as for constants.fold.
+    """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
-    return {name: text.encode() for name, text in fold(texts, hide, _ON_BOARDS).items()}
+    texts[_ENGINE] = texts[ENGINES[engine]]
+    for name in {*ENGINES.values()} - {_ENGINE}:
+        del texts[name]
+    for other, names in _OF_ENGINE.items():
+        if other != engine:
+            for name in names:
+                del texts[name]
+    return {name: text.encode() for name, text in fold(texts, hide, given).items()}
 
 
 def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -206,7 +229,8 @@ def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
 @_remembered
 def _board_sources(board: str) -> dict[str, bytes]:
     """{"framestep/motion/axes.mpy": source} of what is compiled for a board."""
-    sources = _lean(folded({"framestep/board.py": board_module(board)}, hide=True))
+    folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
+    sources = _lean(folds)
     return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
 
 
@@ -225,7 +249,7 @@ def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
 
     Where memory is short, functions run from flash: most of them are in one file then, framestep.code_file says why.
     """
-    if march == _IN_FLASH:
+    if board_chip(board).code_in_flash:
         modules = _with_code_file(_board_sources(board), march)
     else:
         modules = board_modules(march, board)
@@ -246,14 +270,14 @@ def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes
     return files | {code_file.NAME: code.packed()}
 
 
-def compiled_tree(march: str = "x86") -> Path:
+def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:
     """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix MicroPython.
 
-    "x86" is what the 32-bit unix ports run, "x64" the 64-bit one.
+    "x86" is what the 32-bit unix ports run, "x64" the 64-bit one. engine: one of ENGINES.
     """
     modules = {
         name.removesuffix(".py") + ".mpy": compiled(name, source, march)
-        for name, source in folded({}, hide=False).items()
+        for name, source in folded({}, False, engine).items()
     }
     digest = hashlib.sha256(repr(sorted(modules.items())).encode()).hexdigest()[:16]
     trees = CACHE / "mpy" / "trees"

@@ -13,7 +13,7 @@ import typer
 
 from .device import RIG_FILE, Device, DeviceError, Who
 from .errors import Command
-from .files import CompileError, board_data, board_files, march
+from .files import CompileError, board_chip, board_data, board_files
 from .restart import greeting, hello
 from .rig_file import RigFileError, check, parse
 
@@ -23,7 +23,6 @@ FOLDER = "/lib/framestep"
 LIST = FOLDER + "/files.json"  # what has been put on the board
 MAIN = "/main.py"
 _KEPT = "/main_before.py"
-_DOWNLOADS = {"rp2040": "RPI_PICO", "rp2350": "RPI_PICO2"}
 
 app = Command("flash", expected=(CompileError,))
 
@@ -44,17 +43,19 @@ class Files(Protocol):
 def check_firmware(who: Who, board: str) -> None:
     """DeviceError if this MicroPython cannot run framestep for this board: what to flash, and where from."""
     data = board_data(board)
-    chip = data["chip"]
+    chip = board_chip(board)
     get = (
         "hold BOOTSEL while plugging the board in, and drop the .uf2 of MicroPython 1.26 or newer from "
-        f"https://micropython.org/download/{_DOWNLOADS[chip]}/ onto the drive that appears"
+        f"https://micropython.org/download/{chip.download}/ onto the drive that appears"
     )
     version = ".".join(map(str, who.version))
-    if who.platform != "rp2":
-        raise DeviceError(f"{data['name']} is a board of the rp2 port, this one says {who.platform}: name its PORT")
-    if who.march != march(chip):
+    if who.platform != chip.platform:
         raise DeviceError(
-            f"the MicroPython on this board ({who.machine}) is for {who.march}, {data['name']} needs {march(chip)}: "
+            f"{data['name']} is a board of the {chip.platform} port, this one says {who.platform}: name its PORT"
+        )
+    if who.march != chip.processor:
+        raise DeviceError(
+            f"the MicroPython on this board ({who.machine}) is for {who.march}, {data['name']} needs {chip.processor}: "
             f"name the right BOARD, or {get}"
         )
     if who.version[:2] < OLDEST:
@@ -151,8 +152,7 @@ def main(
     protocol: ProtocolPort = None,
 ) -> None:
     """Put framestep on a board and ask it who it is."""
-    chip = board_data(board)["chip"]
-    files = board_files(march(chip), board)
+    files = board_files(board_chip(board).processor, board)
 
     def say(line: str) -> None:
         print(line, flush=True)

@@ -25,6 +25,7 @@ _WRAP = 0x3FFFFFFF
 # as boards/pico/board.json, but for what concerns the motors
 BOARD = {
     "chip": "rp2040",
+    "pins": 30,
     "step": [2, 4, 6, 8, 10, 12, 14, 16],
     "dir": [3, 5, 7, 9, 11, 13, 15, 17],
     "enable": 18,

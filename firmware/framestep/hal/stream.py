@@ -1,0 +1,199 @@
+"""A pulse engine that is a stream of words in memory: a bit for each pin, a word for each 4 µs.
+
+For chips that can send memory to their pins at a fixed rate and cannot interrupt at 1 kHz. The main loop calls `fill`
+as soon as there is room for some ticks. For each tick it runs the kernel, whose commands end in a ring for each motor,
+and then paints what the engine makes of them in that tick's time into words.
+
+Time runs by the words. The clock that the kernel looks at is moved on here, so a tick is never late but where the words
+ran out: `miss` tells that, and the kernel does what it does wherever an engine has run dry.
+
+A tick's pulses lie in the words painted after the next one: what changes a direction may come before its pulse does.
+"""
+
+from array import array
+
+from framestep.hal.engine import (
+    COMMANDS,
+    CYCLES,
+    DIRECTION,
+    GAP,
+    LEAD,
+    PULSES,
+    WIDTH,
+    WORD_BITS,
+    WORDS,
+)
+from framestep.motion.stepper import BEHIND, TICK_US
+from framestep.native import addressof, as_word, const, micropython, ptr32
+
+_WRAP = const(0x3FFFFFFF)
+_LONG_AGO = const(-0x100000)  # before any edge that a command may still count from
+
+# Words of a motor
+_STEP = const(0)  # its bits
+_TURN = const(1)
+_RING = const(2)  # address of its commands
+_TAKEN = const(3)  # how many have been taken, modulo 2^30
+_AT = const(4)  # cycles from the start of the words to be painted to the last rising edge
+_LEFT = const(5)  # pulses of the command under way
+_PERIOD = const(6)
+_HIGH = const(7)  # words that a pulse lasts
+_TURNS = const(8)  # the command under way has yet to change the direction
+_REST = const(9)  # words of a pulse that reach into those to be painted
+_MOTOR = const(4)  # log2 of the words of a motor
+
+
+@micropython.viper
+def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) -> int:
+    """Paint a tick's words from words[first] on; the motors of which a command was lost, a bit each.
+
+    motors: the words of `count` motors, as above. levels: the word of levels of all pins; steps are 0 in it.
+    """
+    i = first
+    base = levels[0]
+    while i < first + WORDS:
+        words[i] = base
+        i += 1
+    lost = 0
+    motor = 0
+    while motor < count:
+        k = motor << _MOTOR
+        step = motors[k + _STEP]
+        turn = motors[k + _TURN]
+        ring = ptr32(motors[k + _RING])
+        taken = motors[k + _TAKEN]
+        at = motors[k + _AT]
+        left = motors[k + _LEFT]
+        period = motors[k + _PERIOD]
+        high = motors[k + _HIGH]
+        i = first
+        rest = motors[k + _REST]
+        while rest:
+            words[i] = words[i] | step
+            i += 1
+            rest -= 1
+        if (ring[COMMANDS] - taken) & _WRAP > COMMANDS:
+            lost |= 1 << motor
+            taken = (ring[COMMANDS] - COMMANDS) & _WRAP
+        while True:
+            if left == 0:
+                if taken == ring[COMMANDS]:
+                    break
+                command = ring[taken & (COMMANDS - 1)]
+                taken = (taken + 1) & _WRAP
+                wider = command >> WIDTH & 15
+                high = wider + 1
+                motors[k + _HIGH] = high
+                wider = wider << WORD_BITS
+                if at + wider < 0:
+                    at = 0 - wider  # there was nothing to do until now
+                left = command >> PULSES & 0x1FF
+                period = command >> GAP & 0x3FFFF
+                if left == 0:
+                    at += period
+                    continue
+                period += wider
+                motors[k + _TURNS] = 0
+                if levels[0] & turn:
+                    if command & DIRECTION == 0:
+                        motors[k + _TURNS] = 1
+                elif command & DIRECTION:
+                    motors[k + _TURNS] = 1
+            if motors[k + _TURNS]:
+                i = (at >> WORD_BITS) + high  # the last pulse has ended
+                if i >= WORDS:
+                    break
+                i += first
+                while i < first + WORDS:
+                    words[i] = words[i] ^ turn
+                    i += 1
+                levels[0] = levels[0] ^ turn
+                motors[k + _TURNS] = 0
+            i = (at + period) >> WORD_BITS
+            if i >= WORDS:
+                break
+            at += period
+            left -= 1
+            n = i + high
+            if n > WORDS:
+                rest = n - WORDS
+                n = WORDS
+            n += first
+            i += first
+            while i < n:
+                words[i] = words[i] | step
+                i += 1
+        motors[k + _TAKEN] = taken
+        at -= CYCLES
+        if at < _LONG_AGO:
+            at = _LONG_AGO
+        motors[k + _AT] = at
+        motors[k + _LEFT] = left
+        motors[k + _PERIOD] = period
+        motors[k + _REST] = rest
+        motor += 1
+    return lost
+
+
+class Stream:
+    """The engine of some motors. steps, turns: for each of them, the bits of its step and its direction pin.
+
+    Bits are below 2^30. Nothing allocates after construction.
+    """
+
+    def __init__(self, steps, turns):
+        self.motors = len(steps)
+        self._clock = array("i", [0])
+        self._levels = array("i", [0])
+        self._rings = [array("i", [0] * (COMMANDS + 1)) for _ in steps]
+        self._words = array("i", [0] * (self.motors << _MOTOR))
+        for i in range(self.motors):
+            k = i << _MOTOR
+            self._words[k + _STEP] = steps[i]
+            self._words[k + _TURN] = turns[i]
+            self._words[k + _RING] = as_word(self.fifo(i))
+        self._kernel = None
+        self._lost = 0
+
+    @property
+    def clock(self):
+        """Address of the clock for StepKernel."""
+        return addressof(self._clock)
+
+    def fifo(self, motor):
+        """Address of a motor's ring, for StepKernel.configure()."""
+        return addressof(self._rings[motor])
+
+    def attach(self, kernel, ahead):
+        """Run this kernel. ahead: ticks that wait in memory to be sent, at most; see stepper.BEHIND."""
+        self._kernel = kernel
+        kernel.outputs(addressof(self._levels), addressof(self._levels))
+        kernel.state[BEHIND] = LEAD + ahead
+
+    def drive(self, high, low):
+        """Raise and lower the pins of these bits, from the words painted next on."""
+        self._levels[0] = (self._levels[0] | high | low) ^ low
+
+    def fill(self, words, ticks):
+        """Do so many ticks: ticks · WORDS words of the array."""
+        at = 0
+        while ticks:
+            self._kernel.tick(None)
+            self._clock[0] = (self._clock[0] + TICK_US) & _WRAP
+            self._lost |= paint(words, at, self._words, self.motors, self._levels)
+            at += WORDS
+            ticks -= 1
+
+    def miss(self, words, ticks):
+        """The words ran out for so many ticks, begun ones included: the first tick's words that are sent after that.
+
+        The pulses that the motors still owe are in them. Whatever moves faults and ramps down with the next tick.
+        """
+        self._lost |= paint(words, 0, self._words, self.motors, self._levels)
+        self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & _WRAP
+
+    def trouble(self):
+        """Motors of which a command was lost since the last call, a bit each."""
+        lost = self._lost
+        self._lost = 0
+        return lost

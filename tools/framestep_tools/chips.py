@@ -1,0 +1,46 @@
+"""The chips that boards have: boards/chips.json, which docs/new-chip.md explains."""
+
+import json
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+
+from .errors import ToolError
+
+FILE = Path(__file__).resolve().parents[2] / "boards" / "chips.json"
+
+
+@dataclass(frozen=True)
+class Chip:
+    """An entry of the file; every one has all of these."""
+
+    name: str  # as people write it
+    hal: str  # its HAL is framestep/hal/<hal>.py, and what else in that folder begins with it
+    engine: str  # what makes the pulses: a key of files.ENGINES
+    motors: int  # that the engine can step
+    pins: int  # numbers from 0 on that a board's data and a rig file may name
+    uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
+    processor: str  # as mpy-cross calls it
+    code_in_flash: bool  # copied functions run from flash, for want of RAM: see code_file.py
+    platform: str  # sys.platform of its MicroPython
+    download: str  # its page at micropython.org/download
+    uf2_family: str
+    plain_board: str  # the board whose package is package.json
+
+
+@cache
+def chips() -> dict[str, Chip]:
+    """All of them by their key."""
+    entries = json.loads(FILE.read_text())
+    names = {field.name for field in fields(Chip)}
+    for key, entry in entries.items():
+        if entry.keys() != names:
+            raise ToolError(f"{FILE.name}: {key} needs {', '.join(sorted(names ^ entry.keys()))}, or has it too much")
+    return {key: Chip(**entry) for key, entry in entries.items()}
+
+
+def chip(key: str) -> Chip:
+    """ToolError if there is no such chip."""
+    if key not in chips():
+        raise ToolError(f"no chip {key!r}: there are {', '.join(chips())}")
+    return chips()[key]
