@@ -94,10 +94,10 @@ class Runtime:
     an exception or an exit status fails the test with its traceback. Modules beside a script file can be imported.
     """
 
-    def __init__(self, executable: Path, scratch):
+    def __init__(self, executable: Path, scratch, engine: str = "pio"):
         self.executable = executable
         self._scratch = scratch
-        self._core = compiled_tree("x86")  # once: it takes longer than most scripts
+        self._core = compiled_tree("x86", engine)  # once: it takes longer than most scripts
 
     def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 1000) -> str:
         if not isinstance(script, Path):
@@ -127,6 +127,12 @@ class Runtime:
 @pytest.fixture(scope="session")
 def unix32f(tmp_path_factory) -> Runtime:
     return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"))
+
+
+@pytest.fixture(scope="session")
+def unix32f_stream(tmp_path_factory) -> Runtime:
+    """The same with the core built for the engine of hal/stream.py."""
+    return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"), "stream")
 
 
 @pytest.fixture

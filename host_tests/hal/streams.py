@@ -1,0 +1,107 @@
+"""Sessions on the stream engine, and the same on the model of PIO's: what is painted, and when the edges are."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from array import array
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from framestep.motion import axes as motion
+from framestep.motion.stepper import AHEAD, DUE, FIFO
+from framestep_tools.files import folded, write_tree
+from host_tests.motion.engine import PER_US, Bench
+
+REPLAY = Path(__file__).parents[1] / "runtime" / "stream_replay.py"
+WORDS = 250  # in a tick
+WORD_US = 4
+END_WORDS = 3  # of a motor
+
+
+@dataclass
+class Painted:
+    """What a session has painted. The first word of tick n is words[n * WORDS]."""
+
+    words: np.ndarray
+    lost: int
+    modes: list[int]
+    faults: list[int]
+    positions: list[int]
+
+    def bit(self, bit: int) -> np.ndarray:
+        return (self.words.astype(np.int64) >> bit & 1).astype(int)
+
+    def rises(self, bit: int) -> np.ndarray:
+        """Indices of the words with which it rises."""
+        return np.flatnonzero(np.diff(self.bit(bit), prepend=0) == 1)
+
+    def changes(self, bit: int) -> np.ndarray:
+        return np.flatnonzero(np.diff(self.bit(bit), prepend=0))
+
+    def ways(self, motor: int) -> np.ndarray:
+        """+1 or -1 for each step."""
+        up = 0 if motor % 2 else 1
+        return np.where(self.bit(2 * motor + 1)[self.rises(2 * motor)] == up, 1, -1)
+
+
+def read(data: bytes, motors: int) -> Painted:
+    """Of what stream_replay.py has written."""
+    found = np.frombuffer(data, "<i4")
+    words, end = np.split(found, [len(found) - 1 - END_WORDS * motors])
+    modes, faults, positions = end[1:].reshape(motors, END_WORDS).T.tolist()
+    return Painted(words, int(end[0]), modes, faults, positions)
+
+
+@cache
+def _core() -> Path:
+    """The core built for this engine, as Python."""
+    tree = Path(tempfile.mkdtemp(prefix="framestep-stream-"))
+    write_tree(tree, folded({}, False, "stream", {}))
+    return tree
+
+
+def here(lines: list[str], out: Path) -> bytes:
+    """Play a session on CPython."""
+    subprocess.run(
+        [sys.executable, REPLAY, out],
+        input="".join(line + "\n" for line in lines).encode(),
+        env={**os.environ, "PYTHONPATH": str(_core())},
+        check=True,
+    )
+    return out.read_bytes()
+
+
+def on_pio(lines: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The same session on the model of PIO: for each motor the times of its steps and their ways. Times are µs from
+    the start of the first tick's pulses."""
+    _, motors, _ = lines[0].split()
+    bench = Bench(int(motors), jitter_us=0)
+    for i, engine in enumerate(bench.engines):
+        bench.kernel.configure(i, bench.block(i)[FIFO], 0, 625, i % 2 == 1)
+        engine.up = i % 2 ^ 1
+    bench.settle()
+    axes = motion.Axes(bench)
+    start = bench.state[DUE] + bench.state[AHEAD] / PER_US
+    target = array("i", [0, 0])
+    for line in lines[1:]:
+        what, *words = line.split()
+        numbers = [int(word) for word in words]
+        if what == "speed":
+            axes[numbers[0]].set_speed(*numbers[1:])
+        elif what == "travel":
+            target[1] = numbers[1]
+            axes[numbers[0]].travel(bench, target, 1)
+        elif what == "stop":
+            axes[numbers[0]].stop(bench, numbers[1])
+        elif what == "batch":
+            axes.feed()
+            bench.run(numbers[0])
+    found = []
+    for motor in range(int(motors)):
+        times, ways = bench.times(motor)
+        found.append((times / PER_US - start, ways))
+    return found

@@ -1,0 +1,132 @@
+"""Runs on MicroPython and on CPython, with the core built for the stream engine: scripts of requests and batches of
+ticks, the heap locked from the first tick on; what is painted goes to a file.
+
+    new motors width     a new kernel; motor i has its step on bit 2·i and its direction on bit 2·i + 1, which is
+                         inverted where i is odd
+    speed m v a          Axis.set_speed
+    travel m target; stop m factor
+    cue tick high low    StepKernel.cue, ticks counted from the beginning
+    drive high low       Stream.drive
+    batch n              n ticks at once, the main loop's part before
+    miss n               the words ran out for n ticks
+    end                  the motors that lost commands, and each motor's mode, fault and position
+"""
+
+import sys
+from array import array
+
+from framestep.hal.engine import BATCH, CYCLES, WORDS
+from framestep.hal.stream import Stream
+from framestep.motion import axes as motion
+from framestep.motion.stepper import FAULT, MODE, POSITION, StepKernel
+
+try:
+    from micropython import heap_lock, heap_unlock
+except ImportError:
+
+    def heap_lock():
+        pass
+
+    heap_unlock = heap_lock
+
+SETUP = 640  # cycles: 5 µs
+AHEAD = 20
+
+
+class Rig:
+    """Motors on a stream. Is a HAL, as far as axes need one."""
+
+    def __init__(self, motors, width):
+        self.stream = Stream([1 << 2 * i for i in range(motors)], [2 << 2 * i for i in range(motors)])
+        self.kernel = StepKernel(motors, CYCLES, self.stream.clock)
+        for i in range(motors):
+            self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
+        self.stream.attach(self.kernel, AHEAD)
+        self.axes = motion.Axes(self)
+        self.target = array("i", [0, 0])
+        self.painted = array("i", [0] * (BATCH * WORDS))
+
+    def irq_off(self):
+        return 0
+
+    def irq_on(self, state):
+        pass
+
+
+def travel(rig, axis):
+    heap_lock()
+    axis.travel(rig, rig.target, 1)
+    heap_unlock()
+
+
+def stop(rig, axis, factor):
+    heap_lock()
+    axis.stop(rig, factor)
+    heap_unlock()
+
+
+def cue(rig, tick, high, low):
+    heap_lock()
+    rig.kernel.cue(tick, high, low)
+    heap_unlock()
+
+
+def drive(rig, high, low):
+    heap_lock()
+    rig.stream.drive(high, low)
+    heap_unlock()
+
+
+def miss(rig, ticks):
+    heap_lock()
+    rig.stream.miss(rig.painted, ticks)
+    heap_unlock()
+
+
+def batch(rig, ticks):
+    heap_lock()
+    rig.axes.feed()
+    rig.axes.sample()
+    rig.stream.fill(rig.painted, ticks)
+    heap_unlock()
+
+
+def play(lines, out):
+    rig = None
+    for line in lines:
+        what, *words = line.split()
+        numbers = [int(word) for word in words]
+        if what == "new":
+            rig = Rig(*numbers)
+        elif what == "speed":
+            rig.axes[numbers[0]].set_speed(numbers[1], numbers[2])
+        elif what == "travel":
+            rig.target[1] = numbers[1]
+            travel(rig, rig.axes[numbers[0]])
+        elif what == "stop":
+            stop(rig, rig.axes[numbers[0]], numbers[1])
+        elif what == "cue":
+            cue(rig, *numbers)
+        elif what == "drive":
+            drive(rig, *numbers)
+        elif what == "batch":
+            batch(rig, numbers[0])
+            out.write(memoryview(rig.painted)[: numbers[0] * WORDS])
+        elif what == "miss":
+            miss(rig, numbers[0])
+            out.write(memoryview(rig.painted)[:WORDS])
+        elif what == "end":
+            out.write(array("i", [rig.stream.trouble()]))
+            for block in rig.kernel.blocks:
+                out.write(array("i", [block[MODE], block[FAULT], block[POSITION]]))
+        else:
+            raise ValueError(line)
+
+
+def main():
+    with open(sys.argv[1], "wb") as out:
+        play(sys.stdin, out)
+
+
+if __name__ == "__main__":
+    main()
