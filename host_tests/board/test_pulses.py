@@ -20,7 +20,7 @@ _CONSTANT = re.compile(r"stepper\.([A-Z_]+)\b")
 SETUP = """
 import gc, machine, time
 from array import array
-from framestep.motion.stepper import StepKernel
+from framestep.motion.kernel import StepKernel
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 N = 8
 pins = range(2, 2 + 2 * N, 2)

@@ -11,6 +11,7 @@ import numpy as np
 from framestep.hal.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
 from framestep.hal.host import PulseModel
 from framestep.motion import stepper
+from framestep.motion.kernel import StepKernel
 from framestep.native import map_device
 
 PER_US = 125
@@ -88,7 +89,7 @@ class Bench:
         self.jitter_us = jitter_us
         self.random = random.Random(seed)
         self.clock = Clock(self)
-        self.kernel = stepper.StepKernel(motors, PER_TICK, map_device(self.clock))
+        self.kernel = StepKernel(motors, PER_TICK, map_device(self.clock))
         self.engines = [Engine(self, width) for _ in range(motors)]
         self.setup = setup
         for i, engine in enumerate(self.engines):

@@ -22,7 +22,7 @@ from array import array
 
 from framestep.motion import axes as motion
 from framestep.motion import reals, segments
-from framestep.motion.stepper import StepKernel
+from framestep.motion.kernel import StepKernel
 from framestep.native import addressof
 
 try:

@@ -18,7 +18,7 @@ from framestep.controller import Controller
 from framestep.hal.absent import NoDmx
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
-from framestep.motion.stepper import StepKernel
+from framestep.motion.kernel import StepKernel
 from framestep.native import addressof
 from framestep.protocol.frames import copy_bytes
 from framestep.rig import Rig

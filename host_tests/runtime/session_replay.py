@@ -10,7 +10,8 @@ from array import array
 
 from framestep.controller import Controller
 from framestep.hal.absent import NoDmx, NoWatchdog
-from framestep.motion.stepper import POSITION, StepKernel
+from framestep.motion.kernel import StepKernel
+from framestep.motion.stepper import POSITION
 from framestep.native import CPYTHON, addressof
 from framestep.rig import Rig
 

@@ -18,7 +18,8 @@ from array import array
 from framestep.hal.engine import BATCH, CYCLES, WORDS
 from framestep.hal.stream import Stream
 from framestep.motion import axes as motion
-from framestep.motion.stepper import FAULT, MODE, POSITION, StepKernel
+from framestep.motion.kernel import StepKernel
+from framestep.motion.stepper import FAULT, MODE, POSITION
 
 try:
     from micropython import heap_lock, heap_unlock

@@ -121,9 +121,8 @@ def test_constants_in_a_circle_are_refused():
 
 
 def test_the_core_folds_line_by_line():
-    texts = folded({}, hide=True)
-    for name, path in sources().items():
-        assert len(texts[name].decode().splitlines()) == len(path.read_text().splitlines()), name
+    for name, text in folded({}, hide=True).items():
+        assert len(text.decode().splitlines()) == len(sources()[name].read_text().splitlines()), name
 
 
 def test_bytes_of_numbers_become_a_literal():

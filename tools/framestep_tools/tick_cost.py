@@ -18,7 +18,7 @@ _STEADY_MS = 40
 _SETUP = """
 import machine, time
 from framestep.motion import stepper
-from framestep.motion.stepper import StepKernel
+from framestep.motion.kernel import StepKernel
 from framestep.hal.rp2_pulses import PulseEngine
 pins = list(range(2, 18, 2))
 engine = PulseEngine(pins, [pin + 1 for pin in pins], 125_000_000)

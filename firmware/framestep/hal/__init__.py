@@ -1,7 +1,7 @@
 """The contract between the controller and a board. A HAL is an object with
 
     motors            how many motors
-    kernel            motion.stepper.StepKernel, its engine attached and its tick running after start()
+    kernel            motion.kernel.StepKernel, its engine attached and its tick running after start()
     port              the protocol port (below)
     upload_bytes      memory that the uploaded move may take
     start()           begin ticking; called once

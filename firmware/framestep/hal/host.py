@@ -11,7 +11,7 @@ from framestep.hal import engine
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.io.lights import CHANGED
 from framestep.motion import stepper
-from framestep.motion.stepper import StepKernel
+from framestep.motion.kernel import StepKernel
 from framestep.native import addressof, map_device
 from framestep.rig import Rig
 

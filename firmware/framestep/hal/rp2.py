@@ -23,7 +23,8 @@ from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.hal.rp2_usb import addressed
 from framestep.hal.rp2_watchdog import PASS
-from framestep.motion.stepper import StepKernel, halt_motors
+from framestep.motion.kernel import StepKernel
+from framestep.motion.stepper import halt_motors
 from framestep.moves.follow import UNTOLD, WHAT
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL

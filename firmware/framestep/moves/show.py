@@ -1,6 +1,6 @@
 """What goes with a run besides the motors: lights, triggers, camera, bloop.
 
-Pins change as cues, given by the tick itself (stepper.StepKernel.cue), so they keep the motors' time
+Pins change as cues, given by the tick itself (kernel.StepKernel.cue), so they keep the motors' time
 to half a millisecond and some microseconds: a tick is what they are rounded to. The kernel takes
 cues in the order of their times only, so they wait here, sorted, until they are near. Light levels are set by
 the main loop in the tick of their frame.
