@@ -28,8 +28,9 @@ from pathlib import Path
 from typing import Any
 
 from framestep.clock import WRAP
-from framestep.hal.host import HostBoard, HostFlash
-from framestep.io.lights import CHANGED
+from framestep.hal import CHANGED
+from framestep.hal.host import HostFlash
+from framestep.host_board import HostBoard
 from framestep.motion import stepper
 
 

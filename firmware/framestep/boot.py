@@ -19,6 +19,7 @@ _HEAP_LEFT = const(13 * 1024)  # for the REPL and for what a user's own code nee
 
 hal = None
 controller = None
+runner = None
 
 
 class Settings:
@@ -76,7 +77,7 @@ def _held(board):
 
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
-    global hal, controller
+    global hal, controller, runner
     spare = bytearray(_HEAP_LEFT)
     from framestep.board import BOARD
 
@@ -97,10 +98,12 @@ def start():
     try:
         from framestep.controller import Controller
         from framestep.hal.rp2 import Rp2Hal
+        from framestep.runner import Runner
 
         hal = Rp2Hal(settings.board, settings)
         if hal.watchdog.barked and settings.ports == 2:
             print("framestep: the watchdog has started the board: the firmware hung while motors moved")
+        runner = Runner(hal, settings.ports == 2)
         controller = Controller(hal, settings, broken=mistake is not None)
     except MemoryError:
         print(_SAVE)
@@ -122,4 +125,4 @@ def start():
     del spare
     gc.collect()
     gc.threshold(-1)
-    hal.run(controller)
+    runner.run(controller)

@@ -346,7 +346,7 @@ class Strain:
                          f"{time.monotonic() - begun:.0f} s")  # fmt: skip
         self.calm()
         self.check()
-        if self.repl.eval("(lambda hal: (hal.alive, hal.failure))(__import__('framestep.boot').boot.hal)") != (
+        if self.repl.eval("(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)") != (
             True,
             None,
         ):

@@ -9,7 +9,7 @@ from host_tests.board.modules import board_modules
 from host_tests.moves import lightplots
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
-MODULES = ("__init__", "native", "clock", "io/__init__", "io/lights", "moves/__init__", "moves/cues")
+MODULES = ("__init__", "native", "clock", "hal/__init__", "io/__init__", "io/lights", "moves/__init__", "moves/cues")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames")
 ANSWER = """
 from cues_replay import replay

@@ -96,7 +96,7 @@ def test_repl_beside_a_run(session):
     session.client.wait_event(RtEnd, 10)
     session.run(0.1)
     assert_played(session, stands, positions)
-    assert repl.eval("boot.hal.failure") is None
+    assert repl.eval("boot.runner.failure") is None
 
 
 def test_nothing_is_allocated(session):
@@ -156,6 +156,6 @@ def test_one_port():
         typed(b"import framestep.repl\r")
         assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
         typed(b"import framestep.boot as b; b.controller.moves.poll = None\r")
-        said = typed(b"b.hal.run(b.controller)\r")
+        said = typed(b"b.runner.run(b.controller)\r")
         assert b'File "framestep/controller.py", line' in said and b"TypeError" in said and said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"

@@ -240,7 +240,7 @@ def test_an_exception_inside_a_handler(rig):
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
         ramped_down(rig, motor, before, failed, 0.5)
-    assert "in a handler" in emulator.repl().eval("str(b.hal.failure)")
+    assert "in a handler" in emulator.repl().eval("str(b.runner.failure)")
     edges = len(rig.steps(1)[0])
     rig.run(0.3)
     assert len(rig.steps(1)[0]) == edges

@@ -146,4 +146,4 @@ def test_a_fault_and_words_for_all_of_it(full):
     full.accept(GioOut(1))
     full.run(0.2)
     assert full.repl.finish().splitlines() == [*WORDS, "free"]
-    assert full.repl.eval("__import__('framestep.boot').boot.hal.failure") is None
+    assert full.repl.eval("__import__('framestep.boot').boot.runner.failure") is None

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep.io.lights import CHANGED, CHANNELS, RAMPING, Lights
+from framestep.hal import CHANGED, CHANNELS
+from framestep.io.lights import RAMPING, Lights
 
 ROUND = 8  # passes in which every channel has been looked at
 

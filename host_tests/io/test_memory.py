@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep.hal.host import HostBoard, HostFlash, HostHal
+from framestep.hal.host import HostFlash, HostHal
+from framestep.host_board import HostBoard
 from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
 from framestep.io.restore import restore
 from framestep.motion import stepper

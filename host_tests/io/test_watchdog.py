@@ -1,6 +1,6 @@
 """The watchdog's food: only while the main loop, the tick and the queue of reports are all alive."""
 
-from framestep.hal.host import HostBoard
+from framestep.host_board import HostBoard
 from framestep.io.watchdog import DEAF_MS, LOOK_MS, TIMEOUT_MS
 from framestep.protocol import messages as m
 from framestep_tools.boards import SimulatedBoard

@@ -17,6 +17,7 @@ def bench(monkeypatch, capsys):
     controller = session.board._board.controller
     monkeypatch.setattr(boot, "hal", controller.hal)
     monkeypatch.setattr(boot, "controller", controller)
+    monkeypatch.setattr(boot, "runner", session.board._board)
 
     def says(command, *arguments):
         capsys.readouterr()
@@ -43,6 +44,7 @@ def test_status_of_drivers(monkeypatch, capsys):
     board.chips[1].powered = False
     monkeypatch.setattr(boot, "hal", board._board.hal)
     monkeypatch.setattr(boot, "controller", board._board.controller)
+    monkeypatch.setattr(boot, "runner", board._board)
     board.run_until(600_000_000)
     repl.status()
     lines = capsys.readouterr().out.splitlines()
@@ -177,9 +179,9 @@ def test_rig(bench):
 
 def test_without_a_controller(bench, monkeypatch):
     _, says = bench
-    monkeypatch.setattr(boot.hal, "alive", False)
+    monkeypatch.setattr(boot.runner, "alive", False)
     assert says(repl.move, 1, 5) == ["refused: framestep has been stopped"]
-    monkeypatch.setattr(boot.hal, "failure", ValueError())
+    monkeypatch.setattr(boot.runner, "failure", ValueError())
     assert says(repl.status)[2] == "framestep has stopped by a fault in the firmware"
     monkeypatch.setattr(boot, "controller", None)
     for command in (repl.status, repl.io, repl.timing, repl.rig, repl.stop):

@@ -6,9 +6,10 @@ A line on standard input is an operation; what it shows is printed. See test_io.
 import sys
 from array import array
 
+from framestep.hal import CHANNELS
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
-from framestep.io.lights import CHANNELS, Lights
+from framestep.io.lights import Lights
 from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
 from framestep.protocol.frames import FrameWriter

@@ -15,8 +15,8 @@ import micropython
 
 from framestep.clock import WRAP
 from framestep.controller import Controller
+from framestep.hal import CHANGED
 from framestep.hal.absent import NoDmx
-from framestep.io.lights import CHANGED
 from framestep.motion import stepper
 from framestep.motion.kernel import StepKernel
 from framestep.native import addressof

@@ -41,7 +41,7 @@ def test_frames_of_what_runs_while_the_heap_is_not_locked(modules):
     MicroPython collects for each: 30 ms, in which no pass begins."""
     source = b"def f(a, b):\n  try:\n    return [a, b, [a, b, [a, b]]]\n  finally:\n    a.x\n"
     assert parse(compiled("frame.py", source, "armv6m")).body.children[0].frame_words == 2 + 9 + 3
-    module = parse(modules["framestep/hal/rp2.mpy"])
+    module = parse(modules["framestep/runner.mpy"])
     words = {
         module.names[body.name_index]: body.frame_words
         for body in module.body.walk()

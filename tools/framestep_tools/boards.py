@@ -92,7 +92,7 @@ class SimulatedBoard:
     repl: Channel | None = None
 
     def __init__(self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"):
-        from framestep.hal.host import HostBoard
+        from framestep.host_board import HostBoard
 
         self.chips: list[Chip] = []
 

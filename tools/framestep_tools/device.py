@@ -41,15 +41,16 @@ _STATE = """
 import sys
 b = sys.modules.get("framestep.boot")
 c = b and b.controller
+r = c and getattr(b, "runner", b.hal)
 def moving():
     # without its passes the stage stays as it was
-    return c and c.axes.moving_bits() | (c.stage.engaged if b.hal._passes else 0) or 0
-print((bool(c), moving(), bool(c) and b.hal.background))
+    return c and c.axes.moving_bits() | (c.stage.engaged if r.alive else 0) or 0
+print((bool(c), moving(), bool(c) and r.background))
 """
 _STOP = """
 if moving(): print(1)
 else:
-    if c: b.hal.stop()
+    if c: r.stop()
     print(0)
 """
 _WHO = """

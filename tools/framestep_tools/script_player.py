@@ -5,7 +5,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from framestep.hal.host import BOARD, TICK_DELAY_NS, UPLOAD_BYTES, HostBoard, HostFlash
+from framestep.hal.host import BOARD, TICK_DELAY_NS, UPLOAD_BYTES, HostFlash
+from framestep.host_board import HostBoard
 from framestep.rig import RigError
 
 from . import driver_chips

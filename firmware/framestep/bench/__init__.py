@@ -24,8 +24,8 @@ REFUSALS = {
 
 def between(function, *arguments):
     """What the function returns, called between two passes."""
-    hal = boot.hal
-    if CPYTHON or not hal.alive:
+    runner = boot.runner
+    if CPYTHON or not runner.alive:
         return function(*arguments)
     done = False
     found = failure = None
@@ -39,9 +39,9 @@ def between(function, *arguments):
         finally:
             done = True  # although a Ctrl-C came
 
-    hal.task = call
-    while not done and hal.alive:
-        hal.idle()
+    runner.task = call
+    while not done and runner.alive:
+        boot.hal.idle()
     if failure:
         raise failure
     return found
@@ -82,9 +82,9 @@ def dead():
     """Why nothing can be done, in words; None as long as the controller runs."""
     if boot.controller is None:
         return "framestep has not been started"
-    if boot.hal.alive:
+    if boot.runner.alive:
         return None
-    return "framestep has stopped by a fault in the firmware" if boot.hal.failure else "framestep has been stopped"
+    return "framestep has stopped by a fault in the firmware" if boot.runner.failure else "framestep has been stopped"
 
 
 def refusal(code):

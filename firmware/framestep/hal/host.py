@@ -1,19 +1,15 @@
-"""A board that exists only in memory, on virtual time: for the simulator and for tests.
+"""The HAL of a board that exists only in memory, on virtual time.
 
 The pulse engine executes the very commands that a PIO state machine gets (hal/rp2_pulses.py) and
-tells each edge. The main loop passes once a tick, and once for each time bytes arrive.
+tells each edge.
 """
 
 from array import array
 
-from framestep.controller import Controller
-from framestep.hal import engine
+from framestep.hal import CHANGED, engine
 from framestep.hal.absent import NoDmx, NoWatchdog
-from framestep.io.lights import CHANGED
-from framestep.motion import stepper
 from framestep.motion.kernel import StepKernel
 from framestep.native import addressof, map_device
-from framestep.rig import Rig
 
 CLOCK_HZ = 125_000_000
 CYCLES = CLOCK_HZ // 1000
@@ -225,10 +221,8 @@ class HostHal:
         self.port = HostPort()
         self.on_edge = None
         self.colour = 0  # of the LED, 0xRRGGBB
-        self.failure = None  # nothing ends the passes here
         self.taken = -1  # what reclaim() is to find
         self.floats = 0
-        self.alive = True
         self.board = rig.board
         self.wire = wire(self) if wire else SilentWire()
         self.said = []  # what drivers have been said to do
@@ -359,100 +353,3 @@ class HostHal:
         """One timer interrupt at the present moment."""
         self._clock[0] = self.now_ns // 1000 & _WRAP
         self.kernel.tick(None)
-
-
-class HostBoard:
-    """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
-
-    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
-    the board has. barked: as if the watchdog had started the board. wire: called with the HAL, gives what the drivers'
-    UART is connected to. flash: what has outlived a power cut, False where there is none. upload_bytes: memory for the
-    uploaded move. broken: as with a mistake in the rig file.
-    """
-
-    def __init__(
-        self,
-        rig=None,
-        motors=None,
-        board=BOARD,
-        barked=False,
-        wire=None,
-        flash=None,
-        upload_bytes=0,
-        broken=False,
-    ):
-        self.rig = Rig(rig, board)
-        count = motors or self.rig.board.get("motors") or len(self.rig.board["step"])
-        self.hal = HostHal(count, self.rig, barked, wire, flash, upload_bytes)
-        self.controller = Controller(self.hal, self.rig, broken)
-        try:
-            self.controller.moves.take_memory()
-        except ValueError:
-            pass  # too little of it: as in boot.py, HI tells that there is room for no frame
-        self.next_tick = TICK_DELAY_NS
-
-    @property
-    def now_ns(self):
-        return self.hal.now_ns
-
-    @property
-    def on_edge(self):
-        return self.hal.on_edge
-
-    @on_edge.setter
-    def on_edge(self, function):
-        self.hal.on_edge = function
-
-    @property
-    def pending(self):
-        """Bytes received but not yet taken in by the controller."""
-        return len(self.hal.port.incoming)
-
-    def receive(self, data):
-        """Bytes from the host; they are looked at when time moves on."""
-        self.hal.port.incoming += data
-
-    def transmit(self):
-        """What the controller has sent since the last call."""
-        data = bytes(self.hal.port.outgoing)
-        self.hal.port.outgoing.clear()
-        return data
-
-    def open_port(self, is_open):
-        """The host opens or closes the port (DTR)."""
-        port = self.hal.port
-        if is_open and not port.open:
-            port.openings += 1
-        port.open = is_open
-        if not is_open:
-            port.incoming.clear()
-            port.outgoing.clear()
-
-    def set_input(self, name, level):
-        """Put an input pin to a level, by its name (gio3, estop) or its number."""
-        hal = self.hal
-        pin = name if isinstance(name, int) else next((p for p, n in hal.names.items() if n == name), None)
-        if pin is None:
-            raise ValueError("no pin %r; there are %s and numbers" % (name, ", ".join(hal.names.values())))
-        hal.set_level(pin, level)
-
-    def run_until(self, ns):
-        """Let virtual time pass: a tick and a pass of the main loop each millisecond."""
-        hal = self.hal
-        self.controller.poll(hal.ticks_ms())
-        while self.next_tick <= ns:
-            hal.now_ns = self.next_tick
-            hal.tick()
-            self.controller.poll(hal.ticks_ms())
-            self.next_tick += TICK_NS
-        if ns > hal.now_ns:
-            hal.now_ns = ns
-            self.controller.poll(hal.ticks_ms())
-
-    def moving(self):
-        """Whether a motor moves or is about to."""
-        return self.controller.axes.moving
-
-    def steps(self, motor):
-        """Steps made by a motor, counted from 0."""
-        return self.hal.kernel.blocks[motor][stepper.POSITION]

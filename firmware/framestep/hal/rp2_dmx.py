@@ -20,10 +20,8 @@ from array import array
 import rp2
 from machine import UART, Pin, mem32
 
-from framestep.io.lights import CHANGED, CHANNELS
-from framestep.motion.reals import copy_word
-from framestep.native import addressof, as_word, const
-from framestep.protocol.frames import copy_bytes
+from framestep.hal import CHANGED, CHANNELS
+from framestep.native import addressof, const
 
 _BAUD = const(250000)
 _SHORT = const(32)  # of a UART's own buffers: bytes, the least that there is
@@ -69,7 +67,7 @@ class Dmx:
         mem32[uart + _UARTIMSC] = 0
         mem32[_DMA + timers + 4 * _PACER] = 1 << 16 | hz // 1000000
         self._levels = (bytearray(CHANNELS + 1), bytearray(CHANNELS + 1))
-        self._places = array("i", [as_word(addressof(levels)) for levels in self._levels])
+        self._places = array("I", [addressof(levels) for levels in self._levels])  # below 2^30
         self._shown = 0
         self._wire = bytearray(CHANNELS + 1)
         control = pins + 8 * tx + 4
@@ -112,11 +110,9 @@ class Dmx:
 
     def show(self, lights):
         """Once a pass: what the lights show goes out with the next frame. Allocates nothing."""
-        words = lights.words
-        if words[CHANGED]:
-            words[CHANGED] = 0
+        if lights.words[CHANGED]:
             # the other buffer is not read: the copy that may have been under way took 10 µs
             shown = 1 - self._shown
             self._shown = shown
-            copy_bytes(self._levels[shown], 0, lights.levels, 0, CHANNELS + 1)
-            copy_word(self._list, _COPY * _BLOCK, self._places, shown)
+            lights.take(self._levels[shown])
+            self._list[_COPY * _BLOCK] = self._places[shown]

@@ -13,6 +13,7 @@ from array import array
 
 import machine
 
+from framestep.hal import PASS
 from framestep.motion.stepper import FIRST, MODE, NEXT, RUN, TICKS
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
@@ -23,12 +24,11 @@ _PAGE = 0x400D if _RP2350 else 0x4005
 _COUNTS = 1 if _RP2350 else 2  # of the counter in a microsecond (erratum RP2040-E1)
 _GUARD_MS = const(500)
 
-# State words
-_HEADER = const(0)  # address of the tick's header
+# State words; PASS is one, too
+_HEADER = const(4)  # address of the tick's header
 _SEEN = const(1)  # its count of ticks at the last look
 _LOAD = const(2)  # what the counter begins with when it is fed
 _REGISTER = const(3)  # address that feeds it
-PASS = const(4)  # 1 while the main loop is in a pass
 _WORDS = const(5)
 
 

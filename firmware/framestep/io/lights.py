@@ -6,14 +6,14 @@ A channel ramps while its level and its target differ. Nothing allocates after c
 from array import array
 
 from framestep.clock import WRAP as _WRAP
+from framestep.hal import CHANGED, CHANNELS
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.protocol.frames import copy_bytes
 
-CHANNELS = const(512)
 MARK = const(2)  # bit of a channel's byte in put_marked()
 _SHARE = const(64)  # channels that a pass looks at: one frame on the wire is longer than a round of passes
 
-# Words of Lights.words
-CHANGED = const(0)  # a level has changed; whoever has sent the levels on sets it to 0
+# Words of Lights.words, besides CHANGED
 RAMPING = const(1)  # channels that ramp
 _LENGTH = const(2)  # of a ramp, ms
 _CURSOR = const(3)  # last channel looked at
@@ -156,6 +156,11 @@ class Lights:
     def fits(self, channel, count):
         """Whether there are these channels."""
         return 1 <= channel <= self.count and channel + count - 1 <= self.count
+
+    def take(self, buffer):
+        """Put what all channels show into buffer[0 … CHANNELS], to be sent. CHANGED is 0 from then on."""
+        self.words[CHANGED] = 0
+        copy_bytes(buffer, 0, self.levels, 0, CHANNELS + 1)
 
     @property
     def adjusting(self):

@@ -1,0 +1,244 @@
+"""Runs a controller beside MicroPython's REPL.
+
+With two ports the controller runs in the background, called by a timer from MicroPython's scheduler,
+and the REPL stays what it is. With one port it runs in the foreground, as the port is the REPL's.
+
+A pass runs with the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words
+on the stack, for which it would otherwise search the whole heap, and collect it where it is full: 30 ms for each
+frame. What runs outside the lock has smaller frames (a test counts them), or may take long. A program on the REPL
+may have taken all memory: then everything goes on, and what needs no memory is told.
+"""
+
+import io
+import sys
+from os import dupterm, dupterm_notify  # type: ignore[attr-defined]
+from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
+
+from machine import Timer
+from micropython import heap_lock, heap_unlock
+
+from framestep.controller import LED_FAULT, glow
+from framestep.faults import FAULTS, outcome
+from framestep.hal import PASS
+from framestep.moves.follow import UNTOLD, WHAT
+from framestep.native import const, micropython
+from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
+
+_PASS_MS = const(1)
+_SAYINGS = const(16)
+_BEAT_MS = const(128)
+_CTRL_C = const(3)
+
+
+class _CtrlC(io.IOBase):
+    """A terminal on which somebody has pressed Ctrl-C."""
+
+    def readinto(self, buffer):
+        buffer[0] = _CTRL_C
+        return 1
+
+    def write(self, data):
+        return len(data)
+
+    def ioctl(self, request, argument):
+        return 0
+
+
+@micropython.viper
+def _interrupt(terminal, notify, ctrl_c):
+    """Let a KeyboardInterrupt strike as soon as MicroPython goes on with what this has interrupted."""
+    before = terminal(ctrl_c)
+    notify(None)
+    terminal(before)
+
+
+class Runner:
+    """hal: see framestep.hal.contract; background: whether the REPL has a port of its own."""
+
+    def __init__(self, hal, background):
+        self._hal = hal
+        hal.say = self.say
+        self.background = background
+        self._inside = hal.inside
+        self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
+        self._saying_motors = bytearray(_SAYINGS)
+        self._saying_texts = [""] * _SAYINGS
+        # Made now, as there may be no memory for them later
+        self._pass_callback = self._pass
+        self._blink_callback = self._blink
+        self._beat = 0
+        self._controller = None
+        self.failure = None  # the exception that ended the passes
+        self.alive = False  # passes go on
+        self.task = None  # what framestep.repl wants done between two passes
+        self._traceback_task = self._traceback
+        self._failing = False  # a pass was broken off: the next one stops the motors
+        self._failed = False  # that is to be told
+        self._news = False  # that or something of drivers is
+        self._struck = False  # Ctrl-C came in a pass: it is passed on to whom it was for
+        self._ctrl_c = _CtrlC()
+
+    def say(self, motor, text):
+        """Tell on the REPL what the driver of a motor (from 1) does, as soon as nothing moves. Allocates nothing."""
+        place = self._sayings % _SAYINGS
+        self._saying_motors[place] = motor
+        self._saying_texts[place] = text
+        self._sayings += 1
+        self._news = True
+
+    def run(self, controller):
+        """Run it: in the background, and return at once, or until a Ctrl-C on its own port."""
+        self._controller = controller
+        self.alive = True
+        if self.background:
+            self._hal.passes.init(period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
+            return
+        idle = self._hal.idle
+        try:
+            while True:
+                if not self._poll():
+                    idle()
+        except KeyboardInterrupt:
+            self.stop()
+            raise
+        except Exception as error:
+            self.failure = error
+            self._broken()
+        finally:
+            self._hal.port.stop()  # the REPL has it again
+            self._tell_all()
+
+    def _poll(self):
+        """One pass in the foreground. Returns what the controller's poll() does."""
+        heap_lock()
+        self._inside[PASS] = 1
+        try:
+            return self._controller.poll(ticks_ms())
+        finally:
+            self._inside[PASS] = 0
+            heap_unlock()
+
+    # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front of _turn(), which
+    # expects it, nor behind the last line, which passes it on.
+    def _pass(self, _timer):
+        heap_lock()
+        try:
+            self._turn()
+        finally:
+            self._inside[PASS] = 0
+            heap_unlock()
+        if self.task:
+            self._after()
+        if self._struck:
+            self._struck = False
+            _interrupt(dupterm, dupterm_notify, self._ctrl_c)
+
+    def _turn(self):
+        """One pass in the background, whatever strikes in it. Ctrl-C is meant for a program that runs on the REPL."""
+        controller = self._controller
+        try:
+            if not self.alive:
+                return  # this pass waited in the scheduler when they ended
+        except KeyboardInterrupt:
+            self._struck = True  # where nothing is half done
+        try:
+            if self._failing:
+                controller.fail()
+                self._failing = False
+                self._failed = self._news = True
+            self._inside[PASS] = 1
+            controller.poll(ticks_ms())
+        except KeyboardInterrupt:
+            self._struck = self._failing = True
+            return
+        except Exception as error:
+            self.failure = error
+            self._end()
+            self.task = self._traceback_task
+            return
+        if (controller.untold or self._news) and not controller.was_moving:
+            self._tell()
+
+    def _after(self):
+        """What a pass may not do itself, as it allocates."""
+        if self._failing and self.alive:
+            return  # what the pass was at is half done
+        task = self.task
+        self.task = None
+        try:
+            task()  # type: ignore[misc]
+        except KeyboardInterrupt:
+            self._struck = self._failing = True
+        except Exception as error:
+            sys.print_exception(error)  # type: ignore[attr-defined]
+
+    def _end(self):
+        """An exception has ended the passes."""
+        self.stop()
+        self._controller.give_up()
+
+    def _broken(self):
+        """The same in the foreground."""
+        heap_lock()
+        try:
+            self._end()
+        finally:
+            heap_unlock()
+        self._traceback()
+
+    def _traceback(self):
+        self._hal.passes.init(period=_BEAT_MS, mode=Timer.PERIODIC, callback=self._blink_callback)
+        print("framestep: stopped by a fault in the firmware; a reset starts it again")
+        sys.print_exception(self.failure)  # type: ignore[attr-defined]
+
+    def _tell(self):
+        """Say why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors move, as
+        the REPL's host may let the board wait. Allocates nothing."""
+        untold = self._controller.untold
+        self._controller.untold = 0
+        for bit, text in FAULTS:
+            if untold & bit:
+                print("framestep: ", text, outcome(bit), sep="")
+        self._news = False
+        told = self._controller.stage.follower.exceeded  # type: ignore[union-attr]
+        if untold & UNTOLD and told[WHAT]:
+            print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
+        if self._failed:
+            self._failed = False
+            print("framestep: Ctrl-C came in the middle of the controller's work; the motors were ramped down")
+        sayings = self._sayings
+        self._sayings = 0
+        if sayings > _SAYINGS:
+            print("framestep: drivers:", sayings - _SAYINGS, "earlier lines are lost")
+        for i in range(max(0, sayings - _SAYINGS), sayings):
+            print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
+
+    def _tell_all(self):
+        """When the protocol gives back the REPL's port: everything that could not be said there since the start."""
+        try:
+            from framestep import words
+
+            bits = self._controller.condition() & (CONDITION_BARKED | CONDITION_FORGETFUL)
+            for line in words.conditions(bits):
+                print("framestep:", line)
+        except MemoryError:
+            pass
+        self._tell()
+
+    def _blink(self, _timer):
+        """The LED, when no passes do it any more."""
+        self._beat = (self._beat + 1) & 15
+        self._hal.led(glow(LED_FAULT, self._beat))
+
+    def stop(self):
+        """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""
+        self.alive = False
+        self._hal.passes.deinit()
+        heap_lock()
+        try:
+            self._hal.led(0)
+            self._hal.watchdog.disarm()
+            if self._controller:
+                self._controller.abandon()
+        finally:
+            heap_unlock()
