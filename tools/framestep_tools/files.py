@@ -34,7 +34,12 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
-_HOST_ONLY = {"framestep/hal/host.py", "framestep/hal/contract.py", "framestep/host_board.py"}
+_HOST_ONLY = {
+    "framestep/hal/host.py",
+    "framestep/host_board.py",
+    "framestep/hal/contract.py",
+    "framestep/hal/engine.py",  # constants alone
+}
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
@@ -69,7 +74,7 @@ _STAYS = {
         "_send_positions", "_sound", "acknowledge",
     },
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
-    "framestep/hal/rp2.mpy": {"ticks_ms", "trouble", "reclaim", "ready", "_bus_guard"},
+    "framestep/hal/rp2.mpy": {"trouble", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {
         "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll", "send", "_heard", "_watch",
     },

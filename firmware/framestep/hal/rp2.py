@@ -3,7 +3,6 @@
 import gc
 import sys
 from array import array
-from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
 
 import machine
 from machine import Pin, Timer
@@ -164,9 +163,6 @@ class Rp2Hal:
     irq_off = staticmethod(machine.disable_irq)
     irq_on = staticmethod(machine.enable_irq)
     idle = staticmethod(machine.idle)
-
-    def ticks_ms(self):
-        return ticks_ms()
 
     def enable(self, motor, on):
         """Switch a driver on or off; drivers that share a pin are on while one of them is."""

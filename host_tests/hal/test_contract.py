@@ -1,0 +1,134 @@
+"""hal/contract.py is what the HALs have, and all that is used of them.
+
+A board's HAL can only be imported on a board, so all of this reads source.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from framestep_tools.files import FIRMWARE
+
+HAL = FIRMWARE / "framestep" / "hal"
+CONTRACT = HAL / "contract.py"
+IMPLEMENTED = {
+    "Hal": ["rp2.py:Rp2Hal", "host.py:HostHal"],
+    "PulseEngine": ["rp2_pulses.py:PulseEngine", "stream.py:Stream"],
+    "Port": ["usb_port.py:UsbPort", "stdin_port.py:StdinPort", "host.py:HostPort"],
+    "Dmx": ["rp2_dmx.py:Dmx", "host.py:HostDmx", "__init__.py:NoDmx"],
+    "Watchdog": ["rp2_watchdog.py:Watchdog", "host.py:HostWatchdog", "__init__.py:NoWatchdog"],
+    "DriverWire": ["rp2_wire.py:Wire", "rp2_one_wire.py:OneWire", "host.py:SilentWire"],
+    "Flash": ["rp2_flash.py:Flash", "host.py:HostFlash"],
+}
+# What only one kind has. The host's HAL has no REPL beside it, nor a model of engine commands in one object.
+WITHOUT = {
+    "host.py:HostHal": {"engine", "inside", "passes"},
+    "host.py:HostPort": {"stop"},
+    "usb_port.py:UsbPort": {"stop"},
+}
+# How the other layers call each kind: the name before the dot
+CALLED = {
+    "hal": "Hal",
+    "port": "Port",
+    "dmx": "Dmx",
+    "dog": "Watchdog",
+    "wire": "DriverWire",
+    "flash": "Flash",
+}
+
+
+def classes(path: Path) -> dict[str, ast.ClassDef]:
+    return {node.name: node for node in ast.parse(path.read_text()).body if isinstance(node, ast.ClassDef)}
+
+
+def methods(cls: ast.ClassDef) -> dict[str, list[str]]:
+    """{name: parameters, without self}; a name that is put there as a whole has no list to compare."""
+    return {
+        node.name: [arg.arg.lstrip("_") for arg in node.args.args[1:]]
+        for node in cls.body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("__")
+    }
+
+
+def attributes(cls: ast.ClassDef) -> set[str]:
+    """Names that are set on the object or in the class, properties among them."""
+    found = set()
+    for node in ast.walk(cls):
+        match node:
+            case ast.Attribute(value=ast.Name(id="self"), attr=name, ctx=ast.Store()):
+                found.add(name)
+            case ast.Assign(targets=[ast.Name(id=name)]) if node in cls.body:
+                found.add(name)
+            case ast.FunctionDef(name=name, decorator_list=[ast.Name(id="property")]):
+                found.add(name)
+    return found
+
+
+def documented(cls: ast.ClassDef) -> set[str]:
+    """The attributes that the docstring lists: a name, two spaces or more, what it is."""
+    lines = (ast.get_docstring(cls) or "").splitlines()
+    return {line.split()[0] for line in lines[1:] if "  " in line.strip() and not line.startswith(" ")}
+
+
+def implementations() -> Iterator[tuple[str, str]]:
+    for base, places in IMPLEMENTED.items():
+        for place in places:
+            yield base, place
+
+
+@pytest.mark.parametrize(("base", "place"), implementations())
+def test_every_hal_has_what_the_contract_says(base, place):
+    file, name = place.split(":")
+    contract, cls = classes(CONTRACT)[base], classes(HAL / file)[name]
+    without = WITHOUT.get(place, set())
+    has = methods(cls)
+    given = attributes(cls)
+    for method, parameters in methods(contract).items():
+        if method in has:
+            assert has[method][: len(parameters)] == parameters, f"{place}.{method}"
+        else:
+            assert method in given or method in without, f"{place} has no {method}()"
+    for attribute in documented(contract):
+        assert attribute in given | has.keys() | without, f"{place} has no {attribute}"
+
+
+def users() -> Iterator[Path]:
+    for path in sorted((FIRMWARE / "framestep").rglob("*.py")):
+        if path.parent != HAL and path.name != "host_board.py":
+            yield path
+
+
+def used() -> Iterator[tuple[str, int, str, str]]:
+    """Where something of a HAL is used: file, line, kind, name."""
+    for path in users():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Attribute):
+                continue
+            match node.value:
+                case ast.Attribute(value=ast.Attribute(attr="hal" | "_hal") | ast.Name(id="hal"), attr="watchdog"):
+                    name = "dog"
+                case ast.Name(id=name) | ast.Attribute(attr=name):
+                    name = name.lstrip("_")
+                case _:
+                    continue
+            if name in CALLED:
+                yield path.relative_to(FIRMWARE).as_posix(), node.lineno, CALLED[name], node.attr
+
+
+def test_nothing_else_is_used():
+    contract = classes(CONTRACT)
+    known = {name: documented(cls) | methods(cls).keys() for name, cls in contract.items()}
+    seen = {kind: set() for kind in known}
+    for file, line, kind, name in used():
+        assert name in known[kind], f"{file}:{line} uses {name} of {kind}"
+        seen[kind].add(name)
+    assert len(seen["Hal"]) > 20 and seen["Port"] >= {"poll", "send", "open", "openings"}
+
+
+def test_nothing_is_in_it_that_nobody_uses():
+    """Of the HAL's own; Port and the like are handed to others under other names."""
+    seen = {name for _, _, kind, name in used() if kind == "Hal"}
+    cls = classes(CONTRACT)["Hal"]
+    assert (documented(cls) | methods(cls).keys()) - seen <= {"engine"}  # for commands of the bench and tests

@@ -1,0 +1,120 @@
+"""What may import what: a module imports from its own package and from layers below its own.
+
+ARCHITECTURE.md tells the layers. What does not obey yet is listed here, and the list may only get shorter.
+"""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+
+from framestep_tools.files import ROOT, sources
+
+# A module is in the first layer that names it or its package. Packages of one layer do not import each other.
+LAYERS = (
+    ("native",),
+    ("clock",),
+    ("hal.engine", "hal.stream_engine"),  # constants
+    ("motion.stepper", "motion.tick", "motion.kernel"),  # the tick
+    ("hal",),
+    ("protocol",),
+    ("motion",),
+    ("io", "moves", "virtuals"),
+    ("rig",),
+    ("controller",),
+    ("faults",),
+    ("words",),
+    ("host_board", "runner"),
+    ("boot",),
+    ("bench", "repl"),
+)
+
+# The protocol is known from the controller on, and to what takes requests apart. These know its codes, or take payloads
+# apart, and should not.
+NOT_YET = {
+    "io.lights",  # copies bytes as frames do
+    "io.safety",
+    *("moves.cues", "moves.follow", "moves.jog", "moves.run", "moves.shoot", "moves.show"),
+    *("moves.stage", "moves.store"),
+    *("virtuals.aim", "virtuals.boom_swing_track", "virtuals.geometry", "virtuals.jog", "virtuals.motion"),
+    *("virtuals.swing_pan", "virtuals.y_swing_track"),
+}
+_MADE = {"board", "ram_files"}  # by the build
+
+
+def dotted(path: str) -> str:
+    return path.removeprefix("framestep/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """{module: modules of framestep that it imports, wherever in it}, without `framestep.` in front."""
+    modules = {dotted(path) for path in sources()} - {"__init__"}
+    found: dict[str, set[str]] = {}
+    for path, file in sources().items():
+        if dotted(path) == "__init__":
+            continue
+        found[dotted(path)] = set(_of(ast.parse(file.read_text()), modules))
+    return found
+
+
+def _of(tree: ast.AST, modules: set[str]) -> Iterator[str]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.ImportFrom(module=str(module), names=names) if module.split(".")[0] == "framestep":
+                base = module.removeprefix("framestep").removeprefix(".")
+                for alias in names:
+                    full = f"{base}.{alias.name}".removeprefix(".")
+                    if full in modules:
+                        yield full
+                    elif base:
+                        yield base
+            case ast.Import(names=names):
+                yield from (a.name.removeprefix("framestep.") for a in names if a.name.startswith("framestep."))
+
+
+def layer(module: str) -> int:
+    for names in (module, module.split(".")[0]):
+        for i, layer in enumerate(LAYERS):
+            if names in layer:
+                return i
+    raise AssertionError(f"{module} is in no layer")
+
+
+def edges() -> Iterator[tuple[str, str]]:
+    for module, others in imports().items():
+        yield from ((module, other) for other in others if other not in _MADE)
+
+
+def test_nothing_imports_upward():
+    for module, other in edges():
+        same = module.split(".")[0] == other.split(".")[0]
+        assert layer(other) < layer(module) or (layer(other) == layer(module) and same), f"{module} imports {other}"
+
+
+def test_the_protocol_is_known_to_requests_and_above():
+    knowing = {module for module, other in edges() if other.startswith("protocol.")}
+    below = {module for module in knowing if layer(module) < layer("controller") and not module.startswith("protocol.")}
+    assert {module for module in below if not module.endswith(".requests")} == NOT_YET
+
+
+def test_layers_are_told():
+    """ARCHITECTURE.md has them."""
+    told = (ROOT / "ARCHITECTURE.md").read_text()
+    for names in LAYERS:
+        for name in names:
+            assert f"`{name}`" in told, f"ARCHITECTURE.md does not name {name}"
+
+
+def test_there_is_no_circle():
+    """Between modules; within a function or not."""
+    done: list[str] = []
+
+    def walk(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, f"a circle: {' -> '.join((*path, module))}"
+        if module not in done:
+            for other in imports().get(module, ()):
+                walk(other, (*path, module))
+            done.append(module)
+
+    for module in imports():
+        walk(module, ())
