@@ -17,8 +17,8 @@ IMPLEMENTED = {
     "Hal": ["rp2.py:Rp2Hal", "host.py:HostHal"],
     "PulseEngine": ["rp2_pulses.py:PulseEngine", "stream.py:Stream"],
     "Port": ["usb_port.py:UsbPort", "stdin_port.py:StdinPort", "host.py:HostPort"],
-    "Dmx": ["rp2_dmx.py:Dmx", "host.py:HostDmx", "__init__.py:NoDmx"],
-    "Watchdog": ["rp2_watchdog.py:Watchdog", "host.py:HostWatchdog", "__init__.py:NoWatchdog"],
+    "Dmx": ["rp2_dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
+    "Watchdog": ["rp2_watchdog.py:Watchdog", "host.py:HostWatchdog", "absent.py:NoWatchdog"],
     "DriverWire": ["rp2_wire.py:Wire", "rp2_one_wire.py:OneWire", "host.py:SilentWire"],
     "Flash": ["rp2_flash.py:Flash", "host.py:HostFlash"],
 }

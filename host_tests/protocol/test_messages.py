@@ -1,6 +1,6 @@
 """Every message has a number, a name, its lengths and a handler. Where one is forgotten a test says what to add."""
 
-from framestep.hal.host import HostBoard
+from framestep.host_board import HostBoard
 from framestep.protocol import messages
 from framestep.protocol.messages import known, payload_fits
 
