@@ -78,7 +78,7 @@ def implementations() -> Iterator[tuple[str, str]]:
             yield base, place
 
 
-@pytest.mark.parametrize(("base", "place"), implementations())
+@pytest.mark.parametrize(("base", "place"), list(implementations()))
 def test_every_hal_has_what_the_contract_says(base, place):
     file, name = place.split(":")
     contract, cls = classes(CONTRACT)[base], classes(HAL / file)[name]

@@ -19,7 +19,7 @@ from framestep.hal.engine import BATCH, CYCLES, WORDS
 from framestep.hal.stream import Stream
 from framestep.motion import axes as motion
 from framestep.motion.kernel import StepKernel
-from framestep.motion.stepper import FAULT, MODE, POSITION
+from framestep.motion.stepper import FAULT, MODE, POSITION, sample
 
 try:
     from micropython import heap_lock, heap_unlock
@@ -87,7 +87,7 @@ def miss(rig, ticks):
 def batch(rig, ticks):
     heap_lock()
     rig.axes.feed()
-    rig.axes.sample()
+    sample(rig.kernel.state, rig.axes.samples)
     rig.stream.fill(rig.painted, ticks)
     heap_unlock()
 
