@@ -1,16 +1,14 @@
 """What the rig file may say about pins, and what it is told when it says something else."""
 
-import json
-
 import pytest
 
 from framestep.hal.host import BOARD
 from framestep.rig import Rig, RigError, load
-from framestep_tools.files import ROOT
+from framestep_tools.files import board_data
 
 
 def test_the_simulated_board_is_a_pico():
-    data = json.loads((ROOT / "boards/pico/board.json").read_text())
+    data = board_data("pico")
     assert {key: data[key] for key in BOARD} == BOARD
 
 
@@ -49,7 +47,7 @@ def test_limits_take_pins_from_the_defaults():
     assert [i["pin"] for i in rig.inputs] == [28]
 
 
-SKR_PICO = json.loads((ROOT / "boards/skr_pico/board.json").read_text())
+SKR_PICO = board_data("skr_pico")
 
 
 @pytest.mark.parametrize(

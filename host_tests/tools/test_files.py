@@ -40,7 +40,8 @@ def test_other_arguments_are_another_result(made):
 
 
 @pytest.mark.parametrize(
-    "changed", ["module.py", "main.py", "tools/names.py", "tools/commands/flash.py", "boards/x/board.json"]
+    "changed",
+    ["module.py", "main.py", "tools/names.py", "tools/commands/flash.py", "boards/x/board.json", "boards/chips.json"],
 )
 def test_made_anew_where_a_source_a_tool_or_a_board_changes(made, changed):
     remembered, calls, folder = made

@@ -127,7 +127,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
             FIRMWARE / "main.py",
             *tools.rglob("*.py"),
             *ROOT.glob("boards/*/board.json"),
-            ROOT / "boards" / "chips.json",
+            *ROOT.glob("boards/*.json"),
         ):
             content = path.read_bytes()
             key.update(f"{path.relative_to(ROOT)} {len(content)} ".encode() + content)
