@@ -5,13 +5,14 @@ import struct
 import numpy as np
 import pytest
 
+from framestep.hal.engine import CUE_DELAY_US, LEAD
 from framestep.motion import reals, stepper
-from framestep.moves.shoot import CUE_DELAY_US, LONGEST_MS, ShootFrame
+from framestep.moves.shoot import LONGEST_MS, ShootFrame
 from framestep.moves.show import METER, SHUTTER
 from framestep.moves.stage import READY, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
-from host_tests.motion.engine import LEAD, PER_TICK, PER_US
+from host_tests.motion.engine import PER_TICK, PER_US
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
