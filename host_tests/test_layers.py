@@ -12,7 +12,7 @@ from framestep_tools.files import ROOT, sources
 # A module is in the first layer that names it or its package. Packages of one layer do not import each other.
 LAYERS = (
     ("native",),
-    ("clock",),
+    ("clock", "results"),
     ("hal.engine", "hal.stream_engine"),  # constants
     ("motion.stepper", "motion.tick", "motion.kernel"),  # the tick
     ("hal",),
@@ -28,16 +28,9 @@ LAYERS = (
     ("bench", "repl"),
 )
 
-# The protocol is known from the controller on, and to what takes requests apart. These know its codes, or take payloads
-# apart, and should not.
-NOT_YET = {
-    "io.lights",  # copies bytes as frames do
-    "io.safety",
-    *("moves.cues", "moves.follow", "moves.jog", "moves.run", "moves.shoot", "moves.show"),
-    *("moves.stage", "moves.store"),
-    *("virtuals.aim", "virtuals.boom_swing_track", "virtuals.geometry", "virtuals.jog", "virtuals.motion"),
-    *("virtuals.swing_pan", "virtuals.y_swing_track"),
-}
+# The protocol is known from the controller on, and to what takes requests apart. These know its flags, or write frames,
+# and should not.
+NOT_YET = {"io.lights", "io.safety", "moves.run", "moves.show"}
 _MADE = {"board", "ram_files"}  # by the build
 
 

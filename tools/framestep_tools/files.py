@@ -38,7 +38,8 @@ _HOST_ONLY = {
     "framestep/hal/host.py",
     "framestep/host_board.py",
     "framestep/hal/contract.py",
-    "framestep/hal/engine.py",  # constants alone
+    "framestep/hal/engine.py",  # constants alone, as
+    "framestep/results.py",
 }
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython

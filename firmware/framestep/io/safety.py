@@ -14,6 +14,7 @@ Nothing allocates after construction.
 
 from array import array
 
+from framestep import results
 from framestep.clock import WRAP as _WRAP
 from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.motion.stepper import DOWN as MOVING_DOWN
@@ -176,12 +177,12 @@ class Safety:
     def bars(self, motor, target, i):
         """OK, or why a motor (from 0) may not go to target[i] from where it is: ERR_HARD_UP or ERR_HARD_LOW."""
         if self.words[_ACTIVE] == 0:
-            return m.OK
+            return results.OK
         self.axes[motor].position_to(self._place, 0)
         ends = self.ends(motor) & _way(target, i, self._place)
         if ends == 0:
-            return m.OK
-        return m.ERR_HARD_UP if ends == 1 else m.ERR_HARD_LOW
+            return results.OK
+        return results.ERR_HARD_UP if ends == 1 else results.ERR_HARD_LOW
 
     @property
     def active(self):

@@ -22,7 +22,7 @@ note 5.1).
 from array import array
 
 from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
-from framestep.protocol.messages import ERR_GENERAL, ERR_RANGE, OK
+from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
 CHANNELS = const(512)
 MOST_FRAMES = const(0x10_0000)  # what lies behind is not taken in: keys are small integers

@@ -12,7 +12,7 @@ from framestep.motion.axes import lead
 from framestep.motion.ramps import put_aim
 from framestep.moves import path
 from framestep.native import const, micropython, ptr32
-from framestep.protocol.messages import (
+from framestep.results import (
     ERR_RANGE,
     ERR_SOFT_LOW,
     ERR_SOFT_UP,

@@ -22,7 +22,7 @@ from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import ENDING, POSITIONING, Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
-from framestep.protocol.messages import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
+from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 LANDING_MS = const(2000)  # what takes longer goes at a frame per second instead (the same)

@@ -26,16 +26,8 @@ from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
-from framestep.protocol.messages import (
-    ERR_GENERAL,
-    ERR_NOT_IN_POSITION,
-    ERR_POSTROLL,
-    ERR_PREROLL,
-    ERR_RANGE,
-    OK,
-    RUN_LOOP,
-    RUN_PING_PONG,
-)
+from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
+from framestep.results import ERR_GENERAL, ERR_NOT_IN_POSITION, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
 
 LONGEST_ROLL = const(600000)  # ms
 _SHORTEST_ROLL = const(2)  # ms of a motor's own ramp: the phase after it must not begin in the tick of its start

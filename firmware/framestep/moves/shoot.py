@@ -31,7 +31,7 @@ from framestep.moves.show import METER, SHUTTER
 from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
-from framestep.protocol.messages import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
+from framestep.results import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
 
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)

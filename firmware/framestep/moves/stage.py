@@ -27,7 +27,7 @@ from framestep.motion import stepper
 from framestep.moves.follow import Follower
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const, micropython
-from framestep.protocol.messages import (
+from framestep.results import (
     ERR_GENERAL,
     ERR_HARD_LOW,
     ERR_HARD_UP,

@@ -29,7 +29,7 @@ frame numbers and indexes are small integers. An index counts from 0 at the firs
 from array import array
 
 from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
-from framestep.protocol.messages import ERR_GENERAL, ERR_RANGE, OK
+from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
 # States
 EMPTY = const(0)  # no upload

@@ -4,6 +4,7 @@ The one place where these numbers live; the board, the tests and the host tools 
 Sources: the specification (edition 2024-08-13), and the field notes where marked. Nothing here allocates when called.
 """
 
+from framestep import results
 from framestep.native import const
 
 # -- Frame: 'D' 'F', id DWORD, type WORD, length WORD, payload, two check bytes; little-endian (spec: Message Format)
@@ -61,22 +62,22 @@ MSG_VIRT_AIM_POINT = const(0x0207)
 MSG_CONDITION = const(0x4600)
 MSG_EXCEEDED = const(0x4601)  # what the last move asked too much of (field note 5.5)
 
-# -- Response codes (spec: MSG_FLAG_ACK)
+# -- Response codes (spec: MSG_FLAG_ACK); those that are results of the core have their numbers there
 
-OK = const(0x0010)
+OK = const(results.OK)
 ERR_CHECKSUM = const(0x0011)
-ERR_MOVING = const(0x0012)
+ERR_MOVING = const(results.ERR_MOVING)
 ERR_UNSUPPORTED = const(0x0013)
-ERR_RANGE = const(0x0014)
-ERR_GENERAL = const(0x0015)
-ERR_NOT_IN_POSITION = const(0x0016)
-ERR_PREROLL = const(0x0017)
-ERR_POSTROLL = const(0x0018)
-ERR_AIM_COD = const(0x0019)  # field note 3.2: aim point inside the safe distance
-ERR_SOFT_UP = const(0x0020)
-ERR_SOFT_LOW = const(0x0021)
-ERR_HARD_UP = const(0x0022)
-ERR_HARD_LOW = const(0x0023)
+ERR_RANGE = const(results.ERR_RANGE)
+ERR_GENERAL = const(results.ERR_GENERAL)
+ERR_NOT_IN_POSITION = const(results.ERR_NOT_IN_POSITION)
+ERR_PREROLL = const(results.ERR_PREROLL)
+ERR_POSTROLL = const(results.ERR_POSTROLL)
+ERR_AIM_COD = const(results.ERR_AIM_COD)
+ERR_SOFT_UP = const(results.ERR_SOFT_UP)
+ERR_SOFT_LOW = const(results.ERR_SOFT_LOW)
+ERR_HARD_UP = const(results.ERR_HARD_UP)
+ERR_HARD_LOW = const(results.ERR_HARD_LOW)
 
 # -- Capabilities in HI
 
@@ -148,11 +149,11 @@ CONDITION_FORGETFUL = const(0x40)  # they should be, but cannot
 
 CONDITION_EXCEEDED = const(0x80)  # the last move asked a motor for more than it is set to: MSG_EXCEEDED
 
-EXCEEDED_NOTHING = const(0)
-EXCEEDED_VELOCITY = const(1)  # refused
-EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
-EXCEEDED_BOARD = const(3)  # refused: more than the board can make
-EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than was asked for
+EXCEEDED_NOTHING = const(results.EXCEEDED_NOTHING)
+EXCEEDED_VELOCITY = const(results.EXCEEDED_VELOCITY)
+EXCEEDED_ACCELERATION = const(results.EXCEEDED_ACCELERATION)
+EXCEEDED_BOARD = const(results.EXCEEDED_BOARD)
+EXCEEDED_SLOWED = const(results.EXCEEDED_SLOWED)
 
 LINE_X = const(0)
 LINE_Y = const(1)

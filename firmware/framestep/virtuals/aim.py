@@ -1,8 +1,8 @@
 """Where the camera has to look for an aim point to be in the middle of its picture."""
 
+from framestep import results
 from framestep.motion import reals
 from framestep.native import const
-from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
 from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SUBTRACT, compute
 
@@ -42,7 +42,7 @@ def direction(r, pan, tilt):
     straight above or below.
     """
     if not compute(0, 0, r, _DISTANCE) or reals.compare(r, _LEVEL, g.SAFE) < 0:
-        return m.ERR_AIM_COD
+        return results.ERR_AIM_COD
     compute(0, 0, r, _DIRECTION)
     reals.copy(r, tilt, _TILT)
     reals.put(r, _TURN, 360, 0)

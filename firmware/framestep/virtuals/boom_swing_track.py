@@ -10,9 +10,9 @@ boom are not used then.
 
 from array import array
 
+from framestep import results
 from framestep.motion import reals
 from framestep.native import const, micropython, ptr8, ptr32
-from framestep.protocol import messages as m
 from framestep.virtuals import arm
 from framestep.virtuals import geometry as g
 from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SINES, SUBTRACT
@@ -95,9 +95,9 @@ class Geometry(arm.Arm):
     def _check(self, reader, present):
         self.number(reader, _LENGTH_AT, g.T, 1000)
         if reals.sign(self.r, g.T) <= 0:
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         if reader.length >= _TABLE_AT + _TABLE_BYTES and not self._read(reader, 0):
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         return super()._check(reader, present)
 
     def _adopt(self, reader):
@@ -126,13 +126,13 @@ class Geometry(arm.Arm):
             reals.put(r, g.Y, 0 if k < 0 else 120, 0)
             reals.subtract(r, g.Y, g.X, g.Y)
             if reals.sign(r, g.Y) and r[g.Y + 1] + 30 > _ROUNDING:
-                return m.ERR_RANGE
+                return results.ERR_RANGE
             k = 0 if k < 0 else 119
         reals.put(r, g.Y, k, 0)
         reals.subtract(r, g.X, g.X, g.Y)
         reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
         reals.multiply(r, g.X, g.X, g.Y)
-        return 0 if g.places(r, g.X, self.table, k, out, j, 1) else m.ERR_RANGE
+        return 0 if g.places(r, g.X, self.table, k, out, j, 1) else results.ERR_RANGE
 
     def joint(self, i, steps, j):
         if i or not self._tabled:
@@ -145,7 +145,7 @@ class Geometry(arm.Arm):
         for k in range(0, 121, 120):
             reals.put_difference(r, g.X, steps, j, table, k)
             if reals.sign(r, g.X) * rising == (-1 if k == 0 else 1):
-                code = m.ERR_RANGE
+                code = results.ERR_RANGE
         # the greatest k whose entry is not beyond, 119 at most
         k = 0
         step = 64

@@ -14,9 +14,9 @@ Nothing allocates after construction.
 
 from array import array
 
+from framestep import results as m
 from framestep.motion import reals
 from framestep.native import const, micropython, ptr32
-from framestep.protocol import messages as m
 from framestep.virtuals.formulas import ADD, COPY, END, MULTIPLY, NEGATE, SINES, SUBTRACT, compute
 
 AXES = const(6)

@@ -10,7 +10,7 @@ from array import array
 from framestep.motion import reals
 from framestep.motion.axes import INCHING
 from framestep.native import const
-from framestep.protocol.messages import ERR_RANGE
+from framestep.results import ERR_RANGE
 from framestep.virtuals import motion as v
 from framestep.virtuals.geometry import AXES
 

@@ -5,9 +5,9 @@ other virtual numbers are 0 and ignored. inverse() leaves the swing where JOINT 
 The message tells no pose: step 0 of either motor counts as 0 degrees. Every vPan can be reached.
 """
 
+from framestep import results
 from framestep.motion import reals
 from framestep.native import const
-from framestep.protocol import messages as m
 from framestep.virtuals import geometry as g
 
 _VPAN = const(g.POSE + 6)
@@ -21,14 +21,14 @@ class Geometry(g.Rig):
 
     def configure(self, reader, present):
         if reader.length < 17:
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         motors = len(present)
         swing = reader.i32(1)
         pan = reader.i32(9)
         if swing < 1 or swing > motors or pan < 1 or pan > motors or swing == pan:
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         if reader.i32(5) == 0 or reader.i32(13) == 0:
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         r = self.r
         for i in range(g.AIM):
             r[i] = 0

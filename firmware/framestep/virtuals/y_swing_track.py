@@ -4,8 +4,8 @@ Axes: Y, SWING, TRACK, PAN, TILT, ROLL. reach = length + extension, vNS = Y, the
 The layout of the message and this reading are inferred from type 1 (field note 9.3).
 """
 
+from framestep import results
 from framestep.motion import reals
-from framestep.protocol import messages as m
 from framestep.virtuals import arm
 from framestep.virtuals import geometry as g
 from framestep.virtuals.formulas import ADD, COPY, END
@@ -37,5 +37,5 @@ class Geometry(arm.Arm):
         self.number(reader, 77, g.T + 2, 1000)
         reals.add(r, g.T, g.T, g.T + 2)
         if reals.sign(r, g.T) <= 0:
-            return m.ERR_RANGE
+            return results.ERR_RANGE
         return super()._check(reader, present)
