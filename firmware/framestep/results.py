@@ -1,0 +1,26 @@
+"""What came of a request, or of a move: OK, or why not. Known to everything; the protocol takes its codes from here.
+
+Each has the number that goes out as its response code, so that nothing has to be looked up to answer.
+"""
+
+from framestep.native import const
+
+OK = const(0x0010)
+ERR_MOVING = const(0x0012)
+ERR_RANGE = const(0x0014)
+ERR_GENERAL = const(0x0015)
+ERR_NOT_IN_POSITION = const(0x0016)
+ERR_PREROLL = const(0x0017)
+ERR_POSTROLL = const(0x0018)
+ERR_AIM_COD = const(0x0019)  # field note 3.2: aim point inside the safe distance
+ERR_SOFT_UP = const(0x0020)
+ERR_SOFT_LOW = const(0x0021)
+ERR_HARD_UP = const(0x0022)
+ERR_HARD_LOW = const(0x0023)
+
+# What a move asks too much of
+EXCEEDED_NOTHING = const(0)
+EXCEEDED_VELOCITY = const(1)  # refused
+EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
+EXCEEDED_BOARD = const(3)  # refused: more than the board can make
+EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than was asked for
