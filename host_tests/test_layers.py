@@ -12,7 +12,7 @@ from framestep_tools.files import ROOT, sources
 # A module is in the first layer that names it or its package. Packages of one layer do not import each other.
 LAYERS = (
     ("native",),
-    ("clock", "results"),
+    ("clock", "results", "copying"),
     ("hal.engine", "hal.stream_engine"),  # constants
     ("motion.stepper", "motion.tick", "motion.kernel"),  # the tick
     ("hal",),
@@ -28,9 +28,8 @@ LAYERS = (
     ("bench", "repl"),
 )
 
-# The protocol is known from the controller on, and to what takes requests apart. These know its flags, or write frames,
-# and should not.
-NOT_YET = {"io.lights", "io.safety", "moves.run", "moves.show"}
+# The protocol is known from the controller on, and to what takes requests apart. These know its flags, and should not.
+NOT_YET = {"moves.run", "moves.show"}
 _MADE = {"board", "ram_files"}  # by the build
 
 

@@ -878,13 +878,13 @@ class Controller:
         reader = self.reader
         motor = self._motor()
         hw_set = reader.u8(11)
-        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not self.safety.has(hw_set):
+        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not self.safety.has(hw_set & m.HW_SET_MASK):
             return m.ERR_RANGE
         reader.word_to(2, self.words, 0)
         reader.word_to(7, self.words, 1)
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
-        self.safety.assign(motor, hw_set)
+        self.safety.assign(motor, hw_set & m.HW_SET_MASK, hw_set & m.HW_SET_SWAP)
         self.stage.change()
         motor = self._leading(motor)
         self.virtuals.changed(motor)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from framestep.io.requests import send_stops
 from framestep.io.safety import RELEASE_MS, Safety
 from framestep.motion import stepper
 from framestep.motion.axes import STEEPEST, kernel_rate
@@ -36,7 +37,7 @@ class Switches:
 
     def reports(self, is_open=True):
         """Payloads of the HARD_STOPs sent."""
-        self.safety.report(self.writer, is_open)
+        send_stops(self.writer, self.safety, is_open)
         data = bytearray(4096)
         count = self.writer.take(data, len(data))
         found = []
@@ -120,7 +121,7 @@ def test_an_interrupt_halts_a_motor_at_its_limit():
     switches = Switches(limits=[{"high": HIGH, "contact": "no"}])
     leader, partner, other = (switches.motors[i] for i in (0, 1, 2))
     leader.partner, partner.leader = partner, leader
-    switches.safety.assign(1, 1)
+    switches.safety.assign(1, 1, False)
     for motor in (leader, partner, other):
         motor.moves(300)
         motor.block[stepper.BRAKE] = 1000
@@ -182,7 +183,7 @@ def test_an_estop_waits_for_a_host_while_it_is_held():
 
 
 @pytest.mark.parametrize("contact", ["nc", "no"])
-@pytest.mark.parametrize("swap", [0, m.HW_SET_SWAP])
+@pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("end", ["high", "low"])
 def test_limit(contact, swap, end):
     switches = Switches(limits=[{"high": 27}, {"high": HIGH, "low": LOW, "contact": contact}])
@@ -190,8 +191,8 @@ def test_limit(contact, swap, end):
     active = 1 if contact == "nc" else 0
     for pin in (27, HIGH, LOW):
         switches.pins.put(pin, 0 if pin == 27 else 1 - active)
-    safety.assign(2, 2 | swap)
-    up = (end == "high") != bool(swap)  # which way the motor runs into this switch
+    safety.assign(2, 2, swap)
+    up = (end == "high") != swap  # which way the motor runs into this switch
     motor = switches.motors[2]
     motor.block[stepper.POSITION] = 1000
     further, back = array("i", [1001 if up else 999]), array("i", [999 if up else 1001])
@@ -234,7 +235,7 @@ def test_limit(contact, swap, end):
 
 def test_positions_that_are_no_small_integers():
     switches = Switches(limits=[{"high": HIGH, "low": LOW}])
-    switches.safety.assign(0, 1)
+    switches.safety.assign(0, 1, False)
     switches.poll()  # both open: both active
     switches.motors[0].block[stepper.POSITION] = 2**31 - 2
     assert switches.safety.bars(0, array("i", [2**31 - 1]), 0) == m.ERR_HARD_UP
@@ -246,7 +247,7 @@ def test_coupled_motors_share_their_switches():
     safety = switches.safety
     leader, partner = switches.motors[0], switches.motors[1]
     leader.partner, partner.leader = partner, leader
-    safety.assign(1, 1)
+    safety.assign(1, 1, False)
     switches.pins.put(LOW, 0)
     partner.moves(500)
     assert switches.poll()
@@ -260,16 +261,16 @@ def test_coupled_motors_share_their_switches():
     assert safety.bars(0, array("i", [-5]), 0) == m.ERR_HARD_LOW
 
 
-@given(st.integers(0, 255))
-def test_sets_there_are(hw_set):
+@given(st.integers(0, 127))
+def test_sets_there_are(number):
     switches = Switches(limits=[{"high": HIGH}, {"low": LOW}])
-    assert switches.safety.has(hw_set) == (hw_set & 0x7F in (0, 1, 2))
+    assert switches.safety.has(number) == (number in (0, 1, 2))
 
 
 def test_a_set_can_be_taken_away():
     switches = Switches(limits=[{"high": HIGH}])
-    switches.safety.assign(0, 1)
-    switches.safety.assign(0, 0)
+    switches.safety.assign(0, 1, False)
+    switches.safety.assign(0, 0, False)
     switches.motors[0].moves(500)
     assert not switches.poll(3)
     assert switches.safety.bars(0, array("i", [5]), 0) == m.OK
@@ -277,7 +278,7 @@ def test_a_set_can_be_taken_away():
 
 def test_reports_wait_for_room():
     switches = Switches(estop="nc", limits=[{"high": HIGH}])
-    switches.safety.assign(4, 1)
+    switches.safety.assign(4, 1, False)
     switches.motors[4].moves(500)
     switches.poll()
     while switches.writer.room() > 0:
@@ -285,7 +286,7 @@ def test_reports_wait_for_room():
         for _ in range(min(switches.writer.room(), 400)):
             switches.writer.u8(0)
         switches.writer.end()
-    switches.safety.report(switches.writer, True)
+    send_stops(switches.writer, switches.safety, True)
     switches.writer.clear()
     assert switches.reports() == [(0,), (1, 5)]
     assert switches.reports() == []

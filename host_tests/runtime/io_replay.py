@@ -10,6 +10,7 @@ from framestep.hal import CHANNELS
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import Lights
+from framestep.io.requests import send_stops
 from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
 from framestep.protocol.frames import FrameWriter
@@ -118,7 +119,7 @@ class Bench:
                 self.flags |= 2
             self.camera.poll(self.now)
             self.lights.poll(self.now)
-        self.safety.report(self.writer, True)
+        send_stops(self.writer, self.safety, True)
 
     def work(self, kind, a, b):
         """One operation, the heap locked."""
@@ -144,7 +145,7 @@ class Bench:
         elif kind == "pulse":
             self.camera.pulse(self.now, a)
         elif kind == "assign":
-            self.safety.assign(a, b)
+            self.safety.assign(a, b & 0x7F, b & 0x80)
         elif kind == "bars":
             self.flags = self.safety.bars(a, self.target, 0)
         elif kind == "pin":

@@ -15,12 +15,12 @@ import micropython
 
 from framestep.clock import WRAP
 from framestep.controller import Controller
+from framestep.copying import copy_bytes
 from framestep.hal import CHANGED
 from framestep.hal.absent import NoDmx
 from framestep.motion import stepper
 from framestep.motion.kernel import StepKernel
 from framestep.native import addressof
-from framestep.protocol.frames import copy_bytes
 from framestep.rig import Rig
 
 CYCLES = 125000

@@ -74,7 +74,7 @@ def test_check_bytes(unix32f):
 
 COPIES = """
 from micropython import heap_lock, heap_unlock
-from framestep.protocol.frames import copy_bytes
+from framestep.copying import copy_bytes
 source = bytes((i * 73 + 5) & 0xFF for i in range(64))
 target = bytearray(64)
 wrong = 0

@@ -6,9 +6,9 @@ A channel ramps while its level and its target differ. Nothing allocates after c
 from array import array
 
 from framestep.clock import WRAP as _WRAP
+from framestep.copying import copy_bytes
 from framestep.hal import CHANGED, CHANNELS
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
-from framestep.protocol.frames import copy_bytes
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
 _SHARE = const(64)  # channels that a pass looks at: one frame on the wire is longer than a round of passes

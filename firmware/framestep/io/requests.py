@@ -9,6 +9,7 @@ from array import array
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import Lights
+from framestep.io.safety import ESTOP, LOWER
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
@@ -50,6 +51,31 @@ def _due(table: ptr32, levels: int) -> int:
     if camera[0]:
         due |= _PULSE
     return due
+
+
+def send_stops(writer, safety, is_open):
+    """Send MSG_MOTOR_HARD_STOP for each stop input that has acted, as far as there is room (field note 8.4).
+
+    With the port closed a limit is forgotten, and the E-stop waits for a host.
+    """
+    if not is_open:
+        safety.forget_limits()
+        return
+    what = safety.untold()
+    while what >= 0:
+        writer.begin(m.MSG_MOTOR_HARD_STOP, None)
+        if what == ESTOP:
+            writer.u8(m.HARD_STOP_GENERAL)
+        elif what < LOWER:
+            writer.u8(m.HARD_STOP_UPPER)
+            writer.u8(what + 1)
+        else:
+            writer.u8(m.HARD_STOP_LOWER)
+            writer.u8(what - LOWER + 1)
+        if not writer.end():
+            return
+        safety.told(what)
+        what = safety.untold()
 
 
 class Io:
@@ -110,7 +136,7 @@ class Io:
 
     def report(self, is_open):
         """Send what is due, as far as there is room; with the port closed it is forgotten."""
-        self.safety.report(self.writer, is_open)
+        send_stops(self.writer, self.safety, is_open)
         if self.say_inputs and (not is_open or self._send_inputs(None)):
             self.say_inputs = False
 

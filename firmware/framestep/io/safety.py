@@ -20,11 +20,11 @@ from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.motion.stepper import DOWN as MOVING_DOWN
 from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
 from framestep.native import addressof, as_word, const, micropython, ptr32
-from framestep.protocol import messages as m
 
 RELEASE_MS = const(20)
 _LOOKS = const(3)
-_LOWER = const(12)  # bit of motor 0's lower side in the bits of _approaching
+ESTOP = const(24)  # of untold(): the E-stop has been pressed,
+LOWER = const(12)  # and motor 0 at its lower limit, as in the bits of _approaching
 _SLOWEST = const(4194)  # velocity that counts as motion: a step per second, Q22 steps per tick
 
 # Words of Safety.words
@@ -73,7 +73,7 @@ def _catch(w: ptr32, levels: int) -> int:
 
 @micropython.viper
 def _approaching(w: ptr32, active: int) -> int:
-    """Motors that move toward an active limit: bit 0 on for the upper end, bit _LOWER on for the lower one."""
+    """Motors that move toward an active limit: bit 0 on for the upper end, bit LOWER on for the lower one."""
     bits = 0
     i = 0
     at = _MOTORS
@@ -88,7 +88,7 @@ def _approaching(w: ptr32, active: int) -> int:
                         bits |= 1 << i
                 elif v < 0 - _SLOWEST:
                     if w[at + _DOWN] & active and block[MOVING_DOWN]:
-                        bits |= 1 << (i + _LOWER)
+                        bits |= 1 << (i + LOWER)
         at += _MOTOR_WORDS
         i += 1
     return bits
@@ -141,7 +141,7 @@ class Safety:
         self._place = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.struck = 0  # motors that are being stopped at a limit, as _approaching has them
-        # what is to be sent unasked
+        # what is to be told
         self._say_estop = False
         self._say_struck = 0
         if self.words[_ALL]:
@@ -157,18 +157,17 @@ class Safety:
             self.words[_REST] |= bit
         return bit
 
-    def has(self, hw_set):
-        """Whether there is the limit set of a HW SET byte; 0 stands for none (spec: MSG_MOTOR_SET_LIMITS)."""
-        return hw_set & m.HW_SET_MASK <= len(self.sets)
+    def has(self, number):
+        """Whether there is a limit set of this number; 0 stands for none."""
+        return number <= len(self.sets)
 
-    def assign(self, motor, hw_set):
-        """Give a motor (from 0) the limit set of a HW SET byte."""
-        number = hw_set & m.HW_SET_MASK
+    def assign(self, motor, number, swapped):
+        """Give a motor (from 0) a limit set, or none (0). swapped: its two inputs change places."""
         high = 0
         low = 0
         if number:
             high, low = self.sets[number - 1]
-            if hw_set & m.HW_SET_SWAP:
+            if swapped:
                 high, low = low, high
         at = _MOTORS + motor * _MOTOR_WORDS
         self.words[at + _UP] = high
@@ -256,7 +255,7 @@ class Safety:
 
     def _coupled(self, bits):
         """The motors of such bits and those coupled to them, one bit each."""
-        bits |= bits >> _LOWER
+        bits |= bits >> LOWER
         motors = 0
         for i in range(self.axes.count):
             if bits >> i & 1:
@@ -268,7 +267,7 @@ class Safety:
 
     def struck_motors(self):
         """Motors to be stopped at a limit, one bit each; of coupled ones the leader."""
-        bits = self.struck | self.struck >> _LOWER
+        bits = self.struck | self.struck >> LOWER
         motors = 0
         for i in range(self.axes.count):
             if bits >> i & 1:
@@ -276,24 +275,25 @@ class Safety:
                 motors |= 1 << (self._number(leader) if leader else i)
         return motors
 
-    def report(self, writer, is_open):
-        """Send HARD_STOP for what has happened, as far as there is room; of a limit only to a host that is there."""
-        if not is_open:
-            self._say_struck = 0
-            return
+    def untold(self):
+        """What has stopped motors and has not been told, in turn: ESTOP, a motor (from 0) that has come to its upper
+        limit, LOWER and a motor that has come to its lower one; -1: nothing more."""
         if self._say_estop:
-            writer.begin(m.MSG_MOTOR_HARD_STOP, None)
-            writer.u8(m.HARD_STOP_GENERAL)
-            if not writer.end():
-                return
-            self._say_estop = False
+            return ESTOP
         bits = self._say_struck
         if bits:
-            for i in range(2 * _LOWER):
+            for i in range(2 * LOWER):
                 if bits >> i & 1:
-                    writer.begin(m.MSG_MOTOR_HARD_STOP, None)
-                    writer.u8(m.HARD_STOP_UPPER if i < _LOWER else m.HARD_STOP_LOWER)
-                    writer.u8((i if i < _LOWER else i - _LOWER) + 1)
-                    if not writer.end():
-                        return
-                    self._say_struck &= ~(1 << i)
+                    return i
+        return -1
+
+    def told(self, what):
+        """What untold() has given has been told."""
+        if what == ESTOP:
+            self._say_estop = False
+        else:
+            self._say_struck &= ~(1 << what)
+
+    def forget_limits(self):
+        """What limits have stopped need not be told any more."""
+        self._say_struck = 0

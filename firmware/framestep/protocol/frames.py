@@ -8,9 +8,16 @@ between a payload and an element of an array('i') without making a number of it.
 
 from array import array
 
-from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
+from framestep.copying import copy_bytes
+from framestep.native import const, micropython, ptr8, ptr32
 from framestep.protocol.checksum import check_bytes, fletcher16
-from framestep.protocol.messages import LARGEST_FRAME
+from framestep.protocol.messages import (
+    FRAME_OVERHEAD,
+    HEADER_BYTES,
+    LARGEST_FRAME,
+    LARGEST_PAYLOAD,
+    MSG_FLAG_ACK,
+)
 
 # What FrameReader.poll() found
 NOTHING = const(0)
@@ -37,58 +44,6 @@ _TAKEN = const(5)  # bytes taken so far, modulo 2^30
 
 _D = const(0x44)
 _F = const(0x46)
-_HEADER = const(10)
-_OVERHEAD = const(12)
-_LARGEST = const(1036)  # messages.LARGEST_PAYLOAD
-_ACK = const(0x8000)  # messages.MSG_FLAG_ACK
-
-if CPYTHON:
-
-    def copy_bytes(to, to_at, source, at, count):
-        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its front."""
-        to[to_at : to_at + count] = source[at : at + count]
-
-else:
-
-    @micropython.viper
-    def copy_bytes(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
-        # The two registers that viper has for locals on ARM hold the two places: `to` is the one, `to_at` the other.
-        to = ptr8(int(to) + to_at)
-        to_at = int(source) + at
-        if count >= 16:
-            while int(to) & 3:
-                to[0] = ptr8(to_at)[0]
-                to = ptr8(int(to) + 1)
-                to_at += 1
-                count -= 1
-            if to_at & 3 == 0:
-                while count >= 16:
-                    ptr32(to)[0] = ptr32(to_at)[0]
-                    ptr32(to)[1] = ptr32(to_at)[1]
-                    ptr32(to)[2] = ptr32(to_at)[2]
-                    ptr32(to)[3] = ptr32(to_at)[3]
-                    to = ptr8(int(to) + 16)
-                    to_at += 16
-                    count -= 16
-            elif to_at & 1:
-                while count >= 8:
-                    ptr32(to)[0] = ptr8(to_at)[0] | ptr16(to_at + 1)[0] << 8 | ptr8(to_at)[3] << 24
-                    ptr32(to)[1] = ptr8(to_at)[4] | ptr16(to_at + 1)[2] << 8 | ptr8(to_at)[7] << 24
-                    to = ptr8(int(to) + 8)
-                    to_at += 8
-                    count -= 8
-            else:
-                while count >= 8:
-                    ptr32(to)[0] = ptr16(to_at)[0] | ptr16(to_at)[1] << 16
-                    ptr32(to)[1] = ptr16(to_at)[2] | ptr16(to_at)[3] << 16
-                    to = ptr8(int(to) + 8)
-                    to_at += 8
-                    count -= 8
-        while count > 0:
-            to[0] = ptr8(to_at)[0]
-            to = ptr8(int(to) + 1)
-            to_at += 1
-            count -= 1
 
 
 @micropython.viper
@@ -105,19 +60,19 @@ def _search(buffer: ptr8, state: ptr32) -> int:
         if buffer[at + 1] != _F:
             at += 1
             continue
-        if fill - at < _HEADER:
+        if fill - at < HEADER_BYTES:
             break
         length = buffer[at + 8] | buffer[at + 9] << 8
-        if length > _LARGEST:  # field note 1.6: skip the marker, no reply
+        if length > LARGEST_PAYLOAD:  # field note 1.6: skip the marker, no reply
             at += 2
             continue
-        if fill - at < length + _OVERHEAD:
+        if fill - at < length + FRAME_OVERHEAD:
             break
         state[_NEXT] = at
         state[_HEAD] = at
         state[_TYPE] = buffer[at + 6] | buffer[at + 7] << 8
         state[_LENGTH] = length
-        return length + _OVERHEAD
+        return length + FRAME_OVERHEAD
     state[_NEXT] = at
     return 0
 
@@ -143,7 +98,7 @@ class FrameReader:
         self.type = 0
         self.length = 0
         self.head = 0
-        self.payload = _HEADER
+        self.payload = HEADER_BYTES
         self.waiting = 0
 
     @micropython.viper
@@ -182,7 +137,7 @@ class FrameReader:
         found = NOTHING
         if size:
             self.head = at
-            self.payload = at + _HEADER
+            self.payload = at + HEADER_BYTES
             self.type = state[_TYPE]
             self.length = state[_LENGTH]
             if int(fletcher16(buffer, at, size)):
@@ -278,7 +233,7 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
         at = 0
         state[_END] = 0
         state[_TAKE] = 0
-    elif taken > 0 and state[_LIMIT] - at < _LARGEST + _OVERHEAD:
+    elif taken > 0 and state[_LIMIT] - at < LARGEST_PAYLOAD + FRAME_OVERHEAD:
         at -= taken
         i = 0
         while i < at:
@@ -287,11 +242,11 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
         state[_END] = at
         state[_TAKE] = 0
     state[_PUT] = at
-    if state[_LIMIT] - at < _HEADER:
+    if state[_LIMIT] - at < HEADER_BYTES:
         state[_FULL] = 1
         return
     state[_FULL] = 0
-    state[_PUT] = at + _HEADER
+    state[_PUT] = at + HEADER_BYTES
     buffer[at] = _D
     buffer[at + 1] = _F
     if head < 0:
@@ -333,8 +288,8 @@ def _finish(buffer, words) -> bool:
     if state[_FULL] or state[_LIMIT] - at < 2:
         return False
     size = at - start
-    to[start + 8] = size - _HEADER & 0xFF
-    to[start + 9] = size - _HEADER >> 8
+    to[start + 8] = size - HEADER_BYTES & 0xFF
+    to[start + 9] = size - HEADER_BYTES >> 8
     check = int(check_bytes(fletcher16(buffer, start, size)))
     to[at] = check & 0xFF
     to[at + 1] = check >> 8
@@ -389,8 +344,8 @@ class FrameWriter:
     def room(self) -> int:
         """The largest payload that a frame begun now could have, bytes; below 0 when not even an empty one fits."""
         state = ptr32(self._state)
-        room = state[_LIMIT] - state[_END] + state[_TAKE] - _OVERHEAD
-        return room if room < _LARGEST else _LARGEST
+        room = state[_LIMIT] - state[_END] + state[_TAKE] - FRAME_OVERHEAD
+        return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
 
     @micropython.viper
     def begin(self, kind: int, reader):
@@ -445,7 +400,7 @@ class FrameWriter:
         """A whole acknowledgement of the frame in `reader`; `code` as a WORD, or a DWORD if `wide` (field note 1.4)."""
         buffer = self._buffer
         words = self._state
-        _open(buffer, words, reader.buffer, reader.head, int(reader.type) | _ACK)
+        _open(buffer, words, reader.buffer, reader.head, int(reader.type) | MSG_FLAG_ACK)
         _put(buffer, words, code, 4 if wide else 2)
         return bool(_finish(buffer, words))
 
