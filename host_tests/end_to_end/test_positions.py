@@ -156,7 +156,7 @@ def test_the_status_command_says_so(monkeypatch, capsys):
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
     with Client.open("x") as client:
         client.request(MotorResetPosition(1, -7))
-    assert cli.app.status(["status", "x"]) == 0
+    assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motor 1: -7, known: set by the host",
         "motor 2: 0, lost: not set since power-up",
@@ -164,7 +164,7 @@ def test_the_status_command_says_so(monkeypatch, capsys):
         "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it",
     ]
     board._board.controller.handlers.pop(m.MSG_CONDITION)  # as another device has it
-    assert cli.app.status(["status", "x"]) == 0
+    assert cli.app.status(["status", "socket://x"]) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [
         "motor 1: -7",
         "motor 2: 0",

@@ -463,11 +463,11 @@ def test_a_limit_switch_or_the_e_stop_in_a_move():
 def test_the_command_line_tells_and_moves(monkeypatch, capsys):
     session = configured(XYZ)
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(session.board)))
-    assert cli.app.status(["virtual", "x", "pan", "6.5"]) == 0
+    assert cli.app.status(["virtual", "socket://x", "pan", "6.5"]) == 0
     assert capsys.readouterr().out.split() == (
         ["track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:", "-3.000", "roll:", "0.000"]
     )
-    assert cli.app.status(["virtual", "x", "roll", "-1e9"]) != 0
+    assert cli.app.status(["virtual", "socket://x", "roll", "-1e9"]) != 0
 
 
 def test_rounding_to_steps_does_not_add_up():

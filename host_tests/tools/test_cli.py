@@ -17,12 +17,19 @@ from framestep_tools.wire import encode
 @pytest.mark.parametrize(
     ("app", "args", "status", "text"),
     [
-        (cli.app, [], 2, "framestep: Missing command; framestep --help"),
         (cli.app, ["fly"], 2, "No such command 'fly'"),
-        (cli.app, ["status"], 2, "Missing argument 'DEVICE'"),
-        (cli.app, ["status", "/dev/not-there"], 1, "cannot open /dev/not-there: No such file or directory; name"),
-        (cli.app, ["status", "socket://127.0.0.1:1"], 1, "cannot open socket://127.0.0.1:1"),
-        (cli.app, ["status", "serial://x"], 1, "cannot open serial://x"),
+        (cli.app, ["status"], 3, "no board with framestep is on USB"),
+        (
+            cli.app,
+            ["status", "/dev/not-there"],
+            3,
+            "cannot open /dev/not-there: No such file or directory; ",
+        ),
+        (cli.app, ["status", "--device", "/dev/null"], 3, "cannot open /dev/null"),
+        (cli.app, ["status", "socket://127.0.0.1:1"], 3, "cannot open socket://127.0.0.1:1: Connection refused"),
+        (cli.app, ["status", "socket://nowhere"], 3, "expected socket://HOST:PORT"),
+        (cli.app, ["status", "serial://x"], 3, "cannot open serial://x"),
+        (cli.app, ["status", "x"], 2, "unexpected extra argument"),
         (cli.app, ["move", "/dev/x", "one", "5"], 2, "'motor': Input should be a valid integer"),
         (cli.app, ["move", "/dev/x", "0", "5"], 2, "greater than or equal to 1; framestep move --help"),
         (
@@ -185,8 +192,11 @@ def test_the_camera_move_is_what_its_generator_makes(tmp_path, monkeypatch):
         ("", "expected the header"),
         ("time,a\n1,2\n", "expected the header"),
         ("frame,a\n", "a line for each frame"),
-        ("frame,a\n1,2,3\n", "line 2: expected 2 whole numbers"),
-        ("frame,a\n1,2\n2,x\n", "line 3: expected 2 whole numbers"),
+        ("frame,a\n1,2,3\n", "line 2: expected 2 whole numbers, found '1,2,3'"),
+        ("frame,a\n1,2\n2,x\n", "line 3: expected a whole number for a, found 'x'"),
+        ("frame;a\r\n1;2,5\r\n", "line 2: expected a whole number for a, found '2,5'"),
+        ("frame,a\n1,2.5\n", "line 2: expected a whole number for a, found '2.5'"),
+        ("frame,a\n1,2\n\n2,2\n", "line 3: expected 2 whole numbers, found ''"),
         ("frame,a\n1,2\n3,2\n", "line 3: expected frame 2, found 3"),
         ("frame,a\n1,2147483648\n", "line 2: positions have to fit 32 bits"),
     ],
@@ -196,3 +206,20 @@ def test_files_that_are_no_move(tmp_path, text, complaint):
     path.write_text(text)
     with pytest.raises(MoveFileError, match=complaint):
         read_move(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"\xef\xbb\xbfframe,track,pan\r\n-1,5,-6\r\n0,7,8\r\n",
+        b"Frame;Track;Pan\r\n-1;5;-6\r\n0;7;8\r\n\r\n;;\r\n",
+        b"FRAME\tTRACK\tPAN\n-1.0\t5.0\t-6.00\n0\t7.\t8\n\n",
+        b"frame, track, pan,\n-1, 5, -6,\n0, 7, 8,\n,,,\n",
+    ],
+)
+def test_what_spreadsheets_make_of_a_move(tmp_path, content):
+    path = tmp_path / "move.csv"
+    path.write_bytes(content)
+    move = read_move(path)
+    assert move.start_frame == -1 and [name.lower() for name in move.names.values()] == ["track", "pan"]
+    assert {motor: list(steps) for motor, steps in move.positions.items()} == {1: [5, 7], 2: [-6, 8]}

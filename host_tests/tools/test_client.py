@@ -7,6 +7,7 @@ import pytest
 
 from framestep.protocol import messages
 from framestep_tools.client import Client, ClientError, NoAnswer, RequestRefused, upload_requests
+from framestep_tools.opening import NoPort
 from framestep_tools.payloads import (
     LAST_SECTION,
     REQUESTS,
@@ -162,7 +163,7 @@ def test_data_where_an_acknowledgement_is_expected():
 def test_silence_takes_the_time_that_was_given():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
-    with pytest.raises(NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep DMC\)"):
+    with pytest.raises(NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep ports\)"):
         client.request(Hi(), timeout_s=1.5)
     assert device.now == pytest.approx(1.5)
     with pytest.raises(TimeoutError):  # and the default
@@ -316,7 +317,7 @@ def test_uploads_that_cannot_be(positions, section_bytes):
 
 
 def test_a_device_that_is_not_there():
-    with pytest.raises(ClientError, match="cannot open /dev/not-there"):
+    with pytest.raises(NoPort, match="cannot open /dev/not-there"):
         Client.open("/dev/not-there")
 
 

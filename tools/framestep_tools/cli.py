@@ -1,13 +1,42 @@
 """The command `framestep`: talk to a motion controller from a shell.
 
-A device is named by its path (/dev/ttyACM1) or as socket://HOST:PORT. The controller stops its motors when its host
-leaves, so a command that moves something waits until it stands.
+The device is the only board on USB, or --device: a port's path (/dev/ttyACM1, COM5) or socket://HOST:PORT, which
+may also come first after the command. The controller stops its motors when its host leaves, so a command that moves
+something waits until it stands.
 """
 
-from .commands import motors, moves, rig, traffic, virtual
-from .errors import Command
+from typing import Annotated
 
-app = Command("framestep", help=__doc__, no_args_is_help=False)
+import typer
+
+from .commands import motors, moves, rig, traffic, virtual
+from .errors import STATUSES, Command
+
+_EPILOG = "Exit status: " + "; ".join(f"{number} {text}" for number, text in STATUSES.items()) + "."
+
+app = Command("framestep", help=__doc__, epilog=_EPILOG, no_args_is_help=False, invoke_without_command=True)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"framestep {version('framestep')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _framestep(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="say which version this is")
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+_framestep.__doc__ = __doc__
 for _subject in (motors, virtual, moves, traffic, rig):
     _subject.add(app)
 

@@ -19,11 +19,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from framestep.protocol import messages
 
-from .errors import ToolError
+from .door import LOOK_S, Door
+from .errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, ToolError
+from .opening import close_port, open_port
 from .payloads import (
     LAST_SECTION,
     REPORTS,
     Ack,
+    DeviceInfo,
+    Hi,
     MotorStatus,
     Moving,
     Numbers,
@@ -34,7 +38,6 @@ from .payloads import (
     RtUploadMoveEnd,
     type_name,
 )
-from .tcp_port import SCHEME, TcpPort
 from .wire import Frame, FrameDecoder, encode
 
 if TYPE_CHECKING:
@@ -43,6 +46,9 @@ if TYPE_CHECKING:
 DEFAULT_TIMEOUT_S = 2.0
 POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
 READ_SIZE = 4096
+_NOISE_BYTES = 1000
+GREETING_ID = 0x20202020  # spaces: with it no byte of a HI makes a REPL do anything but edit its line
+CTRL_C = b"\x03"
 _CLOCK_GRAIN_S = 1e-6  # less than that is left only by rounding, and a port may round it to nothing
 _LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
 _MOTOR_AND_INDEX = 5
@@ -54,9 +60,13 @@ P = TypeVar("P", bound=Payload)
 class ClientError(ToolError):
     """The device and the client do not get along; the text says why."""
 
+    status = NO_CONTROLLER
+
 
 class RequestRefused(ClientError):
     """The device acknowledged a request with another code than OK."""
+
+    status = REFUSED
 
     def __init__(self, request: Payload, code: Ack):
         name = type_name(request.TYPE)
@@ -75,6 +85,16 @@ class NoAnswer(ClientError, TimeoutError):
     """Nothing came within the time limit."""
 
 
+class BrokenOff(ClientError):
+    """The connection is no more: the cable was pulled, the board was reset, or the program between has ended."""
+
+    status = BROKEN_OFF
+
+
+class WrongPort(ClientError):
+    """Something else is at this port, such as a REPL."""
+
+
 class Event(NamedTuple):
     """A message that the device sent unasked: when it was read, and what it says (the bare Frame if unknown)."""
 
@@ -91,13 +111,17 @@ class Client:
 
     EVENTS_KEPT = 10_000
 
-    def __init__(self, port: Any, timeout_s: float = DEFAULT_TIMEOUT_S):
+    def __init__(self, port: Any, timeout_s: float = DEFAULT_TIMEOUT_S, name: str = "the device"):
         self.port = port
+        self.name = name
         self.timeout_s = timeout_s
         self.events: deque[Event] = deque(maxlen=self.EVENTS_KEPT)
         self.on_event: Callable[[Event], None] | None = None
         self.stray = 0
+        self.info: DeviceInfo | None = None  # who the device is, once it has been greeted
+        self.door: Door | None = None  # for other programs
         self._heard = False  # a message has come
+        self._noise = b""  # what came before the first message
         self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
         self._decoder = FrameDecoder()
         self._next_id = 1
@@ -106,21 +130,12 @@ class Client:
 
     @classmethod
     def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Self":
-        """Open a device path, socket://host:port or another URL of pyserial; ClientError if there is none."""
-        try:
-            if url.startswith(SCHEME):
-                return cls(TcpPort(url, timeout_s), timeout_s)
-            import serial  # needs what only this system has
-
-            return cls(serial.serial_for_url(url, timeout=timeout_s), timeout_s)
-        except (OSError, ValueError) as error:  # SerialException is an OSError
-            number = getattr(error, "errno", None)
-            why = os.strerror(number) if number else str(error)  # pyserial's own text says everything three times
-            raise ClientError(f"cannot open {url}: {why}; name a device path or socket://HOST:PORT") from error
+        """Open a device path or socket://host:port; NoPort, PortBusy (opening.py) where that cannot be."""
+        return cls(open_port(url, timeout_s), timeout_s, url)
 
     def close(self) -> None:
         """Close the port; the device takes that as its host having gone."""
-        self.port.close()
+        close_port(self.port)
 
     def __enter__(self) -> "Self":
         return self
@@ -147,8 +162,36 @@ class Client:
         """Send a request without waiting; returns the ID that `answer_to` takes."""
         id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1  # 0 belongs to unasked messages
         self._waiting[id] = request
-        self.port.write(encode(request.TYPE, request.pack(), id))
+        data = encode(request.TYPE, request.pack(), id)
+        self._guard(self.port.write, data)
         return id
+
+    def forward(self, type: int, payload: bytes) -> int:
+        """Send a message for somebody else; the ID of the answer, which `door` is given."""
+        id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1
+        self._guard(self.port.write, encode(type, payload, id))
+        return id
+
+    def greet(self) -> DeviceInfo:
+        """Ask who the device is. Where a REPL is at the port: WrongPort, and its line is as empty as before."""
+        self._next_id = GREETING_ID
+        try:
+            self.info = self.request(Hi())
+            return self.info
+        except NoAnswer as error:
+            if self._heard:
+                raise
+            if b"DF" in self._noise:  # a line editor shows what it takes
+                self._guard(self.port.write, CTRL_C)
+                raise WrongPort(
+                    f"{self.name} is a REPL, not the protocol's port: take the board's other one (framestep ports)"
+                ) from None
+            if self._noise:
+                raise WrongPort(
+                    f"{self.name}: what comes from there ({len(self._noise)} bytes) is not this protocol: is another "
+                    "device at this port, or another program's output?"
+                ) from None
+            raise error
 
     def answer_to(self, id: int, timeout_s: float | None = None) -> Any:
         """Wait for the reply to a request sent with `send`."""
@@ -191,7 +234,7 @@ class Client:
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         try:
             if not self._pump_until(lambda: id in self._answers, timeout_s):
-                other = "" if self._heard else "; a board's other port may be the one (framestep DMC)"
+                other = "" if self._heard else "; a board's other port may be the one (framestep ports)"
                 raise NoAnswer(f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s{other}")
             frame = self._answers.pop(id)
         finally:
@@ -276,7 +319,11 @@ class Client:
         while True:
             if done():
                 return True
-            self._take(self._read(min(max(0.0, remaining), _LONGEST_READ_S)))
+            longest = _LONGEST_READ_S
+            if self.door:
+                self.door.look()
+                longest = LOOK_S
+            self._take(self._read(min(max(0.0, remaining), longest)))
             if remaining < _CLOCK_GRAIN_S:
                 return done()
             remaining = deadline - self.clock()
@@ -285,18 +332,35 @@ class Client:
         """What has arrived, waiting at most `seconds` for the first byte."""
         data = b""
         if seconds:
-            self._limit(seconds)
-            data = self.port.read(1)
+            data = self._guard(self._read_within, seconds, 1)
             if not data:
                 return data
-        self._limit(0)
-        return data + self.port.read(READ_SIZE)
+        return data + self._guard(self._read_within, 0, READ_SIZE)
 
-    def _limit(self, seconds: float) -> None:
+    def _read_within(self, seconds: float, size: int) -> bytes:
         if self.port.timeout != seconds:
             self.port.timeout = seconds
+        return self.port.read(size)
+
+    def _guard(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call something of the port; BrokenOff where there is no port any more."""
+        try:
+            return call(*arguments)
+        except Exception as error:
+            # termios.error is of no other class; not every system has a termios to ask
+            if not isinstance(error, OSError) and type(error).__module__ != "termios":
+                raise
+            if "multiple access" in str(error) and os.path.exists(self.name):
+                why = "another program reads the same port, or the board was reset"
+            else:
+                why = "the cable was pulled, the board was reset, or the program behind it has ended"
+            raise BrokenOff(
+                f"the connection to {self.name} broke off: {why}; what moved comes to rest by itself"
+            ) from error
 
     def _take(self, data: bytes) -> None:
+        if not self._heard:
+            self._noise = (self._noise + data)[-_NOISE_BYTES:]
         for frame in self._decoder.feed(data):
             self._heard = True
             request = self._waiting.get(frame.id) if frame.id else None
@@ -307,7 +371,9 @@ class Client:
                 self.events.append(event)
                 if self.on_event:
                     self.on_event(event)
-            else:
+                if self.door:
+                    self.door.tell(frame)
+            elif not (self.door and self.door.answer(frame)):
                 self.stray += 1
 
 

@@ -6,7 +6,6 @@ Nothing here soft-resets the board: that would take the motors' pulses away in m
 
 import contextlib
 import io
-import os
 import time
 from ast import literal_eval
 from collections.abc import Callable, Iterable
@@ -15,17 +14,16 @@ from typing import Any, NamedTuple
 import serial
 from mpremote.transport import TransportError, TransportExecError
 from mpremote.transport_serial import SerialTransport
-from serial.tools import list_ports
 
 from framestep.protocol import messages
 
-from .errors import ToolError
+from . import ports
+from .errors import NO_PORT, PORT_BUSY, ToolError
+from .opening import holders
 from .payloads import MotorStatus, Status
 from .wire import FrameDecoder, encode
 
-PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/usb_port.py)
 RIG_FILE = "/rig.json"
-_RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 _READ_S = 10.0  # a board that is silent for so long in the middle of something has gone
 _REPL_S = 10.0  # to get to the raw REPL
 _REPL_AGAIN_S = 3.0  # the same, of a board that restarts: then once more
@@ -141,48 +139,6 @@ class Who(NamedTuple):
         return bool(self.framestep) and not self.framestep.startswith("/")
 
 
-# ---- ports
-
-
-def _micropython_ports() -> list[Any]:
-    ports = [p for p in list_ports.comports() if p.vid == _RASPBERRY_PI or p.manufacturer == "MicroPython"]
-    return sorted(ports, key=lambda p: (p.serial_number or "", p.location or "", p.device))
-
-
-def find_repl() -> str:
-    """The port of the REPL of the only board there is; DeviceError for none or several."""
-    first: dict[str, str] = {}
-    for port in _micropython_ports():
-        if port.interface != PROTOCOL_PORT:
-            first.setdefault(port.serial_number or port.device, port.device)
-    if len(first) == 1:
-        return next(iter(first.values()))
-    if first:
-        raise DeviceError(f"there are {len(first)} boards: name the port of one of them, {' or '.join(first.values())}")
-    raise DeviceError(
-        "no board with MicroPython is on USB: put MicroPython on it (hold BOOTSEL while plugging it in, then drop the "
-        ".uf2 from https://micropython.org/download/ onto the drive that appears), or name its port"
-    )
-
-
-def _same_board(path: str) -> list[Any]:
-    """The ports of the board that has this one; none if it is no USB port."""
-    ports = _micropython_ports()
-    number = next((p.serial_number for p in ports if _is(p, path)), None)
-    return [p for p in ports if number and p.serial_number == number]
-
-
-def _is(port: Any, path: str) -> bool:
-    return port.device in (path, os.path.realpath(path))  # it may be a link, as those in /dev/serial/by-id
-
-
-def find_protocol(repl: str) -> str | None:
-    """The port for Dragonframe of the board whose REPL is on this one; None while it has none."""
-    others = [p for p in _same_board(repl) if not _is(p, repl)]
-    named = [p.device for p in others if p.interface == PROTOCOL_PORT]
-    return named[0] if named else others[0].device if others else None
-
-
 # ---- a board
 
 
@@ -193,8 +149,8 @@ class Device:
     """
 
     def __init__(self, path: str | None = None, say: Callable[[str], None] = lambda line: None):
-        self.path = path or find_repl()
-        self._number = next((p.serial_number for p in _same_board(self.path)), None)
+        self.path = path or ports.repl_port()
+        self._board = next((port.board for port in ports.siblings(self.path)), None)
         self._say = say
         self._transport: Any = None
         self.state = State(False, 0, False)
@@ -230,9 +186,13 @@ class Device:
         try:
             self._transport = SerialTransport(self.path, timeout=_READ_S)
         except (OSError, TransportError) as error:
-            raise DeviceError(
-                f"cannot open {self.path} ({error}): is the board there, and no terminal open on it?"
-            ) from None
+            others = holders(self.path)
+            hint = (
+                f"{' and '.join(others)} has it open" if others else "is the board there, and no terminal open on it?"
+            )
+            failed = DeviceError(f"cannot open {self.path} ({error}): {hint}")
+            failed.status = PORT_BUSY if others else NO_PORT
+            raise failed from None
 
     def _ask_motors(self) -> None:
         """The port may be the protocol's too, where a Ctrl-C ends what moves. So ask before."""
@@ -359,9 +319,9 @@ class Device:
         end = time.monotonic() + _COME_BACK_S
         while True:
             time.sleep(_LOOK_S)
-            for port in _micropython_ports():  # the system may give it another name
-                if self._number and port.serial_number == self._number and port.interface != PROTOCOL_PORT:
-                    self.path = port.device
+            for port in ports.listed():  # the system may give it another name
+                if self._board and port.board == self._board and port.use in (ports.REPL, ports.SINGLE):
+                    self.path = port.path
                     break
             try:
                 self._open()

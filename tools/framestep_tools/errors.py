@@ -1,20 +1,49 @@
 """Errors that the user of a tool can do something about, and commands that show them as one sentence."""
 
+import os
 import sys
 from typing import Any
 
 import typer
 from typer.exceptions import Abort, TyperException
 
+# Exit statuses of a command; docs/troubleshooting.md has the same list
+DONE = 0
+FAILED = 1
+USAGE = 2
+NO_PORT = 3
+PORT_BUSY = 4
+NO_CONTROLLER = 5
+BROKEN_OFF = 6
+REFUSED = 7
+INTERRUPTED = 130
+
+STATUSES = {
+    DONE: "done",
+    FAILED: "a file, a setting or a tool is not as it should be",
+    USAGE: "the command line is not as it should be",
+    NO_PORT: "no board is on USB, or there is no such port, or it may not be opened",
+    PORT_BUSY: "another program has the port",
+    NO_CONTROLLER: "no motion controller answers there, or not as it should",
+    BROKEN_OFF: "the connection broke off: a pulled cable, a reset",
+    REFUSED: "the controller refuses what was asked",
+    INTERRUPTED: "Ctrl-C",
+}
+
 
 class ToolError(Exception):
-    """Something is wrong outside the tool: what was expected, what came, what to do."""
+    """Something is wrong outside the tool: what was expected, what came, what to do.
+
+    `status` is what the command exits with, one of STATUSES.
+    """
+
+    status = FAILED
 
 
 class Command(typer.Typer):
     """A command line that answers what is wrong with one sentence on standard error.
 
-    Exit status: 2 for a wrong command line, 1 for a ToolError (or one of `expected`), 130 after Ctrl-C.
+    Exit status: one of STATUSES; what is in `expected` is FAILED.
     """
 
     def __init__(self, name: str, expected: tuple[type[Exception], ...] = (), **options: Any):
@@ -30,16 +59,33 @@ class Command(typer.Typer):
         """Run with these arguments (default: the process's) and return the exit status."""
         try:
             result = typer.main.get_command(self)(args=args, prog_name=self.program, standalone_mode=False)
-            return result if isinstance(result, int) else 0
+            sys.stdout.flush()
+            return result if isinstance(result, int) else DONE
         except TyperException as error:
             context = getattr(error, "ctx", None)
             asked = context.command_path if context else self.program
-            return self._say(f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", 2)
+            return self._say(f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", USAGE)
         except self.expected as error:
-            return self._say(str(error), 1)
+            return self._say(str(error), getattr(error, "status", FAILED))
         except (Abort, KeyboardInterrupt):
-            return 130
+            return INTERRUPTED
+        except BrokenPipeError:  # who reads the output has enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return DONE
+        except Exception as error:
+            if _interrupted(error):
+                return INTERRUPTED
+            raise
 
     def _say(self, text: str, status: int) -> int:
         print(f"{self.program}: {text}", file=sys.stderr)
         return status
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether a Ctrl-C is behind an error: some libraries make an ImportError of it while they are loaded."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

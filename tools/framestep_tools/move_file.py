@@ -40,29 +40,58 @@ class Move:
 
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
-    """Read a move; MoveFileError if the file is not there or not as described above."""
+    """Read a move; MoveFileError, with the line, if the file is not there or not as described above.
+
+    What spreadsheets make of such a file is read as well: a byte order mark, ; or tabs between the columns, 12.0 for
+    12, blank lines at the end, empty columns behind the last, FRAME for frame.
+    """
     try:
-        with open(path, newline="") as file:
-            rows = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise MoveFileError(f"cannot read the move {path}: {error}") from None
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            text = file.read()
+    except OSError as error:
+        raise MoveFileError(f"cannot read the move {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise MoveFileError(f"cannot read the move {path}: it is no text, see byte {error.start}") from None
+    first = text.split("\n", 1)[0]
+    between = max("\t;,", key=first.count)
+    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=between)]
+    while rows and not any(rows[-1]):
+        rows.pop()
     header = rows[0] if rows else []
-    if len(header) < 2 or header[0] != "frame":
-        raise MoveFileError(f"{path}: expected the header frame,<motor 1>,<motor 2>…, found {','.join(header)!r}")
+    while header and not header[-1]:
+        header.pop()
+    if len(header) < 2 or header[0].lower() != "frame":
+        raise MoveFileError(
+            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, found {','.join(header)!r}"
+        )
     values: list[list[int]] = []
     for line, row in enumerate(rows[1:], 2):
-        try:
-            numbers = [int(cell) for cell in row]
-        except ValueError:
-            numbers = []
-        if len(numbers) != len(header):
-            raise MoveFileError(f"{path}, line {line}: expected {len(header)} whole numbers, found {','.join(row)!r}")
+        numbers = _numbers(row, header, f"{path}, line {line}")
         if values and numbers[0] != values[-1][0] + 1:
             raise MoveFileError(f"{path}, line {line}: expected frame {values[-1][0] + 1}, found {numbers[0]}")
-        if not all(-(2**31) <= number < 2**31 for number in numbers):
-            raise MoveFileError(f"{path}, line {line}: positions have to fit 32 bits signed")
         values.append(numbers)
     if not values:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
     columns = [list(column) for column in zip(*values, strict=True)]
     return Move(columns[0][0], dict(enumerate(header[1:], 1)), dict(enumerate(columns[1:], 1)))
+
+
+def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
+    """A row's whole numbers, one a column; MoveFileError for anything else."""
+    while len(row) > len(header) and not row[-1]:
+        row = row[:-1]
+    if len(row) != len(header):
+        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {','.join(row)!r}")
+    numbers = []
+    for cell, name in zip(row, header, strict=True):
+        whole, _, fraction = cell.partition(".")
+        try:
+            if fraction.strip("0") or "_" in cell:
+                raise ValueError
+            number = int(whole)
+        except ValueError:
+            raise MoveFileError(f"{where}: expected a whole number for {name}, found {cell!r}") from None
+        if not -(2**31) <= number < 2**31:
+            raise MoveFileError(f"{where}: positions have to fit 32 bits signed, found {number} for {name}")
+        numbers.append(number)
+    return numbers

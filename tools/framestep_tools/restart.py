@@ -2,9 +2,11 @@
 
 import time
 
-from .client import Client, ClientError
-from .device import DeviceError, find_protocol
+from .client import Client
+from .device import DeviceError
+from .errors import ToolError
 from .payloads import DeviceInfo, Hi
+from .ports import protocol_of
 
 _START_S = 60.0
 _LOOK_S = 0.2
@@ -21,12 +23,12 @@ def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]
     why = "it has no port named framestep DMC"
     while True:
         time.sleep(_LOOK_S)
-        path = repl if ports == 1 else protocol or find_protocol(repl)
+        path = repl if ports == 1 else protocol or protocol_of(repl)
         if path:
             try:
                 with Client.open(path, _ANSWER_S) as client:
                     return path, client.request(Hi())
-            except (ClientError, OSError) as error:
+            except (ToolError, OSError) as error:
                 why = str(error)
         if time.monotonic() > end:
             raise DeviceError(

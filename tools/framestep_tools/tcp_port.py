@@ -7,12 +7,13 @@ from urllib.parse import urlsplit
 
 SCHEME = "socket://"
 _CONNECT_S = 5.0
+_TAKE_S = 10.0  # one that takes nothing for so long has gone
 
 
 class TcpPort:
     """A raw TCP connection to a board's port (`make sim`, `make emu`, a serial server).
 
-    read() and write() raise ConnectionError once the other side has gone.
+    read() and write() raise ConnectionError once the other side has gone, write() TimeoutError if it takes nothing.
     """
 
     def __init__(self, url: str, timeout: float | None = None):
@@ -24,7 +25,7 @@ class TcpPort:
         self.timeout = timeout
         self.is_open = True
         self._socket = socket.create_connection((parts.hostname, parts.port), _CONNECT_S)
-        self._socket.settimeout(None)
+        self._socket.settimeout(_TAKE_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, size: int = 1) -> bytes:

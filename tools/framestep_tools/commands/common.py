@@ -1,29 +1,148 @@
-"""What several commands have in common: arguments, and Ctrl-C."""
+"""What several commands have in common: the device, numbers as they are typed, Ctrl-C, output for programs."""
 
-from collections.abc import Iterator
+import json
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 if TYPE_CHECKING:
     from ..client import Client
 
 STOP_TIME_S = 60.0
 
-Url = Annotated[str, typer.Argument(help="device path or socket://HOST:PORT", metavar="DEVICE", show_default=False)]
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
+        help="path of a port or socket://HOST:PORT; may come first without --device. Without it: the only board on USB",
+    ),
+]  # fmt: skip
 Motor = Annotated[int, typer.Argument(help="motor number, from 1", min=1, max=32, show_default=False)]
 Steps = Annotated[int, typer.Argument(help="position in steps", min=-(2**31), max=2**31 - 1, show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
+
+_NUMBER = re.compile(r"-(\d|\.\d)")
+_DEVICE = re.compile(r"/dev/|COM\d+$|\\\\\.\\|[A-Za-z][\w+]*://")
+
+
+class SpokenCommand(TyperCommand):
+    """Takes negative numbers as they are typed, and a device before the other arguments."""
+
+    under_way = "framestep"  # the command that runs, for those who would like its port
+
+    def invoke(self, ctx: Any) -> Any:
+        """As the library does, and note which command this is."""
+        SpokenCommand.under_way = ctx.command_path
+        return super().invoke(ctx)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As the library does, of the same arguments in an order that it understands."""
+        options = [p for p in self.params if p.param_type_name == "option"]
+        takes = {name for p in options if not getattr(p, "is_flag", False) for name in p.opts}
+        needed = sum(p.param_type_name == "argument" and p.required for p in self.params)
+        return super().parse_args(
+            ctx, arranged(args, takes, needed if any(p.name == "device" for p in options) else None)
+        )
+
+
+def arranged(args: list[str], takes: set[str], needed: int | None) -> list[str]:
+    """Arguments as options, "--", and the rest, negative numbers among it.
+
+    takes: options with a value; needed: how many arguments there are at least without a device, None: it knows none.
+    """
+    options: list[str] = []
+    rest: list[str] = []
+    left = list(args)
+    while left:
+        word = left.pop(0)
+        if word == "--":
+            rest += left
+            break
+        if word[:1] != "-" or word == "-" or _NUMBER.match(word):
+            rest.append(word)
+            continue
+        options.append(word)
+        if word in takes and left:
+            options.append(left.pop(0))
+    if needed is not None and len(rest) > needed and _DEVICE.match(rest[0]):
+        options += ["--device", rest.pop(0)]
+    return [*options, "--", *rest]
+
+
+def put(app: typer.Typer, *commands: Callable[..., Any]) -> None:
+    """Put commands into a command line, by their functions' names."""
+    for command in commands:
+        app.command(cls=SpokenCommand)(command)
+
+
+def say_json(found: Any) -> None:
+    """Print a line of JSON."""
+    print(json.dumps(found, ensure_ascii=False), flush=True)
 
 
 @contextmanager
-def stopping_on_interrupt(client: "Client") -> Iterator[None]:
-    """Ctrl-C stops the rig before it ends the command."""
+def talking(device: str | None) -> "Iterator[Client]":
+    """A client of the device, or of the only board, which has told who it is."""
+    from .. import door, ports
+    from ..client import DEFAULT_TIMEOUT_S, Client, WrongPort
+    from ..opening import PortBusy, is_socket
+
+    url = device or ports.protocol_port()
+    if device and not is_socket(device) and ports.is_repl(device):
+        right = ports.protocol_of(device)
+        raise WrongPort(f"{device} is the REPL of its board; the protocol's port is {right}: name that one, or none")
+    try:
+        client = Client.open(url)
+    except PortBusy:
+        found = door.find(url)
+        port = found and door.enter(found, DEFAULT_TIMEOUT_S)
+        if not found or not port:
+            raise
+        print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
+        client = Client(port, name=f"{url}, through {found.who}")
+    else:
+        if not is_socket(url):
+            client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
+    with client:
+        client.greet()
+        try:
+            yield client
+        finally:
+            if client.door:
+                client.door.close()
+
+
+@contextmanager
+def moving(device: str | None) -> "Iterator[Client]":
+    """The same for a command that moves something: Ctrl-C stops the motors before it ends the command."""
+    with talking(device) as client:
+        try:
+            yield client
+        except KeyboardInterrupt:
+            _stop(client)
+            raise
+
+
+def _stop(client: "Client") -> None:
+    """All motors come to rest. A further Ctrl-C: harder; one more leaves it to the controller, which stops them."""
+    from ..client import NoAnswer
     from ..payloads import MotorStopAll
 
-    try:
-        yield
-    except KeyboardInterrupt:
-        client.request(MotorStopAll())
-        client.wait_idle(STOP_TIME_S)
-        raise
+    for text, times in (("stopping; Ctrl-C once more stops harder", 1), ("stopping harder", 2)):
+        print(text, file=sys.stderr, flush=True)
+        try:
+            for _ in range(times):  # a second one within a second is the hard stop (field note 4.4)
+                try:
+                    client.request(MotorStopAll())
+                except NoAnswer:  # what Ctrl-C cut short on its way was completed with these bytes
+                    client.request(MotorStopAll())
+            client.wait_idle(STOP_TIME_S)
+            return
+        except KeyboardInterrupt:
+            continue

@@ -1,119 +1,161 @@
-"""Single motors: where they are, move, jog, stop."""
+"""Single motors: where they are, move, jog, zero, stop; and what else helps in the first hour on a bench."""
 
+import sys
 import time
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import STOP_TIME_S, Motor, Steps, Url, stopping_on_interrupt
+from .common import STOP_TIME_S, Json, Motor, Steps, Url, moving, put, say_json, talking
+
+if TYPE_CHECKING:
+    from ..client import Client
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
+WATCH_S = 0.2  # from one look to the next
 
 
-def status(device: Url) -> None:
+def status(
+    device: Url = None,
+    json: Json = False,
+    watch: Annotated[bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")] = False,
+) -> None:
     """Say who the device is, where its motors are and what moves."""
-    from framestep import words
-    from framestep.motion.positions import LOST
-    from framestep.protocol.messages import CONDITION_EXCEEDED
+    from .. import state
 
-    from ..client import Client, RequestRefused
-    from ..payloads import Condition, Exceeded, GetCondition, GetExceeded, Hi, MotorGetPosition, MotorStatus
-
-    with Client.open(device) as client:
-        info = client.request(Hi())
-        print(
-            f"{info.name}, firmware {info.major}.{info.minor}.{info.revision}: {info.motors} motors, "
-            f"{info.dmx_channels} DMX channels, {info.outputs} outputs, {info.inputs} inputs, "
-            f"{info.upload_frames} frames, capabilities 0x{info.capabilities:04X}"
-        )
-        moving = client.request(MotorStatus())
-        positions = client.request(MotorGetPosition())
-        condition: Condition | None = None
-        exceeded: Exceeded | None = None
+    with talking(device) as client:
+        if not watch:
+            found = state.ask(client)
+            say_json(state.for_programs(found)) if json else print(*state.lines(found), sep="\n")
+            return
         try:
-            condition = client.request(GetCondition())
-            if condition.bits & CONDITION_EXCEEDED:
-                exceeded = client.request(GetExceeded())
-        except RequestRefused:
-            pass
-    trust = [""] * info.motors
-    if condition:
-        trust = [f", {words.trust(each.state, each.reason)}" for each in condition.positions]
-    for motor, (steps, how) in enumerate(zip(positions.steps, trust, strict=False), 1):
-        print(f"motor {motor}: {steps}{', moving' if motor in moving.moving else ''}{how}")
-    if condition is None:
-        print("this device does not tell how far its positions can be trusted")
-        return
-    for line in words.conditions(condition.bits):
-        print(line)
-    if exceeded:
-        for line in words.exceeded(exceeded.what, exceeded.motor, exceeded.frame, exceeded.by):
-            print(line)
-    if any(each.state == LOST for each in condition.positions):
-        print(words.LIMITS_COUNT)
+            if json or not sys.stdout.isatty():
+                while True:
+                    found = state.ask(client)
+                    say_json(state.for_programs(found)) if json else print(*state.lines(found), sep="\n", flush=True)
+                    client.pump(WATCH_S)
+            _live(lambda: state.table(state.ask(client)), client)
+        except KeyboardInterrupt:
+            return
+
+
+def _live(render: Any, client: "Client") -> None:
+    """Show what `render` makes, anew again and again."""
+    from rich.live import Live
+
+    with Live(render(), refresh_per_second=10, transient=False) as live:
+        while True:
+            client.pump(WATCH_S)
+            live.update(render())
 
 
 def move(
-    device: Url,
     motor: Motor,
     position: Steps,
+    device: Url = None,
     velocity: Annotated[int | None, typer.Option(help="steps/s, with --acceleration", min=1)] = None,
     acceleration: Annotated[int | None, typer.Option(help="steps/s², with --velocity", min=1)] = None,
 ) -> None:
     """Move a motor to a position and wait until it is there."""
-    from ..client import Client
-    from ..payloads import MotorGetPosition, MotorMove, MotorSetSpeed
+    from ..payloads import MotorMove, MotorSetSpeed
 
     if (velocity is None) != (acceleration is None):
         raise typer.BadParameter("--velocity and --acceleration go together, give both or neither")
-    with Client.open(device) as client, stopping_on_interrupt(client):
+    with moving(device) as client:
         if velocity is not None and acceleration is not None:
             client.request(MotorSetSpeed(motor, velocity, acceleration))
         client.request(MotorMove(motor, position))
         client.wait_idle(timeout_s=float("inf"))
-        print(f"motor {motor}: {client.request(MotorGetPosition()).steps[motor - 1]}")
+        _arrived(client, motor, position)
+
+
+def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
+    """Say where a motor is; where it ought to be elsewhere, why it is not."""
+    from .. import state
+
+    found = state.position(client, motor)
+    if position is not None and found != position:
+        raise state.Stopped(f"motor {motor} stopped at {found}, short of {position}: {state.why_stopped(client)}")
+    print(f"motor {motor}: {found}")
 
 
 def jog(
-    device: Url,
     motor: Motor,
     destination: Steps,
+    device: Url = None,
     speed: Annotated[int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)] = 1000,
     seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
 ) -> None:
     """Jog a motor toward a position for some time, as if a key were held."""
-    from ..client import Client
-    from ..payloads import MotorGetPosition, MotorJog, MotorStop
+    from ..payloads import MotorStop
 
-    with Client.open(device) as client, stopping_on_interrupt(client):
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            client.request(MotorJog(motor, speed, destination))
-            client.pump(min(left, JOG_REPEAT_S))
+    with moving(device) as client:
+        _jog(client, motor, destination, speed, seconds)
         client.request(MotorStop(motor))
         client.wait_idle(STOP_TIME_S)
-        print(f"motor {motor}: {client.request(MotorGetPosition()).steps[motor - 1]}")
+        _arrived(client, motor)
+
+
+def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: float) -> None:
+    """Jog until a motor is there, at most for so long."""
+    from .. import state
+    from ..payloads import MotorJog
+
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0 and state.position(client, motor) != destination:
+        client.request(MotorJog(motor, speed, destination))
+        client.pump(min(left, JOG_REPEAT_S))
+
+
+def zero(
+    motor: Motor,
+    position: Annotated[int, typer.Argument(help="what its position is from now on", min=-(2**31), max=2**31 - 1)] = 0,
+    device: Url = None,
+) -> None:
+    """Call the place where a motor stands 0, or another position; nothing moves."""
+    from ..payloads import MotorResetPosition
+
+    with talking(device) as client:
+        client.request(MotorResetPosition(motor, position))
+        _arrived(client, motor)
 
 
 def stop(
-    device: Url,
     motor: Annotated[int | None, typer.Argument(help="motor number, all if not given", min=1, max=32)] = None,
+    device: Url = None,
     hard: Annotated[bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")] = False,
 ) -> None:
-    """Stop one motor or all of them."""
-    from ..client import Client
+    """Stop one motor or all of them, also while another framestep command moves them."""
     from ..payloads import MotorStop, MotorStopAll
 
     if hard and motor is not None:
         raise typer.BadParameter("--hard stops all motors, leave the motor number out")
-    with Client.open(device) as client:
+    with talking(device) as client:
         client.request(MotorStop(motor) if motor is not None else MotorStopAll())
         if hard:  # a second one within a second is the hard stop (field note 4.4)
             client.request(MotorStopAll())
         client.wait_idle(STOP_TIME_S)
 
 
+def buzz(
+    motor: Motor,
+    device: Url = None,
+    steps: Annotated[int, typer.Option(help="how far to each side", min=1, max=100_000)] = 200,
+    times: Annotated[int, typer.Option(help="how often", min=1, max=1000)] = 5,
+    speed: Annotated[int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)] = 1000,
+) -> None:
+    """Move a motor to and fro by a few steps, to see which it is and whether it turns."""
+    from .. import state
+
+    with moving(device) as client:
+        home = state.position(client, motor)
+        for k in range(2 * times + 1):
+            target = home if k == 2 * times else home + (steps if k % 2 == 0 else -steps)
+            _jog(client, motor, target, speed, STOP_TIME_S)
+            client.wait_idle(STOP_TIME_S)
+        _arrived(client, motor, home)
+
+
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    for command in (status, move, jog, stop):
-        app.command()(command)
+    put(app, status, move, jog, zero, stop, buzz)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import Url, stopping_on_interrupt
+from .common import Url, moving, put, talking
 
 if TYPE_CHECKING:
     from ..client import Event
@@ -15,46 +15,56 @@ UPLOAD_WINDOW = 4
 
 
 def upload(
-    device: Url,
-    file: Annotated[Path, typer.Argument(help="CSV: frame, then a column per motor", metavar="CSV")],
+    file: Annotated[
+        Path, typer.Argument(help="CSV: frame, then a column per motor", metavar="CSV", show_default=False)
+    ],
+    device: Url = None,
 ) -> None:
     """Upload a move."""
-    from ..client import Client
     from ..move_file import read_move
 
     content = read_move(file)
-    with Client.open(device) as client:
+    with talking(device) as client:
         client.upload_move(content.start_frame, content.end_frame, content.positions, UPLOAD_WINDOW)
     print(f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors")
 
 
 def run(
-    device: Url,
     start: Annotated[int, typer.Argument(help="first scene frame", show_default=False)],
     end: Annotated[int, typer.Argument(help="last scene frame; before the first: backward", show_default=False)],
+    device: Url = None,
     fps: Annotated[float, typer.Option(help="frames per second", min=0.001)] = 24,
     preroll_ms: Annotated[int, typer.Option(help="time to get up to speed", min=0)] = 1000,
     postroll_ms: Annotated[int, typer.Option(help="time to slow down", min=0)] = 1000,
 ) -> None:
     """Play the uploaded move, from the pre-roll to rest."""
-    from ..client import Client
     from ..payloads import Positions, RtEnd, RtGo, RtRunMove
+    from ..state import Stopped, why_stopped
+
+    live = sys.stdout.isatty()
+    reached = start * 1000
 
     def show(event: "Event") -> None:
-        if isinstance(event.message, Positions) and sys.stdout.isatty():
-            print(f"\rframe {event.message.move_time / 1000:9.3f}", end="", flush=True)
+        nonlocal reached
+        if isinstance(event.message, Positions):
+            reached = event.message.move_time
+            if live:
+                print(f"\rframe {reached / 1000:9.3f}", end="", flush=True)
 
-    with Client.open(device) as client, stopping_on_interrupt(client):
+    with moving(device) as client:
         client.request(RtRunMove(round(fps * 1000), start, end, preroll_ms, postroll_ms))
         client.wait_idle(timeout_s=float("inf"))
         client.on_event = show
         client.request(RtGo())
         client.wait_event(RtEnd, timeout_s=float("inf"))
+        client.on_event = None
         client.wait_idle(timeout_s=float("inf"))  # on the end frame again
-    print(f"{chr(13) if sys.stdout.isatty() else ''}frames {start} to {end} played")
+        if reached != end * 1000:
+            before = "\n" if live else ""
+            raise Stopped(f"{before}the run ended at frame {reached / 1000:.3f}, before {end}: {why_stopped(client)}")
+    print(f"{chr(13) if live else ''}frames {start} to {end} played")
 
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    for command in (upload, run):
-        app.command()(command)
+    put(app, upload, run)

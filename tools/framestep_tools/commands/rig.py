@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from .common import Json, say_json
+
 rig = typer.Typer(help="The rig file: what a user changes on a board.")
 
 
@@ -12,12 +14,16 @@ rig = typer.Typer(help="The rig file: what a user changes on a board.")
 def rig_check(
     file: Annotated[Path, typer.Argument(help="a rig file", metavar="FILE", show_default=False)],
     board: Annotated[str, typer.Option(help="the board that it is for, a folder of boards/")] = "pico",
+    json: Json = False,
 ) -> None:
     """Read a rig file as a board does; say what is wrong with it."""
     from .. import rig_file
     from ..files import board_data
 
     found = rig_file.check(rig_file.read(file), board_data(board), str(file))
+    if json:
+        say_json({"file": str(file), "board": board, "name": found.name.decode(), "settings": found.settings})
+        return
     print(f"{file} is right for {board_data(board)['name']}: {found.name.decode()!r}, {len(found.motors)} motors set")
 
 

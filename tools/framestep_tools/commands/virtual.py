@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Url, stopping_on_interrupt
+from .common import Json, Url, moving, put, say_json
 
 
 class VirtualAxisName(str, Enum):
@@ -20,29 +20,34 @@ class VirtualAxisName(str, Enum):
 
 
 def virtual(
-    device: Url,
     axis: Annotated[VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)] = None,
     position: Annotated[float | None, typer.Argument(help="units or degrees", show_default=False)] = None,
+    device: Url = None,
+    json: Json = False,
 ) -> None:
     """Say where the virtual axes are, or move one of them; the host has configured them."""
-    from ..client import Client
     from ..payloads import VirtGetPosition, VirtMove
 
     if axis is not None and position is None:
         raise typer.BadParameter("an axis needs a position as well")
-    with Client.open(device) as client, stopping_on_interrupt(client):
+    with moving(device) as client:
         if axis is not None and position is not None:
             number = list(VirtualAxisName).index(axis) + 1
             client.request(VirtMove(number, round(position * 100_000)))
             client.wait_idle(timeout_s=float("inf"))
         found = client.request(VirtGetPosition())
     values = found.track, found.east_west, found.north_south, found.pan, found.tilt, found.roll
-    for name, value in zip(VirtualAxisName, values, strict=True):
-        print(f"{name.value}: {value / 100_000:.3f}")
-    if found.aim_enabled:
-        print("aim point:", *(f"{(value or 0) / 1000:g}" for value in (found.aim_x, found.aim_y, found.aim_z)))
+    places = {name.value: value / 100_000 for name, value in zip(VirtualAxisName, values, strict=True)}
+    aim = [(value or 0) / 1000 for value in (found.aim_x, found.aim_y, found.aim_z)] if found.aim_enabled else None
+    if json:
+        say_json({**places, "aim": aim})
+        return
+    for name, value in places.items():
+        print(f"{name}: {value:.3f}")
+    if aim:
+        print("aim point:", *(f"{value:g}" for value in aim))
 
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    app.command()(virtual)
+    put(app, virtual)

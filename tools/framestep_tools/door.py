@@ -1,0 +1,138 @@
+"""Lets a second program reach a device through the one that has its port: `framestep stop` while `framestep run` plays.
+
+The first program listens on this computer alone, and puts where, with a secret, into a file that only its user can
+read. The second sends the secret and then frames. They go to the device with IDs of the first one's; the answers go
+back with the IDs that they came with, and what the device sends unasked goes to both.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import secrets
+import socket
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from .tcp_port import SCHEME, TcpPort
+from .wire import Frame, FrameDecoder, encode
+
+if TYPE_CHECKING:
+    from .client import Client
+
+LOOK_S = 0.05  # how often the first program looks for the second
+_SECRET_BYTES = 32
+
+
+def _place(path: str) -> Path:
+    """The file for a port."""
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    name = hashlib.sha256(os.path.realpath(path).encode()).hexdigest()[:16]
+    return Path(tempfile.gettempdir(), f"framestep-{user}", f"{name}.json")
+
+
+class Found(NamedTuple):
+    """A program that has a port and lets others through."""
+
+    port: int
+    secret: str
+    who: str
+
+
+def find(path: str) -> Found | None:
+    """The program that has this port and lets others through, if there is one."""
+    try:
+        file = _place(path)
+        if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
+            return None
+        return Found(**json.loads(file.read_text()))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def enter(found: Found, timeout: float) -> TcpPort | None:
+    """A port that leads through this program to its device; None where it has ended."""
+    try:
+        port = TcpPort(f"{SCHEME}127.0.0.1:{found.port}", timeout)
+        port.write(found.secret.encode())
+        return port
+    except OSError:
+        return None
+
+
+class _Guest:
+    def __init__(self, connection: socket.socket):
+        connection.setblocking(False)
+        self.connection = connection
+        self.secret = b""
+        self.decoder = FrameDecoder()
+
+    def send(self, frame: Frame, id: int) -> None:
+        with contextlib.suppress(OSError):  # one that reads nothing gets nothing
+            self.connection.send(encode(frame.type, frame.payload, id))
+
+
+class Door:
+    """Where other programs come in, as long as a client has a port. The client calls `look`, `answer` and `tell`."""
+
+    def __init__(self, client: "Client", path: str, who: str):
+        self._client = client
+        self._secret = secrets.token_hex(_SECRET_BYTES // 2)
+        self._guests: list[_Guest] = []
+        self._asked: dict[int, tuple[_Guest, int]] = {}
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server.setblocking(False)
+        self._file = _place(path)
+        self._file.parent.mkdir(mode=0o700, exist_ok=True)
+        said = json.dumps({"port": self._server.getsockname()[1], "secret": self._secret, "who": who})
+        with contextlib.suppress(OSError):
+            self._file.unlink()
+        with open(os.open(self._file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(said)
+
+    def close(self) -> None:
+        """Let nobody through any more."""
+        with contextlib.suppress(OSError):
+            self._file.unlink()
+        for each in (self._server, *(guest.connection for guest in self._guests)):
+            each.close()
+
+    def look(self) -> None:
+        """Take in who is there, and pass on what they send."""
+        with contextlib.suppress(OSError):
+            while True:
+                self._guests.append(_Guest(self._server.accept()[0]))
+        for guest in list(self._guests):
+            try:
+                data = guest.connection.recv(4096)
+            except BlockingIOError:
+                continue
+            except OSError:
+                data = b""
+            if not data or not self._hear(guest, data):
+                guest.connection.close()
+                self._guests.remove(guest)
+
+    def _hear(self, guest: _Guest, data: bytes) -> bool:
+        """Pass on what a guest has sent; whether it may stay."""
+        missing = _SECRET_BYTES - len(guest.secret)
+        guest.secret += data[:missing]
+        if not self._secret.encode().startswith(guest.secret):
+            return False
+        for frame in guest.decoder.feed(data[missing:]) if missing < len(data) else []:
+            self._asked[self._client.forward(frame.type, frame.payload)] = guest, frame.id
+        return True
+
+    def answer(self, frame: Frame) -> bool:
+        """Pass on an answer; False for one to nothing that a guest has asked."""
+        guest, id = self._asked.pop(frame.id, (None, 0))
+        if guest:
+            guest.send(frame, id)
+        return guest is not None
+
+    def tell(self, frame: Frame) -> None:
+        """Pass on what the device has sent unasked."""
+        for guest in self._guests:
+            if len(guest.secret) == _SECRET_BYTES:
+                guest.send(frame, 0)
