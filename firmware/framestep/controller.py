@@ -5,7 +5,7 @@ One pass of the main loop is poll(). Nothing in it allocates.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import WRAP, elapsed
 from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import LOOK_MS, Watchdog
@@ -60,11 +60,6 @@ _ASIDE = (
 
 _COUPLING = const(0x30)  # messages.MOTOR_COUPLE, MOTOR_COUPLE_REVERSED
 SECOND_STOP_MS = const(1000)  # field note 4.4
-
-
-def elapsed(now, then):
-    """Milliseconds between two readings of `Controller.now`."""
-    return (now - then) & _WRAP
 
 
 def glow(light, beat):
@@ -184,7 +179,7 @@ class Controller:
 
     def poll(self, now):
         """One pass; now: milliseconds modulo 2^29 or more. Returns whether there was anything to do."""
-        now &= _WRAP
+        now &= WRAP
         self.now = now
         alarm = sample(self.header, self.samples)
         busy = self._listen()
@@ -211,11 +206,11 @@ class Controller:
             self._tend(now, False, news)
         elif (
             self.was_moving
-            and (now - self.report_at) & _WRAP >= self.rig.report_ms
-            and (now - self.tended) & _WRAP < 2 * _TEND_MS
+            and elapsed(now, self.report_at) >= self.rig.report_ms
+            and elapsed(now, self.tended) < 2 * _TEND_MS
         ):
             self._tend(now, False, news)
-        elif (now - self.tended) & _WRAP >= _TEND_MS or news:
+        elif elapsed(now, self.tended) >= _TEND_MS or news:
             self.tended = now
             self._tend(now, True, news)
         elif self.planning:
@@ -229,7 +224,7 @@ class Controller:
 
         whole: if not, what is to be planned waits for the next pass. news: of Io.poll().
         """
-        if (now - self.watchdog.looked_at) & _WRAP >= LOOK_MS:
+        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
             self._sound()
             if self.watchdog.look(now, self.was_moving, self.was_open):
                 self._host_lost()
@@ -458,7 +453,7 @@ class Controller:
         """Send what is due, as far as there is room (field notes 1.3 and 4.6)."""
         moving = stepper.moving(self.header) != 0
         if moving:
-            if (self.now - self.report_at) & _WRAP >= self.rig.report_ms:
+            if elapsed(self.now, self.report_at) >= self.rig.report_ms:
                 self.say_position = True
         elif self.was_moving:
             self.say_position = True

@@ -24,6 +24,7 @@ from .chips import Chip, chip
 from .code_file import CodeFile
 from .constants import fold
 from .errors import ToolError
+from .inlining import inline
 from .names import lean
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,12 +35,14 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
+_CLOCK = "framestep/clock.py"  # its functions are put where they are called
 _HOST_ONLY = {
     "framestep/hal/host.py",
     "framestep/host_board.py",
     "framestep/hal/contract.py",
     "framestep/hal/engine.py",  # constants alone, as
     "framestep/results.py",
+    _CLOCK,
 }
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
@@ -71,7 +74,7 @@ _WHOLE = (
 # flash they would hold up answers and the tick.
 _STAYS = {
     "framestep/controller.mpy": {
-        "elapsed", "poll", "_tend", "_plan", "_listen", "_attend", "_calm", "_handle", "_light", "_report",
+        "poll", "_tend", "_plan", "_listen", "_attend", "_calm", "_handle", "_light", "_report",
         "_send_positions", "_sound", "acknowledge",
     },
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
@@ -224,7 +227,7 @@ def folded(
         if other != engine:
             for name in names:
                 del texts[name]
-    return {name: text.encode() for name, text in fold(texts, hide, given).items()}
+    return {name: text.encode() for name, text in inline(fold(texts, hide, given), _CLOCK).items()}
 
 
 def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:

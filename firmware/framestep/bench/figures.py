@@ -4,11 +4,10 @@ from array import array
 
 from framestep import boot
 from framestep.bench import dead
-from framestep.clock import WRAP
+from framestep.clock import WIDE_WRAP, elapsed
 from framestep.motion.stepper import CLOCK, HEAD, LATEST, SEGMENTS, TAIL, TICKS, WORST_LATE
 from framestep.native import CPYTHON, const, micropython, ptr32
 
-_WRAP = const(0x3FFFFFFF)
 _QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
 _WINDOW_US = const(4000)  # at a time: passes wait meanwhile
 _WINDOWS = const(50)
@@ -43,7 +42,7 @@ def timing():
         for _ in range(_WINDOWS):
             before = state[TICKS]
             _gaps(state[CLOCK], _WINDOW_US, out)
-            ticks += (state[TICKS] - before) & WRAP
+            ticks += elapsed(state[TICKS], before)
         print(
             "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
             % (out[0] // max(ticks, 1), out[1])
@@ -52,4 +51,4 @@ def timing():
     for motor in range(boot.controller.count):
         if boot.controller.axes[motor].moving:
             block = kernel.blocks[motor]
-            print("motor %d: %d of %d segments wait" % (motor + 1, (block[TAIL] - block[HEAD]) & _WRAP, SEGMENTS))
+            print("motor %d: %d of %d segments wait" % (motor + 1, (block[TAIL] - block[HEAD]) & WIDE_WRAP, SEGMENTS))

@@ -6,6 +6,7 @@ tells each edge.
 
 from array import array
 
+from framestep.clock import WIDE_WRAP
 from framestep.hal import CHANGED, engine
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.motion.kernel import StepKernel
@@ -17,7 +18,6 @@ NS_PER_CYCLE = 8
 TICK_NS = 1_000_000
 TICK_DELAY_NS = 7_000  # from the timer's alarm to the first line of the interrupt handler
 UPLOAD_BYTES = 176 * 1024
-_WRAP = 0x3FFFFFFF
 # as boards/pico/board.json, but for what concerns the motors
 BOARD = {
     "chip": "rp2040",
@@ -286,7 +286,7 @@ class HostHal:
         pass
 
     def ticks_ms(self):
-        return self.now_ns // 1_000_000 & _WRAP
+        return self.now_ns // 1_000_000 & WIDE_WRAP
 
     def enable(self, motor, on):
         if self.on_edge:
@@ -351,5 +351,5 @@ class HostHal:
 
     def tick(self):
         """One timer interrupt at the present moment."""
-        self._clock[0] = self.now_ns // 1000 & _WRAP
+        self._clock[0] = self.now_ns // 1000 & WIDE_WRAP
         self.kernel.tick(None)

@@ -24,6 +24,7 @@ from array import array
 
 import micropython
 
+from framestep.clock import WIDE_HALF, WIDE_WRAP
 from framestep.native import const, ptr8, ptr32
 
 if sys.platform == "rp2":
@@ -74,8 +75,6 @@ _DEADLINE = const(2)  # ticks_ms
 _GIVEN = const(3)
 _FILLING_WORDS = const(4)
 
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x20000000)
 _ONE = 1  # an object, which a viper function cannot make
 
 
@@ -100,7 +99,7 @@ class _Filling(io.IOBase):
     @micropython.viper
     def readinto(self, byte):
         w = ptr32(self.words)
-        if (int(self._ticks()) - w[_DEADLINE]) & _WRAP >= _HALF:
+        if (int(self._ticks()) - w[_DEADLINE]) & WIDE_WRAP >= WIDE_HALF:
             return None
         buffer = ptr8(self.buffer)
         begin = w[_BEGIN]

@@ -12,6 +12,7 @@ A tick's pulses lie in the words painted after the next one: what changes a dire
 
 from array import array
 
+from framestep.clock import WIDE_WRAP
 from framestep.hal.engine import (
     COMMANDS,
     CYCLES,
@@ -26,7 +27,6 @@ from framestep.hal.engine import (
 from framestep.motion.stepper import BEHIND, TICK_US
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
-_WRAP = const(0x3FFFFFFF)
 _LONG_AGO = const(-0x100000)  # before any edge that a command may still count from
 
 # Words of a motor
@@ -72,15 +72,15 @@ def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) ->
             words[i] = words[i] | step
             i += 1
             rest -= 1
-        if (ring[COMMANDS] - taken) & _WRAP > COMMANDS:
+        if (ring[COMMANDS] - taken) & WIDE_WRAP > COMMANDS:
             lost |= 1 << motor
-            taken = (ring[COMMANDS] - COMMANDS) & _WRAP
+            taken = (ring[COMMANDS] - COMMANDS) & WIDE_WRAP
         while True:
             if left == 0:
                 if taken == ring[COMMANDS]:
                     break
                 command = ring[taken & (COMMANDS - 1)]
-                taken = (taken + 1) & _WRAP
+                taken = (taken + 1) & WIDE_WRAP
                 wider = command >> WIDTH & 15
                 high = wider + 1
                 motors[k + _HIGH] = high
@@ -179,7 +179,7 @@ class Stream:
         at = 0
         while ticks:
             self._kernel.tick(None)
-            self._clock[0] = (self._clock[0] + TICK_US) & _WRAP
+            self._clock[0] = (self._clock[0] + TICK_US) & WIDE_WRAP
             self._lost |= paint(words, at, self._words, self.motors, self._levels)
             at += WORDS
             ticks -= 1
@@ -190,7 +190,7 @@ class Stream:
         The pulses that the motors still owe are in them. Whatever moves faults and ramps down with the next tick.
         """
         self._lost |= paint(words, 0, self._words, self.motors, self._levels)
-        self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & _WRAP
+        self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
 
     def trouble(self):
         """Motors of which a command was lost since the last call, a bit each."""

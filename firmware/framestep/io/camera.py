@@ -5,7 +5,7 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 
 
 class Camera:
@@ -58,7 +58,7 @@ class Camera:
 
     def poll(self, now):
         """End a pulse whose time is over; now: milliseconds modulo 2^29."""
-        if self.pulsing[0] and (now - self._begin) & _WRAP >= self._length:
+        if self.pulsing[0] and elapsed(now, self._begin) >= self._length:
             self.set(False, False)
 
     def safe(self):

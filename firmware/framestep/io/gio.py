@@ -6,7 +6,7 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.native import const, micropython, ptr32
 
 DEBOUNCE_MS = const(20)  # field note 8.3
@@ -106,7 +106,7 @@ def _debounce(w: ptr32, levels: int, now: int) -> int:
         if moved & pin:
             w[_INPUT_PINS + n + i] = now
         elif differ & pin:
-            if (now - w[_INPUT_PINS + n + i]) & _WRAP >= DEBOUNCE_MS:
+            if elapsed(now, w[_INPUT_PINS + n + i]) >= DEBOUNCE_MS:
                 w[_STABLE] = w[_STABLE] ^ pin
                 changed = 1
         i += 1

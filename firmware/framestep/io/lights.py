@@ -5,7 +5,7 @@ A channel ramps while its level and its target differ. Nothing allocates after c
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.copying import copy_bytes
 from framestep.hal import CHANGED, CHANNELS
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
@@ -92,7 +92,7 @@ def _advance(ramp: ptr32, words: ptr32, now: int):
         target = targets[c + 0]
         if levels[c + 0] ^ target:
             begins = ptr32(ramp[3])
-            passed = (now - begins[c + 0]) & _WRAP
+            passed = elapsed(now, begins[c + 0])
             level = target
             if passed < length:
                 origins = ptr8(ramp[2])

@@ -17,7 +17,7 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.motion import stepper
 from framestep.motion.positions import LOST
 from framestep.motion.reals import copy_word
@@ -135,7 +135,7 @@ class Memory:
         if busy or not self._still:
             self._still = not busy
             self._since = now
-        elif (now - self._since) & _WRAP >= STILL_MS:
+        elif elapsed(now, self._since) >= STILL_MS:
             self._still = False
             if self._worth():
                 self.working = self._write()

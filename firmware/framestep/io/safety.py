@@ -15,7 +15,7 @@ Nothing allocates after construction.
 from array import array
 
 from framestep import results
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.motion.stepper import DOWN as MOVING_DOWN
 from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
@@ -56,7 +56,7 @@ def _update(w: ptr32, levels: int, now: int) -> int:
     seen |= w[_CAUGHT]
     w[_CAUGHT] = 0
     w[_STRUCK] = 0
-    if (now - w[_SINCE]) & _WRAP >= RELEASE_MS:
+    if elapsed(now, w[_SINCE]) >= RELEASE_MS:
         w[_ACTIVE] = seen
     else:
         w[_ACTIVE] = w[_ACTIVE] | seen

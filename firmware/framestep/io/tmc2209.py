@@ -15,7 +15,7 @@ does one thing and waits for nothing. Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import after, elapsed
 from framestep.native import const, micropython, ptr8
 
 POLL_MS = const(50)  # from the check of one driver to that of the next
@@ -164,7 +164,7 @@ class Drivers:
 
     def poll(self, now):
         """One pass; now: milliseconds modulo 2^29. Motors whose driver has just failed, one bit each."""
-        waited = (now - self._at) & _WRAP
+        waited = elapsed(now, self._at)
         if self._phase == _REST:
             if waited >= self._rest_ms:
                 self._go_on(now)
@@ -234,7 +234,7 @@ class Drivers:
         step = self._step
         if step == _BASE:
             n = self._driver
-            if self.states[n] == _FAILED and (now - self.failed_at[n]) & _WRAP < RETRY_MS:
+            if self.states[n] == _FAILED and elapsed(now, self.failed_at[n]) < RETRY_MS:
                 self._next(now)
                 return
             self._again = 0
@@ -276,7 +276,7 @@ class Drivers:
             self._step = 0
         elif last == (self._confirmed + 1) & 0xFF:
             self._confirmed = last
-            self.writes = (self.writes + 1) & _WRAP
+            self.writes = after(self.writes, 1)
             self._again = 0
             self._step = step + 1
         else:

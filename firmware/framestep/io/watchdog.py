@@ -13,7 +13,7 @@ stop the rig. That is a lost host, and the motors ramp down as for one (field no
 Nothing allocates.
 """
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.motion import stepper
 from framestep.native import const
 
@@ -45,7 +45,7 @@ class Watchdog:
         if taken != self._taken or not is_open or not self.writer.pending:
             self._taken = taken
             self._heard_at = now
-        deaf = (now - self._heard_at) & _WRAP >= DEAF_MS
+        deaf = elapsed(now, self._heard_at) >= DEAF_MS
         ticks = self.hal.kernel.state[stepper.TICKS]
         if not moving:
             if self.armed:

@@ -21,7 +21,7 @@ interrupt that comes late by up to `LATEST` moves no edge.
 
 from array import array
 
-from framestep.clock import HALF, WRAP
+from framestep.clock import WIDE_WRAP, WRAP, elapsed, reached
 from framestep.hal import engine
 from framestep.native import const, micropython, ptr32
 
@@ -135,7 +135,6 @@ SEG_JERK = const(5)  # Q27
 SEG_BRIDGE = const(6)  # 1: one tick with a change of phase in it: the displacement is exact, the rest a mean
 SEG_SPAN = const(7)  # cycles of each tick in which the motor moves
 SEGMENT_WORDS = const(8)
-_WRAP = const(0x3FFFFFFF)
 
 
 @micropython.viper
@@ -183,7 +182,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
                 return -1
             q = ptr32(m[QUEUE])
             k += q[(head & (SEGMENTS - 1)) << 3]
-            head = (head + 1) & _WRAP
+            head = (head + 1) & WIDE_WRAP
         head = m[HEAD]
         if left > n:
             left = n
@@ -201,7 +200,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
                 break
             q = ptr32(m[QUEUE])
             k = (head & (SEGMENTS - 1)) << 3
-            head = (head + 1) & _WRAP
+            head = (head + 1) & WIDE_WRAP
             if q[k] > n:
                 q[k] = n
             left = q[k]
@@ -287,7 +286,7 @@ def sample(m: ptr32, out: ptr32) -> int:
                     place[0] = position + m[PLAY]
                 out[k] = place[0]
     if out[ALARM] >= 0:
-        if (out[i + 0] - out[ALARM] - 1) & WRAP < HALF:
+        if reached(out[i + 0], out[ALARM] + 1):
             return 1
     return 0
 
@@ -304,7 +303,7 @@ def choose(header, words, told: ptr32) -> int:
     i = out[_NEWEST]
     tick = (h[TICKS] - h[BEHIND] - 1) & WRAP
     while running:
-        age = (h[TICKS] - out[i + 0]) & WRAP
+        age = elapsed(h[TICKS], out[i + 0])
         if age > _STALE:
             i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
         elif age <= h[BEHIND]:
@@ -349,7 +348,7 @@ def queued(m: ptr32, bits: int) -> int:
                 q = ptr32(m[QUEUE])
                 while head != m[TAIL]:
                     ticks += q[(head & (SEGMENTS - 1)) << 3]
-                    head = (head + 1) & _WRAP
+                    head = (head + 1) & WIDE_WRAP
             if ticks < least:
                 least = ticks
         bits >>= 1
@@ -367,7 +366,7 @@ def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
     while n > 0 and head != m[TAIL]:
         q = ptr32(m[QUEUE])
         n -= q[(head & (SEGMENTS - 1)) << 3]
-        head = (head + 1) & _WRAP
+        head = (head + 1) & WIDE_WRAP
     if n or head == m[TAIL]:
         return 0
     q = ptr32(m[QUEUE])

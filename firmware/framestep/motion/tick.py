@@ -6,7 +6,7 @@ as soon as the main loop has pushed it out of the flash cache.
 
 from array import array
 
-from framestep.clock import HALF, WRAP
+from framestep.clock import HALF, WIDE_HALF, WIDE_WRAP, WRAP, after, elapsed
 from framestep.hal.engine import (
     COMMAND_CYCLES,
     COMMANDS,
@@ -91,8 +91,6 @@ from framestep.native import const, micropython, ptr32
 
 _HAIR = const(128)  # Q22: a step is made so much early, lest rounding put it into the next tick
 _EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
-_WRAP = const(0x3FFFFFFF)
-_HALF = const(0x1FFFFFFF)
 _PULSE_BITS = const(GAP - PULSES)
 
 
@@ -108,16 +106,16 @@ class Header(array):
         clock = ptr32(m[CLOCK])
         now = clock[0]
         # After a hole in time the timer replays what it missed; only the clock tells what is due.
-        late = (now - m[DUE]) & _WRAP
+        late = (now - m[DUE]) & WIDE_WRAP
         if late > m[WORST_LATE]:
-            if late > _HALF:
-                if (late + _EARLY_US) & _WRAP > _HALF:
+            if late >= WIDE_HALF:
+                if (late + _EARLY_US) & WIDE_WRAP >= WIDE_HALF:
                     if m[RUNNING]:
                         return
-                    if (late + 2 * TICK_US) & _WRAP < _HALF:
+                    if (late + 2 * TICK_US) & WIDE_WRAP < WIDE_HALF:
                         return
                 late = 0  # a call before came late: this is the grid that the timer keeps
-                m[DUE] = now & _WRAP
+                m[DUE] = now & WIDE_WRAP
             elif m[RUNNING]:
                 m[WORST_LATE] = late
         if late >= m[LATEST]:
@@ -125,7 +123,7 @@ class Header(array):
             # what of it fell into the hole is over. The time lost is not made up for.
             missed = (late - m[LATEST]) // TICK_US + 1 + m[LEAD]
             late = late % TICK_US  # the ticks missed are left out, the grid stays
-            m[DUE] = (now - late) & _WRAP
+            m[DUE] = (now - late) & WIDE_WRAP
             a = m[FIRST]
             while a:
                 m = ptr32(a)
@@ -157,13 +155,13 @@ class Header(array):
             m[RUNNING] = m[RUNNING] - 1
         else:
             m[DUE] = m[DUE] + (late >> 4)  # back to the timer's grid, if a hole has moved it
-        m[DUE] = (m[DUE] + TICK_US) & _WRAP
-        m[TICKS] = (m[TICKS] + 1) & WRAP
+        m[DUE] = (m[DUE] + TICK_US) & WIDE_WRAP
+        m[TICKS] = after(m[TICKS], 1)
         a = m[CUE_PUT] - m[CUE_TAKEN]
         while a:
             q = ptr32(m[CUES])
             k = (m[CUE_TAKEN] & (CUE_SLOTS - 1)) << 2
-            if (m[TICKS] - q[k + CUE_TICK]) & WRAP > HALF:
+            if elapsed(m[TICKS], q[k + CUE_TICK]) > HALF:
                 break
             fifo = ptr32(m[OUT_SET])
             if RING:
@@ -187,7 +185,7 @@ class Header(array):
                     else:
                         if m[MODE] & START:
                             m[MODE] = m[MODE] & (RUN | STOP)
-                            idle = (h[TICKS] - 1 - m[IDLE_AT]) & WRAP
+                            idle = elapsed(h[TICKS] - 1, m[IDLE_AT])
                             if idle < h[LEAD] and idle * TICK_US + late < h[LATEST]:
                                 m[CARRY] = m[CARRY] + idle * cycles  # the engine has not run dry since
                             else:
@@ -196,12 +194,12 @@ class Header(array):
                                 fifo = ptr32(m[FIFO])
                                 word = m[WORD]
                                 clock = ptr32(h[CLOCK])
-                                passed = (clock[0] - h[DUE] + TICK_US) & _WRAP
+                                passed = (clock[0] - h[DUE] + TICK_US) & WIDE_WRAP
                                 wait = h[AHEAD] - passed * h[CYCLES_PER_US] - m[RESERVE] + m[FIXED] - COMMAND_CYCLES
                                 while wait > LONGEST_WAIT:
                                     if RING:
                                         k = fifo[COMMANDS]
-                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        fifo[COMMANDS] = (k + 1) & WIDE_WRAP
                                         fifo[k & (COMMANDS - 1)] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
                                     else:
                                         fifo[0] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
@@ -209,7 +207,7 @@ class Header(array):
                                 if wait > WAIT_CYCLES:
                                     if RING:
                                         k = fifo[COMMANDS]
-                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        fifo[COMMANDS] = (k + 1) & WIDE_WRAP
                                         fifo[k & (COMMANDS - 1)] = word + ((wait - WAIT_CYCLES) << GAP)
                                     else:
                                         fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
@@ -218,7 +216,7 @@ class Header(array):
                         if head - m[TAIL]:
                             q = ptr32(m[QUEUE])
                             k = (head & (SEGMENTS - 1)) << 3
-                            m[HEAD] = (head + 1) & _WRAP
+                            m[HEAD] = (head + 1) & WIDE_WRAP
                             gap = q[k + SEG_WHOLE] - m[POSITION]
                             d = (gap << 22) + q[k + SEG_FRACTION]
                             # within two steps, so that the second line cannot overflow, and by an eighth, but
@@ -412,7 +410,7 @@ class Header(array):
                                     pulses = pulses - rest
                                     if RING:
                                         k = fifo[COMMANDS]
-                                        fifo[COMMANDS] = (k + 1) & _WRAP
+                                        fifo[COMMANDS] = (k + 1) & WIDE_WRAP
                                         d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
                                         fifo[k & (COMMANDS - 1)] = d + m[WORD]
                                     else:
@@ -428,7 +426,7 @@ class Header(array):
                                 period = least
                         if RING:
                             k = fifo[COMMANDS]
-                            fifo[COMMANDS] = (k + 1) & _WRAP
+                            fifo[COMMANDS] = (k + 1) & WIDE_WRAP
                             d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
                             fifo[k & (COMMANDS - 1)] = d + m[WORD]
                         else:
@@ -452,7 +450,7 @@ class Header(array):
                         fifo = ptr32(m[FIFO])
                         if RING:
                             k = fifo[COMMANDS]
-                            fifo[COMMANDS] = (k + 1) & _WRAP
+                            fifo[COMMANDS] = (k + 1) & WIDE_WRAP
                             fifo[k & (COMMANDS - 1)] = m[WORD] + ((d - WAIT_CYCLES) << GAP)
                         else:
                             fifo[0] = m[WORD] + ((d - WAIT_CYCLES) << GAP)

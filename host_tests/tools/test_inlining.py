@@ -1,0 +1,66 @@
+import pytest
+
+from framestep_tools.constants import FoldError
+from framestep_tools.files import folded
+from framestep_tools.inlining import inline
+
+CLOCK = '''_WRAP = const(7)
+
+
+def elapsed(now, then):
+    """How long."""
+    return (now - then) & _WRAP
+
+
+def reached(now, then):
+    return (now - then) & _WRAP < 4
+'''
+
+
+def inlined(text: str, clock: str = CLOCK) -> str:
+    return inline({"a/clock.py": clock, "a/user.py": text}, "a/clock.py")["a/user.py"]
+
+
+def test_a_call_becomes_what_the_function_gives():
+    text = inlined("from a.clock import elapsed\nx = elapsed(self.now, 5) >= 3\n")
+    assert text == "pass\nx = (self.now - 5 & 7) >= 3\n"
+
+
+def test_an_argument_stays_one():
+    """What binds less than the function's own operators, and what has a call in it."""
+    values = {"a": 1, "b": 6, "c": 9}
+    for arguments in (
+        "a, b | c",
+        "a if b else c, b",
+        "reached(a, b), elapsed(c, elapsed(a, b) + 1)",
+        "a, (lambda: 2)()",
+    ):
+        text = f"from a.clock import elapsed, reached\nx = -elapsed({arguments})\n"
+        wanted: dict = dict(values)
+        exec("def const(x): return x\n" + CLOCK + text.split("\n")[1], wanted)
+        found: dict = dict(values)
+        exec(inlined(text), found)
+        assert found["x"] == wanted["x"], arguments
+
+
+def test_lines_stay_where_they_are():
+    text = inlined("from a.clock import (\n    elapsed as since,\n)\nx = since(\n    one,\n    two\n)\ny = 1\n")
+    assert text.splitlines()[3] == "x = (one - two & 7)" and text.splitlines()[7] == "y = 1"
+
+
+@pytest.mark.parametrize("use", ["f = elapsed", "x = elapsed(1)", "x = elapsed(1, then=2)", "x = elapsed(elapsed, 1)"])
+def test_another_use_is_refused(use):
+    with pytest.raises(FoldError, match="line 2: elapsed has to be called, with all arguments"):
+        inlined(f"from a.clock import elapsed\n{use}\n")
+
+
+@pytest.mark.parametrize("result", ["now + now + then", "now", "now + then + other"])
+def test_a_function_that_is_not_fit_is_refused(result):
+    with pytest.raises(FoldError, match="elapsed has to use each parameter once, nothing else"):
+        inlined("", f"def elapsed(now, then):\n    return {result}\n")
+
+
+def test_boards_have_no_clock():
+    for engine in ("pio", "stream"):
+        for name, text in folded({}, True, engine).items():
+            assert name == "framestep/clock.py" or b"framestep.clock" not in text, name
