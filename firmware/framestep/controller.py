@@ -515,7 +515,7 @@ class Controller:
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
         writer.u32(self.stage.tell(frame))
-        self.axes.tell(writer)
+        writer.words_from(self.axes.told, 0, self.count)
         return writer.end()
 
     # ---------------------------------------------------------------- requests: device

@@ -925,10 +925,6 @@ class Axes:
         """A motor at rest has been given another position."""
         stepper.renumber(self.samples, motor, self.axes[motor].place)
 
-    def tell(self, writer):
-        """Append `told` to a frames.FrameWriter."""
-        writer.words_from(self.told, 0, self.count)
-
     def moving_bits(self):
         """One bit per motor that moves."""
         return stepper.moving(self.kernel.state)
