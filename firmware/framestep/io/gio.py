@@ -18,9 +18,9 @@ _DOWN = const(2)  # result of _pins: pins to drive low
 _PINS = const(3)
 
 # Words of Inputs.words; its table of pin bits and the time of each pin's last change follow
-_STABLE = const(0)  # debounced levels of the pins
-_RAW = const(1)  # levels seen last
-_ALL = const(2)  # every pin
+STABLE = const(0)  # debounced levels of the pins
+RAW = const(1)  # levels seen last
+ALL_INPUTS = const(2)  # every pin
 _INPUTS = const(3)
 _ACTIVE_LOW = const(4)  # pins that are low while their input is on
 _INPUT_PINS = const(5)
@@ -92,10 +92,10 @@ class Outputs:
 @micropython.viper
 def _debounce(w: ptr32, levels: int, now: int) -> int:
     """Take in the levels of all pins; 1 where a debounced one has changed."""
-    levels &= w[_ALL]
-    moved = levels ^ w[_RAW]
-    w[_RAW] = levels
-    differ = levels ^ w[_STABLE]
+    levels &= w[ALL_INPUTS]
+    moved = levels ^ w[RAW]
+    w[RAW] = levels
+    differ = levels ^ w[STABLE]
     if differ | moved == 0:
         return 0
     n = w[_INPUTS]
@@ -107,7 +107,7 @@ def _debounce(w: ptr32, levels: int, now: int) -> int:
             w[_INPUT_PINS + n + i] = now
         elif differ & pin:
             if elapsed(now, w[_INPUT_PINS + n + i]) >= DEBOUNCE_MS:
-                w[_STABLE] = w[_STABLE] ^ pin
+                w[STABLE] = w[STABLE] ^ pin
                 changed = 1
         i += 1
     return changed
@@ -115,7 +115,7 @@ def _debounce(w: ptr32, levels: int, now: int) -> int:
 
 @micropython.viper
 def _values(w: ptr32) -> int:
-    on = w[_STABLE] ^ w[_ACTIVE_LOW]
+    on = w[STABLE] ^ w[_ACTIVE_LOW]
     n = w[_INPUTS]
     values = 0
     i = 0
@@ -137,10 +137,10 @@ class Inputs:
         for i, entry in enumerate(settings):
             pin = hal.input(entry["pin"], entry["pull"])
             words[_INPUT_PINS + i] = pin
-            words[_ALL] |= pin
+            words[ALL_INPUTS] |= pin
             if entry["on"] == "low":
                 words[_ACTIVE_LOW] |= pin
-        words[_RAW] = words[_STABLE] = hal.levels() & words[_ALL]
+        words[RAW] = words[STABLE] = hal.levels() & words[ALL_INPUTS]
 
     def poll(self, now, levels):
         """Look at the pins; now: milliseconds modulo 2^29, levels: HAL.levels(). Whether an input has changed."""

@@ -6,10 +6,11 @@ with, or 0 where it has answered itself. Nothing allocates after construction.
 
 from array import array
 
+from framestep.hal import CHANGED
 from framestep.io.camera import Camera
-from framestep.io.gio import Gio
-from framestep.io.lights import Lights
-from framestep.io.safety import ESTOP, LOWER
+from framestep.io.gio import ALL_INPUTS, RAW, STABLE, Gio
+from framestep.io.lights import RAMPING, Lights
+from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
@@ -22,15 +23,6 @@ _PULSE = const(16)
 NEWS = const(_SWITCHES | _INPUTS)  # poll(): a switch or an input is other than before,
 STOP = const(32)  # a stop input calls for action,
 GO = const(64)  # the input for GO has come on
-_ALL = const(0)  # Safety
-_REST = const(1)
-_ACTIVE = const(3)
-_CAUGHT = const(5)
-_STABLE = const(0)  # Inputs
-_RAW = const(1)
-_PINS = const(2)
-_CHANGED = const(0)  # Lights
-_RAMPING = const(1)
 
 
 @micropython.viper
@@ -40,13 +32,13 @@ def _due(table: ptr32, levels: int) -> int:
     lights = ptr32(table[2])
     camera = ptr32(table[3])
     due = 0
-    if (levels ^ switches[_REST]) & switches[_ALL] | switches[_ACTIVE] | switches[_CAUGHT]:
+    if (levels ^ switches[REST]) & switches[SWITCHES] | switches[ACTIVE] | switches[CAUGHT]:
         due = _SWITCHES
-    if ((levels ^ inputs[_STABLE]) | (levels ^ inputs[_RAW])) & inputs[_PINS]:
+    if ((levels ^ inputs[STABLE]) | (levels ^ inputs[RAW])) & inputs[ALL_INPUTS]:
         due |= _INPUTS
-    if lights[_RAMPING]:
+    if lights[RAMPING]:
         due |= _RAMPS | _LEVELS
-    elif lights[_CHANGED]:
+    elif lights[CHANGED]:
         due |= _LEVELS
     if camera[0]:
         due |= _PULSE

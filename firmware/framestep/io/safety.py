@@ -28,12 +28,12 @@ LOWER = const(12)  # and motor 0 at its lower limit, as in the bits of _approach
 _SLOWEST = const(4194)  # velocity that counts as motion: a step per second, Q22 steps per tick
 
 # Words of Safety.words
-_ALL = const(0)  # pins of all switches
-_REST = const(1)  # their levels while none is active
+SWITCHES = const(0)  # pins of all switches
+REST = const(1)  # their levels while none is active
 _SEEN = const(2)  # those active at the last look
-_ACTIVE = const(3)  # the same, held for RELEASE_MS
+ACTIVE = const(3)  # the same, held for RELEASE_MS
 _SINCE = const(4)  # when _SEEN changed
-_CAUGHT = const(5)  # those that an interrupt has found active
+CAUGHT = const(5)  # those that an interrupt has found active
 _STRUCK = const(6)  # motors that it has stopped at a limit, as _approaching has them
 _COUNT = const(7)  # motors; for each of them three words follow:
 _MOTORS = const(8)
@@ -48,26 +48,26 @@ _MOVES = const(RUN | STOP)  # modes
 @micropython.viper
 def _update(w: ptr32, levels: int, now: int) -> int:
     """Take in what has been seen and caught; the motors of _STRUCK. Interrupts are off."""
-    seen = (levels ^ w[_REST]) & w[_ALL]
+    seen = (levels ^ w[REST]) & w[SWITCHES]
     struck = w[_STRUCK]
-    if (seen ^ w[_SEEN]) | w[_CAUGHT]:
+    if (seen ^ w[_SEEN]) | w[CAUGHT]:
         w[_SEEN] = seen
         w[_SINCE] = now
-    seen |= w[_CAUGHT]
-    w[_CAUGHT] = 0
+    seen |= w[CAUGHT]
+    w[CAUGHT] = 0
     w[_STRUCK] = 0
     if elapsed(now, w[_SINCE]) >= RELEASE_MS:
-        w[_ACTIVE] = seen
+        w[ACTIVE] = seen
     else:
-        w[_ACTIVE] = w[_ACTIVE] | seen
+        w[ACTIVE] = w[ACTIVE] | seen
     return struck
 
 
 @micropython.viper
 def _catch(w: ptr32, levels: int) -> int:
     """Take in the levels seen in an interrupt: the switches active in them."""
-    seen = (levels ^ w[_REST]) & w[_ALL]
-    w[_CAUGHT] = w[_CAUGHT] | seen
+    seen = (levels ^ w[REST]) & w[SWITCHES]
+    w[CAUGHT] = w[CAUGHT] | seen
     return seen
 
 
@@ -98,7 +98,7 @@ def _approaching(w: ptr32, active: int) -> int:
 def _ends(w: ptr32, motor: int) -> int:
     """Active limits of a motor: 1 the upper one, 2 the lower one."""
     at = _MOTORS + motor * _MOTOR_WORDS
-    active = w[_ACTIVE]
+    active = w[ACTIVE]
     ends = 0
     if w[at + _UP] & active:
         ends = 1
@@ -144,17 +144,17 @@ class Safety:
         # what is to be told
         self._say_estop = False
         self._say_struck = 0
-        if self.words[_ALL]:
-            hal.watch(self.words[_ALL], self.catch)
+        if self.words[SWITCHES]:
+            hal.watch(self.words[SWITCHES], self.catch)
 
     def _switch(self, pin, contact):
         """Make a pin the input of a switch to ground; its bit."""
         if pin < 0:
             return 0
         bit = self.hal.input(pin, "up")
-        self.words[_ALL] |= bit
+        self.words[SWITCHES] |= bit
         if contact == "no":
-            self.words[_REST] |= bit
+            self.words[REST] |= bit
         return bit
 
     def has(self, number):
@@ -175,7 +175,7 @@ class Safety:
 
     def bars(self, motor, target, i):
         """OK, or why a motor (from 0) may not go to target[i] from where it is: ERR_HARD_UP or ERR_HARD_LOW."""
-        if self.words[_ACTIVE] == 0:
+        if self.words[ACTIVE] == 0:
             return results.OK
         self.axes[motor].position_to(self._place, 0)
         ends = self.ends(motor) & _way(target, i, self._place)
@@ -186,7 +186,7 @@ class Safety:
     @property
     def active(self):
         """Whether any switch is."""
-        return self.words[_ACTIVE] != 0
+        return self.words[ACTIVE] != 0
 
     def ends(self, motor):
         """Ends at which a motor (from 0) or one coupled to it stands in a limit: bit 0 the upper, bit 1 the lower."""
@@ -206,7 +206,7 @@ class Safety:
 
     def _steady(self, levels):
         """The levels, in which a switch is active only if it is so at each of some looks."""
-        rest = self.words[_REST]
+        rest = self.words[REST]
         levels ^= rest
         for _ in range(_LOOKS):
             levels &= self.hal.levels() ^ rest
@@ -240,12 +240,12 @@ class Safety:
     def _judge(self, words, bits):
         """What has changed with what is active now, and motors of _STRUCK. Whether there is news."""
         news = False
-        held = words[_ACTIVE] & self._estop != 0
+        held = words[ACTIVE] & self._estop != 0
         if held != self.tripped:
             self.tripped = held
             self._say_estop = held
             news = held
-        bits |= _approaching(words, words[_ACTIVE])
+        bits |= _approaching(words, words[ACTIVE])
         fresh = bits & ~self.struck
         self.struck = bits
         if fresh:
