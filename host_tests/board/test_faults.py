@@ -351,7 +351,7 @@ def test_a_tick_that_has_died(rig):
     emulator.events(clear=True)
     died = rig.now
     emulator.repl().start(
-        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nb.hal._ticker.deinit()\nsum(range(110000))"
+        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nb.hal.ticker.deinit()\nsum(range(110000))"
     )
     emulator.wait_event("reset", TIMEOUT_MS)
     assert emulator.ns * 1e-9 - died == pytest.approx(TIMEOUT_MS / 5000, abs=0.3)

@@ -79,6 +79,38 @@ def _kept(x):
     assert "_kernel" in leaned(text, kept={"_kernel"})
 
 
+def test_data_of_objects_is_numbered():
+    text = "class A:\n    def f(self, x):\n        self._one = x._two = self.three\n        x.y(self)._two = 1\n"
+    assert leaned(text) == (
+        "class A:\n    def f(self, _1):\n        self._1 = _1._2 = self.three\n        _1.y(self)._2 = 1\n"
+    )
+
+
+def test_objects_keep_data_that_others_may_look_up():
+    text = "class A:\n    def f(self):\n        self._one = 1\n"
+    for more in (
+        "    def _one(self): pass\n",  # a method has a name in tracebacks
+        "    _one = 2\n",
+        "x = getattr(A(), '_one')\n",
+    ):
+        assert leaned(text + more) == text + more
+    assert leaned("import sys\nx = sys._one\n") == "import sys\nx = sys._one\n"
+
+
+def test_objects_of_two_modules_keep_their_data():
+    """Numbers of the one would be those of the other."""
+    base = "class A:\n    def f(self):\n        self._one = 1\n"
+    own = "class B({0}):\n    def g(self):\n        self._two = 1\n"
+    for derived in ("from a import A\n" + own.format("A"), "from c import a as b\n" + own.format("b.A")):
+        found = lean({"a.py": base, "c/a.py": base.replace("one", "three"), "d.py": derived})
+        assert found["d.py"] == derived
+        assert "_one" in found["a.py"] or "_three" in found["c/a.py"]
+    alike = lean({"a.py": base, "d.py": "def h(x):\n    x._one += 1\n"})
+    assert "self._one" in alike["a.py"] and "._one" in alike["d.py"]
+    apart = lean({"a.py": base, "d.py": own.replace("({0})", "")})
+    assert "self._1" in apart["a.py"] and "self._1" in apart["d.py"]
+
+
 def test_a_module_for_a_board_is_the_same_but_for_the_names():
     """Line for line: as many nodes of each kind."""
     whole = folded({}, hide=True)

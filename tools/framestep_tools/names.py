@@ -6,6 +6,7 @@ that a module imports is an entry of its dictionary, frozen or copied. So on a b
 
 * modules do not import what the compiler alone needs: `const`, `micropython` for its decorators, the casts of viper;
 * parameters are called `_1`, `_2`, ... where no call names them and no function within might see them;
+* data that the objects of one module alone have for themselves is called so, too: `self._ticks` is `self._3`;
 * what a module has for itself, and no traceback shows, is called `__1`, `__2`, ...: kernels in viper, and data; of
   modules that only the start needs all functions, of which a traceback then gives file and line.
 
@@ -35,10 +36,12 @@ def lean(texts: Mapping[str, str], by_hand: tuple[str, ...] = (), kept: Set[str]
         node.arg for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg
     }
     looked_up = set(kept).union(*map(_looked_up, trees.values()))
+    private = _private(trees)
     found = {}
     for path, text in texts.items():
         edits = Edits(text)
         _drop_imports(edits, trees[path])
+        _number_attributes(edits, trees[path], private)
         if not path.startswith(by_hand or ("/",)):
             _number_parameters(edits, trees[path], named)
             _number_globals(edits, trees[path], looked_up, path in _BRIEF)
@@ -106,6 +109,52 @@ def _number_parameters(edits: Edits, tree: ast.Module, named: set[str]) -> None:
         for node in inside:
             if isinstance(node, ast.Name) and node.id in new:
                 edits.replace(node, new[node.id])
+
+
+def _private(trees: Mapping[str, ast.Module]) -> set[str]:
+    """Attributes that begin with an underscore, hold data, and are met in one module alone: so that an object with them
+    has none of another module's."""
+    met: dict[str, set[str]] = {}
+    stored: set[str] = set()
+    other: set[str] = set()  # what is a name as well, or a text
+    derived: set[str] = set()  # modules whose objects have attributes of two modules
+    for path, tree in trees.items():
+        modules = {
+            alias.asname or alias.name: {node.module or "", f"{node.module}.{alias.name}"}
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        for node in ast.walk(tree):
+            match node:
+                case ast.Attribute(attr=name, ctx=context) if name.startswith("_") and not name.startswith("__"):
+                    met.setdefault(name, set()).add(path)
+                    if isinstance(context, ast.Store):
+                        stored.add(name)
+                case ast.Name(id=name) | ast.FunctionDef(name=name) | ast.alias(name=name) | ast.arg(arg=name):
+                    other.add(name)
+                case ast.Constant(value=str(name)):
+                    other.add(name)
+                case ast.ClassDef(bases=bases):
+                    for base in (n.id for b in bases for n in ast.walk(b) if isinstance(n, ast.Name)):
+                        if base in modules:
+                            derived |= {path} | {name.replace(".", "/") + ".py" for name in modules[base]}
+    return {
+        name
+        for name, paths in met.items()
+        if name in stored and name not in other and len(paths) == 1 and not paths & derived
+    }
+
+
+def _number_attributes(edits: Edits, tree: ast.Module, private: set[str]) -> None:
+    """Number the attributes that a module's objects have for themselves, as parameters are: other modules' objects have
+    the same numbers."""
+    own: dict[str, str] = {}
+    for node in ast.walk(tree):
+        match node:
+            case ast.Attribute(attr=name, end_lineno=int(line), end_col_offset=int(end)) if name in private:
+                own.setdefault(name, f"_{len(own) + 1}")
+                edits.edits.append((line - 1, end - len(name.encode()), end, own[name].encode()))
 
 
 def _looked_up(tree: ast.Module) -> Iterator[str]:

@@ -67,7 +67,7 @@ class Rp2Hal:
         self.say = None  # what takes lines about drivers: see contract.py
         self.wire = self._make_wire(board["drivers"]) if rig.drivers else None
         self.port = self._make_port(rig.ports)
-        self._ticker = None
+        self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
         self.led = self._make_led(board)
 
@@ -153,7 +153,7 @@ class Rp2Hal:
 
     def start(self):
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
-        self._ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:
             self._guard = Timer(-1, period=_GUARD_MS, mode=Timer.PERIODIC, callback=self._bus_guard_callback, hard=True)
         if self._watched:
