@@ -344,7 +344,7 @@ class Controller:
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         ready = self.hal.ready()
-        self.stage.leave(ready)
+        self.stage.leave(ready, self.virtuals.engaged)
         if ready:
             self.virtuals.stop()
             self.axes.stop(1, self.virtuals.engaged, True)
@@ -406,7 +406,7 @@ class Controller:
         for motor in range(self.count):
             if bits >> motor & 1:
                 if self.stage.takes(motor):
-                    self.stage.stop()
+                    self.stage.stop(spared=self.virtuals.engaged)
                 self.axes[motor].stop(self.hal, factor)
 
     def _fault(self, lost):
@@ -488,7 +488,6 @@ class Controller:
             self.writer.begin(m.MSG_RT_END, None)
             if self.writer.end():
                 self.say_end = False
-        self.say_go = False
 
     def _send_hi(self, reader):
         writer = self.writer
@@ -650,7 +649,7 @@ class Controller:
 
     def moving_all(self, bits):
         """Motors of these bits have been sent somewhere together."""
-        self.jogging = 0
+        self.jogging &= ~bits  # any other goes on, and is let go of in time
         self._power(bits)
 
     def acknowledge(self, code):
@@ -710,11 +709,13 @@ class Controller:
             return m.ERR_RANGE
         motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
-        if self.stage.busy and self.stage.takes(motor):
-            self.stage.stop(land=True)
-        elif self.virtuals.engaged >> motor & 1:
+        engaged = self.virtuals.engaged
+        taken = self.stage.busy and self.stage.takes(motor)
+        if taken:
+            self.stage.stop(land=True, spared=engaged)
+        if engaged >> motor & 1:
             self.virtuals.stop()
-        else:
+        elif not taken:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
 
@@ -724,7 +725,7 @@ class Controller:
         factor = self.rig.hard_stop_factor if hard else 1
         self.stop_at = self.now
         self.jogging = 0
-        landing = self.stage.stop(factor, not hard, True)
+        landing = self.stage.stop(factor, not hard, True, spared=self.virtuals.engaged)
         if hard:
             self.virtuals.halt(factor)
         else:
@@ -800,9 +801,11 @@ class Controller:
         coupling = (flags ^ self.flags[motor]) & _COUPLING
         if flags != self.flags[motor]:
             engaged = self._coupled(self.stage.engaged)
+            virtual = self._coupled(self.virtuals.engaged)
             if coupling:
                 engaged |= engaged >> 1  # the next motor is meant as well
-            if engaged >> motor & 1 or axis.moving and (coupling or not enabled):
+                virtual |= virtual >> 1
+            if engaged >> motor & 1 or (axis.moving or virtual >> motor & 1) and (coupling or not enabled):
                 return m.ERR_MOVING
         if coupling:
             code = self._couple(motor, flags & _COUPLING)

@@ -198,13 +198,17 @@ class Moves:
     def _may_begin(self):
         """OK where an operation may be prepared (field note 6.1)."""
         code = self.controller.may_move_all()
-        if code == m.OK and (self.stage.running or self.stage.axes.moving):
+        if code == m.OK and (self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         return code
 
     def _may_go(self):
         code = self.controller.may_move_all()
-        return self.stage.may_go() if code == m.OK else code
+        if code == m.OK:
+            code = self.stage.may_go()
+        if code == m.OK and self.stage.operation.bits & self.controller.virtuals.engaged:
+            code = m.ERR_NOT_IN_POSITION  # they are about to leave
+        return code
 
     def _go(self):
         code = self._may_go()
@@ -231,6 +235,8 @@ class Moves:
     def _jog_all(self):
         """spec: MSG_RT_JOG_ALL. fps 0, destination 4."""
         code = self.controller.may_move_all()
+        if code == m.OK and not self.stage.running and self.controller.virtuals.engaged:
+            code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.request(self.reader.count(0), self.reader.i32(4))
         if code == m.OK:

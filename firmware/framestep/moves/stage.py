@@ -385,19 +385,21 @@ class Stage:
         """A STOP_ALL has been answered by coming to rest on a frame, and that goes on (field note 6.10)."""
         return self.state == RUNNING and self.operation.landing()
 
-    def stop(self, factor=1, land=False, everything=False, smooth=False):
+    def stop(self, factor=1, land=False, everything=False, smooth=False, spared=0):
         """Ramp down whatever this moves; RT_END follows once all stand.
 
         land: an operation that can may come to rest in its own way, on a frame. Returns the bits of
         the motors that do, and are not to be stopped otherwise. everything: by a STOP_ALL. smooth, or
         land: motors on their way to where it begins keep their jerk limits. (In a run they do not: the
-        path has none, and it may end at a soft limit.)
+        path has none, and it may end at a soft limit.) spared: bits of motors that a virtual motion
+        has, which it took while the operation waited: they are for that to stop.
         """
         if self.state == LEAVING:
             self.waiting = 0
             self.state = IDLE  # the motors that have set out are stopped as any others
         if self.state == IDLE:
             return 0
+        self.operation.bits &= ~spared
         if land and self.state == RUNNING and self.operation.land(everything):
             return self.operation.bits
         self.move_time = self.tell(False)
@@ -411,9 +413,9 @@ class Stage:
         self.state = ENDING
         return 0
 
-    def leave(self, smooth):
+    def leave(self, smooth, spared):
         """The host has gone: as stop(), but the next host is not told of an end that it knows nothing of."""
-        self.stop(1, False, False, smooth)
+        self.stop(1, False, False, smooth, spared)
         self.drop()
         self.forsaken = True
         self.ended = False
