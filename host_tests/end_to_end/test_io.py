@@ -34,6 +34,7 @@ from framestep_tools.payloads import (
     RtUploadMoveDmx,
     RtUploadMoveEnd,
 )
+from framestep_tools.wire import encode
 from host_tests.end_to_end.session import deceleration, run_request, simulated
 
 VELOCITY, ACCELERATION = 5000, 20000  # field note 4.1
@@ -426,6 +427,31 @@ def test_go_from_an_input(dialect):
     assert len(session.events(RtGo)) == 1 and not session.events(RtEnd)
     assert session.steps(1)[0][0] >= pressed + 0.02
     assert session.position(1) == 480
+
+
+def test_go_from_an_input_is_told_once_the_host_listens():
+    """To a host that has taken nothing until there was no room for it; and what comes behind it in its turn."""
+    session = simulated({"go_input": 1})
+    board = session.board._board
+    session.upload({1: 20 * np.arange(25)})
+    session.ready(run_request(24, 1, 25, 300, 300))
+    session.forget()
+    port, send = board.hal.port, board.hal.port.send
+    port.send = lambda writer: True
+    session.port.write(b"".join(encode(m.MSG_MOTOR_GET_POSITION, b"", n) for n in range(1, 100)))
+    go, other = (item["pin"] for item in board.controller.rig.inputs[:2])
+    for level in (0, 1) * 4:
+        board.set_input(other, level)
+        session.run(0.05)
+    assert board.controller.writer.room() < 12
+    board.set_input(go, 0)
+    session.run(3.0)
+    port.send = send
+    session.run(0.2)
+    assert [type(event.message) for event in session.client.events if isinstance(event.message, RtGo | RtEnd)] == [
+        RtGo,
+        RtEnd,
+    ]
 
 
 def test_go_from_an_input_that_is_not_there():
