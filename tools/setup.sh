@@ -24,6 +24,11 @@ find_python() {
 
 stamp() { cat "$ROOT/pyproject.toml" "$ROOT/tools/constraints.txt" "$ROOT/tools/setup.sh" <(echo "$ROOT") | sha256sum; }
 python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
+
+# A virtual environment has its own path in all of its scripts: moved or copied with its clone, they run the other
+# clone's code.
+venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python" -c 'import pip' 2>/dev/null; }
+
 node_is_there() { [ -e "$ROOT/tools/emulator/board/node_modules/rp2040js/package.json" ]; }
 
 python_packages() {
@@ -31,11 +36,15 @@ python_packages() {
     rm -f "$VENV/.complete"
     python=$(find_python)
     "$python" -c 'import venv, ensurepip' 2>/dev/null || need_packages "make a Python environment" python3-venv
-    [ -x "$VENV/bin/pip" ] || step venv "making a Python environment in $VENV" "$python" -m venv "$VENV"
+    if [ -e "$VENV" ] && ! venv_is_of_here; then
+        note "  $VENV was made for another folder; it is made anew"
+        rm -rf "$VENV"
+    fi
+    [ -x "$VENV/bin/python" ] || step venv "making a Python environment in $VENV" "$python" -m venv "$VENV"
     step pip "installing the Python packages" \
-        "$VENV/bin/pip" install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev]"
+        "$VENV/bin/python" -m pip install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev]"
     rm -rf "$CACHE/stubs"
-    step stubs "installing MicroPython's type stubs" "$VENV/bin/pip" install --no-deps --target "$CACHE/stubs" "$STUBS"
+    step stubs "installing MicroPython's type stubs" "$VENV/bin/python" -m pip install --no-deps --target "$CACHE/stubs" "$STUBS"
     stamp >"$VENV/.complete"
 }
 

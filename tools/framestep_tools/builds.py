@@ -1,6 +1,5 @@
 """Where the builds of MicroPython lie, made by tools/micropython/build.sh when they are missing."""
 
-import fcntl
 import hashlib
 import os
 import shutil
@@ -9,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_chip, board_modules, compiled
+from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_chip, board_modules, board_names, compiled
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -45,6 +44,8 @@ def micropython(target: str) -> Path:
 @contextmanager
 def _locked(file: Path) -> Iterator[None]:
     """One process at a time; others wait."""
+    import fcntl
+
     file.parent.mkdir(parents=True, exist_ok=True)
     with open(file, "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -75,6 +76,25 @@ def image_files(board: str) -> dict[str, bytes]:
     return files | {"main.py": IMAGE_MAIN.read_bytes()}
 
 
+def _digest(board: str, files: dict[str, bytes]) -> str:
+    """What tells whether an image is of the present sources."""
+    folder = ROOT / "boards" / board
+    recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
+    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py", *recipe)}
+    return hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
+
+
+def images_ready() -> dict[str, Path]:
+    """{board: its UF2 image} of those that are built of the present sources; nothing is built."""
+    found = {}
+    for board in board_names():
+        build = CACHE / "build" / f"image-{board}"
+        stamp, image = build / "stamp", build / "firmware.uf2"
+        if stamp.exists() and image.exists() and stamp.read_text() == _digest(board, image_files(board)):
+            found[board] = image
+    return found
+
+
 def frozen(board: str = "pico", checkout: str | None = None) -> Path:
     """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has changed.
 
@@ -83,9 +103,7 @@ def frozen(board: str = "pico", checkout: str | None = None) -> Path:
     """
     files = image_files(board)
     folder = ROOT / "boards" / board
-    recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
-    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py", *recipe)}
-    digest = hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
+    digest = _digest(board, files)
     name = (
         board if checkout is None else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
     )

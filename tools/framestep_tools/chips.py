@@ -3,11 +3,11 @@
 import json
 from dataclasses import dataclass, fields
 from functools import cache
-from pathlib import Path
 
+from . import home
 from .errors import ToolError
 
-FILE = Path(__file__).resolve().parents[2] / "boards" / "chips.json"
+FILE = home.BOARDS / "chips.json"
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ per board: <board>.json. package.json is that of the plain board (Raspberry Pi P
 
 import json
 import shutil
+from functools import cache
 from pathlib import Path
 
-from framestep.controller import VERSION
-
 from .files import ROOT, board_chip, board_files, board_names, write_tree
+from .home import version
 
 DIST = ROOT / "build" / "dist"
 _BOARD = "/lib/framestep/board.mpy"
@@ -30,11 +30,21 @@ def packages() -> dict[str, bytes]:
             source = f"boards/{board}.mpy" if path == _BOARD else Path(target).as_posix().removeprefix("../")
             made[f"{processor}/{source}"] = content
             urls.append([target, source])
-        package = json.dumps({"urls": urls, "version": ".".join(map(str, VERSION))}, indent=1).encode() + b"\n"
+        package = json.dumps({"urls": urls, "version": version()}, indent=1).encode() + b"\n"
         made[f"{processor}/{board}.json"] = package
         if board == chip.plain_board:
             made[f"{processor}/package.json"] = package
     return made
+
+
+@cache
+def packaged(folder: Path, board: str) -> dict[str, bytes]:
+    """{path on the board: content} of a board's package in a folder that `write` has made for its processor."""
+    urls = json.loads((folder / f"{board}.json").read_text())["urls"]
+    return {
+        f"/{target.removeprefix('../')}" if target.startswith("../") else _LIB + target: (folder / source).read_bytes()
+        for target, source in urls
+    }
 
 
 def write(folder: Path) -> None:

