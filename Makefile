@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
-PYTEST := PYTHONHASHSEED=0 $(PYTHON_VENV) -m pytest -q -n auto --dist loadfile
+PYTEST := PYTHONHASHSEED=0 $(PYTHON_VENV) -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
 LAYERS := runtime board emulator
 ARGS ?=
 BOARD ?= pico

@@ -43,6 +43,20 @@ def pytest_addoption(parser):
     )
 
 
+# What takes long begins first, so that at the end no processor waits for another one. Of the rest files go by name.
+_FIRST = ("board/test_flash.py", "board/test_image.py", "board/", "runtime/", "fuzz/", "emulator/")
+
+
+def pytest_collection_modifyitems(items):
+    """Files in the order in which processors are to take them; within a file tests stay in theirs."""
+
+    def turn(item):
+        path = item.path.relative_to(Path(__file__).parent).as_posix()
+        return next((i for i, beginning in enumerate(_FIRST) if path.startswith(beginning)), len(_FIRST))
+
+    items.sort(key=turn)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """In CI nothing may be skipped, by whatever means."""
