@@ -10,7 +10,7 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
-from framestep import native
+from framestep import native_cpython
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
 
@@ -71,7 +71,7 @@ def pytest_runtest_makereport(item, call):
 def _memory():
     """Controllers of a module's tests do not stay in memory: there are thousands."""
     yield
-    native.forget()
+    native_cpython.forget()
 
 
 @dataclass(frozen=True)

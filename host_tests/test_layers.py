@@ -11,6 +11,7 @@ from framestep_tools.files import ROOT, sources
 
 # A module is in the first layer that names it or its package. Packages of one layer do not import each other.
 LAYERS = (
+    ("native_cpython",),
     ("native",),
     ("clock", "results", "copying"),
     ("hal.engine", "hal.stream_engine"),  # constants

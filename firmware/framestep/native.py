@@ -13,6 +13,8 @@ Rules for a kernel, so that the runtimes agree number by number:
 * a pointer to a part of an array is made with `addressof(array)` kept in a state word.
 """
 
+# ruff: noqa: F401 - what is imported here is imported from here
+
 try:
     import micropython
     from micropython import const
@@ -26,79 +28,7 @@ try:
         """An address as the signed 32-bit number that fits a state word."""
         return address - 0x1_0000_0000 if address & 0x8000_0000 else address
 
-    def map_device(device):
-        raise NotImplementedError("devices have addresses of their own here")
-
 except ImportError:
+    from framestep.native_cpython import addressof, as_word, const, micropython, ptr8, ptr16, ptr32
+
     CPYTHON = True
-
-    class micropython:
-        """Stands for MicroPython's module: its decorators change nothing here."""
-
-        @staticmethod
-        def viper(function):
-            return function
-
-        @staticmethod
-        def native(function):
-            return function
-
-    from array import array
-
-    def const(value):
-        return value
-
-    _memory = {}  # address -> what lies there
-    _addresses = {}  # id of an array -> its address; arrays stay alive in _memory
-    _next = [0x1000_0000]
-
-    def addressof(memory):
-        """Give an array an address that a pointer cast finds it under; the same each time."""
-        address = _addresses.get(id(memory))
-        if address is None:
-            address = _next[0]
-            _next[0] += 0x100
-            _addresses[id(memory)] = address
-            _memory[address] = memory
-        return address
-
-    map_device = addressof  # anything with __getitem__ and __setitem__ may lie at an address
-
-    def forget():
-        """Give back the memory of what nobody but the table of addresses holds any more.
-
-        For programs that make many controllers one after the other. Devices must be held by whoever mapped them.
-        """
-        import gc
-        import sys
-        import weakref
-
-        kept = {}
-        for address, memory in _memory.items():
-            # bytearrays know no weak references, and refer to nothing themselves
-            kept[address] = memory if memory.__class__ is bytearray else weakref.ref(memory)
-        _memory.clear()
-        memory = None
-        gc.collect()
-        while kept:
-            address, memory = kept.popitem()
-            if memory.__class__ is weakref.ref:
-                memory = memory()
-            elif sys.getrefcount(memory) == 2:  # `memory` here, and the argument
-                memory = None
-            if memory is not None:
-                _memory[address] = memory
-        _addresses.clear()
-        _addresses.update((id(memory), address) for address, memory in _memory.items())
-
-    def as_word(address):
-        return address
-
-    def _pointer(memory):
-        return _memory[memory] if memory.__class__ is int else memory
-
-    ptr16 = ptr32 = _pointer
-
-    def ptr8(memory):
-        memory = _pointer(memory)
-        return memoryview(memory).cast("B") if memory.__class__ is array else memory

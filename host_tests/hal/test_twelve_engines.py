@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import pytest
 
-from framestep import native
+from framestep import native_cpython
 from framestep_tools.files import board_data
 
 # RP2350 datasheet 11.7: blocks, TXF0 and FDEBUG
@@ -67,6 +67,6 @@ class Register(dict):
 def test_a_lost_command_is_its_motors(pulses, monkeypatch, motor):
     for number, block in enumerate(BLOCKS):
         over = 1 << (16 + motor % 4) if motor // 4 == number else 0
-        monkeypatch.setitem(native._memory, block, Register({FDEBUG_WORD: over | 0x0F000000}))
+        monkeypatch.setitem(native_cpython._memory, block, Register({FDEBUG_WORD: over | 0x0F000000}))
     assert pulses.lost_commands(12) == 1 << motor
     assert pulses.lost_commands(12) == 0

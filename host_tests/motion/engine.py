@@ -12,7 +12,7 @@ from framestep.hal.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
 from framestep.hal.host import PulseModel
 from framestep.motion import stepper
 from framestep.motion.kernel import StepKernel
-from framestep.native import map_device
+from framestep.native_cpython import map_device
 
 PER_US = 125
 PER_TICK = 1000 * PER_US

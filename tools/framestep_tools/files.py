@@ -38,6 +38,7 @@ _HOST_ONLY = {
     "framestep/hal/host.py",
     "framestep/host_board.py",
     "framestep/hal/contract.py",
+    "framestep/native_cpython.py",
     "framestep/hal/engine.py",  # constants alone, as
     "framestep/results.py",
     _CLOCK,

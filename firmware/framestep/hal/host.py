@@ -10,7 +10,8 @@ from framestep.clock import WIDE_WRAP
 from framestep.hal import CHANGED, engine
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.motion.kernel import StepKernel
-from framestep.native import addressof, map_device
+from framestep.native import addressof
+from framestep.native_cpython import map_device
 
 CLOCK_HZ = 125_000_000
 CYCLES = CLOCK_HZ // 1000

@@ -23,12 +23,12 @@ DEAF_MS = const(3000)
 
 
 class Watchdog:
-    """hal: see framestep.hal; writer: the FrameWriter that the host is to take from."""
+    """hal: see framestep.hal; outgoing: what the host is to take, with `taken` and `pending` bytes."""
 
-    def __init__(self, hal, writer):
+    def __init__(self, hal, outgoing):
         self.hal = hal
         self.dog = hal.watchdog
-        self.writer = writer
+        self.outgoing = outgoing
         self.looked_at = 0
         self.armed = False
         self._ticks = 0
@@ -41,8 +41,8 @@ class Watchdog:
         now: milliseconds modulo 2^29; moving: whether a motor does; is_open: whether a host has the port open.
         """
         self.looked_at = now
-        taken = self.writer.taken
-        if taken != self._taken or not is_open or not self.writer.pending:
+        taken = self.outgoing.taken
+        if taken != self._taken or not is_open or not self.outgoing.pending:
             self._taken = taken
             self._heard_at = now
         deaf = elapsed(now, self._heard_at) >= DEAF_MS
