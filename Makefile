@@ -36,7 +36,7 @@ emu: setup node ## the controller on the emulated board, on a pseudo-terminal; A
 	@$(PYTHON_VENV) -m framestep_tools.emu $(ARGS)
 
 flash: setup ## copy framestep to a board with MicroPython: BOARD=pico, and PORT=/dev/ttyACM0 if there are several
-	@$(PYTHON_VENV) -m framestep_tools.flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
+	@$(PYTHON_VENV) -m framestep_tools flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
 	@$(PYTHON_VENV) -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from framestep_tools.errors import ToolError
 from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_chip, board_modules, board_names, compiled
 
 _PRODUCTS = {
@@ -19,7 +20,7 @@ _PRODUCTS = {
 IMAGE_MAIN = FIRMWARE / "image_main.py"
 
 
-class BuildError(Exception):
+class BuildError(ToolError):
     """A build is missing and cannot be made here; the text says why."""
 
 

@@ -11,9 +11,7 @@ from ast import literal_eval
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-import serial
 from mpremote.transport import TransportError, TransportExecError
-from mpremote.transport_serial import SerialTransport
 
 from framestep.protocol import messages
 
@@ -184,6 +182,8 @@ class Device:
 
     def _open(self) -> None:
         try:
+            from mpremote.transport_serial import SerialTransport  # and pyserial, which needs what this system has
+
             self._transport = SerialTransport(self.path, timeout=_READ_S)
         except (OSError, TransportError) as error:
             others = holders(self.path)
@@ -210,7 +210,7 @@ class Device:
                             raise Moving(f"motors move ({', '.join(map(str, moving))}); nothing has been changed")
                         return
             port.timeout = _READ_S
-        except (OSError, serial.SerialException) as error:
+        except OSError as error:
             raise DeviceError(f"{self.path} does not take anything: {error}") from None
 
     def _enter(self, seconds: float = _REPL_S) -> None:

@@ -93,7 +93,7 @@ _BY_HAND = ("framestep/repl.py", "framestep/bench/")  # called on the REPL, perh
 _P = ParamSpec("_P")
 
 
-class CompileError(Exception):
+class CompileError(ToolError):
     """mpy-cross refused a source file; the text is its message."""
 
 

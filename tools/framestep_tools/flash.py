@@ -7,13 +7,10 @@ half new comes up as plain MicroPython; and what is there is known by its hash, 
 import json
 from collections.abc import Callable, Iterable, Mapping
 from hashlib import sha256
-from typing import Annotated, Protocol
-
-import typer
+from typing import Protocol
 
 from .device import RIG_FILE, Device, DeviceError, Who
-from .errors import Command
-from .files import CompileError, board_chip, board_data, board_files
+from .files import board_chip, board_data, board_files
 from .restart import greeting, hello
 from .rig_file import RigFileError, check, parse
 
@@ -23,8 +20,6 @@ FOLDER = "/lib/framestep"
 LIST = FOLDER + "/files.json"  # what has been put on the board
 MAIN = "/main.py"
 _KEPT = "/main_before.py"
-
-app = Command("flash", expected=(CompileError,))
 
 
 class Files(Protocol):
@@ -139,25 +134,14 @@ def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> i
         return 2
 
 
-Port = Annotated[str | None, typer.Option(help="port of the REPL; without it the only board on USB", metavar="PORT")]
-ProtocolPort = Annotated[
-    str | None, typer.Option(help="port that Dragonframe will use, where it cannot be told", metavar="PORT")
-]
+def flash_board(board: str, port: str | None, protocol: str | None, say: Callable[[str], None]) -> None:
+    """Put framestep on a board and ask it who it is.
 
-
-@app.command()
-def main(
-    board: Annotated[str, typer.Option(help="a folder of boards/")] = "pico",
-    port: Port = None,
-    protocol: ProtocolPort = None,
-) -> None:
-    """Put framestep on a board and ask it who it is."""
+    port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will use, where it cannot
+    be told.
+    """
     files = board_files(board_chip(board).processor, board)
-
-    def say(line: str) -> None:
-        print(line, flush=True)
-
-    with Device(port) as device:
+    with Device(port, say) as device:
         say(f"{board_data(board)['name']} on {device.path}")
         check_firmware(device.who(), board)
         device.halt()
@@ -167,7 +151,3 @@ def main(
         device.restart()
     path, info = hello(device.path, protocol, ports)
     say(greeting(path, info))
-
-
-if __name__ == "__main__":
-    app()

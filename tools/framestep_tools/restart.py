@@ -1,6 +1,7 @@
 """After a restart: the board's protocol port, and who answers there."""
 
 import time
+from collections.abc import Callable
 
 from .client import Client
 from .device import DeviceError
@@ -19,22 +20,30 @@ def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]
     repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that is known; ports: how
     many the rig file asks for.
     """
+    return answer(
+        lambda: repl if ports == 1 else protocol or protocol_of(repl),
+        "it has no port named framestep DMC",
+        f"; what it says as it starts shows mpremote connect {repl} exec 'import main'",
+    )
+
+
+def answer(find: Callable[[], str | None], otherwise: str, advice: str = "") -> tuple[str, DeviceInfo]:
+    """Wait for a board that starts; the port on which it answers, and who it says it is.
+
+    find: gives its port, None while there is none; otherwise: what is told if none comes.
+    """
     end = time.monotonic() + _START_S
-    why = "it has no port named framestep DMC"
+    why = otherwise
     while True:
         time.sleep(_LOOK_S)
-        path = repl if ports == 1 else protocol or protocol_of(repl)
-        if path:
+        if path := find():
             try:
                 with Client.open(path, _ANSWER_S) as client:
                     return path, client.request(Hi())
             except (ToolError, OSError) as error:
                 why = str(error)
         if time.monotonic() > end:
-            raise DeviceError(
-                f"the board does not come up ({why}); what it says as it starts shows "
-                f"mpremote connect {repl} exec 'import main'"
-            )
+            raise DeviceError(f"the board does not come up ({why}){advice}")
 
 
 def greeting(path: str, info: DeviceInfo) -> str:

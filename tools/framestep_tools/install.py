@@ -1,0 +1,122 @@
+"""framestep onto a board without a compiler: its image onto the BOOTSEL drive, or one file of a stock MicroPython and
+framestep's file system."""
+
+import json
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+from . import drives, home, uf2
+from .chips import chips
+from .drives import Drive, DriveError
+from .errors import ToolError
+from .files import board_chip, board_data, board_files, board_names
+from .flash import LIST, MAIN, OLDEST
+from .ports import OTHER, PROTOCOL, listed
+from .restart import answer, greeting
+
+DRIVE_S = 300.0  # to find BOOTSEL and plug the board in
+_OURS = b" with framestep"  # in the name that an image of framestep gives its board
+
+
+def image_of(board: str) -> bytes:
+    """The UF2 image of a board: the one that the package brings; in a checkout built, if need be."""
+    board_data(board)  # is there such a board?
+    if not home.INSTALLED:
+        from .builds import frozen
+
+        return frozen(board).with_suffix(".uf2").read_bytes()
+    path = home.IMAGES / f"{board}.uf2"
+    if not path.exists():
+        raise ToolError(
+            f"this installation of framestep brings no image for {board}: it was installed from sources. Take the "
+            "release's package or its .uf2 file (--image FILE), or join one with MicroPython's: framestep uf2 --help"
+        )
+    return path.read_bytes()
+
+
+def board_on(drive: Drive, board: str | None) -> str:
+    """The board to install for: the one that was asked for, if the drive is of its chip; the chip's plain one."""
+    if board is None:
+        return chips()[drive.chip].plain_board
+    wanted = board_chip(board).name
+    if drive.chip != board_data(board)["chip"]:
+        fitting = " or ".join(name for name in board_names() if board_data(name)["chip"] == drive.chip)
+        raise DriveError(
+            f"the board on {drive.path} has an {chips()[drive.chip].name}, {board} an {wanted}: --board {fitting}"
+        )
+    return board
+
+
+def onto_drive(board: str, content: bytes, drive: Drive, device: str | None, say: Callable[[str], None]) -> None:
+    """Drop an image onto a board's drive, wait until the board is up, and say who answers.
+
+    device: the protocol's port, where it cannot be found.
+    """
+    image = uf2.parse(content, "the image")
+    if image.chip != drive.chip:
+        raise DriveError(f"the image is for an {chips()[image.chip].name}, the board has an {chips()[drive.chip].name}")
+    before = {port.board for port in listed()} if device is None else set()
+    last = 0
+
+    def progress(done: int) -> None:
+        nonlocal last
+        percent = 100 * done // len(content)
+        if percent - last >= 25 or percent == 100:
+            last = percent
+            say(f"  {percent} %")
+
+    say(f"copying {len(content) // 1024} kB for the {board_data(board)['name']} onto {drive.path}")
+    drives.drop(drive, f"framestep-{board}.uf2", content, progress)
+    say("the board starts")
+
+    def find() -> str | None:
+        if device:
+            return device
+        new = [port for port in listed() if port.use != OTHER and port.board not in before]
+        return next((port.path for port in new if port.use == PROTOCOL), None)
+
+    path, info = answer(find, "it shows no port named framestep DMC; if its rig file says ports: 1, name its port")
+    say(greeting(path, info))
+    if f"{info.major}.{info.minor}.{info.revision}" != home.version():
+        say(f"this is not the version that was copied, {home.version()}: is it another board?")
+
+
+def joined(content: bytes, name: str, board: str | None, rig: bytes | None) -> tuple[str, bytes]:
+    """A stock MicroPython's UF2 file with framestep's files added: the board, and the new UF2 file's content.
+
+    rig: the rig file's content. The file system is written as a whole: what a board had in it goes.
+    """
+    image = uf2.parse(content, name)
+    board = board or chips()[image.chip].plain_board
+    chip = board_chip(board)
+    if board_data(board)["chip"] != image.chip:
+        raise ToolError(f"{name} is for an {chips()[image.chip].name}, {board} has an {chip.name}")
+    area, version = image.file_system(), image.version()
+    if area is None or version is None:
+        raise ToolError(f"{name} is no MicroPython: get one from https://micropython.org/download/{chip.download}/")
+    if _OURS in image.flash():
+        raise ToolError(f"{name} has framestep in it already: drop it onto the board as it is")
+    numbers = tuple(int(part) for part in version.lstrip("v").split("-")[0].split(".")[:2] if part.isdigit())
+    if len(numbers) == 2 and numbers < OLDEST:
+        raise ToolError(
+            f"{name} is MicroPython {version}; {'.'.join(map(str, OLDEST))} or newer is needed, from "
+            f"https://micropython.org/download/{chip.download}/"
+        )
+    files = dict(board_files(chip.processor, board))
+    about = {"board": board, "main": sha256(files[MAIN]).hexdigest(), "files": sorted(files)}
+    files[LIST] = json.dumps(about).encode()
+    if rig is not None:
+        files["/rig.json"] = rig
+    from .file_system import BLOCK_SIZE, make_image
+
+    image.put(area.address, make_image(files, area.size // BLOCK_SIZE))
+    return board, image.packed()
+
+
+def read(path: Path) -> bytes:
+    """A file's content; ToolError if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ToolError(f"cannot read {path}: {error.strerror}") from None
