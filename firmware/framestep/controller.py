@@ -739,8 +739,8 @@ class Controller:
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
-        if axis.moving or self.stage.running or self.virtuals.engaged >> self._leading(motor) & 1:
-            return m.ERR_MOVING
+        if axis.moving or (self.stage.engaged | self.virtuals.engaged) >> self._leading(motor) & 1:
+            return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
         self.reader.word_to(1, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE

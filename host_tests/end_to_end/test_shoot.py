@@ -308,6 +308,8 @@ PAIR = [BlurMotor(1, 0, 400)]
         (RtShootFrame2(FRAME, 17, 0, 360, PAIR), Ack.ERR_RANGE),
         (RtShootFrame2(FRAME, 60000, 0, 1, PAIR), Ack.ERR_RANGE),  # six hours from A to B
         (RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), Ack.ERR_RANGE),  # 22 days until it opens
+        (RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR), Ack.ERR_RANGE),  # 4 days from then until the motors start
+        (RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), Ack.ERR_RANGE),
     ],
 )
 def test_refused_for_its_numbers(ready, request_, code):

@@ -86,6 +86,30 @@ def test_the_camera_stays_on_the_point(rig):
     follows(key=MotorJog(3, 10_000, -90_000), stop=MotorStop(3))
 
 
+@pytest.mark.parametrize("back", [False, True], ids=["the same way", "back"])
+def test_a_jog_that_is_asked_for_while_one_stops(back):
+    """Field note 4.2: once is enough; it sets out when the one before has come to rest, the camera on its point."""
+    session = enabled(NODAL_FINE)
+    before = session.positions
+    session.forget()
+    for _ in range(4):
+        session.accept(MotorJog(3, 10_000, 90_000))
+        session.run(0.2)
+    session.accept(MotorStop(3))
+    session.run(0.06)
+    session.accept(MotorJog(3, 10_000, -90_000 if back else 90_000))
+    session.run(0.3)
+    assert session.moving
+    session.wait_idle()
+    track = Track(session, before)
+    track.limits(20_000, 50_000)
+    assert np.abs(beside(NODAL_FINE, track, POINT)).max() < 0.01
+    times, signs = session.steps(3)
+    rests = np.flatnonzero(np.diff(times) > 0.02)
+    assert len(rests) == 1 and len(times) - rests[0] > 100
+    assert np.all(signs[: rests[0]] == signs[0]) and np.all(signs[rests[0] + 1 :] == (-1 if back else 1) * signs[0])
+
+
 def test_enabling_does_not_jump_and_keeps_the_offset():
     session = configured(BOOM_FINE)
     start = pose(session)

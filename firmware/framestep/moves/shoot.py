@@ -170,7 +170,7 @@ class ShootFrame(Operation):
         reals.multiply(r, _WINDOW, X, Y)
         reals.put(r, Y, opened, 0)
         reals.multiply(r, X, X, Y)  # from angle 0 to the opening
-        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS or reals.floor(r, X, HALF) > LONGEST_MS:
+        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS:
             return ERR_RANGE
         reals.put(r, Y, run_up_ms, 0)
         reals.copy(r, _ROLL, Y)

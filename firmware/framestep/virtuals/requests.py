@@ -326,7 +326,10 @@ class Virtuals:
             self._set_line(kind - g.AXES - 1, self.later_way, self.later_speed)
         elif not limit or (self.now - self.later_at) & _WRAP < limit:
             reals.copy_word(self.word, 0, self.later_to, 0)
-            self._set_jog(kind, self.later_speed)
+            if kind > 0:
+                self._set_jog(kind, self.later_speed)
+            elif self.motion.aiming:
+                self._set_drive(-1 - kind, self.word, 0, self.later_speed)
 
     def _follow(self, kind, way, speed, bits):
         """Set out on a jog along the line that has been laid. A code.
@@ -496,13 +499,18 @@ class Virtuals:
             return code
         kind = -1 - axis
         if motion.state:
-            if speed and self._under_way(kind, motion.side(axis, target, i), speed):
+            if not speed:
+                return m.ERR_MOVING
+            if not self.later and self._under_way(kind, motion.side(axis, target, i), speed):
                 self.jog_at = self.now
                 return m.OK
-            if speed and self.jogging:
-                self.stop()  # and then it turns, when it is asked for again
-                return m.OK
-            return m.ERR_MOVING
+            reals.copy_word(self.word, 0, target, i)
+            return self._next(kind, 0, speed)
+        return self._set_drive(axis, target, i, speed)
+
+    def _set_drive(self, axis, target, i, speed):
+        """Send the motor of this axis to the step target[i], or jog it there. A code."""
+        motion = self.motion
         code = motion.lay(True)
         if code:
             return code
@@ -517,7 +525,7 @@ class Virtuals:
             reals.negate(r, v.END, v.END)
             reals.put(r, v.WAY + 2 * axis, -1, 0)
         if speed:
-            code = self._follow(kind, way, speed, 0)
+            code = self._follow(-1 - axis, way, speed, 0)
             if code == m.OK and motion.state:
                 self.jog_at = self.now
             return code
