@@ -7,6 +7,10 @@ LAYERS := runtime board emulator
 ARGS ?=
 BOARD ?= pico
 
+# What one target is given is not meant for those that its recipe makes: `make test ARGS=-x` makes an image, too.
+MAKEOVERRIDES :=
+unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
+
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator fuzz lint types format \
 	plots bench profile flash image dist emulator-measure strain clean

@@ -106,7 +106,7 @@ def test_the_second_time_there_is_nothing_to_copy(flash, wanted):
 
 def test_refused_while_something_moves(bench, flash):
     before = files(bench)
-    with Client.open(bench.protocol, timeout_s=20) as client:
+    with Client.open(bench.protocol, timeout_s=PATIENCE_S) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))
         said = flash(status=1)
@@ -140,7 +140,7 @@ def test_rig_edit(bench, monkeypatch, capsys):
 
 def test_one_port(bench, flash, monkeypatch, capsys):
     """Where Ctrl-C ends the controller, it is asked before whether anything moves."""
-    with Client.open(bench.repl, timeout_s=20) as client:
+    with Client.open(bench.repl, timeout_s=PATIENCE_S) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))
         assert "motors move (1); nothing has been changed" in flash(status=1)
@@ -148,7 +148,7 @@ def test_one_port(bench, flash, monkeypatch, capsys):
         client.request(MotorStopAll())
         client.wait_idle()
     assert "nothing has been changed" in edit(bench, monkeypatch, capsys, "small", "small")
-    with Client.open(bench.repl, timeout_s=20) as client:
+    with Client.open(bench.repl, timeout_s=PATIENCE_S) as client:
         assert client.request(Hi()).name == "small", "the controller is there again"
     said = edit(bench, monkeypatch, capsys, "1", "2")
     assert re.search(f"small on {bench.protocol}, firmware", said)
@@ -167,5 +167,5 @@ def test_installed_by_mip(tmp_path, wanted):
         begun = emu.ns
         subprocess.run([*mpremote, "reset"], check=True, capture_output=True)
         emu.wait_usb(after=begun, ports=2, ms=PATIENCE_S * 1000)
-        with Client.open(protocol, timeout_s=20) as client:
+        with Client.open(protocol, timeout_s=PATIENCE_S) as client:
             assert client.request(Hi()).motors == 8

@@ -23,6 +23,6 @@ builds._run = run
 print(builds.frozen("pico"))
 """
     both = [subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    made = [process.communicate(timeout=60)[0] for process in both]
+    made = [process.communicate(timeout=1000)[0] for process in both]
     assert made[0] == made[1] != ""
     assert log.read_text() == "begin\nend\n", "the second one finds it made"

@@ -72,6 +72,19 @@ def test_no_test_leaves_the_profile():
                 assert given.get("suppress_health_check", "list(HealthCheck)") == "list(HealthCheck)", where
 
 
+def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path):
+    """`make test ARGS=--durations=9` runs tests that make an image; that is no option of it."""
+    makefile = tmp_path / "Makefile"
+    makefile.write_text(
+        f"include {ROOT / 'Makefile'}\n"
+        f"outer:\n\t@echo '$(ARGS) $(SEED)'; $(MAKE) --no-print-directory -f {makefile} inner BOARD=skr_pico\n"
+        'inner:\n\t@echo "$(ARGS)$$ARGS$(SEED)$$SEED $(BOARD)"\n'
+    )
+    command = ["make", "-f", makefile, "outer", "ARGS=--durations=9", "SEED=3", "BOARD=pico2"]
+    made = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert made.stdout.splitlines() == ["--durations=9 3", " skr_pico"]
+
+
 @pytest.mark.parametrize("imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]])
 def test_examples_do_not_depend_on_what_is_imported(imported):
     """Hypothesis would draw numbers of the modules that are there, and so of the tests that have run before."""

@@ -21,6 +21,7 @@ from framestep_tools.wire import FrameDecoder, encode
 
 INFO = DeviceInfo("fake", 1, 2, 3, 8, 0, 0, 0, 0, 0, 0, 2)
 MS = 1_000_000
+PATIENCE_S = 100  # the answer comes at once, but a busy computer may take its time
 
 
 class FakeChannel:
@@ -108,7 +109,7 @@ def serving(board, **options):
         server.close()
 
 
-def until(condition, seconds=100):
+def until(condition, seconds=PATIENCE_S):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "nothing happened"
@@ -124,7 +125,7 @@ def test_client_over_the_pseudo_terminal():
     with serving(board) as server:
         path = server.announcements[0]
         for _ in range(2):  # the second time as well
-            with Client.open(path) as client:
+            with Client.open(path, PATIENCE_S) as client:
                 assert client.request(Hi()) == INFO
                 until(lambda: board.protocol.log[-1:] == [True])
             until(lambda: board.protocol.log[-1:] == [False])
@@ -152,7 +153,7 @@ def test_the_terminal_is_raw_and_says_hi_when_opened():
 def test_client_over_tcp_and_dtr():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
-        with Client.open(tcp_url(server)) as client:
+        with Client.open(tcp_url(server), PATIENCE_S) as client:
             # the HI that it says unasked may be there before pyserial, on opening a socket, drops what has come
             assert client.request(Hi()) == INFO
         until(lambda: board.protocol.log == [True, False])
@@ -162,7 +163,7 @@ def test_a_quick_return_is_seen_as_closing_and_opening():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
         for _ in range(5):
-            with Client.open(tcp_url(server)) as client:
+            with Client.open(tcp_url(server), PATIENCE_S) as client:
                 assert client.request(Hi()) == INFO
         until(lambda: len(board.protocol.log) == 10)
         assert board.protocol.log == [True, False] * 5
@@ -179,11 +180,11 @@ def test_what_was_sent_before_leaving_arrives():
 
 def test_one_client_at_a_time():
     board = FakeBoard()
-    with serving(board, tcp="127.0.0.1:0") as server, Client.open(tcp_url(server)) as first:
+    with serving(board, tcp="127.0.0.1:0") as server, Client.open(tcp_url(server), PATIENCE_S) as first:
         assert first.request(Hi()) == INFO
         host, port = tcp_url(server).removeprefix("socket://").split(":")
         with socket.create_connection((host, int(port))) as second:
-            second.settimeout(100)
+            second.settimeout(PATIENCE_S)
             assert second.recv(1) == b""  # closed at once
         with Client.open(server.announcements[0], timeout_s=0.2) as third, pytest.raises(NoAnswer):
             third.request(Hi())
@@ -266,7 +267,7 @@ def test_full_speed_only_while_there_is_something_to_do():
     board = FakeBoard()
     with serving(board, speed=None, tcp="127.0.0.1:0") as server:
         assert keeps_real_time(board)  # nobody there
-        with Client.open(tcp_url(server)) as client:
+        with Client.open(tcp_url(server), PATIENCE_S) as client:
             board.step_every_ns = 10 * MS
             client.request(Hi())
             until(lambda: pace(board) > 3)
