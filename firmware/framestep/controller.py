@@ -567,14 +567,39 @@ class Controller:
         return 0
 
     def _exceeded(self):
-        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²)."""
+        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²).
+
+        Then what is set for a motor, that one or the one that the request names: motor 10, velocity 11, acceleration
+        15, soft limits 19 (lower), 23 (upper), SET_ bits 27; and limit sets whose upper 28, whose lower switch 30 is
+        active, a bit each.
+        """
         writer = self.writer
         exceeded = self.stage.follower.exceeded
+        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
+        if motor < 0 or motor >= self.count:
+            return m.ERR_RANGE
         writer.begin(m.MSG_EXCEEDED, self.reader)
         writer.u8(exceeded[0])
         writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
         writer.words_from(exceeded, 2, 1)
         writer.words_from(exceeded, 3, 1)
+        axis = self.axes[motor]
+        writer.u8(motor + 1)
+        writer.u32(axis.own_velocity)
+        writer.u32(axis.own_acceleration)
+        writer.words_from(axis.limits, 0, 2)
+        bits = self.safety.ends(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
+        if axis.lower_enabled:
+            bits |= m.SET_LOWER
+        if axis.upper_enabled:
+            bits |= m.SET_UPPER
+        if self.flags[motor] & m.MOTOR_ENABLED:
+            bits |= m.SET_ENABLED
+        if axis.leader:
+            bits |= m.SET_LED
+        writer.u8(bits)
+        writer.u16(self.safety.held(0))
+        writer.u16(self.safety.held(1))
         writer.end()
         return 0
 

@@ -24,3 +24,7 @@ EXCEEDED_VELOCITY = const(1)  # refused
 EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
 EXCEEDED_BOARD = const(3)  # refused: more than the board can make
 EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than was asked for
+EXCEEDED_UPPER = const(5)  # refused, as all that follow: past the upper soft limit,
+EXCEEDED_LOWER = const(6)  # the lower one,
+EXCEEDED_PREROLL = const(7)  # a limit or the acceleration in the pre-roll,
+EXCEEDED_POSTROLL = const(8)  # in the post-roll

@@ -26,7 +26,11 @@ from framestep.protocol.messages import (
     CONDITION_UNKEPT,
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
+    EXCEEDED_LOWER,
+    EXCEEDED_POSTROLL,
+    EXCEEDED_PREROLL,
     EXCEEDED_SLOWED,
+    EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
 )
 
@@ -65,6 +69,10 @@ EXCEEDED = {
     EXCEEDED_ACCELERATION: "its acceleration by %d steps/s²; it is refused with strict_moves only",
     EXCEEDED_BOARD: "what the board can make: refused",
     EXCEEDED_SLOWED: "what it is set to: JOG_ALL goes at %d frames in 1000 s",
+    EXCEEDED_UPPER: "its upper soft limit: refused",
+    EXCEEDED_LOWER: "its lower soft limit: refused",
+    EXCEEDED_PREROLL: "a limit or its acceleration in the pre-roll: refused",
+    EXCEEDED_POSTROLL: "a limit or its acceleration in the post-roll: refused",
 }
 
 

@@ -327,13 +327,22 @@ class Condition(Payload):
 @dataclass(frozen=True)
 class Exceeded(Payload):
     """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of nothing), the
-    motor, the scene frame, and by how many steps/s or steps/s²."""
+    motor, the scene frame, and by how many steps/s or steps/s². Then what is set for a motor, that one or the one that
+    was named (bits: SET_), and limit sets with an active switch, a bit each; older devices do not tell these."""
 
     TYPE = messages.MSG_EXCEEDED
     what: U8
     motor: U8
     frame: I32
     by: U32
+    of: U8 | None = None
+    velocity: U32 | None = None
+    acceleration: U32 | None = None
+    lower: I32 | None = None
+    upper: I32 | None = None
+    bits: U8 | None = None
+    upper_active: U16 | None = None
+    lower_active: U16 | None = None
 
 
 @dataclass(frozen=True)
@@ -412,9 +421,10 @@ class GetCondition(Request[Condition]):
 
 @dataclass(frozen=True)
 class GetExceeded(Request[Exceeded]):
-    """Ask what the last move asked too much of; only framestep answers."""
+    """Ask what the last move asked too much of, and what is set for a motor; only framestep answers."""
 
     TYPE = messages.MSG_EXCEEDED
+    motor: U8 | None = None
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ def _conditions(state: State) -> list[str]:
         return [_NOT_TOLD]
     found = words.conditions(state.condition.bits)
     if state.exceeded:
-        found += words.exceeded(*vars(state.exceeded).values())
+        found += words.exceeded(state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by)
     if any(each.state == LOST for each in state.condition.positions):
         found.append(words.LIMITS_COUNT)
     return found

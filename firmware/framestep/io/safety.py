@@ -157,6 +157,14 @@ class Safety:
             self.words[REST] |= bit
         return bit
 
+    def held(self, end):
+        """Limit sets whose switch at an end (0 the upper, 1 the lower) is active, one bit each."""
+        bits = 0
+        for i in range(len(self.sets)):
+            if self.sets[i][end] & self.words[_ACTIVE]:
+                bits |= 1 << i
+        return bits
+
     def has(self, number):
         """Whether there is a limit set of this number; 0 stands for none."""
         return number <= len(self.sets)

@@ -18,8 +18,10 @@ from framestep.results import (
     ERR_SOFT_UP,
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
+    EXCEEDED_LOWER,
     EXCEEDED_NOTHING,
     EXCEEDED_SLOWED,
+    EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
     OK,
 )
@@ -227,7 +229,9 @@ class Follower:
                             path.TOO_HARD if ramp else found, motor, first + order * words[path.SEEN], words[path.FOUND]
                         )
                         return ERR_RANGE
-                    if found == path.TOO_HIGH:
+                    high = found == path.TOO_HIGH
+                    self.blame(EXCEEDED_UPPER if high else EXCEEDED_LOWER, motor, first + order * words[path.SEEN], OK)
+                    if high:
                         return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
                     return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
                 done += batch
@@ -382,6 +386,15 @@ class Follower:
             reals.multiply(r, Y, Y, THOUSAND)
             rate = min(rate, reals.floor(r, Y, HALF))
         return rate
+
+    def blame(self, what, motor, index, code):
+        """Keep for `exceeded` at which motor and frame something is refused; the code."""
+        told = self.exceeded
+        told[WHAT] = what
+        told[MOTOR] = motor
+        told[FRAME] = self.store.start + index
+        told[BY] = 0
+        return code
 
     def _exceeded(self, found, motor, index, amount):
         """Keep for `exceeded` what check() has found at a frame: register Y holds frames per second."""

@@ -212,6 +212,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
         i += 1
         if order < 0:
             i -= 2
+        words[SEEN] = seen
         if p > words[HIGHEST]:
             return TOO_HIGH
         if p < words[LOWEST]:
@@ -231,7 +232,6 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                     words[OFFSET] = 0 - play
             words[LAST] = p
             p = p + words[OFFSET]
-        words[SEEN] = seen
         if seen:
             # halves first, since the difference of two words may need 33 bits
             step = (p >> 1) - (b >> 1)

@@ -198,8 +198,10 @@ class Moves:
     def _may_begin(self):
         """OK where an operation may be prepared (field note 6.1)."""
         code = self.controller.may_move_all()
-        if code == m.OK and (self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged):
-            code = m.ERR_MOVING
+        if code == m.OK:
+            if self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged:
+                return m.ERR_MOVING
+            self.stage.follower.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _may_go(self):

@@ -27,7 +27,16 @@ from framestep.moves.stage import Operation
 from framestep.moves.store import READY as UPLOADED
 from framestep.native import const
 from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
-from framestep.results import ERR_GENERAL, ERR_NOT_IN_POSITION, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
+from framestep.results import (
+    ERR_GENERAL,
+    ERR_NOT_IN_POSITION,
+    ERR_POSTROLL,
+    ERR_PREROLL,
+    ERR_RANGE,
+    EXCEEDED_POSTROLL,
+    EXCEEDED_PREROLL,
+    OK,
+)
 
 LONGEST_ROLL = const(600000)  # ms
 _SHORTEST_ROLL = const(2)  # ms of a motor's own ramp: the phase after it must not begin in the tick of its start
@@ -241,18 +250,18 @@ class RunMove(Operation):
                 follower.velocity(own, motor, plan.first, plan.step)
                 reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
                 if not follower.roll(motor, own, _ROLL, True, plan.begins):
-                    return ERR_PREROLL
+                    return follower.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
                 follower.velocity(own, motor, last, plan.step)
                 reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
                 if plan.flags & (RUN_LOOP | RUN_PING_PONG) and not follower.roll(motor, own, _ROLL, False, plan.ends):
-                    return ERR_POSTROLL
+                    return follower.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if not self._last(motor, last):
-                    return ERR_POSTROLL
+                    return follower.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if plan.flags & RUN_PING_PONG:
                     follower.velocity(own, motor, plan.first, -plan.step)
                     reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
                     if not self._last(motor, plan.first):
-                        return ERR_POSTROLL
+                        return follower.blame(EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL)
         return OK
 
     def _last(self, motor, index):

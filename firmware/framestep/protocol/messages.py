@@ -154,6 +154,17 @@ EXCEEDED_VELOCITY = const(results.EXCEEDED_VELOCITY)
 EXCEEDED_ACCELERATION = const(results.EXCEEDED_ACCELERATION)
 EXCEEDED_BOARD = const(results.EXCEEDED_BOARD)
 EXCEEDED_SLOWED = const(results.EXCEEDED_SLOWED)
+EXCEEDED_UPPER = const(results.EXCEEDED_UPPER)
+EXCEEDED_LOWER = const(results.EXCEEDED_LOWER)
+EXCEEDED_PREROLL = const(results.EXCEEDED_PREROLL)
+EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
+
+SET_LOWER = const(0x01)  # of MSG_EXCEEDED, what is set for a motor: a lower soft limit,
+SET_UPPER = const(0x02)  # an upper one;
+SET_ENABLED = const(0x04)  # it is enabled;
+SET_LED = const(0x08)  # it does what another one does;
+SET_AT_UPPER = const(0x10)  # its upper limit switch is active,
+SET_AT_LOWER = const(0x20)  # its lower one
 
 LINE_X = const(0)
 LINE_Y = const(1)

@@ -90,7 +90,7 @@ def say_json(found: Any) -> None:
 def talking(device: str | None) -> "Iterator[Client]":
     """A client of the device, or of the only board, which has told who it is."""
     from .. import door, ports
-    from ..client import DEFAULT_TIMEOUT_S, Client, WrongPort
+    from ..client import DEFAULT_TIMEOUT_S, Client, RequestRefused, WrongPort
     from ..opening import PortBusy, is_socket
 
     url = device or ports.protocol_port()
@@ -113,6 +113,10 @@ def talking(device: str | None) -> "Iterator[Client]":
         client.greet()
         try:
             yield client
+        except RequestRefused as error:
+            from ..refusals import explain
+
+            raise explain(client, error) from None
         finally:
             if client.door:
                 client.door.close()

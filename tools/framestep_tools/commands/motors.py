@@ -24,19 +24,39 @@ def status(
     from .. import state
 
     with talking(device) as client:
-        if not watch:
-            found = state.ask(client)
-            say_json(state.for_programs(found)) if json else print(*state.lines(found), sep="\n")
-            return
-        try:
-            if json or not sys.stdout.isatty():
-                while True:
-                    found = state.ask(client)
-                    say_json(state.for_programs(found)) if json else print(*state.lines(found), sep="\n", flush=True)
-                    client.pump(WATCH_S)
-            _live(lambda: state.table(state.ask(client)), client)
-        except KeyboardInterrupt:
-            return
+        _show(client, json, watch, state.ask, state.for_programs, state.lines, state.table)
+
+
+def switches(
+    device: Url = None,
+    json: Json = False,
+    watch: Annotated[bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")] = False,
+) -> None:
+    """Show the E-stop, the limit switches and the general inputs as the board sees them."""
+    from .. import switches
+
+    with talking(device) as client:
+        _show(client, json, watch, switches.ask, switches.for_programs, switches.lines, switches.table)
+
+
+def _show(client: "Client", json: bool, watch: bool, ask: Any, for_programs: Any, lines: Any, table: Any) -> None:
+    """Ask once and print it; to watch, again and again until Ctrl-C."""
+
+    def say() -> None:
+        found = ask(client)
+        say_json(for_programs(found)) if json else print(*lines(found), sep="\n", flush=True)
+
+    if not watch:
+        say()
+        return
+    try:
+        if not json and sys.stdout.isatty():
+            _live(lambda: table(ask(client)), client)
+        while True:
+            say()
+            client.pump(WATCH_S)
+    except KeyboardInterrupt:
+        return
 
 
 def _live(render: Any, client: "Client") -> None:
@@ -158,4 +178,4 @@ def buzz(
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    put(app, status, move, jog, zero, stop, buzz)
+    put(app, status, move, jog, zero, stop, buzz, switches)
