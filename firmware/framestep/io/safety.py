@@ -161,7 +161,7 @@ class Safety:
         """Limit sets whose switch at an end (0 the upper, 1 the lower) is active, one bit each."""
         bits = 0
         for i in range(len(self.sets)):
-            if self.sets[i][end] & self.words[_ACTIVE]:
+            if self.sets[i][end] & self.words[ACTIVE]:
                 bits |= 1 << i
         return bits
 
