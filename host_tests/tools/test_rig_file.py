@@ -29,7 +29,7 @@ def test_a_wrong_setting_is_told_as_on_the_board(text, tmp_path, capsys):
     assert cli.app.status(["rig", "check", str(file)]) == 1
     said = capsys.readouterr().err.strip()
     _, mistake = rig.load(str(file), board_data("pico"))
-    assert said == f"framestep: {mistake}"
+    assert said.split("; did you mean")[0] == f"framestep: {mistake}"
     assert WRONG[text] in said
 
 
@@ -92,3 +92,53 @@ def test_the_editor(tmp_path, monkeypatch):
         monkeypatch.setenv("EDITOR", editor)
         with pytest.raises(rig_file.ToolError, match=text):
             rig_file.run_editor(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ('{"nane": "x"}', "; did you mean name?"),
+        ('{"motors": [{"backlsh": 2}]}', "; did you mean backlash?"),
+        ('{"motors": [{"Invert": true}]}', "; did you mean invert?"),
+        ('{"motors": [{"driver": {"run_ma": 500, "mirosteps": 8}}]}', "; did you mean microsteps?"),
+        ('{"qqq": 1}', "watchdog"),
+    ],
+)
+def test_the_key_that_was_meant(text, meant, tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text(text)
+    assert cli.app.status(["rig", "check", str(file), "--board", "skr_pico"]) == 1
+    assert capsys.readouterr().err.strip().endswith(meant)
+
+
+@pytest.mark.parametrize("text", ['{"ports": 1, "ports": 2}', '{"motors": [{}, {"ports": 1, "ports": 1}]}'])
+def test_a_doubled_key(text, tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text(text)
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    assert '"ports" is there twice in one {…}' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["{}", '{"name": "a // b \\" // c"}', '{\n  "motors": [{}]\n}'])
+def test_a_draft_with_comments(content):
+    draft = rig_file.commented(content)
+    assert rig_file.without_comments(draft).strip() == content
+    assert rig_file.without_comments(draft).count("\n") == draft.count("\n")
+    for settings in (rig.SETTINGS, rig.MOTOR_SETTINGS, rig.DRIVER_SETTINGS, rig.LIMIT_SETTINGS):
+        assert all(f'//   "{key}": ' in draft for key in settings)
+
+
+def test_what_is_copied_out_of_the_comments(tmp_path):
+    draft = rig_file.commented("{}")
+    told = []
+    file = tmp_path / "rig.json"
+    file.write_text(draft)
+    lines = draft.splitlines()
+    lines[2] = '{ // mine\n"ports": 1, // for one cable\n// "dmx": true\n"dmx": false}'
+    new = rig_file.edit_until_right(
+        file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda mistake: told.append(mistake)
+    )
+    assert new == b'{\n"ports": 1,\n"dmx": false}' and not told
+    lines[2] = '{\n"ports" 1}'
+    with pytest.raises(RigFileError, match="line 4, column 9"):
+        rig_file.edit_until_right(file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False)

@@ -1,6 +1,9 @@
-"""The table of docs/rig-file.md is the one that the code makes."""
+"""The table of docs/rig-file.md and the schema are those that the code makes."""
 
-from framestep_tools import rig_table
+import json
+
+from framestep_tools import cli, rig_schema, rig_table
+from framestep_tools.files import ROOT
 
 
 def test_page_is_up_to_date():
@@ -13,3 +16,21 @@ def test_a_changed_setting_shows(monkeypatch):
     monkeypatch.setitem(rig_table.rig.SETTINGS, "report_ms", (kind, low, 999, default, unit, meaning))
     text = rig_table.PAGE.read_text()
     assert rig_table.updated(text) != text
+
+
+def test_schema_is_up_to_date(capsys):
+    file = ROOT / "docs" / "rig.schema.json"
+    assert file.read_text(encoding="utf-8") == rig_schema.text(), "run python -m framestep_tools.rig_schema"
+    assert cli.app.status(["rig", "schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == rig_schema.schema()
+
+
+def test_the_schema_knows_every_setting():
+    found = rig_schema.schema()["properties"]
+    assert set(found) == set(rig_table.rig.SETTINGS)
+    motor = found["motors"]["items"]
+    assert set(motor["properties"]) == set(rig_table.rig.MOTOR_SETTINGS) and not motor["additionalProperties"]
+    assert motor["properties"]["driver"]["required"] == ["run_ma"]
+    assert motor["properties"]["pulse_us"]["minimum"] == 0.25
+    assert found["outputs"]["items"]["required"] == ["pin"]
+    assert found["dialect"]["enum"] == ["spec", "dmc-lite"]

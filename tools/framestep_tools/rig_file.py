@@ -3,8 +3,10 @@
 The settings' meaning is judged by framestep.rig, the very code that the board runs.
 """
 
+import difflib
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -25,14 +27,30 @@ class RigFileError(ToolError):
     """A rig file with a mistake, or that cannot be read: the key, what was found, what is allowed."""
 
 
+class _Doubled(Exception):
+    """A key that an object has twice."""
+
+
 def parse(content: bytes, name: str) -> dict[str, Any]:
     """The settings in a rig file's content; RigFileError with the line if it is no JSON object."""
 
     def constant(word: str) -> None:
         raise ValueError(f"{word} is no JSON")
 
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            keys = [key for key, _ in pairs]
+            double = next(key for key in keys if keys.count(key) > 1)
+            raise _Doubled(double)
+        return found
+
     try:
-        settings = json.loads(content.decode(), parse_constant=constant)
+        settings = json.loads(content.decode(), parse_constant=constant, object_pairs_hook=once)
+    except _Doubled as error:
+        raise RigFileError(
+            f'{name}: "{error}" is there twice in one {{…}}: the board would take the last one'
+        ) from None
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise RigFileError(f"{name}: not valid JSON in {where} ({error.msg})") from None
@@ -62,15 +80,26 @@ def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.
     try:
         return rig.Rig(settings, board)
     except rig.RigError as error:
-        raise RigFileError(f"{name}: {error}") from None
+        raise RigFileError(f"{name}: {error}{_meant(str(error))}") from None
+
+
+def _meant(mistake: str) -> str:
+    """The key that was meant, where one that there is not looks like it."""
+    found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
+    if not found:
+        return ""
+    close = difflib.get_close_matches(found[1].rpartition(".")[2].lower(), found[2].split(", "), 1, 0.5)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 # ---- editing
 
 
 def run_editor(path: Path) -> None:
-    """Let the user edit a file, with $VISUAL, $EDITOR or vi; ToolError if that fails."""
-    command = shlex.split(os.environ.get("VISUAL") or os.environ.get("EDITOR") or "vi")
+    """Let the user edit a file, with $VISUAL, $EDITOR or the system's own; ToolError if that fails."""
+    windows = os.name == "nt"
+    usual = "notepad" if windows else "vi"
+    command = shlex.split(os.environ.get("VISUAL") or os.environ.get("EDITOR") or usual, posix=not windows)
     try:
         status = subprocess.run([*command, str(path)]).returncode
     except OSError as error:
@@ -88,6 +117,49 @@ def ask_again(mistake: str) -> bool:
         return False
 
 
+_HEAD = """\
+// Settings of the rig. What follows // is a comment, for this editing only: the board gets what is left.
+// Below are all settings with their defaults; copy those that you change into the braces, with a comma between them.
+"""
+
+
+def commented(content: str) -> str:
+    """A rig file's text with every setting that there is in comments around it."""
+    lines = ["", "// All settings (docs/rig-file.md):", "//"]
+    tables = (
+        ("", rig.SETTINGS), ('of "motors": [{…}, {…}], an object for each motor', rig.MOTOR_SETTINGS),
+        ('of "driver": {…} of a motor', rig.DRIVER_SETTINGS), ('of "outputs": [{…}]', rig.OUTPUT_SETTINGS),
+        ('of "inputs": [{…}]', rig.INPUT_SETTINGS), ('of "limits": [{…}]', rig.LIMIT_SETTINGS),
+    )  # fmt: skip
+    for title, settings in tables:
+        if title:
+            lines += ["//", f"// {title}:"]
+        for key, (kind, low, high, default, unit, meaning) in settings.items():
+            shown = "…" if default is None else json.dumps(default, ensure_ascii=False)
+            allowed = rig._allowed(kind, low, high, unit)
+            lines.append(f"//   {f'{json.dumps(key)}: {shown}':<32} {meaning} ({allowed})")
+    return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
+
+
+def without_comments(text: str) -> str:
+    """JSON with each // comment outside of its strings made empty; lines keep their numbers."""
+    return re.sub(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*', lambda found: found[1] or "", text)
+
+
+def _bare(path: Path) -> bytes:
+    """What a draft holds beside its comments; lines keep their numbers."""
+    try:
+        return without_comments(path.read_bytes().decode("utf-8-sig")).encode()
+    except UnicodeDecodeError:
+        return path.read_bytes()
+
+
+def _tidy(content: bytes) -> bytes:
+    """The same without the lines that comments have left empty."""
+    kept = [line.rstrip() for line in content.decode().splitlines() if line.strip()]
+    return "\n".join(kept).encode()
+
+
 def edit_until_right(
     path: Path, board: Mapping[str, Any], editor: Callable[[Path], None], again: Callable[[str], bool]
 ) -> bytes | None:
@@ -95,15 +167,15 @@ def edit_until_right(
 
     A mistake is given to `again`, which says whether to edit once more; RigFileError if not.
     """
-    before = path.read_bytes()
+    before = _bare(path)
     while True:
         editor(path)
-        new = path.read_bytes()
-        if new == before:
+        new = _bare(path)
+        if new.strip() == before.strip():
             return None
         try:
             check(parse(new, path.name), board, path.name)
-            return new
+            return _tidy(new)
         except RigFileError as error:
             if not again(str(error)):
                 raise
@@ -127,7 +199,10 @@ def edit(device: "Device", protocol: str | None) -> None:
         hello(device.path, protocol, 1)
     folder = Path(tempfile.mkdtemp(prefix="framestep-"))
     draft = folder / "rig.json"
-    draft.write_bytes(b"{}\n" if content is None else content)
+    try:
+        draft.write_text(commented("{}" if content is None else content.decode()), encoding="utf-8")
+    except UnicodeDecodeError:  # the editor shows where
+        draft.write_bytes(content or b"")
     try:
         new = edit_until_right(draft, board, run_editor, ask_again)
         if new is None:

@@ -39,6 +39,14 @@ def rig_edit(
     rig_file.edit(Device(port), protocol)
 
 
+@rig.command("schema")
+def rig_schema() -> None:
+    """Print the rig file's JSON Schema, with which an editor completes and checks a file."""
+    from .. import rig_schema
+
+    print(rig_schema.text(), end="")
+
+
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
     app.add_typer(rig, name="rig")
