@@ -35,6 +35,8 @@ class Motor:
         self.sent = 0  # places that it has been sent to since it last stood
         self.quiet: int | None = 0  # since when it may not move, ms
         self.quiets: list[tuple[int, int]] = []
+        self.rest_by: int | None = None  # when it stands that has been asked to stop alone, ms
+        self.let_go_by: int | None = None  # or that jogs, and has not been asked to go on
 
     def allow(self, ms, velocity=0.0, acceleration=0.0):
         if velocity > self.top[-1][1]:

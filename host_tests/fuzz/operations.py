@@ -95,9 +95,11 @@ class Operations(Deeds):
             self.world.anything()
         if dice.random() < 0.9:
             self.settle(6000)
-        if dice.random() < 0.15:
+        if dice.random() < 0.2:
             dice.choice(
                 (
+                    self.world.bursts.burst,
+                    self.world.virtuals.virtual_axes,
                     self.world.singles.speed,
                     self.world.singles.limits,
                     self.world.singles.configure,

@@ -7,6 +7,10 @@ from framestep.protocol import messages as m
 from .bounds import STEEPEST
 from .finding import Part
 
+LATE_MS = 1500  # for passes that are held up
+OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
+QUESTIONS = (m.MSG_HI, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_GET_POSITION, m.MSG_GIO_IN, m.MSG_VIRT_GET_POSITION)
+
 
 class Replies(Part):
     """What the device sends, message by message."""
@@ -55,10 +59,14 @@ class Replies(Part):
         if not request.copies:
             del self.open[number]
         self.counts[f"{code:#04x}"] += 1
+        if plain not in QUESTIONS and plain not in OPERATIONS:
+            self.trial.moving = 0
         self.trial.answers.append((request, code, payload))
         if not kind & m.MSG_FLAG_ACK:
             self._form(kind, payload)
         if code == m.OK:
+            if plain in OPERATIONS and self.trial.moving:
+                self.fail("taken", f"a request of type {plain:#06x} is taken while {self.trial.moving:#x} moves")
             done = self.done.get(plain)
             if done:
                 done(request, payload)
@@ -101,6 +109,8 @@ class Replies(Part):
         bits = struct.unpack_from("<I", payload)[0]
         ms = self.ms - 1
         self.trial.last_status = bits
+        self.trial.moving = bits
+        self._overdue(bits, ms)
         if self.may_set_off():
             return
         if bits == 0:
@@ -127,6 +137,16 @@ class Replies(Part):
                 self.trial.edges.judge(motor)
             motor.stands(ms)
             motor.rest(ms)
+
+    def _overdue(self, bits, ms):
+        """Motors that have been asked to stop, or are not asked to jog any more, stand in time."""
+        for motor in self.motors:
+            if not bits >> motor.index & 1:
+                motor.rest_by = motor.let_go_by = None
+            elif motor.rest_by is not None and ms > motor.rest_by:
+                self.fail("stop", f"motor {motor.index + 1} has been stopped, and still moves")
+            elif motor.let_go_by is not None and ms > motor.let_go_by:
+                self.fail("jog", f"motor {motor.index + 1} jogs on, though that is not asked for any more")
 
     def _positions(self, request, payload):
         """At rest those told are those of the edges."""
@@ -164,6 +184,9 @@ class Replies(Part):
 
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
+        motor.let_go_by = None
+        if request.kind == m.MSG_MOTOR_JOG and self.rig.jog_timeout_ms and motor.index not in self.trial.lines:
+            motor.let_go_by = self.ms + self.rig.jog_timeout_ms + self.trial.stops.longest_ms() + LATE_MS
         place = request.words("Bi" if request.kind == m.MSG_MOTOR_MOVE else "BHi")[-1]
         motor.reach(place)
         self.led(motor)
@@ -223,10 +246,18 @@ class Replies(Part):
         motor.stands(self.ms)
 
     def _virt_config(self, request, payload):
-        self.trial.virtual = request.payload[0] != 0
+        kind = request.payload[0]
+        self.trial.virtual = kind != 0
+        size, axes = (8, 2) if kind == m.VIRT_SWING_PAN else (12, 6)
+        data = request.payload if kind else b""
+        at = range(1, min(1 + size * axes, len(data) - 3), size)
+        self.trial.lines = {struct.unpack_from("<i", data, i)[0] - 1 for i in at}
 
     def _virtual(self, request, payload):
         self.anywhere()
+        for i in self.trial.lines:
+            if 0 <= i < self.count:
+                self.motors[i].let_go_by = None
 
     def _stop_all(self, request, payload):
         if request.order > self.trial.motion:
@@ -234,4 +265,6 @@ class Replies(Part):
         self.trial.runs.disturbed()
 
     def _stopped(self, request, payload):
+        if request.order > self.trial.motion and 0 <= request.motor < self.count:
+            self.motors[request.motor].rest_by = self.ms + self.trial.stops.longest_ms() + LATE_MS
         self.trial.runs.disturbed()

@@ -66,6 +66,7 @@ class Runs(Part):
     def _position_frame(self, request, payload):
         (number,) = request.words("i")
         for motor in self._takers():
+            motor.let_go_by = None
             motor.reach(self._place(motor, number))
             self.led(motor)
         self.prepared = False
@@ -183,6 +184,7 @@ class Runs(Part):
         self.jogs_all = True
         self.prepared = False
         for motor in self._takers():
+            motor.let_go_by = None
             path = self.upload.paths[motor.index]
             self._over(motor, path)
             fastest = np.abs(np.diff(path)).max() if len(path) > 1 else 0

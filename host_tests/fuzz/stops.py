@@ -70,7 +70,12 @@ class Stops(Part):
             motor.jerky = True
 
     def begin(self):
-        """By when all must stand that is asked to stop now."""
+        """All are asked to stop now."""
+        by = self.ms + self.longest_ms()
+        self.rest_by = by if self.rest_by is None else min(by, self.rest_by)
+
+    def longest_ms(self):
+        """By when all must stand that are asked to stop now."""
         longest = 0.0
         for motor in self.motors:
             slow = min(motor.least, motor.acceleration)
@@ -83,12 +88,13 @@ class Stops(Part):
             bound += 4500
         if self.trial.virtual:
             bound = 3 * bound + 3000
-        by = self.ms + round(bound)
-        self.rest_by = by if self.rest_by is None else min(by, self.rest_by)
+        return round(bound)
 
     def set_off(self):
         """Something may move from now on."""
         self.stood_by = self.rest_by = None
+        for motor in self.motors:
+            motor.rest_by = None
 
     def enabled(self):
         """Drivers have been switched on: that of no motor that is configured as disabled."""

@@ -14,7 +14,8 @@ import pytest
 from framestep.controller import Controller
 from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
-from framestep.motion.axes import Axes, Axis
+from framestep.motion.axes import Axis
+from framestep.moves.requests import Moves
 from framestep.moves.stage import Stage
 from framestep.protocol import messages as m
 from framestep.virtuals.jog import Guide
@@ -244,26 +245,27 @@ def past_the_limit(monkeypatch):
 
 
 def told_wrong(monkeypatch):
-    tell = Axes.tell
+    tell = Stage.tell
 
-    def wrong(self, writer):
-        self.told[0] += 1
-        tell(self, writer)
-        self.told[0] -= 1
+    def wrong(self, frame):
+        time = tell(self, frame)
+        self.axes.told[0] += 1
+        return time
 
-    monkeypatch.setattr(Axes, "tell", wrong)
+    monkeypatch.setattr(Stage, "tell", wrong)
 
 
 def told_ahead(monkeypatch):
     """Positions of what is queued, not of the pins."""
-    tell = Axes.tell
+    tell = Stage.tell
 
-    def wrong(self, writer):
-        self.told[0] += 30 if self.moving_bits() else 0
-        tell(self, writer)
-        self.told[0] -= 30 if self.moving_bits() else 0
+    def wrong(self, frame):
+        time = tell(self, frame)
+        if self.axes.moving_bits():
+            self.axes.told[0] += 30
+        return time
 
-    monkeypatch.setattr(Axes, "tell", wrong)
+    monkeypatch.setattr(Stage, "tell", wrong)
 
 
 def rests_too_soon(monkeypatch):
@@ -403,6 +405,53 @@ def breaks_off(monkeypatch):
     monkeypatch.setattr(Controller, "_jogs", wrong)
 
 
+def stop_ignored(monkeypatch):
+    monkeypatch.setattr(Controller, "_stop", lambda self: m.OK)
+
+
+def jogs_forgotten(monkeypatch):
+    original = Controller.moving_all
+
+    def wrong(self, bits):
+        self.jogging = 0
+        original(self, bits)
+
+    monkeypatch.setattr(Controller, "moving_all", wrong)
+
+
+def begins_in_motion(monkeypatch):
+    monkeypatch.setattr(Moves, "_may_begin", lambda self: m.OK)
+
+
+def looked_at(host, seconds=6):
+    for _ in range(10 * seconds):
+        host.wait(100)
+        host.send(m.MSG_MOTOR_STATUS)
+
+
+def stopped_alone(host):
+    host.speed()
+    host.move(to=20_000)
+    host.wait(300)
+    host.send(m.MSG_MOTOR_STOP, "B", 1)
+    looked_at(host)
+
+
+def jogs_beside(host):
+    host.upload([0, 5, 10])
+    host.send(m.MSG_MOTOR_JOG, "BHi", 2, 10000, 2**31 - 1)
+    host.send(m.MSG_RT_POSITION_FRAME, "i", 2)
+    looked_at(host)
+
+
+def prepared_in_motion(host):
+    host.upload([0, 5, 10])
+    host.move(2)
+    run = struct.pack("<IiiIIBIHH", 24000, 1, 3, 300, 300, 0, 0, 0, 0)
+    host.trial.do("rx", frame(m.MSG_MOTOR_STATUS, b"", 1001) + frame(m.MSG_RT_RUN_MOVE, run, 1002))
+    host.wait(5)
+
+
 @pytest.mark.parametrize(
     "fault, session, kind",
     [
@@ -426,6 +475,9 @@ def breaks_off(monkeypatch):
         (couple_apart, coupled, "coupled"),
         (noise, moves, "bytes"),
         (breaks_off, limited, "exception"),
+        (stop_ignored, stopped_alone, "stop"),
+        (jogs_forgotten, jogs_beside, "jog"),
+        (begins_in_motion, prepared_in_motion, "taken"),
     ],
 )
 def test_each_rule(fault, session, kind, monkeypatch):

@@ -10,8 +10,9 @@ What is held to:
 * each motor keeps its velocity, its acceleration (a hard stop: times the factor) and, in moves of its own, its jerk,
   and stays between where it was, where it has been sent to, and its soft limits; coupled motors go together
 * at rest the positions told are those of the edges, and while MOTOR_STATUS is 0 no edge comes
-* after a stop everything stands within the time that the limits allow; RT_END comes once, and no HARD_STOP without
-  a reason
+* after a stop everything stands within the time that the limits allow, after that of one motor this one, and a motor
+  whose jog is not asked for again as well; RT_END comes once, and no HARD_STOP without a reason
+* no operation is taken while MOTOR_STATUS has a bit
 * in a run every motor has made the uploaded position's steps at every frame's time
 * outputs have their safe level after an E-stop, a fault or a lost host; a driver that is switched off stays off
 
@@ -62,6 +63,8 @@ class Trial:
         self.passes = 0
         self.garbage = -(10**9)  # when something came that is no frame, in passes
         self.virtual = False
+        self.lines: set[int] = set()  # motors of the virtual rig
+        self.moving = 0  # what MOTOR_STATUS has said of this very moment
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.last_status = -1
         self.motion = 0  # number of the last request that may move something
@@ -190,6 +193,7 @@ class Trial:
         passing = not player._off and not player._held
         player.sent.clear()
         self.answers.clear()
+        self.moving = 0
         int32.armed = True
         try:
             player.step()

@@ -4,12 +4,13 @@ The host is plausible: it uploads moves, prepares, waits, says GO, jogs and stop
 deep is reached. And it is not: any message with any payload comes in any state. All is drawn from one `random.Random`.
 
 Each of its subjects is a file of its own: rigs.py, host.py (the port and the clock), and what a host does: singles.py,
-uploads.py, operations.py, virtuals.py, surroundings.py, anyhow.py.
+uploads.py, operations.py, virtuals.py, bursts.py, surroundings.py, anyhow.py.
 """
 
 from random import Random
 
 from .anyhow import Anyhow
+from .bursts import Bursts
 from .host import Host, Over
 from .operations import Operations
 from .singles import Singles
@@ -36,6 +37,7 @@ class World:
         self.uploads = Uploads(self)
         self.operations = Operations(self)
         self.virtuals = Virtuals(self)
+        self.bursts = Bursts(self)
         self.surroundings = Surroundings(self, switches, late)
         self.anyhow = Anyhow(self)
 
@@ -52,6 +54,7 @@ class World:
                 self.host.halt,
                 self.singles.configure,
                 self.singles.reset,
+                self.bursts.burst,
             )
         )()
 
@@ -68,6 +71,7 @@ class World:
                 (self.operations.operate, 6),
                 (self.operations.jog_all, 1.5),
                 (self.virtuals.virtual_axes, 3),
+                (self.bursts.bursts, 3),
                 (self.singles.speed, 1.5),
                 (self.singles.limits, 1.5),
             ]
