@@ -7,6 +7,9 @@ import time
 import pytest
 
 from framestep_tools import cli, demo, emu, sim
+from framestep_tools.commands.common import arranged
+from framestep_tools.errors import STATUSES
+from framestep_tools.files import ROOT
 from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, read_move
 from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
 from framestep_tools.serve import PtyLink
@@ -74,6 +77,35 @@ def test_one_sentence_says_what_is_wrong(app, args, status, text, capsys):
 def test_help(app, capsys):
     assert app.status(["--help"]) == 0
     assert "Usage" in capsys.readouterr().out
+
+
+def test_every_exit_status_is_documented():
+    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    listed = "".join(f"| {number} | {text} |\n" for number, text in STATUSES.items())
+    assert page.endswith(listed), "the table at the end is errors.STATUSES"
+
+
+def test_nothing_asked_for_shows_the_help(capsys):
+    assert cli.app.status([]) == 0
+    assert "status" in capsys.readouterr().out
+    assert cli.app.status(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("framestep ")
+
+
+@pytest.mark.parametrize(
+    ("typed", "needed", "read"),
+    [
+        (["1", "-500"], 2, ["--", "1", "-500"]),
+        (["-.5", "--speed", "-3", "-d", "COM5"], 1, ["--speed", "-3", "-d", "COM5", "--", "-.5"]),
+        (["/dev/ttyACM1", "1", "-1e9"], 2, ["--device", "/dev/ttyACM1", "--", "1", "-1e9"]),
+        (["COM12", "move.csv", "--json"], 1, ["--json", "--device", "COM12", "--", "move.csv"]),
+        (["/dev/stdin"], 1, ["--", "/dev/stdin"]),
+        (["socket://h:1"], 0, ["--device", "socket://h:1", "--"]),
+        (["1", "--", "-x"], 2, ["--", "1", "-x"]),
+    ],
+)
+def test_arguments_as_they_are_typed(typed, needed, read):
+    assert arranged(typed, {"--speed", "-d", "--device"}, needed) == read
 
 
 # ---- sniffing

@@ -164,10 +164,26 @@ def _rows(board: Mapping[str, Any], found: list[Use]) -> list[str]:
     return rows
 
 
+def supplies(board: Mapping[str, Any]) -> list[str]:
+    """Rows of the table for what is wired beside the pins."""
+    if "sockets" in board.get("page", {}):
+        return [
+            "| GND | common ground | GND of every switch, and of the motors' supply |",
+            "| – | pull-up of each driver's EN | look whether the board has them; else 10 kΩ from EN to 3.3 V |",
+            "| – | capacitor at VMOT | look whether the board has one for each driver; else 100 µF, 50 V |",
+        ]
+    return [
+        "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
+        "| GND | common ground | GND beside VIO of every driver, of every switch, and of the motors' supply |",
+        "| – | pull-up of EN | 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |",
+        "| – | capacitor at VMOT | 100 µF, 50 V between VMOT and GND of each driver, a few cm from it |",
+    ]
+
+
 def table(board: Mapping[str, Any]) -> str:
     """The pins as Markdown: as they are without a rig file, then what settings change."""
     plain = uses(fitted(dict(board)))
-    lines = _rows(board, plain)
+    lines = [*_rows(board, plain), *supplies(board)]
     for variant in board.get("page", {}).get("variants", []):
         data = fitted(dict(board), variant.get("motor_count", 0), variant.get("drivers", False))
         lines += ["", f"{variant['title']}:", "", *_rows(board, [use for use in uses(data) if use not in plain])]
