@@ -8,8 +8,9 @@ host_tests/motion/engine.py for the pulse engines.
 from array import array
 
 from framestep.motion import stepper
-from framestep.motion.axes import Axes, Axis
-from framestep.motion.positions import Positions
+from framestep.motors.axes import Axes
+from framestep.motors.axis import Axis
+from framestep.motors.positions import Positions
 from framestep.moves.stage import Stage
 from framestep.moves.store import EMPTY, READY
 from framestep.protocol.messages import OK

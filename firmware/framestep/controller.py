@@ -3,25 +3,21 @@
 One pass of the main loop is poll(). Nothing in it allocates.
 """
 
-from array import array
-
 from framestep.clock import WRAP, elapsed
 from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import LOOK_MS, Watchdog
-from framestep.motion import axes as motion
 from framestep.motion import stepper
-from framestep.motion.axes import Axes
-from framestep.motion.positions import DRIVER, STEPS
 from framestep.motion.stepper import sample
+from framestep.motors.axes import Axes
+from framestep.motors.positions import DRIVER, STEPS
+from framestep.motors.requests import Motors
 from framestep.moves.requests import Moves
 from framestep.moves.stage import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
-
-VERSION = (0, 1, 0)
-CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
+from framestep.reports import Reports
 
 _TEND_MS = const(4)  # from one whole pass to the next
 _AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
@@ -58,7 +54,6 @@ _ASIDE = (
     m.MSG_VIRT_GET_POSITION,
 )
 
-_COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
@@ -91,24 +86,12 @@ class Controller:
 
             self.drivers = Drivers(hal, rig)
         self.count = hal.motors
-        for i in range(self.count):
-            self.axes[i].set_jerk(rig.motor(i)["jerk"])
-            self.axes.set_backlash(i, rig.motor(i)["backlash"])
+        self.motors = Motors(self)
         self.moves = Moves(self)
         self.stage = self.moves.stage
         self.stage.follower.strict = rig.strict_moves
         self.memory = self._remember() if rig.remember_positions else None
         self.show = self.moves.show
-        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)
-        # steps/s that a motor can do with its pulses
-        kernel = hal.kernel
-        per_second = motion.TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
-        self.fastest = array("i", [min(motion.FASTEST, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
-        self.powered = 0  # bits of motors whose driver is on
-        self.gentler = 0  # bits of motors that wait for a lower acceleration
-        self.jogging = 0  # bits of motors that jog
-        self.jog_at = array("i", [0] * self.count)
-        self.words = array("i", [0] * 2)
         self.now = 0
         self.tended = 0
         self.awake = _AWAKE
@@ -117,38 +100,21 @@ class Controller:
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
-        self.was_moving = False
-        self.report_at = 0
         self.heard_at = 0  # when the last bytes came
         self.begun_at = 0  # and the first ones that no whole frame has been made of
         self.stop_at = -1
         self.fault = 0  # why the motors were stopped, until some are sent somewhere again
         self.untold = 0  # the same, until the HAL has told it
         self.beat = 0
-        # what is to be sent unasked, kept until there is room
-        self.say_hi = False
-        self.say_position = False
-        self.say_frame = False  # that is of the frame reached last
-        self.say_virtual = False
-        self.say_end = False
-        self.say_go = False
-        self.say_hard_stop = m.HARD_STOP_FAULT if hal.watchdog.barked else -1
+        self.reports = Reports(self)
         self.handlers = {
             m.MSG_HI: self._hi,
             m.MSG_MOTOR_STATUS: self._status,
-            m.MSG_MOTOR_MOVE: self._move,
-            m.MSG_MOTOR_STOP: self._stop,
             m.MSG_MOTOR_STOP_ALL: self.stop_all,
             m.MSG_MOTOR_GET_POSITION: self._get_position,
-            m.MSG_MOTOR_RESET_POSITION: self._reset_position,
-            m.MSG_MOTOR_JOG: self._jog,
-            m.MSG_MOTOR_CONFIGURE: self._configure,
-            m.MSG_MOTOR_SET_SPEED: self._set_speed,
-            m.MSG_MOTOR_SET_LIMITS: self._set_limits,
             m.MSG_CONDITION: self._condition,
-            m.MSG_EXCEEDED: self._exceeded,
         }
-        parts = [self.moves, self.io]
+        parts = [self.motors, self.moves, self.io]
         if rig.virtuals:
             from framestep.virtuals.requests import Virtuals
 
@@ -193,7 +159,7 @@ class Controller:
             if news & STOP:
                 self._halt()
             if news & GO and self.moves.go_from_input():
-                self.say_go = self.planning = True
+                self.reports.go = self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
@@ -201,12 +167,12 @@ class Controller:
         if self.show.busy:
             self.show.poll()
         if alarm and self.stage.state == RUNNING and self.stage.reached():
-            self.say_position = self.say_frame = True
+            self.reports.position = self.reports.frame = True
             self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
             self._tend(now, False, news)
         elif (
-            self.was_moving
-            and elapsed(now, self.report_at) >= self.rig.report_ms
+            self.reports.was_moving
+            and elapsed(now, self.reports.sent_at) >= self.rig.report_ms
             and elapsed(now, self.tended) < 2 * _TEND_MS
         ):
             self._tend(now, False, news)
@@ -226,7 +192,7 @@ class Controller:
         """
         if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
             self._sound()
-            if self.watchdog.look(now, self.was_moving, self.was_open):
+            if self.watchdog.look(now, self.reports.was_moving, self.was_open):
                 self._host_lost()
         if now >> 7 & 15 != self.beat:
             self._light(now >> 7 & 15)
@@ -240,8 +206,8 @@ class Controller:
             return
         else:
             self.awake = _NAP  # now and then, for what had to wait until the host takes it
-        if self.jogging:
-            self._jogs()
+        if self.motors.jogging:
+            self.motors.end_jogs()
         if whole:
             self._plan(now)
         else:
@@ -249,9 +215,9 @@ class Controller:
         lost = self.hal.trouble()
         if lost or look & stepper.LOOK_FAULT:
             self._fault(lost)
-        self._report()
+        self.reports.send()
         if self.memory:
-            self.memory.poll(now, self.was_moving or self.stage.busy or self.virtuals.engaged)
+            self.memory.poll(now, self.reports.was_moving or self.stage.busy or self.virtuals.engaged)
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
@@ -274,7 +240,7 @@ class Controller:
                 self._host_lost()
             self.was_open = is_open
             if is_open:
-                self.say_hi = True  # field note 1.5
+                self.reports.hi = True  # field note 1.5
             self.awake = _AWAKE
         waiting = reader.waiting
         if port.poll(reader):
@@ -317,16 +283,10 @@ class Controller:
                 break
         return busy
 
-    def _calm(self):
-        """Motors that have come to rest take the lower acceleration that they were set to under way."""
-        for i in range(self.count):
-            if self.gentler >> i & 1 and self.axes[i].calm():
-                self.gentler ^= 1 << i
-
     def _handle(self, reader):
         """Do what is asked for. The code to acknowledge with, or 0 where the answer has been given."""
-        if self.gentler:
-            self._calm()
+        if self.motors.gentler:
+            self.motors.calm()
         kind = reader.type
         state = self.stage.state
         if (state == READY or state == LEAVING) and kind not in _ASIDE:
@@ -353,8 +313,8 @@ class Controller:
             self.axes.stop()
         self.io.safe()
         self.show.abort()
-        self.jogging = 0
-        self.say_hi = self.say_position = self.say_end = self.say_go = False
+        self.motors.jogging = 0
+        self.reports.nobody_listens()
 
     def abandon(self):
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
@@ -375,8 +335,8 @@ class Controller:
     def fail(self):
         """An internal fault: everything comes to rest, the host is told (field note 8.4)."""
         self.abandon()
-        self.jogging = 0
-        self.say_hard_stop = m.HARD_STOP_FAULT
+        self.motors.jogging = 0
+        self.reports.hard_stop = m.HARD_STOP_FAULT
 
     def _blame(self, fault):
         """Keep why the motors are stopped. fault: FAULT_ bits."""
@@ -390,7 +350,7 @@ class Controller:
             if self.rig.estop_cuts_power:
                 self.positions.cut(self.axes.moving_bits())
             self._blame(FAULT_ESTOP)
-            self.jogging = 0
+            self.motors.jogging = 0
             self.stage.stop(factor)
             self.virtuals.halt(factor)
             self.axes.stop(factor)
@@ -400,7 +360,7 @@ class Controller:
         bits = self.safety.struck_motors()
         if bits:
             self._blame(FAULT_LIMIT)
-        self.jogging &= ~bits
+        self.motors.jogging &= ~bits
         if self.virtuals.engaged & bits:
             self.virtuals.halt()
         for motor in range(self.count):
@@ -426,12 +386,9 @@ class Controller:
     def _drivers_failed(self, bits):
         """Drivers of these motors no longer do what they are told (io/tmc2209.py). Motors that were switched on may be
         anywhere now: everything comes to rest, and their positions are lost."""
-        bits &= self.powered
+        bits &= self.motors.powered
         if bits:
-            self.powered &= ~bits
-            for motor in range(self.count):
-                if bits >> motor & 1:
-                    self.hal.enable(motor, False)
+            self.motors.switch_off(bits)
             self.positions.lose(bits, DRIVER)
             self._blame(FAULT_DRIVER)
             self.fail()
@@ -441,89 +398,58 @@ class Controller:
         self.beat = beat
         if self.fault or self.broken or self.safety.tripped:
             light = LED_FAULT
-        elif self.was_moving:
+        elif self.reports.was_moving:
             light = LED_MOVING
         else:
             light = LED_CONNECTED if self.was_open else LED_WAITING
         self.hal.led(glow(light, beat))
 
-    # ---------------------------------------------------------------- reports
+    def _sound(self):
+        """Whether all pins are what they should be. Else everything stops, and motors that may have missed pulses have
+        lost their positions; the next time they are."""
+        lost = self.hal.reclaim()
+        if lost < 0:
+            return self.hal.ready()
+        self.positions.lose(lost, STEPS)
+        self._blame(FAULT_TAKEN)
+        self.fail()
+        return False
 
-    def _report(self):
-        """Send what is due, as far as there is room (field notes 1.3 and 4.6)."""
-        moving = stepper.moving(self.header) != 0
-        if moving:
-            if elapsed(self.now, self.report_at) >= self.rig.report_ms:
-                self.say_position = True
-        elif self.was_moving:
-            self.say_position = True
-        self.was_moving = moving
-        if self.stage.ended:
-            self.stage.ended = False
-            self.say_position = True
-            self.say_end = True
-        self.io.report(self.was_open)
-        if not self.was_open:
-            self.say_position = self.say_frame = self.say_virtual = False
-            self.say_end = self.say_go = False
-            return
-        if self.say_hi and self._send_hi(None):
-            self.say_hi = False
-        if self.say_hard_stop >= 0:
-            self.writer.begin(m.MSG_MOTOR_HARD_STOP, None)
-            self.writer.u8(self.say_hard_stop)
-            if self.writer.end():
-                self.say_hard_stop = -1
-        if self.say_virtual and (not self.virtuals.configured or self.virtuals.send_positions(None)):
-            self.say_virtual = False  # field note 9.8
-        if self.say_position and self._send_positions(None, self.say_frame):
-            self.say_position = self.say_frame = False
-            self.report_at = self.now
-            self.say_virtual = self.virtuals.configured  # a pass later, since they are to be calculated
-        if self.say_go:
-            self.writer.begin(m.MSG_RT_GO, None)
-            if self.writer.end():
-                self.say_go = False
-        if self.say_end and not self.say_position and not self.say_go:
-            self.writer.begin(m.MSG_RT_END, None)
-            if self.writer.end():
-                self.say_end = False
+    def safe(self):
+        """Whether motors may be moved at all."""
+        return not self.broken and not self.safety.tripped and self._sound()
 
-    def _send_hi(self, reader):
-        writer = self.writer
-        writer.begin(m.MSG_HI, reader)
-        writer.text(self.rig.name, m.HI_NAME_BYTES)
-        writer.u8(VERSION[0])
-        writer.u8(VERSION[1])
-        writer.u8(VERSION[2])
-        writer.u8(self.count)
-        writer.u16(self.io.lights.count)
-        writer.u8(self.io.gio.outputs.count)
-        writer.u8(self.io.gio.inputs.count)
-        writer.u8(len(self.rig.limits))
-        writer.u32(self.moves.upload_frames)
-        writer.u32(CAPABILITIES | self.virtuals.capabilities)
-        writer.u16(m.PROTOCOL_VERSION)
-        return writer.end()
+    def acknowledge(self, code):
+        """Answer the request at once, before it is carried out."""
+        self.writer.ack(self.reader, code, self.rig.wide)
+        self.port.send(self.writer)
 
-    def _send_positions(self, reader, frame=False):
-        """MOTOR_GET_POSITION: MOVE TIME and positions of one moment, that of the pins (field note 4.6).
-
-        frame: of the frame that has been reached last.
-        """
-        writer = self.writer
-        writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(self.stage.tell(frame))
-        writer.words_from(self.axes.told, 0, self.count)
-        return writer.end()
+    def stop_all(self):
+        """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
+        hard = self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
+        factor = self.rig.hard_stop_factor if hard else 1
+        self.stop_at = self.now
+        self.motors.jogging = 0
+        landing = self.stage.stop(factor, not hard, True, spared=self.virtuals.engaged)
+        if hard:
+            self.virtuals.halt(factor)
+        else:
+            self.virtuals.stop()
+            landing |= self.virtuals.engaged
+        self.axes.stop(factor, landing, not hard)
+        return m.OK
 
     # ---------------------------------------------------------------- requests: device
     #
     # A handler returns the code to acknowledge with, or 0 where it has answered itself.
 
     def _hi(self):
-        self._send_hi(self.reader)
-        self.say_hi = False
+        self.reports.send_hi(self.reader)
+        self.reports.hi = False
+        return 0
+
+    def _get_position(self):
+        self.reports.send_positions(self.reader)
         return 0
 
     def _status(self):
@@ -555,7 +481,7 @@ class Controller:
         return bits
 
     def _condition(self):
-        """framestep's own: CONDITION_ bits 0, then state and reason of each motor's position (motion/positions.py)."""
+        """framestep's own: CONDITION_ bits 0, then state and reason of each motor's position (motors/positions.py)."""
         writer = self.writer
         positions = self.positions
         writer.begin(m.MSG_CONDITION, self.reader)
@@ -565,352 +491,3 @@ class Controller:
             writer.u8(positions.reasons[i])
         writer.end()
         return 0
-
-    def _exceeded(self):
-        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²).
-
-        Then what is set for a motor, that one or the one that the request names: motor 10, velocity 11, acceleration
-        15, soft limits 19 (lower), 23 (upper), SET_ bits 27; and limit sets whose upper 28, whose lower switch 30 is
-        active, a bit each.
-        """
-        writer = self.writer
-        exceeded = self.stage.follower.exceeded
-        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
-        if motor < 0 or motor >= self.count:
-            return m.ERR_RANGE
-        writer.begin(m.MSG_EXCEEDED, self.reader)
-        writer.u8(exceeded[0])
-        writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
-        writer.words_from(exceeded, 2, 1)
-        writer.words_from(exceeded, 3, 1)
-        axis = self.axes[motor]
-        writer.u8(motor + 1)
-        writer.u32(axis.own_velocity)
-        writer.u32(axis.own_acceleration)
-        writer.words_from(axis.limits, 0, 2)
-        bits = self.safety.ends(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
-        if axis.lower_enabled:
-            bits |= m.SET_LOWER
-        if axis.upper_enabled:
-            bits |= m.SET_UPPER
-        if self.flags[motor] & m.MOTOR_ENABLED:
-            bits |= m.SET_ENABLED
-        if axis.leader:
-            bits |= m.SET_LED
-        writer.u8(bits)
-        writer.u16(self.safety.held(0))
-        writer.u16(self.safety.held(1))
-        writer.end()
-        return 0
-
-    def _get_position(self):
-        self._send_positions(self.reader)
-        return 0
-
-    # ---------------------------------------------------------------- requests: motors
-
-    def _motor(self):
-        """The motor of this request, from 0; -1 where there is no such motor."""
-        number = self.reader.u8(0)
-        return number - 1 if 0 < number <= self.count else -1
-
-    def _sound(self):
-        """Whether all pins are what they should be. Else everything stops, and motors that may have missed pulses have
-        lost their positions; the next time they are."""
-        lost = self.hal.reclaim()
-        if lost < 0:
-            return self.hal.ready()
-        self.positions.lose(lost, STEPS)
-        self._blame(FAULT_TAKEN)
-        self.fail()
-        return False
-
-    def _may_move(self, motor):
-        """OK, or why the motor may not be moved on its own now."""
-        if self.broken or self.safety.tripped or not self._sound():
-            return m.ERR_GENERAL
-        if (
-            self.stage.running
-            and self.stage.takes(motor)
-            or (self.virtuals.engaged >> motor & 1 and not self.virtuals.leads(motor))
-        ):
-            return m.ERR_MOVING
-        if not self.enabled(motor):
-            return m.ERR_GENERAL
-        return m.OK if self._driven(1 << motor) else m.ERR_GENERAL
-
-    def enabled(self, motor):
-        """Whether the motor may be moved: it is enabled, led by no other, and so is the motor coupled to it.
-
-        Two coupled motors move one load: with one of them without power the other must not pull at it.
-        """
-        axis = self.axes[motor]
-        if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
-            return False
-        return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
-
-    def _leading(self, motor):
-        """The motor that decides what this one does: itself, or the one that it follows."""
-        return motor - 1 if self.axes[motor].leader else motor
-
-    def _driven(self, bits):
-        """Whether the drivers of these motors, and of those coupled to them, do what they are told."""
-        return not self.drivers or self._coupled(bits) & ~self.drivers.ready == 0
-
-    def _coupled(self, bits):
-        for motor in range(self.count - 1):
-            if bits >> motor & 1 and self.axes[motor].partner:
-                bits |= 2 << motor
-        return bits
-
-    def may_move_all(self):
-        """OK, or why no motor may be moved now. An enabled motor whose driver does not work holds up all: a run
-        without it would be another run."""
-        if self.broken or self.safety.tripped or not self._sound():
-            return m.ERR_GENERAL
-        if not self._driven(self._bits(m.MOTOR_ENABLED)):
-            return m.ERR_GENERAL
-        return m.OK
-
-    def moving_all(self, bits):
-        """Motors of these bits have been sent somewhere together."""
-        self.jogging &= ~bits  # any other goes on, and is let go of in time
-        self._power(bits)
-
-    def acknowledge(self, code):
-        """Answer the request at once, before it is carried out."""
-        self.writer.ack(self.reader, code, self.rig.wide)
-        self.port.send(self.writer)
-
-    def _power(self, bits):
-        """Switch the drivers on of motors that are to move, and are enabled."""
-        self.fault = 0
-        bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
-        if self.drivers:
-            bits &= self.drivers.ready
-        if bits:
-            self.powered |= bits
-            for motor in range(self.count):
-                if bits >> motor & 1:
-                    self.hal.enable(motor, True)
-
-    def _move(self):
-        motor = self._motor()
-        if motor < 0:
-            return m.ERR_RANGE
-        self.reader.word_to(1, self.words, 0)
-        code = self.move(motor)
-        if code != m.OK or self.rig.wide:
-            return code
-        writer = self.writer
-        writer.begin(m.MSG_MOTOR_MOVE, self.reader)
-        moving = self.axes[motor].moving or self.virtuals.engaged and self.virtuals.leads(motor)
-        writer.u8(1 if moving else 0)
-        writer.end()
-        return 0
-
-    def move(self, motor):
-        """Send a motor to the step words[0]. A code; nothing moves unless it is OK."""
-        code = self._may_move(motor)
-        if code != m.OK:
-            return code
-        axis = self.axes[motor]
-        side = axis.outside(self.words, 0)
-        if side:
-            return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
-        code = self.safety.bars(motor, self.words, 0)
-        if code != m.OK:
-            return code
-        self.jogging &= ~(1 << motor)
-        if self.virtuals.leads(motor):
-            return self.virtuals.drive(motor, self.words, 0)
-        self._power(1 << motor)
-        axis.travel(self.hal, self.words, 0)
-        return m.OK
-
-    def _stop(self):
-        motor = self._motor()
-        if motor < 0:
-            return m.ERR_RANGE
-        motor = self._leading(motor)
-        self.jogging &= ~(1 << motor)
-        engaged = self.virtuals.engaged
-        taken = self.stage.busy and self.stage.takes(motor)
-        if taken:
-            self.stage.stop(land=True, spared=engaged)
-        if engaged >> motor & 1:
-            self.virtuals.stop()
-        elif not taken:
-            self.axes[motor].stop(self.hal, 1, True)
-        return m.OK
-
-    def stop_all(self):
-        """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
-        hard = self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
-        factor = self.rig.hard_stop_factor if hard else 1
-        self.stop_at = self.now
-        self.jogging = 0
-        landing = self.stage.stop(factor, not hard, True, spared=self.virtuals.engaged)
-        if hard:
-            self.virtuals.halt(factor)
-        else:
-            self.virtuals.stop()
-            landing |= self.virtuals.engaged
-        self.axes.stop(factor, landing, not hard)
-        return m.OK
-
-    def _reset_position(self):
-        motor = self._motor()
-        if motor < 0:
-            return m.ERR_RANGE
-        axis = self.axes[motor]
-        if axis.moving or (self.stage.engaged | self.virtuals.engaged) >> self._leading(motor) & 1:
-            return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
-        self.reader.word_to(1, self.words, 0)
-        if not axis.set_position(self.words, 0):
-            return m.ERR_RANGE
-        self.positions.know(motor)
-        self.axes.renumbered(motor)
-        self.stage.change()
-        self.say_position = True
-        return m.OK
-
-    def _jog(self):
-        motor = self._motor()
-        speed = self.reader.u16(1)
-        if motor < 0 or speed < 1 or speed > 10000:
-            return m.ERR_RANGE
-        self.reader.word_to(3, self.words, 0)
-        return self.jog(motor, speed)
-
-    def jog(self, motor, speed):
-        """Jog a motor towards the step words[0], its soft limit at most. speed: 1 … 10000. A code, as above."""
-        code = self._may_move(motor)
-        if code != m.OK:
-            return code
-        axis = self.axes[motor]
-        axis.clamp(self.words, 0)
-        code = self.safety.bars(motor, self.words, 0)
-        if code != m.OK:
-            return code
-        bit = 1 << motor
-        if self.virtuals.leads(motor):
-            return self.virtuals.drive(motor, self.words, 0, speed)
-        self.jog_at[motor] = self.now
-        if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
-            self.jogging |= bit
-            self._power(bit)
-            axis.travel(self.hal, self.words, 0, speed)
-        return m.OK
-
-    def _jogs(self):
-        """Let go of motors whose jog has not been asked for again (field note 4.2)."""
-        limit = self.rig.jog_timeout_ms
-        for motor in range(self.count):
-            bit = 1 << motor
-            if self.jogging & bit:
-                axis = self.axes[motor]
-                if not axis.moving:
-                    self.jogging &= ~bit
-                elif limit and elapsed(self.now, self.jog_at[motor]) >= limit:
-                    axis.stop(self.hal, 1, True)
-                    self.jogging &= ~bit
-
-    def _configure(self):
-        motor = self._motor()
-        flags = self.reader.u8(1)
-        if motor < 0:
-            return m.ERR_RANGE
-        axis = self.axes[motor]
-        enabled = flags & m.MOTOR_ENABLED
-        coupling = (flags ^ self.flags[motor]) & _COUPLING
-        if flags != self.flags[motor]:
-            engaged = self._coupled(self.stage.engaged)
-            virtual = self._coupled(self.virtuals.engaged)
-            if coupling:
-                engaged |= engaged >> 1  # the next motor is meant as well
-                virtual |= virtual >> 1
-            if engaged >> motor & 1 or (axis.moving or virtual >> motor & 1) and (coupling or not enabled):
-                return m.ERR_MOVING
-        if coupling:
-            code = self._couple(motor, flags & _COUPLING)
-            if code != m.OK:
-                return code
-        self.flags[motor] = flags
-        self.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
-        bit = 1 << motor
-        if enabled:
-            self._power(bit)
-        else:
-            self.powered &= ~bit
-            self.hal.enable(motor, False)
-            self.positions.release(motor)
-        self._exclude()
-        self.stage.change()
-        return m.OK
-
-    def _couple(self, motor, flags):
-        """Let the next motor do what this one does, or no longer (field note 3.1)."""
-        if motor + 1 >= self.count:
-            return m.ERR_RANGE
-        axis = self.axes[motor]
-        partner = self.axes[motor + 1]
-        if partner.moving:
-            return m.ERR_MOVING
-        if not flags:
-            axis.uncouple()
-        elif axis.leader or partner.partner or not axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED):
-            return m.ERR_RANGE  # no chains
-        return m.OK
-
-    def _exclude(self):
-        """Which motors take no part in uploaded moves: disabled, under live control, led by another, coupled to one
-        that is disabled."""
-        bits = 0
-        for motor in range(self.count):
-            if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
-                bits |= 1 << motor
-        self.stage.follower.excluded = bits
-
-    def _bits(self, flag):
-        """Motors configured with a flag, one bit each."""
-        bits = 0
-        for motor in range(self.count):
-            if self.flags[motor] & flag:
-                bits |= 1 << motor
-        return bits
-
-    def _set_speed(self):
-        motor = self._motor()
-        velocity = self.reader.count(1)
-        acceleration = self.reader.count(5)
-        if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
-            return m.ERR_RANGE
-        if acceleration < 0:
-            acceleration = motion.STEEPEST
-        axis = self.axes[motor]
-        axis.set_speed(velocity, acceleration)
-        self.stage.change()
-        leading = self._leading(motor)
-        self.virtuals.changed(leading)
-        if self.axes[leading].gentler:
-            self.gentler |= 1 << motor
-        return m.OK
-
-    def _set_limits(self):
-        reader = self.reader
-        motor = self._motor()
-        hw_set = reader.u8(11)
-        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not self.safety.has(hw_set & m.HW_SET_MASK):
-            return m.ERR_RANGE
-        reader.word_to(2, self.words, 0)
-        reader.word_to(7, self.words, 1)
-        if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
-            return m.ERR_RANGE
-        self.safety.assign(motor, hw_set & m.HW_SET_MASK, hw_set & m.HW_SET_SWAP)
-        self.stage.change()
-        motor = self._leading(motor)
-        self.virtuals.changed(motor)
-        if not (self.stage.playing | self.virtuals.engaged) >> motor & 1:
-            self.axes[motor].heed(self.hal)
-        return m.OK

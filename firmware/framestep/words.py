@@ -1,7 +1,7 @@
 """Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
 from framestep.faults import FAULTS, outcome
-from framestep.motion.positions import (
+from framestep.motors.positions import (
     BEFORE,
     BROKEN_OFF,
     DRIVER,

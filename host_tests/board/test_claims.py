@@ -7,7 +7,7 @@ the SDK's own code does it.
 
 import pytest
 
-from framestep.motion.positions import KNOWN, LOST, SET, STEPS
+from framestep.motors.positions import KNOWN, LOST, SET, STEPS
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import DeviceInfo, GetCondition, HardStop, MotorMove, MotorResetPosition, RtGo

@@ -8,7 +8,7 @@ import pytest
 
 from framestep.io.watchdog import DEAF_MS, TIMEOUT_MS
 from framestep.motion import stepper
-from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
+from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (

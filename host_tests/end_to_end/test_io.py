@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from framestep.motion.positions import KNOWN, LOST
+from framestep.motors.positions import KNOWN, LOST
 from framestep.protocol import messages as m
 from framestep_tools.payloads import (
     BlurMotor,

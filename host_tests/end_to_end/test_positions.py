@@ -3,7 +3,7 @@
 import pytest
 
 from framestep import words
-from framestep.motion.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
+from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
 from framestep_tools.boards import LockstepPort, SimulatedBoard

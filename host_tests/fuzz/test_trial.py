@@ -14,7 +14,7 @@ import pytest
 from framestep.controller import Controller
 from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
-from framestep.motion.axes import Axis
+from framestep.motors.axis import Axis
 from framestep.moves.requests import Moves
 from framestep.moves.stage import Stage
 from framestep.protocol import messages as m

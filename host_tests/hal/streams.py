@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from framestep.motion import axes as motion
 from framestep.motion.stepper import AHEAD, DUE, FIFO
+from framestep.motors.axes import Axes
 from framestep_tools.files import folded, write_tree
 from host_tests.motion.engine import PER_US, Bench
 
@@ -84,7 +84,7 @@ def on_pio(lines: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
         bench.kernel.configure(i, bench.block(i)[FIFO], 0, 625, i % 2 == 1)
         engine.up = i % 2 ^ 1
     bench.settle()
-    axes = motion.Axes(bench)
+    axes = Axes(bench)
     start = bench.state[DUE] + bench.state[AHEAD] / PER_US
     target = array("i", [0, 0])
     for line in lines[1:]:

@@ -13,7 +13,7 @@ from framestep.host_board import HostBoard
 from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
 from framestep.io.restore import restore
 from framestep.motion import stepper
-from framestep.motion.positions import (
+from framestep.motors.positions import (
     BEFORE,
     BROKEN_OFF,
     HELD,

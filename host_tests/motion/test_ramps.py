@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from framestep.hal.engine import LEAD
 from framestep.motion import stepper
-from framestep.motion.axes import SPLICE_TICKS, Axes
+from framestep.motors.axes import Axes
+from framestep.motors.axis import SPLICE_TICKS
 from host_tests.motion.engine import Bench
 from host_tests.motion.profiles import ONE
 

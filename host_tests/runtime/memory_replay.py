@@ -6,8 +6,8 @@ from array import array
 from framestep.io.memory import STILL_MS, Memory
 from framestep.io.restore import restore
 from framestep.motion import stepper
-from framestep.motion.positions import Positions
 from framestep.motion.reals import copy_word
+from framestep.motors.positions import Positions
 
 try:
     from micropython import heap_lock, heap_unlock

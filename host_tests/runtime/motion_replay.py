@@ -20,9 +20,9 @@ What is written: the words of the header, of each motor's block, cubic and place
 import sys
 from array import array
 
-from framestep.motion import axes as motion
 from framestep.motion import reals, segments
 from framestep.motion.kernel import StepKernel
+from framestep.motors.axes import Axes
 from framestep.native import addressof
 
 try:
@@ -48,7 +48,7 @@ class Rig:
         self.fifos = [array("i", [0]) for _ in range(motors)]
         for i in range(motors):
             self.kernel.configure(i, addressof(self.fifos[i]), i % 16, 625 * (1 + i % 3), i % 2 == 1)
-        self.axes = motion.Axes(self)
+        self.axes = Axes(self)
         self.words = array("i", [0] * 2)
         self.tick = self.kernel.tick
         self.feed = self.axes.feed

@@ -17,9 +17,9 @@ from array import array
 
 from framestep.hal.engine import BATCH, CYCLES, WORDS
 from framestep.hal.stream import Stream
-from framestep.motion import axes as motion
 from framestep.motion.kernel import StepKernel
 from framestep.motion.stepper import FAULT, MODE, POSITION, sample
+from framestep.motors.axes import Axes
 
 try:
     from micropython import heap_lock, heap_unlock
@@ -43,7 +43,7 @@ class Rig:
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)
         self.stream.attach(self.kernel, AHEAD)
-        self.axes = motion.Axes(self)
+        self.axes = Axes(self)
         self.target = array("i", [0, 0])
         self.painted = array("i", [0] * (BATCH * WORDS))
 

@@ -56,8 +56,8 @@ class _Module:
 def fold(
     sources: Mapping[str, str], hide: bool = True, given: Mapping[str, Mapping[str, int]] = MappingProxyType({})
 ) -> dict[str, str]:
-    """The same modules, {path: source}, with constants of one another as numbers. The path of framestep.motion.axes is
-    "framestep/motion/axes.py".
+    """The same modules, {path: source}, with constants of one another as numbers. The path of framestep.motors.axes is
+    "framestep/motors/axes.py".
 
     hide: constants without an underscore get one. Without it they remain for scripts that import them.
     given: {module: {name: number}}, what other modules are to take for constants although they are made otherwise.

@@ -73,9 +73,10 @@ _WHOLE = (
 # flash they would hold up answers and the tick.
 _STAYS = {
     "framestep/controller.mpy": {
-        "poll", "_tend", "_plan", "_listen", "_attend", "_calm", "_handle", "_light", "_report",
-        "_send_positions", "_sound", "acknowledge",
+        "poll", "_tend", "_plan", "_listen", "_attend", "_handle", "_light", "_sound", "acknowledge",
     },
+    "framestep/motors/requests.mpy": {"calm"},
+    "framestep/reports.mpy": {"send", "send_positions"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"trouble", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {
@@ -237,7 +238,7 @@ def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
 
 @_remembered
 def _board_sources(board: str) -> dict[str, bytes]:
-    """{"framestep/motion/axes.mpy": source} of what is compiled for a board."""
+    """{"framestep/motors/axes.mpy": source} of what is compiled for a board."""
     folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
     sources = _lean(folds)
     return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
@@ -248,7 +249,7 @@ def _compiled(mpy: str, source: bytes, march: str) -> bytes:
 
 
 def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """{"framestep/motion/axes.mpy": content} of the modules for a board, each whole."""
+    """{"framestep/motors/axes.mpy": content} of the modules for a board, each whole."""
     return {name: _compiled(name, source, march) for name, source in _board_sources(board).items()}
 
 

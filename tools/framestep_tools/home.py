@@ -25,7 +25,7 @@ def version() -> str:
     """framestep's version, which the firmware tells a host: 0.1.0. Importing the controller for it would take long."""
     import framestep
 
-    text = Path(framestep.__file__).with_name("controller.py").read_text()
+    text = Path(framestep.__file__).with_name("reports.py").read_text()
     found = re.search(r"^VERSION = \((\d+), (\d+), (\d+)\)", text, re.MULTILINE)
-    assert found, "framestep/controller.py has no VERSION"
+    assert found, "framestep/reports.py has no VERSION"
     return ".".join(found.groups())

@@ -309,7 +309,7 @@ class HardStop(Payload):
 
 @dataclass(frozen=True)
 class Trust(Payload):
-    """How far a motor's position can be trusted: numbers of framestep.motion.positions."""
+    """How far a motor's position can be trusted: numbers of framestep.motors.positions."""
 
     state: U8
     reason: U8

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from framestep import words
-from framestep.motion.positions import LOST
+from framestep.motors.positions import LOST
 from framestep.protocol.messages import (
     CONDITION_EXCEEDED,
     HARD_STOP_FAULT,

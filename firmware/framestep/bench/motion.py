@@ -18,10 +18,10 @@ def _send(motor, target, speed):
         return held
     if not 1 <= motor <= controller.count or not -_FAR - 1 <= target <= _FAR:
         return m.ERR_RANGE
-    controller.words[0] = target
+    controller.motors.words[0] = target
     if speed is None:
-        return locked(controller.move, motor - 1)
-    return locked(controller.jog, motor - 1, speed) if 1 <= speed <= 10000 else m.ERR_RANGE
+        return locked(controller.motors.move, motor - 1)
+    return locked(controller.motors.jog, motor - 1, speed) if 1 <= speed <= 10000 else m.ERR_RANGE
 
 
 def move(motor, step):

@@ -2,7 +2,7 @@
 
 from framestep import boot, words
 from framestep.bench import between, dead, operation, refusal
-from framestep.controller import VERSION
+from framestep.reports import VERSION
 from framestep.moves.store import READY as UPLOADED
 from framestep.protocol import messages as m
 

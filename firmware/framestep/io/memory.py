@@ -19,8 +19,8 @@ from array import array
 
 from framestep.clock import elapsed
 from framestep.motion import stepper
-from framestep.motion.positions import LOST
 from framestep.motion.reals import copy_word
+from framestep.motors.positions import LOST
 from framestep.native import const, micropython, ptr8, ptr32
 
 STILL_MS = const(2000)
@@ -31,7 +31,7 @@ PAGE_BYTES = const(256)
 NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
-PLACES = const(3)  # where the loads are (motion.axes)
+PLACES = const(3)  # where the loads are (motors.axis)
 STEPS = const(15)  # and the motors: the difference is the play that is taken up
 CHECK = const(30)  # CRC-32 of the words before it
 MARK = const(31)  # -1 while the record is true

@@ -2,8 +2,8 @@
 
 from framestep.io.memory import CHECK, FORM, LAYOUT, LOST_ONES, MARK, NUMBER, PLACES, SLOT_BYTES, STEPS, checksum
 from framestep.motion import stepper
-from framestep.motion.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.motion.reals import copy_word, equal_words
+from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
 
 
 def restore(memory):

@@ -16,9 +16,9 @@ from array import array
 
 from framestep import results
 from framestep.clock import elapsed
-from framestep.motion.axes import STEEPEST, kernel_rate
 from framestep.motion.stepper import DOWN as MOVING_DOWN
 from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
+from framestep.motors.axis import STEEPEST, kernel_rate
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 RELEASE_MS = const(20)

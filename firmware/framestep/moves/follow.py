@@ -6,10 +6,10 @@ its own from OWN on. Nothing allocates after construction.
 
 from array import array
 
-from framestep.motion import axes as motion
 from framestep.motion import ramps, reals, stepper
-from framestep.motion.axes import lead
 from framestep.motion.ramps import put_aim
+from framestep.motors import axis as motion
+from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.moves import path
 from framestep.native import const, micropython, ptr32
 from framestep.results import (
@@ -87,8 +87,8 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
                 path.velocity(r, X, window, axis.bounds, index, last - index, scale, own + _TOPS - _SPEEDS)
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
-            lead(axis.planned, limits, place, 0, 0)
-            put_aim(axis.phases.words, r, duration, own, X, limits, motion.PHYSICAL, 0)
+            motor_step(axis.planned, limits, place, 0, 0)
+            put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, 0)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]
         bits >>= 1

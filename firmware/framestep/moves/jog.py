@@ -13,10 +13,10 @@ from array import array
 
 from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
-from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
-from framestep.motion.axes import lead
 from framestep.motion.segments import G1, WHOLE, velocity
+from framestep.motors import axis as motion
+from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.moves import path
 from framestep.moves.follow import FASTEST_FPS, HALF, THOUSAND, T, X, Y, speed
 from framestep.moves.stage import ENDING, POSITIONING, Operation
@@ -563,7 +563,7 @@ class JogAll(Operation):
                     if self.bits >> motor & 1:
                         # by way of that frame, where it may turn
                         self.store.position(motor, end, follower.place, 0)
-                        lead(axes[motor].planned, axes[motor].limits, follower.place, 0, 0)
+                        motor_step(axes[motor].planned, axes[motor].limits, follower.place, 0, 0)
                 end += step
                 more -= 1
                 reals.put(r, X, 1, 0)
@@ -604,8 +604,8 @@ class JogAll(Operation):
                 if not reals.sign(r, own):
                     continue
                 self.store.position(motor, end, follower.place, 0)
-                lead(axis.planned, axis.limits, follower.place, 0, 0)
-                reals.put_difference(r, X, axis.limits, motion.PHYSICAL, axis.cubic, WHOLE)
+                motor_step(axis.planned, axis.limits, follower.place, 0, 0)
+                reals.put_difference(r, X, axis.limits, PHYSICAL, axis.cubic, WHOLE)
                 reals.divide(r, X, X, own)
                 reals.put(r, Y, 3, 0)
                 reals.multiply(r, X, X, Y)
@@ -675,12 +675,12 @@ class JogAll(Operation):
             if self.bits >> motor & 1:
                 axis = follower.axes[motor]
                 own = speed(motor)
-                reals.copy_word(self.values, 0, axis.limits, motion.PHYSICAL)
+                reals.copy_word(self.values, 0, axis.limits, PHYSICAL)
                 if cut:
                     reals.copy_word(self.values, 0, axis.cubic, WHOLE)
                 self.store.position(motor, end, follower.place, 0)
-                lead(axis.planned, axis.limits, follower.place, 0, 0)
-                reals.put_difference(r, X, axis.limits, motion.PHYSICAL, self.values, 0)
+                motor_step(axis.planned, axis.limits, follower.place, 0, 0)
+                reals.put_difference(r, X, axis.limits, PHYSICAL, self.values, 0)
                 turns = reals.sign(r, X) * reals.sign(r, own) < 0
                 if reals.sign(r, X) < 0:
                     reals.negate(r, X, X)

@@ -121,13 +121,13 @@ class Moves:
     # ---------------------------------------------------------------- operations
 
     def _position_frame(self):
-        code = self.controller.may_move_all()
+        code = self.controller.motors.may_move_all()
         if code == m.OK and (self.stage.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.stage.go_to_frame(self.reader.i32(0), self.places)
         if code == m.OK:
-            self.controller.moving_all(self.stage.follower.motors())
+            self.controller.motors.moving_all(self.stage.follower.motors())
             self.show.place(self.reader.i32(0) - self.store.start)
         return code
 
@@ -164,7 +164,7 @@ class Moves:
             closed,
         )
         if code == m.OK:
-            self.controller.moving_all(self.run.bits)
+            self.controller.motors.moving_all(self.run.bits)
         return self._tell(code)
 
     def _tell(self, code):
@@ -182,7 +182,7 @@ class Moves:
         if code == m.OK:
             code = self.shoot.blur(reader.i32(0), reader.u8(4) == 0, reader.count(5), reader.u16(9), reader)
         if code == m.OK:
-            self.controller.moving_all(self.shoot.bits)
+            self.controller.motors.moving_all(self.shoot.bits)
         return code
 
     def _shoot_frame2(self):
@@ -192,12 +192,12 @@ class Moves:
         if code == m.OK:
             code = self.shoot.angles(reader.i32(0), reader.count(4), reader.i16(8), reader.i16(10), reader)
         if code == m.OK:
-            self.controller.moving_all(self.shoot.bits)
+            self.controller.motors.moving_all(self.shoot.bits)
         return code
 
     def _may_begin(self):
         """OK where an operation may be prepared (field note 6.1)."""
-        code = self.controller.may_move_all()
+        code = self.controller.motors.may_move_all()
         if code == m.OK:
             if self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged:
                 return m.ERR_MOVING
@@ -205,7 +205,7 @@ class Moves:
         return code
 
     def _may_go(self):
-        code = self.controller.may_move_all()
+        code = self.controller.motors.may_move_all()
         if code == m.OK:
             code = self.stage.may_go()
         if code == m.OK and self.stage.operation.bits & self.controller.virtuals.engaged:
@@ -236,11 +236,11 @@ class Moves:
 
     def _jog_all(self):
         """spec: MSG_RT_JOG_ALL. fps 0, destination 4."""
-        code = self.controller.may_move_all()
+        code = self.controller.motors.may_move_all()
         if code == m.OK and not self.stage.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.request(self.reader.count(0), self.reader.i32(4))
         if code == m.OK:
-            self.controller.moving_all(self.jog.bits)
+            self.controller.motors.moving_all(self.jog.bits)
         return self._tell(code)

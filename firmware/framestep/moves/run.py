@@ -19,8 +19,8 @@ from array import array
 
 from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
-from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
+from framestep.motors import axis as motion
 from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.stage import Operation

@@ -23,8 +23,8 @@ from array import array
 from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
 from framestep.hal.engine import CUE_DELAY_US
-from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
+from framestep.motors import axis as motion
 from framestep.moves import path
 from framestep.moves.follow import HALF, ZERO, T, X, Y, speed
 from framestep.moves.show import METER, SHUTTER

@@ -8,7 +8,7 @@ or the rig cannot reach, or the way bends too much, cells get half as long until
 from array import array
 
 from framestep.motion import reals
-from framestep.motion.axes import INCHING
+from framestep.motors.axis import INCHING
 from framestep.native import const
 from framestep.results import ERR_RANGE
 from framestep.virtuals import motion as v

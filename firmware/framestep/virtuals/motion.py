@@ -26,9 +26,9 @@ from array import array
 from framestep import results as m
 from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
-from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
 from framestep.motion.reals import combine, multiply, order_words, put
+from framestep.motors import axis as motion
 from framestep.native import const, micropython, ptr32
 from framestep.virtuals import aim
 from framestep.virtuals.geometry import AXES, JOINT, PER_UNIT, POSE, REGISTERS

@@ -174,7 +174,7 @@ class Virtuals:
             return code
         self.motion.adopt(rig)
         self.motion.aiming = False
-        self.controller.say_position = True
+        self.controller.reports.position = True
         return m.OK
 
     def _named(self, kind):
@@ -193,7 +193,7 @@ class Virtuals:
     def _usable(self, bits):
         """Whether all motors of these bits are enabled, and led by no other."""
         for motor in range(self.axes.count):
-            if bits >> motor & 1 and not self.controller.enabled(motor):
+            if bits >> motor & 1 and not self.controller.motors.enabled(motor):
                 return False
         return True
 
@@ -241,7 +241,7 @@ class Virtuals:
         motion = self.motion
         if not self.configured:
             return m.ERR_GENERAL
-        code = self.controller.may_move_all()
+        code = self.controller.motors.may_move_all()
         if code != m.OK:
             return code
         if self.stage.engaged & motion.bits:
@@ -263,7 +263,7 @@ class Virtuals:
         """Set out along the line that has been laid; bits: of the virtual axes that it is about."""
         self.moved = bits
         self.jog_at = -1
-        self.controller.moving_all(self.motion.bits)
+        self.controller.motors.moving_all(self.motion.bits)
         self.motion.begin()
 
     def _move(self):

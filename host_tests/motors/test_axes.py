@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.hal.engine import LEAD
-from framestep.motion import axes as motion
 from framestep.motion import reals, stepper
-from framestep.motion.axes import Axes
+from framestep.motors import axis as motion
+from framestep.motors.axes import Axes
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 

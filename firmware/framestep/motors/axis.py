@@ -10,11 +10,11 @@ handed over as (array, index). Nothing allocates after construction.
 from array import array
 
 from framestep.motion import ramps, reals, segments, stepper
-from framestep.motion.positions import Positions
-from framestep.motion.ramps import load
 from framestep.motion.reals import add_words, order_words
-from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
-from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.motors import backlash, bounds, feeder
+from framestep.motors.backlash import drag, motor_step, offset, replan_from, same_side, take_up, taken_up
+from framestep.motors.feeder import set_cubic
+from framestep.native import addressof, as_word, const
 
 TICKS_PER_SECOND = const(1000)
 SLOWEST = const(10)  # steps/s below which a set velocity is lifted (field note 4.1)
@@ -24,10 +24,6 @@ DEFAULT_VELOCITY = const(5000)  # field note 4.1
 DEFAULT_ACCELERATION = const(20000)
 INCHING = const(100)  # least share of a jog, in ten-thousandths (field note 4.2: a small floor)
 
-AHEAD = const(11)  # segments to keep queued
-LOW = const(5)  # with fewer a moving motor is filled up in any pass
-_PIECE = const(4)  # segments cut in a pass, at least
-_CALL = const(2)  # so many could have been cut in the time that it takes to begin with a motor
 MOST = const(14)  # that the ring takes, with room for the two that an end is
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for so long
 SPLICE_TICKS = const(12)  # from a request to the place where the new plan takes over
@@ -42,245 +38,11 @@ SHARE_STEEP = const(8)
 _X = const(12)
 _Y = const(14)
 
-# Words of `limits`
-LOWER = const(0)
-UPPER = const(1)
+# Words of `limits`, after bounds.LOWER and bounds.UPPER
 TARGET = const(2)
 
-PHYSICAL = const(3)  # the motor's own step for a target, with the play
-
-# Words of `planned`
-_PLACE = const(0)
-_OFFSET = const(1)
-_PLAY = const(2)
-
-# Words of `work`: what of the phases has been queued
-_LEFT = const(0)  # ticks of the cubic's phase still to be queued
-_PART = const(1)  # Q30 of a tick: what remains of the phase after them
-_AIMED = const(2)  # the phase under way ends on the step in `knot`
-_MARKED = const(3)  # the tick that is open has its start in `state`
-_MORE = const(4)  # further phases will be appended: do not come to rest
-_LED = const(5)  # a partner does the same: 1, in the opposite sense 2
-_WORK_WORDS = const(6)
-
-_ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions; LOWER and UPPER
-
-_ALL_BITS = const(0x3FFFFFFF)
-_PHASE_MASK = const(ramps.PHASES - 1)
+_UNLIMITED = const(0x3FFFFFFF)
 _GOES = const(stepper.RUN | stepper.STOP)
-
-
-@micropython.viper
-def _set_cubic(cubic: ptr32, state: ptr32):
-    """Start a cubic from the state that stepper.splice tells."""
-    cubic[0] = state[0]
-    cubic[1] = state[1] >> 6
-    cubic[2] = (state[1] & 63) << 24
-    # the kernel's velocity is the displacement of a tick: half the acceleration more
-    v = state[2] - (state[3] >> 6)
-    cubic[3] = v >> 6
-    cubic[4] = (v & 63) << 24
-    a = state[3]
-    cubic[5] = a >> 12
-    cubic[6] = (a & 0xFFF) << 18
-    cubic[7] = 0
-    cubic[8] = 0
-
-
-@micropython.viper
-def lead(planned: ptr32, limits: ptr32, targets, i: int, part: int):
-    """limits[PHYSICAL] = the motor's step for the place targets[i], coming from where it is planned to be.
-
-    part: Q16 of a step that the place is beyond; whether it lies ahead or behind is decided by the nearest step.
-    """
-    step = ptr32(targets)[i + 0]
-    place = step + (part >> 15)
-    if place > planned[_PLACE]:
-        planned[_OFFSET] = 0
-    elif place < planned[_PLACE]:
-        planned[_OFFSET] = 0 - planned[_PLAY]
-    planned[_PLACE] = place
-    limits[PHYSICAL] = step + planned[_OFFSET]
-
-
-@micropython.viper
-def _follow(planned: ptr32, limits: ptr32, places, i: int, part: int):
-    """limits[PHYSICAL] = the motor's step for the place places[i] with the play as it is, whichever way that is.
-
-    part: Q16 of a step that the place is beyond.
-    """
-    step = ptr32(places)[i + 0]
-    planned[_PLACE] = step + (part >> 15)
-    limits[PHYSICAL] = step + planned[_OFFSET]
-
-
-@micropython.viper
-def _take_up(planned: ptr32, limits: ptr32, way: int):
-    if way > 0:
-        planned[_OFFSET] = 0
-    elif way < 0:
-        planned[_OFFSET] = 0 - planned[_PLAY]
-    limits[PHYSICAL] = planned[_PLACE] + planned[_OFFSET]
-
-
-@micropython.viper
-def _replan(planned: ptr32, cut: ptr32, places, i: int) -> int:
-    """Plan from where the motor is on the step cut[0] and cut[1] (Q16) of one more: places[i] is that step of the load,
-    with the play as it is. cut[1] again."""
-    step = cut[0] - planned[_OFFSET]
-    part = cut[1]
-    place = ptr32(places)
-    place[i] = step
-    planned[_PLACE] = step + (part >> 15)
-    return part
-
-
-@micropython.viper
-def _play(place: ptr32, block: ptr32, backlash: int):
-    """Where the load is: it lags behind the motor by the play of the gears, whichever way it goes."""
-    p = block[stepper.POSITION]
-    if place[0] < p:
-        place[0] = p
-    elif place[0] - p > backlash:
-        place[0] = p + backlash
-
-
-@micropython.viper
-def _gap(place: ptr32, block: ptr32) -> int:
-    """Steps from the load's place to the motor's."""
-    return block[stepper.POSITION] - place[0]
-
-
-@micropython.viper
-def _taken_up(place: ptr32, block: ptr32, backlash: int, way: int) -> int:
-    """Whether the play is taken up for a motion up (way > 0) or down (< 0); 0: whatever it is."""
-    gap = block[stepper.POSITION] - place[0]
-    if way > 0:
-        return 1 if gap == 0 else 0
-    if way < 0:
-        return 1 if gap + backlash == 0 else 0
-    return 1
-
-
-@micropython.viper
-def _feed(parts, other, base, most: int, enough: int):
-    """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
-
-    parts: see Axis; other: the block of a motor that does the same, and base: see segments.mirror().
-
-    A phase ends within a tick, as a rule. That tick is a segment of its own, from where the old phase begins it to
-    where the new one, or the one after that, ends it. At the end of the last phase the motor comes to rest.
-    """
-    work = parts[0]
-    cubic = parts[1]
-    block = parts[2]
-    state = parts[3]
-    whole = parts[4]
-    words = parts[6]
-    w = ptr32(work)
-    b = ptr32(block)
-    out = ptr32(whole)
-    p = ptr32(words)
-    led = w[_LED]
-    while (
-        b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
-        and enough > 0
-        and (b[stepper.TAIL] - b[stepper.HEAD]) & _ALL_BITS < most
-    ):
-        n = w[_LEFT]
-        if n:
-            if n > segments.LONGEST:
-                n = segments.LONGEST
-            cut(cubic, block, n)
-            if led:
-                mirror(block, other, base, led - 1)
-            shift(cubic, n << 24, 6, 0)
-            w[_LEFT] = w[_LEFT] - n
-            enough -= n
-            continue
-        if w[_MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
-            return
-        part = w[_PART]
-        if part:
-            if w[_MARKED] == 0:
-                mark(state, cubic)
-            w[_MARKED] = 0
-            shift(cubic, part, 0, 0)
-        while True:
-            if w[_AIMED]:
-                snap(cubic, parts[5])
-                if part:
-                    knot(state, parts[5], part)
-            if p[ramps.HEAD] == p[ramps.TAIL]:
-                settle(cubic)
-                if part:
-                    bridge(state, cubic, block, part)
-                    if led:
-                        mirror(block, other, base, led - 1)
-                cut(cubic, block, 1)
-                if led:
-                    mirror(block, other, base, led - 1)
-                w[_PART] = 0
-                w[_AIMED] = 0
-                b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
-                break
-            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[5], parts[7]))
-            if took:
-                p[ramps.HEAD] = (p[ramps.HEAD] + 1) & _PHASE_MASK
-            w[_AIMED] = took >> 1
-            if part == 0:
-                w[_LEFT] = out[0]
-                w[_PART] = out[1]
-                break
-            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
-            # A phase that ends with the tick is over before what follows it: within a tick an AIM phase may miss its
-            # step, and is put there in this tick's segment, not between two.
-            if out[0] or out[1] > rest:
-                shift(cubic, rest, 0, 0)
-                bridge(state, cubic, block, part)
-                if led:
-                    mirror(block, other, base, led - 1)
-                w[_LEFT] = out[0]
-                w[_PART] = out[1] - rest
-                if w[_PART] < 0:
-                    w[_LEFT] = out[0] - 1
-                    w[_PART] = w[_PART] + _ALL_BITS + 1
-                break
-            shift(cubic, out[1], 0, 0)
-            part += out[1]
-            if w[_MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
-                # What follows is still to come: keep the tick open
-                shift(cubic, part, 0, 1)
-                w[_PART] = part
-                w[_MARKED] = 1
-                return
-
-
-@micropython.viper
-def _neediest(m: ptr32, least: int, modes: int) -> int:
-    """Whose queue is to be filled next: 32 times the motor, from 1, and how many segments it has; 0 for none.
-
-    It has the fewest of those with fewer than `least` (up to 16) and something to cut more from. m: the header.
-    modes: only motors in one of them (MODE's bits), 0: any.
-    """
-    found = 0
-    motor = 0
-    a = m[stepper.FIRST]
-    while a:
-        m = ptr32(a)
-        a = m[stepper.NEXT]
-        motor += 32
-        if m[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
-            n = (m[stepper.TAIL] - m[stepper.HEAD]) & _ALL_BITS
-            if modes and m[stepper.MODE] & modes == 0:
-                n = least
-            if n < least:
-                w = ptr32(m[stepper.WORK])
-                p = ptr32(m[stepper.PHASES])
-                if w[_LEFT] or w[_MORE] == 0 or p[ramps.HEAD] != p[ramps.TAIL]:
-                    least = n
-                    found = motor + n
-    return found
 
 
 def kernel_rate(acceleration):
@@ -303,7 +65,7 @@ class Axis:
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
         self.cut = array("i", [0] * 2)  # the same where trim() has cut the queue
-        self.work = array("i", [0] * _WORK_WORDS)
+        self.work = array("i", [0] * feeder.WORK_WORDS)
         self.block[stepper.WORK] = as_word(addressof(self.work))
         self.block[stepper.PHASES] = as_word(addressof(self.phases.words))
         self.parts = (
@@ -318,7 +80,7 @@ class Axis:
         )
         self.lower_enabled = False
         self.upper_enabled = False
-        self.bounds = array("i", [0] * 3)  # how far the load may go: see _bound()
+        self.bounds = array("i", [0] * 3)  # how far the load may go: see motors/bounds.py
         self.own_velocity = 0  # as set_speed() has it; in force is what the coupled motor can do as well
         self.own_acceleration = 0
         self.own_jerk = 0
@@ -340,7 +102,7 @@ class Axis:
         self.turned = 0
         self.base = array("i", [0])  # from this motor's steps to the partner's: their difference, or turned their sum
         self.word = array("i", [0] * 3)
-        self._bound()
+        bounds.update(self)
         self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
 
     # ---------------------------------------------------------------- settings
@@ -412,57 +174,12 @@ class Axis:
         """Soft limits source[i] and source[i + 1], in steps. False where they cross: nothing is set."""
         if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
             return False
-        reals.copy_word(self.limits, LOWER, source, i)
-        reals.copy_word(self.limits, UPPER, source, i + 1)
+        reals.copy_word(self.limits, bounds.LOWER, source, i)
+        reals.copy_word(self.limits, bounds.UPPER, source, i + 1)
         self.lower_enabled = lower_enabled
         self.upper_enabled = upper_enabled
-        (self.leader or self)._bound()
+        bounds.update(self.leader or self)
         return True
-
-    def _bound(self):
-        """`bounds`: the lowest and the highest place for the load.
-
-        Those of the soft limits that are enabled, and of the range of positions, to whose lower end the motor must be
-        able to take up its play; for coupled motors also what the partner's own bounds are for this one. Then whether
-        there is any play.
-        """
-        bounds = self.bounds
-        self._own_bounds(bounds)
-        partner = self.partner
-        bounds[2] = self.backlash
-        if not partner:
-            return
-        bounds[2] |= partner.backlash
-        # The partner's motor goes from its lower bound less its play up to its upper bound.
-        word = self.word
-        partner._own_bounds(partner.bounds, 1)  # by rounding it may be a hair past the end of its range
-        word[2] = partner.backlash
-        add_words(word, 0, partner.bounds, 0, word, 2, 1)
-        reals.copy_word(word, 1, partner.bounds, 1)
-        low = 0
-        if self.turned:
-            add_words(word, 0, self.base, 0, word, 0, 1)
-            add_words(word, 1, self.base, 0, word, 1, 1)
-            low = 1
-        else:
-            add_words(word, 0, word, 0, self.base, 0, 1)
-            add_words(word, 1, word, 1, self.base, 0, 1)
-        word[2] = self.backlash
-        add_words(word, low, word, low, word, 2, 0)
-        if order_words(word, low, bounds, 0) > 0:
-            reals.copy_word(bounds, 0, word, low)
-        if order_words(word, 1 - low, bounds, 1) < 0:
-            reals.copy_word(bounds, 1, word, 1 - low)
-
-    def _own_bounds(self, bounds, margin=0):
-        word = self.word
-        word[2] = self.backlash + margin
-        add_words(bounds, 0, _ENDS, 0, word, 2, 0)
-        reals.copy_word(bounds, 1, _ENDS, 1)
-        if self.lower_enabled and order_words(self.limits, LOWER, bounds, 0) > 0:
-            reals.copy_word(bounds, 0, self.limits, LOWER)
-        if self.upper_enabled:
-            reals.copy_word(bounds, 1, self.limits, UPPER)
 
     def clamp(self, target, i):
         """Hold target[i] within `bounds`; a motor past one stays where it is at most."""
@@ -541,7 +258,7 @@ class Axis:
         word[2] = self.backlash
         if not add_words(word, 1, source, i, word, 2, 1):
             return False
-        word[2] = _gap(self.place, self.block)
+        word[2] = offset(self.place, self.block)
         add_words(word, 1, source, i, word, 2, 0)
         leader = self.leader or self
         if leader.partner:
@@ -557,12 +274,12 @@ class Axis:
             reals.copy_word(leader.base, 0, word, 0)
         reals.copy_word(self.block, stepper.POSITION, word, 1)
         reals.copy_word(self.place, 0, source, i)
-        leader._bound()
+        bounds.update(leader)
         return True
 
     def refresh(self):
         """Bring `place` up to date: before it is read, and often enough to see every turn."""
-        _play(self.place, self.block, self.backlash)
+        drag(self.place, self.block, self.backlash)
 
     def stands_on(self, source, i, way=0):
         """Whether it stands still on source[i], with its play taken up for a motion `way` (1 up, -1 down, 0 either)."""
@@ -572,20 +289,20 @@ class Axis:
         self.refresh()
         return (
             reals.equal_words(self.place, 0, source, i) != 0
-            and _taken_up(self.place, self.block, self.backlash, way) != 0
+            and taken_up(self.place, self.block, self.backlash, way) != 0
         )
 
     def heading(self):
         """For what direction the play is taken up where the phases lead to: 1 up, -1 down, 0 without play."""
         if not self.backlash:
             return 0
-        return -1 if self.planned[_OFFSET] else 1
+        return -1 if self.planned[backlash.OFFSET] else 1
 
     def set_backlash(self, steps):
         """Steps of play, 0 … 10000. Only at rest."""
         self.backlash = steps
-        self.planned[_PLAY] = steps
-        self._bound()
+        self.planned[backlash.PLAY] = steps
+        bounds.update(self)
         self.block[stepper.PLAY] = steps
 
     # ---------------------------------------------------------------- motion
@@ -606,15 +323,15 @@ class Axis:
             taken = self._splice(hal, ticks)
         if taken < 0:
             return False
-        _set_cubic(self.cubic, self.state)
+        set_cubic(self.cubic, self.state)
         self.phases.clear()
         work = self.work
-        work[_LEFT] = work[_PART] = work[_AIMED] = work[_MARKED] = work[_MORE] = 0
+        work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = work[feeder.MORE] = 0
         block[stepper.PLANNED] = 0
         self.easing = False
         self.refresh()
         reals.copy_word(self.planned, 0, self.place, 0)
-        self.planned[_OFFSET] = _gap(self.place, block)
+        self.planned[backlash.OFFSET] = offset(self.place, block)
         return True
 
     def _splice(self, hal, ticks):
@@ -655,14 +372,14 @@ class Axis:
         if smooth and self.stopping or not self.prepare(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # seek() goes on from there
             return True
-        if reals.equal_words(self.limits, TARGET, self.planned, _PLACE):
-            _take_up(self.planned, self.limits, way)
+        if reals.equal_words(self.limits, TARGET, self.planned, backlash.PLACE):
+            take_up(self.planned, self.limits, way)
         else:
-            lead(self.planned, self.limits, self.limits, TARGET, 0)
+            motor_step(self.planned, self.limits, self.limits, TARGET, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
-        planned = ramps.plan(self.phases, self.cubic, self.limits, PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK)
+        planned = ramps.plan(self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, SHARE_TOP, SHARE_STEEP, JERK)
         if planned == ramps.STOP_FIRST:
-            if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
+            if not ramps.plan_stop(self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, STEEP, JERK):
                 self.stop(hal)
                 self.block[stepper.PLANNED] = stepper.PLAN_TARGET
                 return True
@@ -678,15 +395,15 @@ class Axis:
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the place targets[i]: see ramps.Phases.aim."""
-        lead(self.planned, self.limits, targets, i, part)
-        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
+        motor_step(self.planned, self.limits, targets, i, part)
+        self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
 
     def coast(self, duration, start, end, numbers, places, i, part=0):
         """Append an AIM phase to the place places[i] with the play as it is, so that none of it is taken up on the
         way: for ramps and virtual motion. Where that is the other way than the motion before it, the load stays behind
         by the play."""
-        _follow(self.planned, self.limits, places, i, part)
-        self.phases.aim(duration, start, end, numbers, self.limits, PHYSICAL, part)
+        same_side(self.planned, self.limits, places, i, part)
+        self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
 
     def cut_off(self, ticks):
         """End the queue about `ticks` from now, to go on from there otherwise: go_on(). When that is, in ticks.
@@ -701,15 +418,15 @@ class Axis:
     def go_on(self, places, i):
         """After cut_off(): further phases follow, from where the cubic is now. places[i]: where the load was before, on
         its way in the same direction."""
-        _set_cubic(self.cubic, self.state)
+        set_cubic(self.cubic, self.state)
         self.phases.clear()
         work = self.work
-        work[_LEFT] = work[_PART] = work[_AIMED] = work[_MARKED] = 0
-        work[_MORE] = 1
+        work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = 0
+        work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
         self.refresh()
-        self.planned[_OFFSET] = _gap(self.place, self.block)
-        reals.copy_word(self.planned, _PLACE, places, i)
+        self.planned[backlash.OFFSET] = offset(self.place, self.block)
+        reals.copy_word(self.planned, backlash.PLACE, places, i)
 
     def trim(self, ticks, put):
         """Whether what is queued can be cut off at the end of a phase, `ticks` from now; if `put`, cut it off there.
@@ -727,16 +444,16 @@ class Axis:
         more."""
         self.phases.clear()
         work = self.work
-        work[_LEFT] = work[_PART] = work[_MARKED] = 0
+        work[feeder.LEFT] = work[feeder.PART] = work[feeder.MARKED] = 0
         reals.copy_word(self.knot, 0, self.cut, 0)
         self.knot[1] = self.cut[1]
-        work[_AIMED] = work[_MORE] = 1
+        work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        return _replan(self.planned, self.cut, places, i)
+        return replan_from(self.planned, self.cut, places, i)
 
     def expect(self, more):
         """Whether further phases will be appended: then it does not come to rest behind the last one."""
-        self.work[_MORE] = 1 if more else 0
+        self.work[feeder.MORE] = 1 if more else 0
 
     def seek(self, hal):
         """At rest: go on to a target that turning round has missed by the play, or that a stop came before, and take
@@ -776,10 +493,10 @@ class Axis:
         reals.copy_word(self.base, 0, self.word, 0)
         self.partner = partner
         self.turned = 1 if turned else 0
-        self.work[_LED] = 1 + self.turned
+        self.work[feeder.MIRRORED] = 1 + self.turned
         partner.leader = self
         self._apply()
-        self._bound()
+        bounds.update(self)
         return True
 
     def uncouple(self):
@@ -788,11 +505,11 @@ class Axis:
         if partner:
             partner.leader = None
             self.partner = None
-            self.work[_LED] = 0
+            self.work[feeder.MIRRORED] = 0
             partner._apply()
-            partner._bound()
+            bounds.update(partner)
             self._apply()
-            self._bound()
+            bounds.update(self)
 
     def stop(self, hal, factor=1, smooth=False):
         """Ramp down from the next tick on, `factor` times as steeply as the motor is set to.
@@ -808,9 +525,9 @@ class Axis:
             return
         self.easing = False
         self.phases.clear()
-        self.work[_LEFT] = 0
+        self.work[feeder.LEFT] = 0
         self.block[stepper.PLANNED] = 0
-        self.work[_MORE] = 0
+        self.work[feeder.MORE] = 0
         rate = kernel_rate(min(self.acceleration * factor, STEEPEST))
         irq = hal.irq_off()
         stepper.halt(self.block, rate)
@@ -828,7 +545,7 @@ class Axis:
         if not self.prepare(hal):
             self.block[stepper.PLANNED] = 0
             return True  # it is about to come to rest
-        if not ramps.plan_stop(self.phases, self.cubic, self.limits, PHYSICAL, r, STEEP, JERK):
+        if not ramps.plan_stop(self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, STEEP, JERK):
             return False
         self.easing = True
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
@@ -838,119 +555,9 @@ class Axis:
 
     # ---------------------------------------------------------------- feeding the queue
 
-    def feed(self, most=MOST, enough=_ALL_BITS):
+    def feed(self, most=MOST, enough=_UNLIMITED):
         """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before."""
         if self.partner:
-            _feed(self.parts, self.partner.block, self.base, most, enough)
+            feeder.feed(self.parts, self.partner.block, self.base, most, enough)
         else:
-            _feed(self.parts, None, self.base, most, enough)
-
-
-class Axes:
-    """All motors of the controller.
-
-    The pins are behind the kernel: what it queues in a tick is pulsed `BEHIND` ticks later. So what is told of
-    positions comes from samples taken some ticks ago: all of one moment, and of pulses that have been made.
-    """
-
-    def __init__(self, hal):
-        self.hal = hal
-        self.kernel = hal.kernel
-        self.count = hal.kernel.motors
-        self.positions = Positions(self.count)
-        self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
-        self.loose = []  # those with backlash
-        self.samples = stepper.samples(self.count)  # each pass of the main loop begins with another
-        self.told = array("i", [0] * self.count)  # where the loads are by the pulses made until then: see choose()
-
-    def __getitem__(self, motor):
-        return self.axes[motor]
-
-    def set_backlash(self, motor, steps):
-        """As Axis.set_backlash()."""
-        self[motor].set_backlash(steps)
-        self.loose = [axis for axis in self.axes if axis.backlash]
-
-    def feed(self, urgent=False):
-        """Fill the queue of the motor that has the fewest segments, if fewer than AHEAD; whether there was one.
-
-        When that takes little, the next one's as well: in one pass of the main loop a piece of the work is done, so
-        that requests are answered between. But a pass may be the only one between two long absences, so it leaves no
-        motor that moves with fewer than LOW. urgent: no others.
-        """
-        state = self.kernel.state
-        left = _PIECE
-        more = True
-        while True:
-            found = _neediest(state, LOW, stepper.RUN)
-            if not found:
-                if left <= 0:
-                    break
-                if not urgent:
-                    found = _neediest(state, AHEAD, 0)
-                if not found:
-                    more = False
-                    break
-            axis = self.axes[(found >> 5) - 1]
-            tail = axis.block[stepper.TAIL]
-            axis.feed(min((found & 31) + AHEAD, MOST))
-            left -= ((axis.block[stepper.TAIL] - tail) & _ALL_BITS) + _CALL
-        for axis in self.loose:
-            axis.refresh()
-        bits = stepper.seeking(self.kernel.state)
-        if not bits:
-            return more
-        motor = 0
-        while not bits & 1:
-            bits >>= 1
-            motor += 1
-        self.axes[motor].seek(self.hal)
-        return True
-
-    @property
-    def filled(self):
-        """Whether every queue has AHEAD segments, or all that there is to cut."""
-        return _neediest(self.kernel.state, AHEAD, 0) == 0
-
-    def choose(self):
-        """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^29) whose pulses were the
-        last of them."""
-        return stepper.choose(self.kernel.state, self.samples, self.told)
-
-    def alarm(self, tick):
-        """Have stepper.sample() tell from when this tick (modulo 2^29) is over; -1: no longer."""
-        self.samples[stepper.ALARM] = tick
-
-    def renumbered(self, motor):
-        """A motor at rest has been given another position."""
-        stepper.renumber(self.samples, motor, self.axes[motor].place)
-
-    def moving_bits(self):
-        """One bit per motor that moves."""
-        return stepper.moving(self.kernel.state)
-
-    @property
-    def moving(self):
-        return stepper.moving(self.kernel.state) != 0
-
-    def release(self, bits):
-        """Start the motors of these bits in the next tick, all in the same. Interrupts are off."""
-        for i in range(self.count):
-            if bits >> i & 1:
-                self.axes[i].release()
-
-    def discard(self, bits):
-        """Drop what has been prepared for the motors of these bits, which are at rest and not planned to move."""
-        for i in range(self.count):
-            if bits >> i & 1 and self.axes[i].partner:
-                bits |= 2 << i
-        irq = self.hal.irq_off()
-        stepper.discard(self.kernel.state, bits)
-        self.hal.irq_on(irq)
-
-    def stop(self, factor=1, spared=0, smooth=False):
-        """Ramp all motors down but those of the bits `spared`, and those that they lead; see Axis.stop."""
-        for i in range(self.count):
-            axis = self.axes[i]
-            if axis.moving and not axis.leader and not spared >> i & 1:
-                axis.stop(self.hal, factor, smooth)
+            feeder.feed(self.parts, None, self.base, most, enough)

@@ -1,0 +1,1 @@
+"""Motors: their settings, and the way from a request or a played move to segments in their queues."""

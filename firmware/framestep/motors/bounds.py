@@ -1,0 +1,63 @@
+"""How far a motor may go: its soft limits, the range of positions, and what a coupled motor allows.
+
+Positions are words, int32. Nothing allocates.
+"""
+
+from array import array
+
+from framestep.motion import reals
+from framestep.motion.reals import add_words, order_words
+from framestep.native import const
+
+# Words of an axis' `limits` and `bounds`, in steps of the load
+LOWER = const(0)
+UPPER = const(1)
+
+_ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
+
+
+def update(axis):
+    """`bounds`: the lowest and the highest place for the load.
+
+    Those of the soft limits that are enabled, and of the range of positions, to whose lower end the motor must be
+    able to take up its play; for coupled motors also what the partner's own bounds are for this one. Then whether
+    there is any play.
+    """
+    bounds = axis.bounds
+    _own(axis, bounds)
+    partner = axis.partner
+    bounds[2] = axis.backlash
+    if not partner:
+        return
+    bounds[2] |= partner.backlash
+    # The partner's motor goes from its lower bound less its play up to its upper bound.
+    word = axis.word
+    _own(partner, partner.bounds, 1)  # by rounding it may be a hair past the end of its range
+    word[2] = partner.backlash
+    add_words(word, 0, partner.bounds, 0, word, 2, 1)
+    reals.copy_word(word, 1, partner.bounds, 1)
+    low = 0
+    if axis.turned:
+        add_words(word, 0, axis.base, 0, word, 0, 1)
+        add_words(word, 1, axis.base, 0, word, 1, 1)
+        low = 1
+    else:
+        add_words(word, 0, word, 0, axis.base, 0, 1)
+        add_words(word, 1, word, 1, axis.base, 0, 1)
+    word[2] = axis.backlash
+    add_words(word, low, word, low, word, 2, 0)
+    if order_words(word, low, bounds, 0) > 0:
+        reals.copy_word(bounds, 0, word, low)
+    if order_words(word, 1 - low, bounds, 1) < 0:
+        reals.copy_word(bounds, 1, word, 1 - low)
+
+
+def _own(axis, bounds, margin=0):
+    word = axis.word
+    word[2] = axis.backlash + margin
+    add_words(bounds, 0, _ENDS, 0, word, 2, 0)
+    reals.copy_word(bounds, 1, _ENDS, 1)
+    if axis.lower_enabled and order_words(axis.limits, LOWER, bounds, 0) > 0:
+        reals.copy_word(bounds, 0, axis.limits, LOWER)
+    if axis.upper_enabled:
+        reals.copy_word(bounds, 1, axis.limits, UPPER)

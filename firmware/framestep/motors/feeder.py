@@ -1,0 +1,159 @@
+"""Cuts the phases of a motor into segments, which the tick takes from its queue.
+
+`work` of an axis says what of its phases has been queued. Nothing allocates.
+"""
+
+from framestep.motion import ramps, segments, stepper
+from framestep.motion.ramps import load
+from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
+from framestep.native import const, micropython, ptr32
+
+# Words of `work`
+LEFT = const(0)  # ticks of the cubic's phase still to be queued
+PART = const(1)  # Q30 of a tick: what remains of the phase after them
+AIMED = const(2)  # the phase under way ends on the step in `knot`
+MARKED = const(3)  # the tick that is open has its start in `state`
+MORE = const(4)  # further phases will be appended: do not come to rest
+MIRRORED = const(5)  # a partner does the same: 1, in the opposite sense 2
+WORK_WORDS = const(6)
+
+_ALL_BITS = const(0x3FFFFFFF)
+_PHASE_MASK = const(ramps.PHASES - 1)
+
+
+@micropython.viper
+def set_cubic(cubic: ptr32, state: ptr32):
+    """Start a cubic from the state that stepper.splice tells."""
+    cubic[0] = state[0]
+    cubic[1] = state[1] >> 6
+    cubic[2] = (state[1] & 63) << 24
+    # the kernel's velocity is the displacement of a tick: half the acceleration more
+    v = state[2] - (state[3] >> 6)
+    cubic[3] = v >> 6
+    cubic[4] = (v & 63) << 24
+    a = state[3]
+    cubic[5] = a >> 12
+    cubic[6] = (a & 0xFFF) << 18
+    cubic[7] = 0
+    cubic[8] = 0
+
+
+@micropython.viper
+def feed(parts, other, base, most: int, enough: int):
+    """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
+
+    parts: see Axis; other: the block of a motor that does the same, and base: see segments.mirror().
+
+    A phase ends within a tick, as a rule. That tick is a segment of its own, from where the old phase begins it to
+    where the new one, or the one after that, ends it. At the end of the last phase the motor comes to rest.
+    """
+    work = parts[0]
+    cubic = parts[1]
+    block = parts[2]
+    state = parts[3]
+    whole = parts[4]
+    words = parts[6]
+    w = ptr32(work)
+    b = ptr32(block)
+    out = ptr32(whole)
+    p = ptr32(words)
+    mirrored = w[MIRRORED]
+    while (
+        b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+        and enough > 0
+        and (b[stepper.TAIL] - b[stepper.HEAD]) & _ALL_BITS < most
+    ):
+        n = w[LEFT]
+        if n:
+            if n > segments.LONGEST:
+                n = segments.LONGEST
+            cut(cubic, block, n)
+            if mirrored:
+                mirror(block, other, base, mirrored - 1)
+            shift(cubic, n << 24, 6, 0)
+            w[LEFT] = w[LEFT] - n
+            enough -= n
+            continue
+        if w[MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
+            return
+        part = w[PART]
+        if part:
+            if w[MARKED] == 0:
+                mark(state, cubic)
+            w[MARKED] = 0
+            shift(cubic, part, 0, 0)
+        while True:
+            if w[AIMED]:
+                snap(cubic, parts[5])
+                if part:
+                    knot(state, parts[5], part)
+            if p[ramps.HEAD] == p[ramps.TAIL]:
+                settle(cubic)
+                if part:
+                    bridge(state, cubic, block, part)
+                    if mirrored:
+                        mirror(block, other, base, mirrored - 1)
+                cut(cubic, block, 1)
+                if mirrored:
+                    mirror(block, other, base, mirrored - 1)
+                w[PART] = 0
+                w[AIMED] = 0
+                b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
+                break
+            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[5], parts[7]))
+            if took:
+                p[ramps.HEAD] = (p[ramps.HEAD] + 1) & _PHASE_MASK
+            w[AIMED] = took >> 1
+            if part == 0:
+                w[LEFT] = out[0]
+                w[PART] = out[1]
+                break
+            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
+            # A phase that ends with the tick is over before what follows it: within a tick an AIM phase may miss its
+            # step, and is put there in this tick's segment, not between two.
+            if out[0] or out[1] > rest:
+                shift(cubic, rest, 0, 0)
+                bridge(state, cubic, block, part)
+                if mirrored:
+                    mirror(block, other, base, mirrored - 1)
+                w[LEFT] = out[0]
+                w[PART] = out[1] - rest
+                if w[PART] < 0:
+                    w[LEFT] = out[0] - 1
+                    w[PART] = w[PART] + _ALL_BITS + 1
+                break
+            shift(cubic, out[1], 0, 0)
+            part += out[1]
+            if w[MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
+                # What follows is still to come: keep the tick open
+                shift(cubic, part, 0, 1)
+                w[PART] = part
+                w[MARKED] = 1
+                return
+
+
+@micropython.viper
+def neediest(m: ptr32, least: int, modes: int) -> int:
+    """Whose queue is to be filled next: 32 times the motor, from 1, and how many segments it has; 0 for none.
+
+    It has the fewest of those with fewer than `least` (up to 16) and something to cut more from. m: the header.
+    modes: only motors in one of them (MODE's bits), 0: any.
+    """
+    found = 0
+    motor = 0
+    a = m[stepper.FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[stepper.NEXT]
+        motor += 32
+        if m[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
+            n = (m[stepper.TAIL] - m[stepper.HEAD]) & _ALL_BITS
+            if modes and m[stepper.MODE] & modes == 0:
+                n = least
+            if n < least:
+                w = ptr32(m[stepper.WORK])
+                p = ptr32(m[stepper.PHASES])
+                if w[LEFT] or w[MORE] == 0 or p[ramps.HEAD] != p[ramps.TAIL]:
+                    least = n
+                    found = motor + n
+    return found

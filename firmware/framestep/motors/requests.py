@@ -1,0 +1,402 @@
+"""Requests about single motors: moves, jogs, stops, positions, settings.
+
+The controller merges `handlers` into its own table; a handler returns the code to acknowledge with,
+or 0 where it has answered itself. Here payloads are taken apart. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.clock import elapsed
+from framestep.motion import stepper
+from framestep.motors.axis import FASTEST, STEEPEST, TICKS_PER_SECOND
+from framestep.native import const
+from framestep.protocol import messages as m
+
+_COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
+_FULL_SHARE = const(10000)  # of a jog, in ten-thousandths of velocity and acceleration
+
+
+class Motors:
+    """What a host asks of single motors, and which of them may move. controller: for what is shared with other
+    requests."""
+
+    def __init__(self, controller):
+        self.controller = controller
+        self.hal = controller.hal
+        self.rig = controller.rig
+        self.reader = controller.reader
+        self.writer = controller.writer
+        self.axes = controller.axes
+        self.count = self.axes.count
+        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)  # as CONFIGURE has set them: messages.MOTOR_
+        # steps/s that a motor can do with its pulses
+        kernel = self.hal.kernel
+        per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
+        self.fastest = array("i", [min(FASTEST, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
+        self.powered = 0  # bits of motors whose driver is on
+        self.gentler = 0  # bits of motors that wait for a lower acceleration
+        self.jogging = 0  # bits of motors that jog
+        self.jog_at = array("i", [0] * self.count)  # when a jog was asked for last, ms
+        self.words = array("i", [0] * 2)  # of the request: a target, or two limits
+        for i in range(self.count):
+            self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
+            self.axes.set_backlash(i, self.rig.motor(i)["backlash"])
+        self.handlers = {
+            m.MSG_MOTOR_MOVE: self._move,
+            m.MSG_MOTOR_STOP: self._stop,
+            m.MSG_MOTOR_RESET_POSITION: self._reset_position,
+            m.MSG_MOTOR_JOG: self._jog,
+            m.MSG_MOTOR_CONFIGURE: self._configure,
+            m.MSG_MOTOR_SET_SPEED: self._set_speed,
+            m.MSG_MOTOR_SET_LIMITS: self._set_limits,
+            m.MSG_EXCEEDED: self._exceeded,
+        }
+
+    # ---------------------------------------------------------------- which motors may move
+
+    def enabled(self, motor):
+        """Whether the motor may be moved: it is enabled, led by no other, and so is the motor coupled to it.
+
+        Two coupled motors move one load: with one of them without power the other must not pull at it.
+        """
+        axis = self.axes[motor]
+        if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
+            return False
+        return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
+
+    def may_move(self, motor):
+        """OK, or why the motor may not be moved on its own now."""
+        controller = self.controller
+        if not controller.safe():
+            return m.ERR_GENERAL
+        virtuals = controller.virtuals
+        if controller.stage.running and controller.stage.takes(motor):
+            return m.ERR_MOVING
+        if virtuals.engaged >> motor & 1 and not virtuals.leads(motor):
+            return m.ERR_MOVING
+        if not self.enabled(motor):
+            return m.ERR_GENERAL
+        return m.OK if self._driven(1 << motor) else m.ERR_GENERAL
+
+    def may_move_all(self):
+        """OK, or why no motor may be moved now. An enabled motor whose driver does not work holds up all: a run
+        without it would be another run."""
+        if not self.controller.safe() or not self._driven(self._bits(m.MOTOR_ENABLED)):
+            return m.ERR_GENERAL
+        return m.OK
+
+    def moving_all(self, bits):
+        """Motors of these bits have been sent somewhere together."""
+        self.jogging &= ~bits  # any other goes on, and is let go of in time
+        self._power(bits)
+
+    def _driven(self, bits):
+        """Whether the drivers of these motors, and of those coupled to them, do what they are told."""
+        drivers = self.controller.drivers
+        return not drivers or self._coupled(bits) & ~drivers.ready == 0
+
+    def _power(self, bits):
+        """Switch the drivers on of motors that are to move, and are enabled."""
+        self.controller.fault = 0
+        bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
+        if self.controller.drivers:
+            bits &= self.controller.drivers.ready
+        if bits:
+            self.powered |= bits
+            for motor in range(self.count):
+                if bits >> motor & 1:
+                    self.hal.enable(motor, True)
+
+    def switch_off(self, bits):
+        """Take the power from motors of these bits."""
+        self.powered &= ~bits
+        for motor in range(self.count):
+            if bits >> motor & 1:
+                self.hal.enable(motor, False)
+
+    def _coupled(self, bits):
+        """The motors of these bits, and those that they lead."""
+        for motor in range(self.count - 1):
+            if bits >> motor & 1 and self.axes[motor].partner:
+                bits |= 2 << motor
+        return bits
+
+    def _leading(self, motor):
+        """The motor that decides what this one does: itself, or the one that it follows."""
+        return motor - 1 if self.axes[motor].leader else motor
+
+    def _bits(self, flag):
+        """Motors configured with a flag, one bit each."""
+        bits = 0
+        for motor in range(self.count):
+            if self.flags[motor] & flag:
+                bits |= 1 << motor
+        return bits
+
+    # ---------------------------------------------------------------- moves, jogs, stops
+
+    def _motor(self):
+        """The motor of this request, from 0; -1 where there is no such motor."""
+        number = self.reader.u8(0)
+        return number - 1 if 0 < number <= self.count else -1
+
+    def _move(self):
+        """MSG_MOTOR_MOVE: motor 0, target step 1. The answer says whether it moves (field note 4.8)."""
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        self.reader.word_to(1, self.words, 0)
+        code = self.move(motor)
+        if code != m.OK or self.rig.wide:
+            return code
+        writer = self.writer
+        virtuals = self.controller.virtuals
+        writer.begin(m.MSG_MOTOR_MOVE, self.reader)
+        moving = self.axes[motor].moving or virtuals.engaged and virtuals.leads(motor)
+        writer.u8(1 if moving else 0)
+        writer.end()
+        return 0
+
+    def move(self, motor):
+        """Send a motor to the step words[0]. A code; nothing moves unless it is OK."""
+        code = self.may_move(motor)
+        if code != m.OK:
+            return code
+        controller = self.controller
+        axis = self.axes[motor]
+        side = axis.outside(self.words, 0)
+        if side:
+            return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
+        code = controller.safety.bars(motor, self.words, 0)
+        if code != m.OK:
+            return code
+        self.jogging &= ~(1 << motor)
+        if controller.virtuals.leads(motor):
+            return controller.virtuals.drive(motor, self.words, 0)
+        self._power(1 << motor)
+        axis.travel(self.hal, self.words, 0)
+        return m.OK
+
+    def _jog(self):
+        """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target step 3 (field note 4.2)."""
+        motor = self._motor()
+        speed = self.reader.u16(1)
+        if motor < 0 or speed < 1 or speed > _FULL_SHARE:
+            return m.ERR_RANGE
+        self.reader.word_to(3, self.words, 0)
+        return self.jog(motor, speed)
+
+    def jog(self, motor, speed):
+        """Jog a motor towards the step words[0], its soft limit at most. speed: 1 … 10000. A code, as above."""
+        code = self.may_move(motor)
+        if code != m.OK:
+            return code
+        controller = self.controller
+        axis = self.axes[motor]
+        axis.clamp(self.words, 0)
+        code = controller.safety.bars(motor, self.words, 0)
+        if code != m.OK:
+            return code
+        bit = 1 << motor
+        if controller.virtuals.leads(motor):
+            return controller.virtuals.drive(motor, self.words, 0, speed)
+        self.jog_at[motor] = controller.now
+        if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
+            self.jogging |= bit
+            self._power(bit)
+            axis.travel(self.hal, self.words, 0, speed)
+        return m.OK
+
+    def end_jogs(self):
+        """Let go of motors whose jog has not been asked for again (field note 4.2)."""
+        limit = self.rig.jog_timeout_ms
+        now = self.controller.now
+        for motor in range(self.count):
+            bit = 1 << motor
+            if self.jogging & bit:
+                axis = self.axes[motor]
+                if not axis.moving:
+                    self.jogging &= ~bit
+                elif limit and elapsed(now, self.jog_at[motor]) >= limit:
+                    axis.stop(self.hal, 1, True)
+                    self.jogging &= ~bit
+
+    def _stop(self):
+        """MSG_MOTOR_STOP: motor 0. In an operation, or on a virtual axis, all of its motors stop."""
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        controller = self.controller
+        motor = self._leading(motor)
+        self.jogging &= ~(1 << motor)
+        engaged = controller.virtuals.engaged
+        taken = controller.stage.busy and controller.stage.takes(motor)
+        if taken:
+            controller.stage.stop(land=True, spared=engaged)
+        if engaged >> motor & 1:
+            controller.virtuals.stop()
+        elif not taken:
+            self.axes[motor].stop(self.hal, 1, True)
+        return m.OK
+
+    # ---------------------------------------------------------------- settings
+
+    def _reset_position(self):
+        """MSG_MOTOR_RESET_POSITION: motor 0, step 1 that it stands on from now on (field note 4.5)."""
+        motor = self._motor()
+        if motor < 0:
+            return m.ERR_RANGE
+        controller = self.controller
+        axis = self.axes[motor]
+        engaged = controller.stage.engaged | controller.virtuals.engaged
+        if axis.moving or engaged >> self._leading(motor) & 1:
+            return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
+        self.reader.word_to(1, self.words, 0)
+        if not axis.set_position(self.words, 0):
+            return m.ERR_RANGE
+        self.axes.positions.know(motor)
+        self.axes.renumbered(motor)
+        controller.stage.change()
+        controller.reports.position = True
+        return m.OK
+
+    def _configure(self):
+        """MSG_MOTOR_CONFIGURE: motor 0, flags 1 (messages.MOTOR_; field notes 3.1 and 4.5)."""
+        motor = self._motor()
+        flags = self.reader.u8(1)
+        if motor < 0:
+            return m.ERR_RANGE
+        controller = self.controller
+        axis = self.axes[motor]
+        enabled = flags & m.MOTOR_ENABLED
+        coupling = (flags ^ self.flags[motor]) & _COUPLING
+        if flags != self.flags[motor]:
+            engaged = self._coupled(controller.stage.engaged)
+            virtual = self._coupled(controller.virtuals.engaged)
+            if coupling:
+                engaged |= engaged >> 1  # the next motor is meant as well
+                virtual |= virtual >> 1
+            if engaged >> motor & 1 or (axis.moving or virtual >> motor & 1) and (coupling or not enabled):
+                return m.ERR_MOVING
+        if coupling:
+            code = self._couple(motor, flags & _COUPLING)
+            if code != m.OK:
+                return code
+        self.flags[motor] = flags
+        controller.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
+        bit = 1 << motor
+        if enabled:
+            self._power(bit)
+        else:
+            self.switch_off(bit)
+            self.axes.positions.release(motor)
+        self._exclude()
+        controller.stage.change()
+        return m.OK
+
+    def _couple(self, motor, flags):
+        """Let the next motor do what this one does, or no longer (field note 3.1)."""
+        if motor + 1 >= self.count:
+            return m.ERR_RANGE
+        axis = self.axes[motor]
+        partner = self.axes[motor + 1]
+        if partner.moving:
+            return m.ERR_MOVING
+        if not flags:
+            axis.uncouple()
+        elif axis.leader or partner.partner or not axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED):
+            return m.ERR_RANGE  # no chains
+        return m.OK
+
+    def _exclude(self):
+        """Which motors take no part in uploaded moves: disabled, under live control, led by another, coupled to one
+        that is disabled."""
+        bits = 0
+        for motor in range(self.count):
+            if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
+                bits |= 1 << motor
+        self.controller.stage.follower.excluded = bits
+
+    def _set_speed(self):
+        """MSG_MOTOR_SET_SPEED: motor 0, velocity 1 (steps/s), acceleration 5 (steps/s²; 0: half the velocity)."""
+        motor = self._motor()
+        velocity = self.reader.count(1)
+        acceleration = self.reader.count(5)
+        if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
+            return m.ERR_RANGE
+        if acceleration < 0:
+            acceleration = STEEPEST
+        axis = self.axes[motor]
+        axis.set_speed(velocity, acceleration)
+        self.controller.stage.change()
+        leading = self._leading(motor)
+        self.controller.virtuals.changed(leading)
+        if self.axes[leading].gentler:
+            self.gentler |= 1 << motor
+        return m.OK
+
+    def calm(self):
+        """Motors that have come to rest take the lower acceleration that they were set to under way."""
+        for i in range(self.count):
+            if self.gentler >> i & 1 and self.axes[i].calm():
+                self.gentler ^= 1 << i
+
+    def _set_limits(self):
+        """MSG_MOTOR_SET_LIMITS: motor 0, lower limit used 1 and its step 2, upper limit used 6 and its step 7, limit
+        switches 11 (field notes 3.3 and 4.3)."""
+        reader = self.reader
+        controller = self.controller
+        motor = self._motor()
+        hw_set = reader.u8(11)
+        switches = hw_set & m.HW_SET_MASK
+        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not controller.safety.has(switches):
+            return m.ERR_RANGE
+        reader.word_to(2, self.words, 0)
+        reader.word_to(7, self.words, 1)
+        if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
+            return m.ERR_RANGE
+        controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
+        controller.stage.change()
+        motor = self._leading(motor)
+        controller.virtuals.changed(motor)
+        if not (controller.stage.playing | controller.virtuals.engaged) >> motor & 1:
+            self.axes[motor].heed(self.hal)
+        return m.OK
+
+    def _exceeded(self):
+        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²).
+
+        Then what is set for a motor, that one or the one that the request names: motor 10, velocity 11, acceleration
+        15, soft limits 19 (lower), 23 (upper), SET_ bits 27; and limit sets whose upper 28, whose lower switch 30 is
+        active, a bit each.
+        """
+        writer = self.writer
+        exceeded = self.controller.stage.follower.exceeded
+        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
+        if motor < 0 or motor >= self.count:
+            return m.ERR_RANGE
+        writer.begin(m.MSG_EXCEEDED, self.reader)
+        writer.u8(exceeded[0])
+        writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
+        writer.words_from(exceeded, 2, 1)
+        writer.words_from(exceeded, 3, 1)
+        axis = self.axes[motor]
+        safety = self.controller.safety
+        writer.u8(motor + 1)
+        writer.u32(axis.own_velocity)
+        writer.u32(axis.own_acceleration)
+        writer.words_from(axis.limits, 0, 2)
+        bits = safety.ends(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
+        if axis.lower_enabled:
+            bits |= m.SET_LOWER
+        if axis.upper_enabled:
+            bits |= m.SET_UPPER
+        if self.flags[motor] & m.MOTOR_ENABLED:
+            bits |= m.SET_ENABLED
+        if axis.leader:
+            bits |= m.SET_LED
+        writer.u8(bits)
+        writer.u16(safety.held(0))
+        writer.u16(safety.held(1))
+        writer.end()
+        return 0
