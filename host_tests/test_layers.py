@@ -31,7 +31,7 @@ LAYERS = (
     ("bench", "repl"),
 )
 
-# The protocol is known from the controller on, and to what takes requests apart. These know its flags, and should not.
+# The protocol is known from the reports on, and to what takes requests apart. These know its flags, and should not.
 NOT_YET = {"moves.run", "moves.show"}
 _MADE = {"board", "ram_files"}  # by the build
 
@@ -88,7 +88,7 @@ def test_nothing_imports_upward():
 
 def test_the_protocol_is_known_to_requests_and_above():
     knowing = {module for module, other in edges() if other.startswith("protocol.")}
-    below = {module for module in knowing if layer(module) < layer("controller") and not module.startswith("protocol.")}
+    below = {module for module in knowing if layer(module) < layer("reports") and not module.startswith("protocol.")}
     assert {module for module in below if not module.endswith(".requests")} == NOT_YET
 
 

@@ -15,9 +15,11 @@ from framestep.controller import Controller
 from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
+from framestep.motors.requests import Motors
 from framestep.moves.requests import Moves
 from framestep.moves.stage import Stage
 from framestep.protocol import messages as m
+from framestep.reports import Reports
 from framestep.virtuals.jog import Guide
 from framestep_tools.script import Script, parse
 
@@ -303,27 +305,28 @@ def ends_twice(monkeypatch):
         end(self)
         self.axes.hal.port.twice = True
 
-    report = Controller._report
+    send = Reports.send
 
     def again(self):
-        report(self)
-        if getattr(self.port, "twice", False) and not self.say_end:
-            self.port.twice = False
-            self.say_end = True
+        send(self)
+        port = self.controller.port
+        if getattr(port, "twice", False) and not self.end:
+            port.twice = False
+            self.end = True
 
     monkeypatch.setattr(Stage, "_end", wrong)
-    monkeypatch.setattr(Controller, "_report", again)
+    monkeypatch.setattr(Reports, "send", again)
 
 
 def never_ends(monkeypatch):
-    monkeypatch.setattr(Controller, "say_end", property(lambda self: False, lambda self, value: None), raising=False)
+    monkeypatch.setattr(Reports, "end", property(lambda self: False, lambda self, value: None), raising=False)
 
 
 def false_fault(monkeypatch):
     stop_all = Controller.stop_all
 
     def wrong(self):
-        self.say_hard_stop = m.HARD_STOP_FAULT
+        self.reports.hard_stop = m.HARD_STOP_FAULT
         return stop_all(self)
 
     original = Controller.__init__
@@ -361,7 +364,7 @@ def outputs_left_on(monkeypatch):
 
 
 def estop_ignored(monkeypatch):
-    monkeypatch.setattr(Controller, "_may_move", lambda self, motor: m.OK)
+    monkeypatch.setattr(Motors, "may_move", lambda self, motor: m.OK)
 
 
 def couple_apart(monkeypatch):
@@ -402,21 +405,21 @@ def breaks_off(monkeypatch):
     def wrong(self):
         raise IndexError("by a fault")
 
-    monkeypatch.setattr(Controller, "_jogs", wrong)
+    monkeypatch.setattr(Motors, "end_jogs", wrong)
 
 
 def stop_ignored(monkeypatch):
-    monkeypatch.setattr(Controller, "_stop", lambda self: m.OK)
+    monkeypatch.setattr(Motors, "_stop", lambda self: m.OK)
 
 
 def jogs_forgotten(monkeypatch):
-    original = Controller.moving_all
+    original = Motors.moving_all
 
     def wrong(self, bits):
         self.jogging = 0
         original(self, bits)
 
-    monkeypatch.setattr(Controller, "moving_all", wrong)
+    monkeypatch.setattr(Motors, "moving_all", wrong)
 
 
 def begins_in_motion(monkeypatch):

@@ -2,9 +2,9 @@
 
 from framestep import boot, words
 from framestep.bench import between, dead, operation, refusal
-from framestep.reports import VERSION
 from framestep.moves.store import READY as UPLOADED
 from framestep.protocol import messages as m
+from framestep.reports import VERSION
 
 
 def _report():
