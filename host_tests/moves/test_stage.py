@@ -263,7 +263,7 @@ def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
     bench, _ = prepared()
     bench.until(READY).stage.go()
     bench.until(RUNNING).run(60)
-    bench.stage.leave(False)
+    bench.stage.leave(False, 0)
     assert bench.rest().ends == 0
 
 

@@ -76,8 +76,8 @@ def test_every_request_has_a_name():
 def test_every_request_has_a_handler():
     unhandled = set(messages.REQUESTS) - set(HostBoard({}).controller.handlers)
     assert not unhandled, (
-        "add a handler to the table of the part it is about (controller.py, motors/requests.py, moves/requests.py, io/requests.py or "
-        f"virtuals/requests.py): {named(unhandled)}"
+        "add a handler to the table of the part it is about (controller.py, or requests.py of motors, moves, io or "
+        f"virtuals): {named(unhandled)}"
     )
 
 
