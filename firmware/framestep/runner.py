@@ -156,7 +156,7 @@ class Runner:
             self._end()
             self.task = self._traceback_task
             return
-        if (controller.untold or self._news) and not controller.was_moving:
+        if (controller.untold or self._news) and not controller.reports.was_moving:
             self._tell()
 
     def _after(self):

@@ -317,7 +317,7 @@ class Replay:
         hal.notes.told()
         # The controller begins with the clock at 0
         controller = self.controller
-        controller.report_at = controller.tended = controller.heard_at = ms & WRAP
+        controller.reports.sent_at = controller.tended = controller.heard_at = ms & WRAP
         controller.watchdog.looked_at = controller.watchdog._heard_at = ms & WRAP
 
     def tick(self, us):
