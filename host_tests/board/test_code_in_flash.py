@@ -202,5 +202,5 @@ def test_a_traceback_names_file_and_line(board):
         "import sys\nfrom framestep.moves.stage import Stage\ntry:\n    Stage.poll(None)\n"
         "except AttributeError as error:\n    sys.print_exception(error)"
     )
-    assert f'File "framestep/moves/stage.py", line {line}, in poll' in printed
+    assert f'File "framestep.moves.stage", line {line}, in poll' in printed
     assert FLASH <= repl.eval(f"__import__('machine').mem32[id(Stage.poll) + {CODE_OF_A_FUNCTION}]") < RAM

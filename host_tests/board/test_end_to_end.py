@@ -157,5 +157,5 @@ def test_one_port():
         assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
         typed(b"import framestep.boot as b; b.controller.moves.poll = None\r")
         said = typed(b"b.runner.run(b.controller)\r")
-        assert b'File "framestep/controller.py", line' in said and b"TypeError" in said and said.endswith(b">>> ")
+        assert b'File "framestep.controller", line' in said and b"TypeError" in said and said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"

@@ -136,7 +136,7 @@ def test_faults_in_words(session):
     session.forget()
     text = repl.exec("b.controller.moves.poll = None\ntime.sleep_ms(200)")
     assert "framestep: stopped by a fault in the firmware; a reset starts it again" in text
-    assert 'File "framestep/controller.py", line' in text and "TypeError" in text
+    assert 'File "framestep.controller", line' in text and "TypeError" in text
     assert shows(FAULT, led(board)), "although nothing looks after it any more"
     session.run(0.05)
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]

@@ -244,8 +244,13 @@ def _board_sources(board: str) -> dict[str, bytes]:
     return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
 
 
-def _compiled(mpy: str, source: bytes, march: str) -> bytes:
-    return compiled(mpy.removesuffix(".mpy") + ".py", source, march)
+def _compiled(mpy: str, source: bytes, march: str, shown: str | None = None) -> bytes:
+    return compiled(shown or mpy.removesuffix(".mpy") + ".py", source, march)
+
+
+def _dotted(mpy: str) -> str:
+    """A module's name. Where names take memory it stands for the file in tracebacks, as the name is there anyway."""
+    return mpy.removesuffix(".mpy").removesuffix("/__init__").replace("/", ".")
 
 
 def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
@@ -286,9 +291,9 @@ def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes
     for name, source in sources.items():
         taken = None
         if name not in _WHOLE:
-            whole = _compiled(name, source + code_file.FORWARD, march)
+            whole = _compiled(name, source + code_file.FORWARD, march, _dotted(name))
             taken = code.take(name, source.decode(), whole, _STAYS.get(name, frozenset()))
-        files[name] = taken or _compiled(name, source, march)
+        files[name] = taken or _compiled(name, source, march, _dotted(name))
     return files | {code_file.NAME: code.packed()}
 
 
