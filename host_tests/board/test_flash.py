@@ -21,7 +21,7 @@ from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, 
 RIG = b'{"name": "my crane"}'
 HELLO = re.compile(r"my crane on \S+, firmware [\d.]+: 8 motors, .* \d{3,} frames")
 FILE_SYSTEM = 640 * 1024  # where it begins in the flash
-PATIENCE_S = 300
+PATIENCE_S = 1200
 
 
 @pytest.fixture(scope="module")

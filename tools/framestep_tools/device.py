@@ -6,6 +6,7 @@ Nothing here soft-resets the board: that would take the motors' pulses away in m
 
 import contextlib
 import io
+import os
 import time
 from ast import literal_eval
 from collections.abc import Callable, Iterable
@@ -22,10 +23,12 @@ from .payloads import MotorStatus, Status
 from .wire import FrameDecoder, encode
 
 RIG_FILE = "/rig.json"
-_READ_S = 10.0  # a board that is silent for so long in the middle of something has gone
-_REPL_S = 10.0  # to get to the raw REPL
+# Factor of how long a board may take before it counts as gone, for a computer that is very busy or emulates the board
+PATIENCE = float(os.environ.get("FRAMESTEP_PATIENCE") or 1)
+_READ_S = 10.0 * PATIENCE  # a board that is silent for so long in the middle of something has gone
+_REPL_S = 10.0 * PATIENCE  # to get to the raw REPL
 _REPL_AGAIN_S = 3.0  # the same, of a board that restarts: then once more
-_COME_BACK_S = 60.0  # for a board that restarts
+_COME_BACK_S = 60.0 * PATIENCE  # for a board that restarts
 _LOOK_S = 0.2
 _ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
 _ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request

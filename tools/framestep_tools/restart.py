@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable
 
 from .client import Client
-from .device import DeviceError
+from .device import PATIENCE, DeviceError
 from .errors import ToolError
 from .payloads import DeviceInfo, Hi
 from .ports import protocol_of
 
-_START_S = 60.0
+_START_S = 60.0 * PATIENCE
 _LOOK_S = 0.2
 _ANSWER_S = 2.0
 
