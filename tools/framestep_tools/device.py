@@ -233,11 +233,13 @@ class Device:
             raise DeviceError(f"{self.path} does not take anything: {error}") from None
 
     def _enter(self, seconds: float = _REPL_S) -> None:
-        self._transport.serial.timeout = _READ_S
+        port = self._transport.serial
         chatter = io.StringIO()
         try:
+            port.timeout = seconds  # at a pseudo-terminal mpremote waits so long for each byte
             with contextlib.redirect_stdout(chatter):
                 self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
+            port.timeout = _READ_S
         except (OSError, TransportError) as error:
             raise DeviceError(
                 f"the REPL on {self.path} does not answer ({error}): close other programs that use the port, or press "
