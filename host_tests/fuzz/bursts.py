@@ -4,7 +4,7 @@ import struct
 
 from framestep.protocol import messages as m
 
-from .host import Deeds
+from .host import Deeds, signed
 
 
 class Bursts(Deeds):
@@ -81,7 +81,7 @@ class Bursts(Deeds):
         i = self.dice.randint(1, self.motors)
         here = self.here(i - 1)
         reach = int(self.host.speeds[i - 1] * 0.2)
-        return struct.pack("<iIhhBii", self.world.uploads.start, 500, 0, 180, i, here, here + reach)
+        return struct.pack("<iIhhBii", self.world.uploads.start, 500, 0, 180, i, signed(here), signed(here + reach))
 
     def _jog_all(self):
         return struct.pack("<Ii", round(self.world.uploads.fps * 1000), self.world.uploads.number_of_frame())

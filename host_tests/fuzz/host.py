@@ -48,14 +48,18 @@ class Over(Exception):
 
 
 class Host:
-    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the link."""
+    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the link.
 
-    def __init__(self, dice: Random, trial: Trial, requests: int, ms: int, links: bool):
+    talks: it asks a lot in between, which leaves fewer requests for what moves something.
+    """
+
+    def __init__(self, dice: Random, trial: Trial, requests: int, ms: int, links: bool, talks: bool):
         self.dice = dice
         self.trial = trial
         self.requests = requests
         self.end = ms
         self.links = links
+        self.talks = talks
         self.number = 0
         self.motors = trial.count
         self.speeds = [5000] * self.motors  # as this host has set them
@@ -137,7 +141,7 @@ class Host:
                 self.tick(self.dice.choice((1, 2, 5, 30)))
                 self.ask(m.MSG_MOTOR_GET_POSITION)
                 return True
-            self.tick(self.dice.choice((1, 5, 20, 50)))
+            self.tick(self.dice.choice((1, 5, 20, 50) if self.talks else (5, 40, 100, 100)))
         return False
 
     def halt(self):
@@ -199,13 +203,13 @@ class Host:
     def chatter(self):
         """Questions at once with another request, as from a host with several windows."""
         dice = self.dice
-        if dice.random() < 0.5:
+        if dice.random() < (0.5 if self.talks else 0.02):
             for _ in range(dice.choice((1, 2, 4, 8, 12))):
                 self.send(dice.choice(QUESTIONS))
 
     def query(self):
         dice = self.dice
-        for _ in range(dice.choice((1, 1, 3, 20))):
+        for _ in range(dice.choice((1, 1, 3, 20) if self.talks else (1, 1, 2))):
             self.send(dice.choice(QUESTIONS))
         self.tick()
 

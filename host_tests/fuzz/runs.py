@@ -137,7 +137,7 @@ class Runs(Part):
     def ended(self):
         """RT_END: where the run has been undisturbed, it has passed each frame exactly."""
         going, self.going, self.prepared = self.going, None, False
-        if going and "run" in going and going["whole"] and not self.trial.stops.asked and not self.trial.virtual:
+        if going and "run" in going and going["whole"] and not self.trial.stops.asked:
             self._frames(going)
 
     def _frames(self, going):

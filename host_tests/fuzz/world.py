@@ -32,7 +32,7 @@ class World:
         links = dice.random() < 0.2
         late = dice.random() < 0.15
         switches = dice.random() < 0.6
-        self.host = Host(dice, trial, requests, ms, links)
+        self.host = Host(dice, trial, requests, ms, links, dice.random() < 0.4)
         self.singles = Singles(self)
         self.uploads = Uploads(self)
         self.operations = Operations(self)
