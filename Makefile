@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator fuzz lint types format \
-	plots bench profile flash image dist emulator-measure strain clean
+	plots bench profile flash image install dist release emulator-measure strain clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,6 +44,12 @@ flash: setup ## copy framestep to a board with MicroPython: BOARD=pico, and PORT
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
 	@$(PYTHON_VENV) -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
+
+install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
+	@$(PYTHON_VENV) -m framestep_tools install --board $(BOARD) $(ARGS)
+
+release: setup ## all that a release has (build/release): the package for pip, images, packages for mip, sums, notes
+	@$(PYTHON_VENV) -m framestep_tools.release
 
 dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)
 	@$(PYTHON_VENV) -m framestep_tools.dist

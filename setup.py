@@ -24,16 +24,18 @@ class BuildPackage(build_py):
 
     def run(self) -> None:
         if not self.editable_mode:
+            shutil.rmtree(self.build_lib, ignore_errors=True)  # of an earlier build
             self.packages = [name for name in self.packages if name != ONLY_IN_A_CHECKOUT]
         super().run()
         if not self.editable_mode:
-            self.put_data(Path(self.build_lib) / TOOLS / "data")
+            self.put_data(Path(self.build_lib) / TOOLS)
 
-    def put_data(self, folder: Path) -> None:
+    def put_data(self, package: Path) -> None:
         from framestep_tools import builds, dist
 
-        if folder.exists():
-            shutil.rmtree(folder)
+        folder = package / "data"
+        for path in sorted((ROOT / "tools/framestep_tools/moves").glob("*.csv")):
+            self.put(path, package / "moves" / path.name)
         for path in sorted((ROOT / "boards").glob("*.json")):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):
@@ -63,6 +65,6 @@ setup(
         TOOLS: "tools/framestep_tools",
         ONLY_IN_A_CHECKOUT: "tools/emulator",
     },
-    package_data={TOOLS: ["moves/*.csv"]},
+    include_package_data=False,
     cmdclass={"build_py": BuildPackage},
 )

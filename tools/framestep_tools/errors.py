@@ -47,7 +47,9 @@ class Command(typer.Typer):
     """
 
     def __init__(self, name: str, expected: tuple[type[Exception], ...] = (), **options: Any):
-        super().__init__(name=name, add_completion=False, pretty_exceptions_enable=False, **options)
+        super().__init__(
+            name=name, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None, **options
+        )  # plain text: rich would take as long again as all the rest of a command's start
         self.program = name
         self.expected: tuple[type[Exception], ...] = (ToolError, *expected)
 

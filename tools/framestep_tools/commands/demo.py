@@ -1,0 +1,31 @@
+"""`framestep demo`: a camera move on a simulated board, every edge checked."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import put
+
+
+def demo(
+    fps: Annotated[float, typer.Option(help="frames per second", min=0.1, max=120)] = 24,
+    move: Annotated[Path | None, typer.Option(help="another move than the example, as CSV", metavar="FILE")] = None,
+    out: Annotated[Path, typer.Option(help="folder for edges and picture", metavar="DIR")] = Path("framestep-demo"),
+) -> int:
+    """Play a camera move on a simulated board, check every edge, draw it."""
+    from ..errors import ToolError
+    from ..move_file import CAMERA_MOVE
+
+    try:
+        import matplotlib  # noqa: F401
+
+        from ..demo import BoardKind, main
+    except ModuleNotFoundError as error:
+        raise ToolError(f"the demo needs {error.name}, which an extra brings: pip install framestep[plots]") from None
+    return main(BoardKind.HOST, fps, move or CAMERA_MOVE, out)
+
+
+def add(app: typer.Typer) -> None:
+    """Put this command into the command line."""
+    put(app, demo)
