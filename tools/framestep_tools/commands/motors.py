@@ -146,15 +146,24 @@ def stop(
     hard: Annotated[bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")] = False,
 ) -> None:
     """Stop one motor or all of them, also while another framestep command moves them."""
+    from ..client import BrokenOff
     from ..payloads import MotorStop, MotorStopAll
 
     if hard and motor is not None:
         raise typer.BadParameter("--hard stops all motors, leave the motor number out")
-    with talking(device) as client:
-        client.request(MotorStop(motor) if motor is not None else MotorStopAll())
-        if hard:  # a second one within a second is the hard stop (field note 4.4)
-            client.request(MotorStopAll())
-        client.wait_idle(STOP_TIME_S)
+    asked = False
+    try:
+        with talking(device) as client:
+            client.request(MotorStop(motor) if motor is not None else MotorStopAll())
+            if hard:  # a second one within a second is the hard stop (field note 4.4)
+                client.request(MotorStopAll())
+            asked = True
+            client.wait_idle(STOP_TIME_S)
+    except BrokenOff:
+        if not asked:
+            raise
+        with talking(device) as client:  # the program between has ended, as what it moved stands
+            client.wait_idle(STOP_TIME_S)
 
 
 def buzz(

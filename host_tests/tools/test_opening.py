@@ -1,0 +1,247 @@
+"""Ports that are busy, wrong, pulled out or noisy; a second program; Ctrl-C: a sentence, a status, no traceback."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from framestep_tools import cli, door, opening
+from framestep_tools.boards import SimulatedBoard
+from framestep_tools.client import GREETING_ID, BrokenOff, Client, NoAnswer, WrongPort
+from framestep_tools.errors import BROKEN_OFF, INTERRUPTED, NO_CONTROLLER, NO_PORT, PORT_BUSY, REFUSED, ToolError
+from framestep_tools.opening import NoPort, PortBusy
+from framestep_tools.payloads import Hi, MotorStatus
+from framestep_tools.serve import PtyLink, Server
+from framestep_tools.wire import encode
+
+PATIENCE_S = 100
+
+
+@pytest.fixture(scope="module")
+def device():
+    """The path of a controller's port."""
+    server = Server(SimulatedBoard())
+    ended = threading.Event()
+
+    def serve():
+        while not ended.is_set():
+            server.step()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield server.announcements[0]
+    ended.set()
+    thread.join()
+    server.close()
+
+
+@pytest.fixture
+def terminal():
+    """A pseudo-terminal with nothing behind it yet, which the test plays."""
+    link = PtyLink()
+    found = SimpleNamespace(link=link, path=link.path, got=b"", answer=lambda data: b"", ended=False)
+
+    def play():
+        while not found.ended:
+            if data := link.read():
+                found.got += data
+                link.write(found.answer(data))
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    yield found
+    found.ended = True
+    thread.join()
+    link.close()
+
+
+def begun(*words):
+    """A command in a process of its own, with what it says."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "framestep_tools", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+
+def until(condition):
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def positions(device, capsys):
+    """What a second program is told while a first one has the port."""
+    assert cli.app.status(["status", device]) == 0
+    return capsys.readouterr()
+
+
+def test_a_second_program_goes_through_the_first(device, capsys):
+    first = begun("move", device, "1", "200000")
+    until(lambda: (found := door.find(device)) and str(first.pid) in found.who)
+    until(lambda: ", moving" in positions(device, capsys).out)
+    said = positions(device, capsys)
+    assert f"through framestep move (process {first.pid}), which has {device}" in said.err
+    assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
+    capsys.readouterr()
+    out, err = first.communicate(timeout=PATIENCE_S)
+    assert first.returncode == REFUSED and not out
+    assert "short of 200000: another program or a soft limit stopped it" in err and len(err.splitlines()) == 1
+    assert positions(device, capsys).err == "", "the port is free again"
+
+
+def test_ctrl_c_stops_the_motors(device, capsys):
+    first = begun("move", device, "1", "-200000")
+    until(lambda: (found := door.find(device)) and str(first.pid) in found.who)
+    until(lambda: ", moving" in positions(device, capsys).out)
+    first.send_signal(signal.SIGINT)
+    out, err = first.communicate(timeout=PATIENCE_S)
+    assert first.returncode == INTERRUPTED and not out
+    assert err == "stopping; Ctrl-C once more stops harder\n"
+    assert ", moving" not in positions(device, capsys).out
+
+
+@pytest.mark.parametrize("after", [0.15, 0.3])
+def test_ctrl_c_while_it_is_loaded(after):
+    code = "import framestep_tools.__main__ as m; print('x', flush=True); m.main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout.readline() == "x\n"
+    time.sleep(after / 3)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert "Traceback" not in err
+
+
+def test_a_port_that_another_program_has(device, capsys):
+    other = subprocess.Popen(["sh", "-c", f"exec 3<>{device}; echo; exec sleep 100"], stdout=subprocess.PIPE)
+    try:
+        other.stdout.readline()
+        until(lambda: cli.app.status(["status", device]) == PORT_BUSY)
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert f"sleep (process {other.pid}) has {device} open: end it there first" in said
+    finally:
+        other.kill()
+        other.wait()
+        other.stdout.close()
+
+
+def test_a_port_is_opened_for_one_alone(device):
+    with Client.open(device) as client:
+        client.greet()
+        with pytest.raises(PortBusy):
+            Client.open(device)
+        assert client.request(MotorStatus()).idle
+    with Client.open(device) as client:
+        client.greet()
+
+
+def test_a_pulled_cable(terminal):
+    client = Client.open(terminal.path)
+    terminal.ended = True
+    time.sleep(0.01)
+    os.close(terminal.link._master)
+    with pytest.raises(BrokenOff, match=f"{terminal.path} broke off: the cable was pulled, .*comes to rest by itself"):
+        client.request(Hi())
+    client.close()
+    terminal.link.close = lambda: None
+    assert BrokenOff.status == BROKEN_OFF
+
+
+def test_a_repl_is_left_as_it_was(terminal, capsys):
+    terminal.answer = lambda data: data.replace(b"\x01", b"\x1b[8D").replace(b"\0", b"")
+    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
+    assert "is a REPL, not the protocol's port" in capsys.readouterr().err
+    until(lambda: terminal.got.endswith(b"\x03"))
+    greeting = encode(Hi.TYPE, b"", GREETING_ID)
+    assert terminal.got == greeting + b"\x03"
+    # Ctrl-A on a line that is not empty moves the cursor; a REPL skips zeros
+    assert greeting[:6].isalpha() or greeting[:6] == b"DF    "
+    assert not set(greeting) & set(range(2, 32)) and greeting.index(1) > 0
+
+
+def test_another_programs_bytes(terminal, capsys):
+    terminal.answer = lambda data: b"T=21.5\r\n" * 3
+    assert cli.app.status(["status", terminal.path]) == NO_CONTROLLER
+    assert "what comes from there (24 bytes) is not this protocol" in capsys.readouterr().err
+    assert not terminal.got.endswith(b"\x03"), "nothing is broken into"
+
+
+def test_silence(terminal):
+    with Client.open(terminal.path, timeout_s=0.05) as client, pytest.raises(NoAnswer):
+        client.greet()
+
+
+class Noise:
+    """A port that gives back whatever it has been given for a request."""
+
+    timeout = None
+
+    def __init__(self, replies):
+        self.replies, self.waiting = replies, b""
+
+    def write(self, data):
+        self.waiting += self.replies.pop(0) if self.replies else b""
+
+    def read(self, size):
+        data, self.waiting = self.waiting[:size], self.waiting[size:]
+        return data
+
+    def close(self):
+        pass
+
+
+def test_whatever_comes_ends_in_a_sentence():
+    random_bytes = random.Random(5)
+    for seed in range(200):
+        kind = random_bytes.choice([Hi.TYPE, 0x8001, MotorStatus.TYPE, 0x7777])
+        frame = encode(kind, random_bytes.randbytes(random_bytes.randrange(60)), random_bytes.choice([0, GREETING_ID]))
+        client = Client(Noise([random_bytes.randbytes(seed % 7) + frame]), timeout_s=0.0)
+        try:
+            client.greet()
+        except ToolError as error:
+            assert "\n" not in str(error) and error.status in (NO_CONTROLLER, REFUSED)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "words"),
+    [
+        ("could not open port 'COM5': PermissionError(13, 'Access is denied.', None, 5)", PortBusy, "has COM5 open"),
+        (
+            "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
+            NoPort, "No such file or directory; framestep ports lists",
+        ),
+    ],
+)  # fmt: skip
+def test_what_windows_says(text, kind, words):
+    import serial
+
+    found = opening._why("COM5", serial.SerialException(text))
+    assert type(found) is kind and words in str(found)
+    assert found.status == (PORT_BUSY if kind is PortBusy else NO_PORT)
+
+
+def test_who_has_a_port_on_a_mac(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "darwin")
+    said = f"p4711\ncscreen\nf5\np{os.getpid()}\ncpython\n"
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=said))
+    assert opening.holders("/dev/cu.usbmodem2023") == ["screen (process 4711)"]
+
+
+def test_wrong_ports_have_a_status():
+    assert WrongPort.status == NO_CONTROLLER
