@@ -11,8 +11,8 @@ from framestep.motion import stepper
 from framestep.motors.axes import Axes
 from framestep.motors.axis import Axis
 from framestep.motors.positions import Positions
-from framestep.moves.stage import Stage
-from framestep.moves.store import EMPTY, READY
+from framestep.moves.operations import OperationRunner
+from framestep.moves.upload_store import EMPTY, READY
 from framestep.protocol.messages import OK
 from host_tests.motion.engine import Bench
 
@@ -93,7 +93,7 @@ class RecordedShow:
         self.calls = []
         self.signals = []
 
-    def signal(self, tick, mask, values):
+    def schedule(self, tick, mask, values):
         self.signals.append((tick, mask, values))
 
     def __getattr__(self, name):
@@ -120,8 +120,8 @@ class StageBench:
         self.store = UploadedMove(*paths, start=start)
         self.safety = NoSwitches()
         self.show = RecordedShow()
-        self.stage = Stage(self.axes, self.store, self.safety)
-        self.follower = self.stage.follower
+        self.stage = OperationRunner(self.axes, self.store, self.safety)
+        self.player = self.stage.player
         self.told = []  # MOVE TIME of each frame that was told
         self.ends = 0  # RT_ENDs
 
@@ -133,8 +133,8 @@ class StageBench:
                 self.told.append(self.stage.move_time)
             while self.stage.poll() | self.axes.feed():
                 pass
-            if self.stage.ended:
-                self.stage.ended = False
+            if self.stage.rt_end_due:
+                self.stage.rt_end_due = False
                 self.ends += 1
         return self
 

@@ -12,8 +12,8 @@ from framestep.motion.stepper import sample
 from framestep.motors.axes import Axes
 from framestep.motors.positions import DRIVER, STEPS
 from framestep.motors.requests import Motors
+from framestep.moves.operations import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.moves.requests import Moves
-from framestep.moves.stage import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
@@ -89,7 +89,7 @@ class Controller:
         self.motors = Motors(self)
         self.moves = Moves(self)
         self.stage = self.moves.stage
-        self.stage.follower.strict = rig.strict_moves
+        self.stage.player.strict = rig.strict_moves
         self.memory = self._remember() if rig.remember_positions else None
         self.show = self.moves.show
         self.now = 0
@@ -181,7 +181,7 @@ class Controller:
             self._tend(now, True, news)
         elif self.planning:
             self._plan(now)
-            if self.stage.ended:
+            if self.stage.rt_end_due:
                 self._tend(now, False, news)
         return busy
 
@@ -291,9 +291,9 @@ class Controller:
         state = self.stage.state
         if (state == READY or state == LEAVING) and kind not in _ASIDE:
             if state == READY:
-                self.stage.retract()
+                self.stage.discard_early_plan()
             elif kind != m.MSG_MOTOR_STOP_ALL:
-                self.stage.set_off()
+                self.stage.send_waiting()
         handler = self.handlers.get(kind)
         if handler is None:
             return m.ERR_UNSUPPORTED
@@ -304,7 +304,7 @@ class Controller:
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         ready = self.hal.ready()
-        self.stage.leave(ready, self.virtuals.engaged)
+        self.stage.host_lost(ready, self.virtuals.engaged)
         if ready:
             self.virtuals.stop()
             self.axes.stop(1, self.virtuals.engaged, True)
@@ -426,7 +426,7 @@ class Controller:
 
     def stop_all(self):
         """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
-        hard = self.stage.landing or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
+        hard = self.stage.stopping_on_frame or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
         factor = self.rig.hard_stop_factor if hard else 1
         self.stop_at = self.now
         self.motors.jogging = 0
@@ -471,7 +471,7 @@ class Controller:
             bits |= m.CONDITION_BARKED
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
-        if self.stage.follower.exceeded[0]:
+        if self.stage.player.exceeded[0]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.memory is None or not self.memory.working:

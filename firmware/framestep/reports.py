@@ -41,8 +41,8 @@ class Reports:
             self.position = True
         self.was_moving = moving
         stage = controller.stage
-        if stage.ended:
-            stage.ended = False
+        if stage.rt_end_due:
+            stage.rt_end_due = False
             self.position = self.end = True
         listened = controller.was_open
         controller.io.report(listened)

@@ -20,7 +20,7 @@ from micropython import heap_lock, heap_unlock
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import PASS
-from framestep.moves.follow import UNTOLD, WHAT
+from framestep.moves.player import UNTOLD, WHAT
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
 
@@ -200,7 +200,7 @@ class Runner:
             if untold & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
-        told = self._controller.stage.follower.exceeded  # type: ignore[union-attr]
+        told = self._controller.stage.player.exceeded  # type: ignore[union-attr]
         if untold & UNTOLD and told[WHAT]:
             print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
         if self._failed:

@@ -192,15 +192,15 @@ except RuntimeError as error:
 
 def test_a_traceback_names_file_and_line(board):
     """Of a function in flash."""
-    tree = ast.parse((FIRMWARE / "framestep/moves/stage.py").read_text())
+    tree = ast.parse((FIRMWARE / "framestep/moves/operations.py").read_text())
     (method,) = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "poll")
     line = method.body[1].lineno  # after the docstring
     emulator = board()
     emulator.wait_usb(10_000, ports=2)
     repl = emulator.repl()
     printed = repl.exec(
-        "import sys\nfrom framestep.moves.stage import Stage\ntry:\n    Stage.poll(None)\n"
+        "import sys\nfrom framestep.moves.operations import OperationRunner\ntry:\n    OperationRunner.poll(None)\n"
         "except AttributeError as error:\n    sys.print_exception(error)"
     )
-    assert f'File "framestep.moves.stage", line {line}, in poll' in printed
-    assert FLASH <= repl.eval(f"__import__('machine').mem32[id(Stage.poll) + {CODE_OF_A_FUNCTION}]") < RAM
+    assert f'File "framestep.moves.operations", line {line}, in poll' in printed
+    assert FLASH <= repl.eval(f"__import__('machine').mem32[id(OperationRunner.poll) + {CODE_OF_A_FUNCTION}]") < RAM

@@ -8,7 +8,7 @@ from array import array
 
 import numpy as np
 
-from framestep.moves.stage import READY
+from framestep.moves.operations import READY
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client
 from framestep_tools.payloads import (
@@ -222,7 +222,7 @@ def deceleration(times, signs, after):
 # What changes with time or with any request, what is only worked with, and memory beyond the entries in use
 _SCRATCH = re.compile(
     r"\.(now|now_ns|tended|awake|beat|colour|untold|watchdog|_clock|port|header|kernel\.state|reader|writer|heard_at|begun_at|words"
-    r"|(axes\.)?samples|store\._words|values|draft|moves\.places|follower\.(numbers|window|place|exceeded|rate)|(run|operation)\.(lasts|rests)|cues\._table)(\.|$)"
+    r"|(axes\.)?samples|store\._words|values|draft|moves\.places|player\.(numbers|window|place|exceeded|rate)|(run|operation)\.(lasts|rests)|triggers\._table)(\.|$)"
 )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep.moves.stage import POSITIONING
+from framestep.moves.operations import POSITIONING
 from framestep.protocol import messages as m
 from framestep_tools.files import ROOT
 from framestep_tools.payloads import (

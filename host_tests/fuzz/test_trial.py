@@ -16,8 +16,8 @@ from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
+from framestep.moves.operations import OperationRunner
 from framestep.moves.requests import Moves
-from framestep.moves.stage import Stage
 from framestep.protocol import messages as m
 from framestep.reports import Reports
 from framestep.virtuals.jog import Guide
@@ -247,19 +247,19 @@ def past_the_limit(monkeypatch):
 
 
 def told_wrong(monkeypatch):
-    tell = Stage.tell
+    tell = OperationRunner.tell
 
     def wrong(self, frame):
         time = tell(self, frame)
         self.axes.told[0] += 1
         return time
 
-    monkeypatch.setattr(Stage, "tell", wrong)
+    monkeypatch.setattr(OperationRunner, "tell", wrong)
 
 
 def told_ahead(monkeypatch):
     """Positions of what is queued, not of the pins."""
-    tell = Stage.tell
+    tell = OperationRunner.tell
 
     def wrong(self, frame):
         time = tell(self, frame)
@@ -267,7 +267,7 @@ def told_ahead(monkeypatch):
             self.axes.told[0] += 30
         return time
 
-    monkeypatch.setattr(Stage, "tell", wrong)
+    monkeypatch.setattr(OperationRunner, "tell", wrong)
 
 
 def rests_too_soon(monkeypatch):
@@ -286,7 +286,7 @@ def never_rests(monkeypatch):
 
 
 def one_step_off(monkeypatch):
-    from framestep.moves.store import UploadStore
+    from framestep.moves.upload_store import UploadStore
 
     positions = UploadStore.positions
 
@@ -299,7 +299,7 @@ def one_step_off(monkeypatch):
 
 
 def ends_twice(monkeypatch):
-    end = Stage._end
+    end = OperationRunner._end
 
     def wrong(self):
         end(self)
@@ -314,7 +314,7 @@ def ends_twice(monkeypatch):
             port.twice = False
             self.end = True
 
-    monkeypatch.setattr(Stage, "_end", wrong)
+    monkeypatch.setattr(OperationRunner, "_end", wrong)
     monkeypatch.setattr(Reports, "send", again)
 
 

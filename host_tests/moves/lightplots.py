@@ -1,9 +1,11 @@
 """Light levels and triggers as a host would upload them, good and bad, and what must come of them by a dictionary.
 
-`plots()` makes scripts for host_tests/runtime/cues_replay.py, `expected()` gives the answers.
+`plots()` makes scripts for host_tests/runtime/lightplots_replay.py, `expected()` gives the answers.
 """
 
+import runpy
 import struct
+from pathlib import Path
 
 from hypothesis import strategies as st
 
@@ -11,6 +13,12 @@ from framestep.protocol import messages
 from framestep_tools import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
+replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "lightplots_replay.py"))["replay"]
+
+
+def answers(*lines):
+    """What lightplots_replay.py answers to these lines."""
+    return list(replay(lines))
 
 
 def levels(channel, index, last, values):
@@ -30,7 +38,7 @@ def signed(word):
 
 
 class Model:
-    """What a CueStore must do: a dictionary {frame: level} for each channel, one for the triggers."""
+    """What LightLevels and Triggers must do: a dictionary {frame: level} for each channel, one for the triggers."""
 
     def __init__(self, changes, most_triggers):
         self.capacity, self.most_triggers = changes, most_triggers

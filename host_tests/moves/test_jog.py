@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from framestep.moves.jog import ACCELERATION, LANDING_MS, JogAll
-from framestep.moves.stage import IDLE, POSITIONING, RUNNING
+from framestep.moves.jog import JogAll
+from framestep.moves.jog_landing import ACCELERATION, LANDING_MS
+from framestep.moves.operations import IDLE, POSITIONING, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
 
@@ -22,7 +23,7 @@ class Jog:
         self.heads = []
 
     def to(self, frame, fps=10):
-        return self.jog.request(round(fps * 1000), frame)
+        return self.jog.prepare(round(fps * 1000), frame)
 
     def run(self, ticks=1):
         for _ in range(ticks):
@@ -69,7 +70,7 @@ def test_what_lies_outside_its_range_is_refused(frame, fps, code):
 
 
 def test_without_a_finished_upload_it_is_refused():
-    assert Jog(None).jog.request(1000, 1) == m.ERR_GENERAL
+    assert Jog(None).jog.prepare(1000, 1) == m.ERR_GENERAL
 
 
 def test_motors_beside_every_uploaded_frame_are_not_in_position():
@@ -90,7 +91,7 @@ def test_it_finds_the_frame_on_which_the_motors_stand(at):
 
 def test_while_a_motor_moves_it_is_refused():
     jog = Jog(EVEN)
-    jog.bench.stage.go_to_frame(20, jog.jog.places)
+    jog.bench.stage.send_to_frame(20, jog.jog.places)
     jog.bench.run(20)
     assert jog.to(5) == m.ERR_MOVING
 
@@ -108,7 +109,7 @@ def test_a_path_too_steep_for_a_motor_at_four_frames_per_second_squared_is_gone_
     """field note 5.5"""
     jog = Jog(EVEN, acceleration=acceleration)
     assert jog.to(61, 24) == m.OK
-    assert jog.bench.follower.rate == pytest.approx(rate, abs=2)
+    assert jog.bench.player.rate == pytest.approx(rate, abs=2)
 
 
 def test_to_where_it_stands_nothing_moves():
@@ -299,9 +300,9 @@ def test_a_second_stop_while_it_lands_is_left_to_the_landing_unless_it_is_a_stop
     jog.to(61, 4)
     jog.run(900)
     jog.bench.stage.stop(1, True, False)
-    assert not jog.bench.stage.landing
+    assert not jog.bench.stage.stopping_on_frame
     jog.bench.stage.stop(1, True, True)
-    assert jog.bench.stage.landing
+    assert jog.bench.stage.stopping_on_frame
     jog.rest()
     assert jog.frame == round(jog.frame)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from framestep.motion import reals
+from framestep.moves.operations import IDLE, POSITIONING, READY, RUNNING
 from framestep.moves.run import LONGEST_ROLL, RunMove
-from framestep.moves.stage import IDLE, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
 from host_tests.motion.engine import PER_TICK
@@ -23,17 +23,20 @@ class Run:
         self.run = RunMove(self.bench.stage, self.bench.show)
         self.store = self.bench.store
 
-    def prepare(self, fps=25, start=None, end=None, pre=200, post=200, flags=0, angles=(0, 0)):
+    def prepare(self, fps=25, start=None, end=None, pre=200, post=200, angles=(0, 0), **draft):
         start = self.store.start if start is None else start
         end = self.store.end if end is None else end
-        return self.run.prepare(round(fps * 1000), start, end, pre, post, flags, *angles)
+        for field in ("loops", "turns", "video", "stills"):
+            setattr(self.run.draft, field, draft.pop(field, False))
+        assert not draft
+        return self.run.prepare(round(fps * 1000), start, end, pre, post, *angles)
 
     def play(self, fps=25, **request):
         """Prepare it, GO, until it rests; places by the edges from GO on."""
         assert self.prepare(fps, **request) == m.OK
         self.bench.until(READY).run(5)
         self.waits = self.places
-        self.bench.stage.go()
+        self.bench.stage.start()
         self.bench.until(RUNNING)
         self.began = self.bench.now()
         self.starts = self.run.begin_ms
@@ -107,7 +110,7 @@ def test_a_refused_run_leaves_the_one_that_waits():
     assert run.prepare(fps=100) == m.ERR_RANGE
     assert run.run.plan is plan
     assert run.bench.stage.may_go() == m.OK
-    run.bench.stage.go()
+    run.bench.stage.start()
     assert run.bench.rest().place() == 200
 
 
@@ -196,8 +199,8 @@ def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
     run = Run([0] * 1001)
     run.prepare(fps)
     run.run.start()
-    follower, durations = run.bench.follower, []
-    follower.hop = lambda bits, index, step, duration: durations.append(reals.value(follower.numbers, duration))
+    player, durations = run.bench.player, []
+    player.append_frame = lambda bits, index, step, duration: durations.append(reals.value(player.numbers, duration))
     for _ in range(1000):
         run.run._queue()
     assert sum(round(1000 * ms) for ms in durations) == round(1000 * due(1000, fps))
@@ -268,11 +271,11 @@ def test_move_time_is_the_start_frame_in_the_pre_roll_then_runs_on_to_the_end_fr
 # ---------------------------------------------------------------- loops (field note 6.6)
 
 
-@pytest.mark.parametrize("flags, turned", [(m.RUN_LOOP, False), (m.RUN_PING_PONG, True)])
-def test_a_loop_runs_until_stop_loop_and_a_ping_pong_turns(flags, turned):
+@pytest.mark.parametrize("kind, turned", [("loops", False), ("turns", True)])
+def test_a_loop_runs_until_stop_loop_and_a_ping_pong_turns(kind, turned):
     path = [0, 30, 50, 60, 90]
     run = Run(path)
-    run.play(flags=flags)
+    run.play(**{kind: True})
     while len(run.bench.told) < 7:
         run.bench.run()
     run.run.stop_loop()
@@ -286,10 +289,10 @@ def test_a_loop_runs_until_stop_loop_and_a_ping_pong_turns(flags, turned):
 def test_stop_loop_before_go_makes_it_a_single_pass():
     """field note 6.12"""
     run = Run([0, 30, 50])
-    run.prepare(flags=m.RUN_LOOP)
+    run.prepare(loops=True)
     run.bench.until(READY)
     run.run.stop_loop()
-    run.bench.stage.go()
+    run.bench.stage.start()
     run.bench.rest()
     assert run.bench.told == [1000, 2000, 3000]
 
@@ -297,7 +300,7 @@ def test_stop_loop_before_go_makes_it_a_single_pass():
 def test_a_ping_pong_turns_with_a_ramp():
     """No step from one velocity to the opposite one: the motor rests where the ramps meet."""
     run = Run([100 * k for k in range(6)])
-    run.play(flags=m.RUN_PING_PONG, pre=100, post=100)
+    run.play(turns=True, pre=100, post=100)
     while len(run.bench.told) < 7:
         run.bench.run()
     assert run.run.plan.ends[0] == 500 + 125
@@ -322,7 +325,7 @@ def test_65535_frames_are_checked_and_prepared():
 def test_stills_without_angles_are_open_from_90_to_180_degrees(angles, kept):
     """field note 6.9"""
     run = Run(WAVE)
-    run.prepare(flags=m.RUN_STILLS, angles=angles)
+    run.prepare(stills=True, angles=angles)
     assert (run.run.plan.open_angle, run.run.plan.close_angle) == kept
 
 

@@ -1,34 +1,18 @@
 """Go-motion (field notes 7.1 to 7.3): what is refused, when the shutter opens, and where the motors are then."""
 
-import struct
-
 import numpy as np
 import pytest
 
 from framestep.hal.engine import CUE_DELAY_US, LEAD
 from framestep.motion import reals, stepper
+from framestep.moves.operations import READY, RUNNING
+from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.shoot import LONGEST_MS, ShootFrame
-from framestep.moves.show import METER, SHUTTER
-from framestep.moves.stage import READY, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
 from host_tests.motion.engine import PER_TICK, PER_US
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
-
-
-class Request:
-    """The list of a request: (motor from 1, A, B), in the place of a FrameReader."""
-
-    def __init__(self, offset, entries):
-        self.data = bytes(offset) + b"".join(struct.pack("<Bii", *entry) for entry in entries)
-        self.length = len(self.data)
-
-    def u8(self, at):
-        return self.data[at]
-
-    def word_to(self, at, to, i):
-        (to[i],) = struct.unpack_from("<i", self.data, at)
 
 
 class Shot:
@@ -40,16 +24,26 @@ class Shot:
         self.shoot.blurred = -1
 
     def blur(self, *entries, frame=1, backward=False, ms=400, permille=1000):
-        return self.shoot.blur(frame, backward, ms, permille, Request(11, entries))
+        return self.shoot.prepare_blur(frame, backward, ms, permille, self.list(entries, backward))
 
     def angles(self, *entries, frame=1, ms=400, opened=0, closed=360):
-        return self.shoot.angles(frame, ms, opened, closed, Request(12, entries))
+        return self.shoot.prepare_angles(frame, ms, opened, closed, self.list(entries))
+
+    def list(self, entries, backward=False):
+        """Put entries, (motor from 1, A, B), into the draft as requests.py does."""
+        draft, listed = self.shoot.draft, 0
+        for number, *places in entries:
+            if not 1 <= number <= len(draft.a):
+                return -1
+            draft.a[number - 1], draft.b[number - 1] = reversed(places) if backward else places
+            listed |= 1 << number - 1
+        return listed
 
     def play(self):
         """GO, until it rests."""
         self.bench.until(READY)
         self.waits = self.places
-        self.bench.stage.go()
+        self.bench.stage.start()
         self.bench.until(RUNNING)
         self.began = self.bench.now()
         ((self.starts, *meter), (self.opens, *opened), (self.closes, *closed)) = self.bench.show.signals
@@ -161,7 +155,7 @@ def test_only_motors_with_the_blur_flag_move():
 
 def test_excluded_motors_do_not_move():
     shot = Shot([0], [0])
-    shot.bench.follower.excluded = 0b10
+    shot.bench.player.excluded = 0b10
     shot.angles((1, 0, 800), (2, 0, 800))
     assert shot.shoot.bits == 0b01
 
@@ -299,10 +293,10 @@ def test_the_end_comes_when_the_motors_stand_and_the_shutter_is_closed():
 def test_a_stop_closes_the_shutter():
     shot = Shot([0])
     shot.blur((1, 0, 800))
-    shot.bench.until(READY).stage.go()
+    shot.bench.until(READY).stage.start()
     shot.bench.until(RUNNING).run(1200)
     shot.bench.stage.stop()
-    assert ("cancel",) in shot.bench.show.calls
+    assert ("drop_scheduled",) in shot.bench.show.calls
     assert shot.bench.show.signals[-1][1:] == (SHUTTER | METER, 0)
     assert shot.bench.rest().ends == 1
 

@@ -4,7 +4,9 @@
 """
 
 import itertools
+import runpy
 import struct
+from pathlib import Path
 
 from hypothesis import strategies as st
 
@@ -12,8 +14,14 @@ from framestep.protocol import messages
 from framestep_tools import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
+replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "store_replay.py"))["replay"]
 FARTHEST = 1_000_000  # frame numbers, either way
 LOWEST = -(2**31)
+
+
+def answers(*lines):
+    """What store_replay.py answers to these lines."""
+    return list(replay(lines))
 
 
 def axis(motor, index, last, positions):

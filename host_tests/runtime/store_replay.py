@@ -14,7 +14,7 @@ Lines on standard input, each answered by one line:
 import sys
 from array import array
 
-from framestep.moves.store import READY, UploadStore
+from framestep.moves.upload_store import READY, UploadStore
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION
 
@@ -35,7 +35,8 @@ def section(store, reader, data):
     if taken == len(data) and reader.poll() == FRAME:
         index = reader.start_index(1)
         last = reader.u16(3) & LAST_SECTION
-        code = store.section(reader.u8(0) - 1, index, last, reader, 5, (reader.length - 5) >> 2)
+        count = (reader.length - 5) >> 2
+        code = store.section(reader.u8(0) - 1, index, last, reader.buffer, reader.payload + 5, count)
     heap_unlock()
     return code
 

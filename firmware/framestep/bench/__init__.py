@@ -4,7 +4,7 @@ Everything is done between two passes of the main loop, so nothing is half done 
 """
 
 from framestep import boot
-from framestep.moves.stage import ENDING, LEAVING, READY
+from framestep.moves.operations import ENDING, LEAVING, READY
 from framestep.native import CPYTHON
 from framestep.protocol import messages as m
 

@@ -2,7 +2,7 @@
 
 from framestep import boot, words
 from framestep.bench import between, dead, operation, refusal
-from framestep.moves.store import READY as UPLOADED
+from framestep.moves.upload_store import READY as UPLOADED
 from framestep.protocol import messages as m
 from framestep.reports import VERSION
 
@@ -13,12 +13,12 @@ def _report():
     lines.append("the host is connected" if controller.was_open else "no host is connected")
     lines.append(dead() or operation(controller) or ("motors move" if controller.axes.moving else "nothing moves"))
     lines += words.conditions(controller.condition()) + words.faults(controller.fault) + words.positions(controller)
-    told = controller.stage.follower.exceeded
+    told = controller.stage.player.exceeded
     lines += words.exceeded(told[0], told[1] + 1, told[2], told[3])
     if controller.drivers:
         lines += controller.drivers.states_in_words()
     store = controller.moves.store
-    room = controller.moves.cues.room
+    room = controller.moves.levels.room, controller.moves.triggers.room
     kept = store.end - store.start + 1 if store.state == UPLOADED else 0
     lines.append("uploaded: %d frames, room for %d" % (kept, controller.moves.upload_frames))
     lines.append("room for %d changes of light and %d frames with triggers" % room)

@@ -256,7 +256,7 @@ class Motors:
             return m.ERR_RANGE
         self.axes.positions.know(motor)
         self.axes.renumbered(motor)
-        controller.stage.change()
+        controller.stage.settings_changed()
         controller.reports.position = True
         return m.OK
 
@@ -291,7 +291,7 @@ class Motors:
             self.switch_off(bit)
             self.axes.positions.release(motor)
         self._exclude()
-        controller.stage.change()
+        controller.stage.settings_changed()
         return m.OK
 
     def _couple(self, motor, flags):
@@ -315,7 +315,7 @@ class Motors:
         for motor in range(self.count):
             if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
                 bits |= 1 << motor
-        self.controller.stage.follower.excluded = bits
+        self.controller.stage.player.excluded = bits
 
     def _set_speed(self):
         """MSG_MOTOR_SET_SPEED: motor 0, velocity 1 (steps/s), acceleration 5 (steps/s²; 0: half the velocity)."""
@@ -328,7 +328,7 @@ class Motors:
             acceleration = STEEPEST
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
-        self.controller.stage.change()
+        self.controller.stage.settings_changed()
         leading = self._leading(motor)
         self.controller.virtuals.changed(leading)
         if self.axes[leading].gentler:
@@ -356,7 +356,7 @@ class Motors:
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
         controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
-        controller.stage.change()
+        controller.stage.settings_changed()
         motor = self._leading(motor)
         controller.virtuals.changed(motor)
         if not (controller.stage.playing | controller.virtuals.engaged) >> motor & 1:
@@ -371,7 +371,7 @@ class Motors:
         active, a bit each.
         """
         writer = self.writer
-        exceeded = self.controller.stage.follower.exceeded
+        exceeded = self.controller.stage.player.exceeded
         motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
         if motor < 0 or motor >= self.count:
             return m.ERR_RANGE

@@ -1,4 +1,4 @@
-"""When each frame of a pass is: rational times, tick and microsecond, without a sum of rounded durations."""
+"""When each frame of a pass begins, in ticks and microseconds; rounding does not add up."""
 
 from framestep.clock import WRAP as _WRAP
 from framestep.native import const
@@ -36,7 +36,10 @@ class FrameClock:
         self.us = us % 1000
 
     def longer(self):
-        """1 where the frame from here to the next takes a microsecond more than the quotient; once per frame."""
+        """1 if the frame from here to the next takes a microsecond more than the quotient.
+
+        Call it once per frame.
+        """
         self.error += self.remainder
         if self.error >= self.fps_milli:
             self.error -= self.fps_milli

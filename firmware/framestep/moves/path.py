@@ -1,33 +1,35 @@
-"""The smooth path through uploaded frames: the velocity at each frame.
+"""The smooth path through uploaded frames: velocity at each frame, and what a motor needs for it.
 
-Between two frames a motor follows the cubic that has the frames' positions and these velocities at
-its ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocity never jumps.
-Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12,
-which follows sampled motion more closely than a parabola, held within the range that keeps the
-cubic monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope)
-and away from a halt in passing (half the lesser slope). They are held within the motor's velocity, too: velocity().
-Where a motor holds still on either side the velocity is 0, so it never leaves a hold
+Between two frames a motor follows the cubic with the frames' positions and these velocities at its
+ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocity never jumps.
+Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12, which
+follows sampled motion more closely than a parabola, held within the range that keeps the cubic
+monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope) and away
+from a halt in passing (half the lesser slope). They are held within the motor's velocity, too:
+velocity(). Where a motor holds still on either side the velocity is 0, so it never leaves a hold
 (field note 5.6).
 """
 
 from framestep.motion.reals import multiply, put
 from framestep.native import const, micropython, ptr32
 
-# Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are the most
+# Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are
+# the most
 FRAMES = const(0)
 MOST = const(5)
 WINDOW_WORDS = const(6)
 MONOTONE = const(36)  # at a constant rate
-FROM_REST = const(18)  # also where the rate is come to or left within a frame, which takes twice as long
+FROM_REST = const(18)  # also where the motion starts or stops within a frame, which takes twice as long
 
 # Words of bounds: what slope() may not pass
 LOWER = const(0)
 UPPER = const(1)
-EXACT = const(2)  # not 0: nor any turning point, since what takes up play there would take the load along
+EXACT = const(2)  # not 0: no turning point either, where taking up the backlash would move the load
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
-# Steps from one frame to the next: a greater difference counts as this in a slope, so that slopes are small integers
+# Steps from one frame to the next: a greater difference counts as this in a slope, so that slopes
+# are small integers
 _FAR = const(0x1000000)
 
 
@@ -136,8 +138,8 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
 def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
     """r[to] = slope() times the real number r[scale], but no more than r[top] either way.
 
-    A slope may be steeper than both of its chords. At an end of a play the motor keeps it for a whole frame, and ramps
-    to it and from it.
+    A slope may be steeper than both of its chords. At an end of a play the motor keeps it for a
+    whole frame, and ramps to it and from it.
     """
     put(r, to, int(slope(window, bounds, before, after)), 0)
     multiply(r, to, to, scale)
@@ -186,15 +188,17 @@ TOO_HARD = const(5)  # for the board
 
 @micropython.viper
 def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
-    """Whether a motor can follow `count` more frames: FITS, TOO_FAST, TOO_HIGH, TOO_LOW, TOO_STEEP or TOO_HARD.
+    """Check `count` more frames: FITS, TOO_FAST, TOO_HIGH, TOO_LOW, TOO_STEEP or TOO_HARD.
 
     For all but FITS, SEEN is the frame and FOUND what was too much there.
 
-    order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0 at the first one, or
-    -PLAY if the play has been taken up for a motion down. Where its motion turns, the motor takes it up.
+    order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0
+    at the first one, or -PLAY if the play has been taken up for a motion down. Where its motion
+    turns, the motor takes it up.
 
-    The frame in which it does so begins or ends with next to no velocity. So its cubic is faster than its mean: by up
-    to half of that, and an eighth of a neighbour's mean where that goes the other way. That has to be within FASTEST.
+    The frame in which it does so begins or ends with next to no velocity. So its cubic is faster
+    than its mean: by up to half of that, and an eighth of a neighbour's mean where that goes the
+    other way. That has to be within FASTEST.
     """
     a = words[BEFORE]
     b = words[BEFORE + 1]
@@ -272,7 +276,8 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                     if change > words[SHARPEST]:
                         words[SHARPEST] = change
                         words[SHARPEST_AT] = seen - 1
-                    # How fast the cubics on either side may be: their mean, and no more than that or the change on top.
+                    # How fast the cubics on either side may be: their mean, and no more than that
+                    # or the change on top.
                     last = b - a
                     if last < 0:
                         last = 0 - last
@@ -296,13 +301,15 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
 @micropython.viper
 def bends(words, values, bounds, window, begin: int, count: int, index: int, last: int, order: int, rests: int) -> int:
     """How fast and how steep the cubics between frames are: 0 where the motor can follow all, or the number of those
-    looked at, the last of which is too fast or too steep: FOUND, BENT, GATHERED. Call it again with that as `begin`.
+    looked at, the last of which is too fast or too steep: FOUND, BENT, GATHERED. Call it again with
+    that as `begin`.
 
-    values: `count` frames, in the upload's order, and two more on either side. index: of the first one played, in an
-    upload that ends with `last`. order, OFFSET: as for check(), which has let them pass, with 2^23 as FASTEST.
-    rests: 1 if it is at rest at the first frame of these, 2 if at the last one, 3 for both.
-    RAMP: change of the rate in a frame's time, as a part of it, Q15: at most half. FINE, for three frames per second
-    and more: that is Q18, and STEEPEST is in 256ths of a step.
+    values: `count` frames, in the upload's order, and two more on either side. index: of the first
+    one played, in an upload that ends with `last`. order, OFFSET: as for check(), which has let
+    them pass, with 2^23 as FASTEST. rests: 1 if it is at rest at the first frame of these, 2 if at
+    the last one, 3 for both. RAMP: change of the rate in a frame's time, as a part of it, Q15: at
+    most half. FINE, for three frames per second and more: that is Q18, and STEEPEST is in 256ths of
+    a step.
     """
     own = ptr32(words)
     v = ptr32(values)
@@ -324,7 +331,8 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
             elif step < 0:
                 step -= play + own[OFFSET]
                 own[OFFSET] = 0 - play
-        # A slope is no farther from a step beside it than one and a half times the most that steps change around it.
+        # A slope is no farther from a step beside it than one and a half times the most that steps
+        # change around it.
         low = k
         if order > 0:
             low = k - 1
@@ -363,15 +371,16 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
                     before = here
                     here = order * int(slope(window, bounds, n, last - n))
                     i += 1
-                # At rest the slope does not matter: the one that makes least of it is that at the other end.
+                # At rest the slope does not matter: the one that makes least of it is that at the
+                # other end.
                 if rests & 2 and begin == count:
                     here = before
                     if rests & 1 and begin == 2:
                         here = 0
                 if rests & 1 and begin == 2:
                     before = here
-                # Its velocity is a parabola with these control points: before, middle, here. Beyond both ends it turns
-                # before the middle one.
+                # Its velocity is a parabola with these control points: before, middle, here. Beyond
+                # both ends it turns before the middle one.
                 middle = 36 * step - before - here
                 if middle < before:
                     step = 0 - step
@@ -417,15 +426,15 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
             own[GATHERED] = gathered
             if own[FINE] == 0:
                 if gathered < 0x10000:
-                    bend += gathered * own[RAMP] >> 15
+                    bend += (gathered * own[RAMP]) >> 15
                 else:
-                    bend += (gathered >> 14) * own[RAMP] >> 1
+                    bend += ((gathered >> 14) * own[RAMP]) >> 1
             elif bend > 0x100000 or gathered > 0x100000:
                 bend = 0x3FFFFFFF  # no motor can
             elif gathered < 0x2000:
-                bend = (bend << 8) + (gathered * own[RAMP] >> 10)
+                bend = (bend << 8) + ((gathered * own[RAMP]) >> 10)
             else:
-                bend = (bend << 8) + ((gathered >> 7) * own[RAMP] >> 3)
+                bend = (bend << 8) + (((gathered >> 7) * own[RAMP]) >> 3)
             if most <= own[FASTEST] and bend <= own[STEEPEST]:
                 break
             if worked:
@@ -436,7 +445,7 @@ def bends(words, values, bounds, window, begin: int, count: int, index: int, las
 
 @micropython.viper
 def way(values: ptr32, count: int, order: int) -> int:
-    """Which way the first change of `count` positions goes: 1 up, -1 down, 0 if they are all the same.
+    """The direction of the first change in `count` positions: 1 up, -1 down, 0 for no change.
 
     order: as for check().
     """
@@ -478,8 +487,8 @@ def near(window: ptr32, there: int) -> int:
 def midway(window: ptr32, there: int, slope_there: int, slope_here: int) -> int:
     """Where the path is half-way between the middle frame and a neighbour: steps from the former.
 
-    there: 1 for the frame before, 3 for the one after; slopes in twelfths. A cubic with slopes a and
-    b at its ends passes (a - b)/8 beside the middle of its chord.
+    there: 1 for the frame before, 3 for the one after; slopes in twelfths. A cubic with slopes a
+    and b at its ends passes (a - b)/8 beside the middle of its chord.
     """
     chord = window[there + 0] - window[2]
     bow = slope_there - slope_here

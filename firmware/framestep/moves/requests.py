@@ -1,20 +1,22 @@
-"""Requests about uploaded moves and what plays them.
+"""Requests about uploaded moves and the operations that play them.
 
-The controller merges `handlers` into its own table; a handler returns the code to acknowledge with,
-or 0 where it has answered itself. Here payloads are taken apart; what a request means is decided
-in stage.py and the operations. Nothing allocates after construction.
+The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+or 0 where it has answered itself. Payloads are taken apart here and nowhere else in moves; numbers
+in docstrings are offsets in bytes. What a request means is decided in operations.py and by the
+operations. Nothing allocates after construction.
 """
 
 from array import array
 
-from framestep.moves.cues import CueStore
-from framestep.moves.follow import UNTOLD, WHAT
 from framestep.moves.jog import JogAll
+from framestep.moves.light_levels import LightLevels
+from framestep.moves.operations import READY, OperationRunner
+from framestep.moves.player import UNTOLD, WHAT
 from framestep.moves.run import RunMove
+from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import ShootFrame
-from framestep.moves.show import OUTPUTS, Show
-from framestep.moves.stage import READY, Stage
-from framestep.moves.store import UploadStore
+from framestep.moves.triggers import Triggers
+from framestep.moves.upload_store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
 
@@ -24,16 +26,20 @@ RUN_FLAGS = m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS
 
 
 class Moves:
-    """The uploaded move and everything that plays it. controller: for what is shared with other requests."""
+    """The uploaded move and all that plays it.
+
+    controller: for what requests of other parts share.
+    """
 
     def __init__(self, controller):
         self.controller = controller
         self.reader = controller.reader
         axes = controller.axes
-        self.cues = CueStore(0, 0)
+        self.levels = LightLevels()
+        self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.stage = Stage(axes, self.store, controller.safety)
-        self.show = Show(axes, controller.io, self.cues)
+        self.stage = OperationRunner(axes, self.store, controller.safety)
+        self.show = RunOutputs(axes, controller.io, self.levels, self.triggers)
         self.run = RunMove(self.stage, self.show)
         self.shoot = ShootFrame(self.stage, self.show)
         self.jog = JogAll(self.stage)
@@ -55,18 +61,22 @@ class Moves:
             self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
-        """The last thing at boot: lights and triggers get 5 % of the memory that is left, positions the rest."""
+        """The last thing at boot: lights and triggers get 5 % of the memory left, positions the rest."""
         changes = self.controller.hal.upload_bytes // _BYTES_PER_CHANGE
-        self.cues.take(changes, changes // 8)
-        self.store.take(self.controller.hal.upload_bytes)
+        self.levels.allocate(changes)
+        self.triggers.allocate(changes // 8)
+        self.store.allocate(self.controller.hal.upload_bytes)
 
     @property
     def upload_frames(self):
-        """How many frames can be uploaded for all motors."""
+        """How many frames fit if all motors have data."""
         return self.store.capacity_frames(self.store.motors)
 
     def poll(self):
-        """Every few milliseconds: what is due, and what is to be planned. Whether there may be more to plan at once."""
+        """Every few milliseconds: do what is due and plan a piece.
+
+        Returns whether there may be more to plan.
+        """
         if self.show.busy:
             self.show.poll()
         if self.stage.state == READY and self.controller.virtuals.engaged:
@@ -76,17 +86,22 @@ class Moves:
     # ---------------------------------------------------------------- uploads
 
     def _begin(self):
-        """spec: MSG_RT_UPLOAD_MOVE_BEGIN. start 0, end 4."""
+        """MSG_RT_UPLOAD_MOVE_BEGIN: start frame 0, end frame 4 (field notes 5.1 and 5.3)."""
         if self.stage.running:
             return m.ERR_MOVING
         code = self.store.begin(self.reader.i32(0), self.reader.i32(4))
         if code == m.OK:
-            self.cues.begin(self.store.end - self.store.start + 1)
-            self.stage.drop()
+            frames = self.store.end - self.store.start + 1
+            self.levels.begin(frames)
+            self.triggers.begin(frames)
+            self.stage.drop_prepared()
         return code
 
     def _axis(self):
-        """spec: MSG_RT_UPLOAD_MOVE_AXIS. motor 0, start index 1 (high bit: the last), positions from 5 on."""
+        """MSG_RT_UPLOAD_MOVE_AXIS (field note 5.3).
+
+        Motor 0, start index 1 (high bit: last section), positions 5.
+        """
         reader = self.reader
         number = reader.u8(0)
         if number < 1 or number > self.stage.axes.count:
@@ -94,46 +109,67 @@ class Moves:
         if self.stage.running:
             return m.ERR_MOVING
         last = reader.u8(4) & 0x80
-        return self.store.section(number - 1, reader.start_index(1), last, reader, 5, (reader.length - 5) >> 2)
+        count = (reader.length - 5) >> 2
+        return self.store.section(number - 1, reader.start_index(1), last, reader.buffer, reader.payload + 5, count)
 
     def _dmx(self):
-        """spec: MSG_RT_UPLOAD_MOVE_DMX. channel 0, start index 2 (high bit: the last), levels from 6 on."""
+        """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3).
+
+        Channel 0, start index 2 (high bit: last section), levels 6.
+        """
         reader = self.reader
         if self.stage.running:
             return m.ERR_MOVING
         last = reader.u8(5) & 0x80
-        return self.cues.levels(reader.u16(0), reader.start_index(2), last, reader, 6, reader.length - 6)
+        return self.levels.store(
+            reader.u16(0), reader.start_index(2), last, reader.buffer, reader.payload + 6, reader.length - 6
+        )
 
     def _triggers(self):
-        """spec: MSG_RT_UPLOAD_MOVE_TRIGGERS. mask 0, then pairs of frame and values."""
+        """MSG_RT_UPLOAD_MOVE_TRIGGERS: mask 0, pairs of frame and values 4 (field note 5.3)."""
         if self.stage.running:
             return m.ERR_MOVING
-        return self.cues.triggers(self.reader, 4, (self.reader.length - 4) >> 3)
+        reader = self.reader
+        reader.word_to(0, self.places, 0)
+        return self.triggers.store(self.places, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)
 
     def _end(self):
+        """MSG_RT_UPLOAD_MOVE_END: no payload.
+
+        The move can be played from now on (field note 5.3).
+        """
         if self.stage.running:
             return m.ERR_MOVING
         code = self.store.finish()
         if code == m.OK:
-            self.cues.finish()
+            self.levels.finish()
+            self.triggers.finish()
         return code
 
     # ---------------------------------------------------------------- operations
 
     def _position_frame(self):
+        """MSG_RT_POSITION_FRAME: frame 0.
+
+        Motors go there, lights and triggers are set as they are there.
+        """
         code = self.controller.motors.may_move_all()
         if code == m.OK and (self.stage.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.stage.go_to_frame(self.reader.i32(0), self.places)
+            code = self.stage.send_to_frame(self.reader.i32(0), self.places)
         if code == m.OK:
-            self.controller.motors.moving_all(self.stage.follower.motors())
-            self.show.place(self.reader.i32(0) - self.store.start)
+            self.controller.motors.moving_all(self.stage.player.motors())
+            self.show.show_frame(self.reader.i32(0) - self.store.start)
         return code
 
     def _run_move(self):
-        """spec: MSG_RT_RUN_MOVE. fps 0, start 4, end 8, pre-roll 12, post-roll 16, sync 20, bloop outputs
-        21, channel 25, time 27, flags 29, open and close angle 31 and 33."""
+        """MSG_RT_RUN_MOVE: motors go to where the run begins and wait for GO (field notes 6.1 to 6.9).
+
+        FPS (thousandths) 0, start frame 4, end frame 8, pre-roll ms 12, post-roll ms 16, sync 20,
+        bloop: outputs 21, channel 25, ms 27; if they are there: flags 29, open and close angle 31
+        and 33.
+        """
         reader = self.reader
         code = self._may_begin()
         if code != m.OK:
@@ -142,15 +178,17 @@ class Moves:
         channel = reader.u16(25)
         if reader.u8(20) > 1 or channel > 512 or flags & ~RUN_FLAGS:
             return m.ERR_RANGE
-        if flags & m.RUN_STILLS:
-            flags &= ~m.RUN_VIDEO  # field note 6.9
         plan = self.run.draft
+        plan.loops = flags & m.RUN_LOOP != 0
+        plan.turns = flags & m.RUN_PING_PONG != 0
+        plan.stills = flags & m.RUN_STILLS != 0
+        plan.video = flags & m.RUN_VIDEO != 0 and not plan.stills  # field note 6.9
         plan.sync = reader.u8(20) == 1
-        plan.bloop_bits = reader.u16(21) | (reader.u16(23) & OUTPUTS >> 16) << 16
+        plan.bloop_bits = reader.u16(21) | ((reader.u16(23) & (OUTPUTS >> 16)) << 16)
         plan.bloop_channel = channel
         plan.bloop_ms = reader.u16(27)
         opened = closed = 0
-        if flags & m.RUN_STILLS and reader.length >= m.RUN_ANGLES_BYTES:
+        if plan.stills and reader.length >= m.RUN_ANGLES_BYTES:
             opened = reader.u16(31)
             closed = reader.u16(33)
         code = self.run.prepare(
@@ -159,7 +197,6 @@ class Moves:
             reader.i32(8),
             reader.count(12),
             reader.count(16),
-            flags,
             opened,
             closed,
         )
@@ -168,43 +205,78 @@ class Moves:
         return self._tell(code)
 
     def _tell(self, code):
-        """Have the REPL told that the move asks too much of a motor (field note 5.5)."""
-        if self.stage.follower.exceeded[WHAT]:
+        """Have it reported on the REPL if the move asks too much of a motor (field note 5.5).
+
+        Returns `code`.
+        """
+        if self.stage.player.exceeded[WHAT]:
             self.controller.untold |= UNTOLD
         return code
 
     def _shoot_frame(self):
-        """spec: MSG_RT_SHOOT_FRAME. frame 0, direction 4, exposure 5, blur 9, motors from 11 on."""
+        """MSG_RT_SHOOT_FRAME (field note 7.1).
+
+        Frame 0, direction 4 (1 forward, 0 backward), exposure ms 5, blur permille 9, motors 11: see
+        _listed().
+        """
         reader = self.reader
         code = self._may_begin()
         if code == m.OK and reader.u8(4) > 1:
             code = m.ERR_RANGE
         if code == m.OK:
-            code = self.shoot.blur(reader.i32(0), reader.u8(4) == 0, reader.count(5), reader.u16(9), reader)
+            backward = reader.u8(4) == 0
+            listed = self._listed(11, backward)
+            code = self.shoot.prepare_blur(reader.i32(0), backward, reader.count(5), reader.u16(9), listed)
         if code == m.OK:
             self.controller.motors.moving_all(self.shoot.bits)
         return code
 
     def _shoot_frame2(self):
-        """spec: MSG_RT_SHOOT_FRAME2. frame 0, exposure 4, open 8, close 10, motors from 12 on."""
+        """MSG_RT_SHOOT_FRAME2 (field note 7.3).
+
+        Frame 0, exposure ms 4, open and close angle 8 and 10, motors 12: see _listed().
+        """
         reader = self.reader
         code = self._may_begin()
         if code == m.OK:
-            code = self.shoot.angles(reader.i32(0), reader.count(4), reader.i16(8), reader.i16(10), reader)
+            listed = self._listed(12, False)
+            code = self.shoot.prepare_angles(reader.i32(0), reader.count(4), reader.i16(8), reader.i16(10), listed)
         if code == m.OK:
             self.controller.motors.moving_all(self.shoot.bits)
         return code
 
+    def _listed(self, offset, backward):
+        """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if `backward`.
+
+        Each entry: motor 0, POS A 1, POS B 5. Returns the bits of these motors, -1 if some motor
+        does not exist.
+        """
+        reader = self.reader
+        draft = self.shoot.draft
+        first = draft.b if backward else draft.a
+        last = draft.a if backward else draft.b
+        bits = 0
+        while offset < reader.length:
+            number = reader.u8(offset)
+            if number < 1 or number > self.stage.axes.count:
+                return -1
+            bits |= 1 << (number - 1)
+            reader.word_to(offset + 1, first, number - 1)
+            reader.word_to(offset + 5, last, number - 1)
+            offset += 9
+        return bits
+
     def _may_begin(self):
-        """OK where an operation may be prepared (field note 6.1)."""
+        """OK if an operation may be prepared; else the code that says why not (field note 6.1)."""
         code = self.controller.motors.may_move_all()
         if code == m.OK:
             if self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged:
                 return m.ERR_MOVING
-            self.stage.follower.exceeded[WHAT] = m.EXCEEDED_NOTHING
+            self.stage.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _may_go(self):
+        """OK if the operation that waits may start; otherwise the code that says why not."""
         code = self.controller.motors.may_move_all()
         if code == m.OK:
             code = self.stage.may_go()
@@ -213,34 +285,40 @@ class Moves:
         return code
 
     def _go(self):
+        """MSG_RT_GO: no payload. Acknowledged first, then the motion starts (field note 6.3)."""
         code = self._may_go()
         if code == m.OK:
-            # field note 6.3: acknowledged first, then motion starts
             self.controller.acknowledge(m.OK)
-            self.stage.go()
+            self.stage.start()
             return 0
         return code
 
     def go_from_input(self):
-        """The setting `go_input` (field note 6.13): GO where GO would be OK. Whether it was."""
+        """GO by an input (setting `go_input`, field note 6.13).
+
+        Returns whether the request would have been OK.
+        """
         if self._may_go() != m.OK:
             return False
-        self.stage.go()
+        self.stage.start()
         return True
 
     def _stop_loop(self):
-        """spec: MSG_RT_STOP_LOOP. Before GO as well; without a loop it is nothing to do (field note 6.12)."""
+        """MSG_RT_STOP_LOOP: no payload.
+
+        It counts before GO, too; without a loop it does nothing (field note 6.12).
+        """
         if self.stage.busy and self.stage.operation is self.run:
             self.run.stop_loop()
         return m.OK
 
     def _jog_all(self):
-        """spec: MSG_RT_JOG_ALL. fps 0, destination 4."""
+        """MSG_RT_JOG_ALL: FPS (thousandths) 0, destination frame 4 (field note 6.10)."""
         code = self.controller.motors.may_move_all()
         if code == m.OK and not self.stage.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.jog.request(self.reader.count(0), self.reader.i32(4))
+            code = self.jog.prepare(self.reader.count(0), self.reader.i32(4))
         if code == m.OK:
             self.controller.motors.moving_all(self.jog.bits)
         return self._tell(code)

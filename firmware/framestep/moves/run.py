@@ -1,18 +1,20 @@
 """MSG_RT_RUN_MOVE: a section of the move, live, with pre-roll and post-roll, once or in a loop.
 
-A pass is one list of phases per motor: pre-roll, one cubic per frame, post-roll. All motors have the
-same phases in time, so they need no further synchronization than to start in the same tick.
+A pass is a list of phases for each motor: pre-roll, one cubic per frame, post-roll. The phases of
+all motors have the same durations, so the motors only have to start in the same tick to stay
+together.
 
-Time. Frame N of a pass begins round(N · 10^9 / fps_milli) microseconds after its first
-(design rule; N counts from 0 at the first frame played); durations are differences of such times,
-so nothing adds up.
+Time. Frame N of a pass, counted from 0 at the first frame played, begins round(N · 10^9 /
+fps_milli) microseconds after the first. Durations are differences of such times, so that rounding
+does not add up.
 
-Ping-pong (0x01): the next pass runs the other way. The ramp that ends a pass and the one that
-begins the next have the same duration, so the motors turn where they are. Loop (0x02): they go back
-to where the pass began, by ramps of their own, and run again.
+Ping-pong: the next pass runs the other way. The ramp that ends a pass and the one that begins the
+next have the same duration, so the motors turn where they are. Loop: the motors go back to where
+the pass began, by ramps of their own, and run again.
 
-The last pass (field note 6.11): the end frame lasts its period, in which the motors keep their velocity; then the
-post-roll. When they stand, RT_END is due, and they go back to the end frame's position as by POSITION_FRAME.
+The last pass (field note 6.11): the end frame lasts its period, in which the motors keep their
+velocity; the post-roll follows. When the motors stand, RT_END is due, and they go back to the end
+frame as by POSITION_FRAME.
 """
 
 from array import array
@@ -21,12 +23,11 @@ from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
 from framestep.motion import reals, stepper
 from framestep.motors import axis as motion
-from framestep.moves.follow import FASTEST_FPS, THOUSAND, ZERO, X, Y, speed
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
-from framestep.moves.stage import Operation
-from framestep.moves.store import READY as UPLOADED
+from framestep.moves.operation import Operation
+from framestep.moves.player import FASTEST_FPS, THOUSAND, ZERO, X, Y, frame_velocity
+from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
-from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
 from framestep.results import (
     ERR_GENERAL,
     ERR_NOT_IN_POSITION,
@@ -39,19 +40,22 @@ from framestep.results import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
-_SHORTEST_ROLL = const(2)  # ms of a motor's own ramp: the phase after it must not begin in the tick of its start
-DEFAULT_OPEN = const(90)  # degrees, of stills whose request has no angles (field note 6.9)
+_SHORTEST_ROLL = const(2)  # ms of a motor's ramp: the next phase must not begin in the tick in which the ramp does
+DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)
 DEFAULT_CLOSE = const(180)
-_AHEAD = const(3)  # frames of phases to keep ahead
+_AHEAD = const(3)  # phases that wait before the next is queued
 
-# Registers; follow.OWN is the first that is free
-_DURATION = const(36)  # of a frame in ticks, the shorter and the longer one
-_DURATION_PLUS = const(38)
+# Registers; player.OWN is the first that is free
+_DURATION = const(36)  # of a frame, in ticks
+_DURATION_PLUS = const(38)  # of one that is a microsecond longer
 _ROLL = const(40)
 
 
 class Plan:
-    """What a request has settled; a second one is kept, so that a refused request changes nothing."""
+    """What a request asks for, and what has been found for it.
+
+    There are two, so that a refusal changes nothing.
+    """
 
     def __init__(self, motors):
         self.bits = 0
@@ -59,33 +63,38 @@ class Plan:
         self.step = 1  # 1 forward, -1 backward
         self.frames = 0  # frames after the first
         self.fps_milli = 0
-        self.pre_asked = 0  # ms, 0 for the shortest
+        self.pre_asked = 0  # ms, 0 for the shortest possible
         self.post_asked = 0
-        self.pre_ms = 0  # from the start to the first frame, and from the last one to the end
-        self.post_ms = 0
-        self.pre_rolls = array("i", [0] * (2 * motors))  # real numbers: each motor's own ramp, in ticks
+        self.pre_ms = 0  # from the start to the first frame
+        self.post_ms = 0  # from the end of the last frame to the end
+        self.pre_rolls = array("i", [0] * (2 * motors))  # reals, by motor: its ramp, in ticks
         self.post_rolls = array("i", [0] * (2 * motors))
-        self.flags = 0
+        self.loops = False  # pass after pass from the start,
+        self.turns = False  # or there and back (ping-pong), until STOP_LOOP
+        self.video = False  # a video camera runs during the pass,
+        self.stills = False  # or the shutter opens at each frame
         self.open_angle = 0
         self.close_angle = 0
         self.sync = False
         self.bloop_bits = 0
         self.bloop_channel = 0
         self.bloop_ms = 0
-        self.begins = array("i", [0] * motors)  # where each motor waits
-        self.begin_ways = array("i", [0] * motors)  # which way it goes from there: 1 up, -1 down, 0 not at all
-        self.ends = array("i", [0] * motors)  # where it comes to rest after a pass that is not the last
-        self.end_ways = array("i", [0] * motors)  # which way it goes from there, played the other way round
+        self.begins = array("i", [0] * motors)  # by motor: where it waits,
+        self.begin_ways = array(
+            "i", [0] * motors
+        )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        self.ends = array("i", [0] * motors)  # where it comes to rest after a pass other than the last,
+        self.end_ways = array("i", [0] * motors)  # and the direction in which it sets out when played the other way
 
 
 class RunMove(Operation):
-    """The operation; see stage.Operation."""
+    """The operation; see operation.Operation."""
 
     def __init__(self, stage, show):
         Operation.__init__(self, stage)
-        self.follower = stage.follower
+        self.player = stage.player
         self.store = stage.store
-        self.show = show  # lights, triggers and camera: moves/show.py
+        self.show = show  # lights, triggers and camera: moves/run_outputs.py
         self.plan = Plan(stage.axes.count)
         self.draft = Plan(stage.axes.count)
         self.looping = False
@@ -94,28 +103,30 @@ class RunMove(Operation):
         self.begin_ms = 0
         self.end_ms = 0
         self.queued = 0
-        self.unclosed = 0  # bits of motors that have yet to get their post-roll,
-        self.period = _DURATION  # after a frame of this register in the last pass
+        self.unclosed = 0  # bits of motors that have yet to get their post-roll
+        self.period = _DURATION  # register of the end frame's duration
         self.last_pass = False
         self.closed = False
         self.told = 0
         self.queue_clock = FrameClock()
         self.tell_clock = FrameClock()
-        # of the last pass, to work with: where a motor is when the end frame is over, and where it comes to rest
+        # by motor, for the last pass: where it is at the end of the end frame, and where it comes
+        # to rest
         self.lasts = array("i", [0] * stage.axes.count)
         self.rests = array("i", [0] * stage.axes.count)
         self.end = 0  # index of the frame with which the last pass queued ends
 
     # ---------------------------------------------------------------- the request
 
-    def prepare(self, fps_milli, start, end, pre_ms, post_ms, flags, open_angle, close_angle):
+    def prepare(self, fps_milli, start, end, pre_ms, post_ms, open_angle, close_angle):
         """Check a run of scene frames start … end and send the motors to where it begins.
 
-        pre_ms, post_ms: 0 for the shortest that each motor can. A code; nothing has changed unless it is OK.
-        The draft's bloop and sync fields have been filled in.
+        pre_ms, post_ms: 0 for the shortest that each motor can do. A code; only OK changes
+        anything. open_angle, close_angle: of the shutter, 0 … 360 degrees, for stills. The caller
+        has filled in the draft's loops, turns, video, stills, sync and bloop fields.
         """
         store = self.store
-        follower = self.follower
+        player = self.player
         if store.state != UPLOADED:
             return ERR_GENERAL
         if fps_milli < 1 or fps_milli > FASTEST_FPS or pre_ms < 0 or post_ms < 0:
@@ -125,22 +136,21 @@ class RunMove(Operation):
         if start < store.start or start > store.end or end < store.start or end > store.end:
             return ERR_RANGE
         plan = self.draft
-        plan.bits = follower.motors()
+        plan.bits = player.motors()
         plan.pre_asked = pre_ms
         plan.post_asked = post_ms
         plan.first = start - store.start
         plan.step = -1 if end < start else 1
         plan.frames = (end - start) * plan.step
         plan.fps_milli = fps_milli
-        plan.flags = flags
-        if open_angle >= close_angle:  # field note 6.9: as where there are none
+        if open_angle >= close_angle:  # field note 6.9: as if there were none
             open_angle = DEFAULT_OPEN
             close_angle = DEFAULT_CLOSE
         plan.open_angle = open_angle
         plan.close_angle = close_angle
         code = self._settle(plan)
         if code == OK:
-            code = self.stage.barred(plan.bits, plan.begins)
+            code = self.stage.blocked(plan.bits, plan.begins)
         if code != OK:
             self._restore()
             return code
@@ -151,44 +161,47 @@ class RunMove(Operation):
         self.step = plan.step
         self.begin_ms = plan.pre_ms
         self.end_ms = plan.post_ms
-        self.looping = flags & (RUN_LOOP | RUN_PING_PONG) != 0
-        self.stage.take(self, plan.begins, plan.begin_ways, start)
+        self.looping = plan.loops or plan.turns
+        self.stage.prepare(self, plan.begins, plan.begin_ways, start)
         return OK
 
     def _settle(self, plan):
-        """Check what a plan asks for, and find where the motors begin and end. A code."""
-        follower = self.follower
+        """Check what a plan asks for and find where the motors begin and end. Returns a code."""
+        player = self.player
         fps_milli = plan.fps_milli
-        follower.frame_rate(fps_milli)
+        player.set_frame_rate(fps_milli)
         self._durations(fps_milli)
         last = plan.first + plan.step * plan.frames
         self._ways(plan, plan.begin_ways, plan.first, plan.step)
         self._ways(plan, plan.end_ways, last, -plan.step)
-        code = follower.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
-        if code == OK and plan.flags & RUN_PING_PONG:
-            code = follower.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
+        code = player.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
+        if code == OK and plan.turns:
+            code = player.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
         if code == OK:
             code = self._rolls(plan, plan.pre_asked, plan.post_asked)
         return code
 
     def _restore(self):
-        """The draft has not become the plan: numbers of the plan again."""
+        """The draft has been refused: set the registers for the plan again."""
         if self.plan.fps_milli:
-            self.follower.frame_rate(self.plan.fps_milli)
+            self.player.set_frame_rate(self.plan.fps_milli)
             self._durations(self.plan.fps_milli)
 
     def recheck(self, waiting):
-        follower = self.follower
+        player = self.player
         old = self.plan
         plan = self.draft
-        plan.bits = follower.motors() if waiting else old.bits
+        plan.bits = player.motors() if waiting else old.bits
         plan.pre_asked = old.pre_asked
         plan.post_asked = old.post_asked
         plan.first = old.first
         plan.step = old.step
         plan.frames = old.frames
         plan.fps_milli = old.fps_milli
-        plan.flags = old.flags
+        plan.loops = old.loops
+        plan.turns = old.turns
+        plan.video = old.video
+        plan.stills = old.stills
         plan.open_angle = old.open_angle
         plan.close_angle = old.close_angle
         plan.sync = old.sync
@@ -197,8 +210,8 @@ class RunMove(Operation):
         plan.bloop_ms = old.bloop_ms
         code = self._settle(plan)
         if code == OK and waiting:
-            for motor in range(follower.count):
-                if plan.bits >> motor & 1 and not follower.axes[motor].stands_on(
+            for motor in range(player.count):
+                if (plan.bits >> motor) & 1 and not player.axes[motor].stands_on(
                     plan.begins, motor, plan.begin_ways[motor]
                 ):
                     code = ERR_NOT_IN_POSITION
@@ -211,78 +224,78 @@ class RunMove(Operation):
         onward = self.step == plan.step
         self.begin_ms = plan.pre_ms if onward else plan.post_ms
         self.end_ms = plan.post_ms if onward else plan.pre_ms
-        self.stage.begins = plan.begins if onward else plan.ends
+        self.stage.start_positions = plan.begins if onward else plan.ends
         self.stage.ways = plan.begin_ways if onward else plan.end_ways
         return OK
 
     def heading(self, motor):
         plan = self.plan
-        place = self.follower.place
+        place = self.player.place
         self.store.position(motor, plan.first, place, 0)
-        return reals.order_words(place, 0, plan.begins, motor) or self.follower.way(
+        return reals.order_words(place, 0, plan.begins, motor) or self.player.first_way(
             motor, plan.first, plan.step, plan.frames + 1, True
         )
 
     def _ways(self, plan, ways, index, step):
-        """Find which way each motor goes first when the run is played from `index` on in direction `step`."""
-        follower = self.follower
-        r = follower.numbers
-        for motor in range(follower.count):
+        """ways[motor] = the direction in which it sets out, played from `index` in direction `step`."""
+        player = self.player
+        r = player.numbers
+        for motor in range(player.count):
             ways[motor] = 0
-            if plan.bits >> motor & 1 and plan.frames and follower.axes[motor].backlash:
-                follower.velocity(X, motor, index, step)
-                ways[motor] = reals.sign(r, X) or follower.way(motor, index, step, plan.frames + 1)
+            if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash:
+                player.velocity(X, motor, index, step)
+                ways[motor] = reals.sign(r, X) or player.first_way(motor, index, step, plan.frames + 1)
 
     def _rolls(self, plan, pre_ms, post_ms):
         """Find where the motors wait and where they come to rest (field note 6.2)."""
-        follower = self.follower
-        r = follower.numbers
+        player = self.player
+        r = player.numbers
         last = plan.first + plan.step * plan.frames
         plan.pre_ms = self._roll_times(plan, plan.first, pre_ms, plan.pre_rolls)
         plan.post_ms = self._roll_times(plan, last, post_ms, plan.post_rolls)
-        for motor in range(follower.count):
-            if plan.bits >> motor & 1:
+        for motor in range(player.count):
+            if (plan.bits >> motor) & 1:
                 self.store.position(motor, plan.first, plan.begins, motor)
                 self.store.position(motor, last, plan.ends, motor)
                 if not plan.frames:
                     continue
-                own = speed(motor)
-                follower.velocity(own, motor, plan.first, plan.step)
+                own = frame_velocity(motor)
+                player.velocity(own, motor, plan.first, plan.step)
                 reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
-                if not follower.roll(motor, own, _ROLL, True, plan.begins):
-                    return follower.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
-                follower.velocity(own, motor, last, plan.step)
+                if not player.apply_roll(motor, own, _ROLL, True, plan.begins):
+                    return player.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
+                player.velocity(own, motor, last, plan.step)
                 reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
-                if plan.flags & (RUN_LOOP | RUN_PING_PONG) and not follower.roll(motor, own, _ROLL, False, plan.ends):
-                    return follower.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
+                if (plan.loops or plan.turns) and not player.apply_roll(motor, own, _ROLL, False, plan.ends):
+                    return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if not self._last(motor, last):
-                    return follower.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
-                if plan.flags & RUN_PING_PONG:
-                    follower.velocity(own, motor, plan.first, -plan.step)
+                    return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
+                if plan.turns:
+                    player.velocity(own, motor, plan.first, -plan.step)
                     reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
                     if not self._last(motor, plan.first):
-                        return follower.blame(EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL)
+                        return player.blame(EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL)
         return OK
 
     def _last(self, motor, index):
-        """Find where a motor is when the frame `index`, the last one, is over, and where it comes to rest.
+        """Find where a motor is at the end of the last frame, `index`, and where it comes to rest.
 
-        It keeps speed(motor) through the frame's period and then takes _ROLL ticks. False where that is past a limit or
-        steeper than the motor can.
+        It keeps frame_velocity(motor) through the frame's period and then takes _ROLL ticks to
+        stop. False where that is past a limit or steeper than the motor can.
         """
-        follower = self.follower
-        r = follower.numbers
+        player = self.player
+        r = player.numbers
         lasts = self.lasts
         self.store.position(motor, index, lasts, motor)
-        reals.multiply(r, X, speed(motor), _DURATION)
-        if not follower.shift(lasts, motor, False):
+        reals.multiply(r, X, frame_velocity(motor), _DURATION)
+        if not player.shift_by_x(lasts, motor, False):
             return False
         reals.copy_word(self.rests, motor, lasts, motor)
-        return follower.roll(motor, speed(motor), _ROLL, False, self.rests)
+        return player.apply_roll(motor, frame_velocity(motor), _ROLL, False, self.rests)
 
     def _durations(self, fps_milli):
-        """A frame in ticks, the shorter and the longer one."""
-        r = self.follower.numbers
+        """Set _DURATION and _DURATION_PLUS."""
+        r = self.player.numbers
         frame_us = MICROSECONDS // fps_milli
         reals.put(r, _DURATION, frame_us, 0)
         reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
@@ -290,22 +303,22 @@ class RunMove(Operation):
         reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
 
     def _roll_times(self, plan, index, ms, rolls):
-        """How long each motor ramps between rest and its velocity at that frame; the longest in whole ms.
+        """rolls = ticks for which each motor ramps between rest and its velocity at frame `index`.
 
-        ms: the same for all, or 0: as long as each needs with its own greatest acceleration (field note 6.2), but
-        _SHORTEST_ROLL at least.
+        ms: for all motors; 0: as long as each needs with its acceleration (field note 6.2),
+        _SHORTEST_ROLL at least. Returns the longest in whole ms.
         """
-        follower = self.follower
-        r = follower.numbers
+        player = self.player
+        r = player.numbers
         longest = ms
-        for motor in range(follower.count):
-            if plan.bits >> motor & 1:
+        for motor in range(player.count):
+            if (plan.bits >> motor) & 1:
                 reals.put(r, _ROLL, ms, 0)
                 if ms == 0 and plan.frames:
-                    follower.velocity(X, motor, index, plan.step)
+                    player.velocity(X, motor, index, plan.step)
                     if reals.sign(r, X) < 0:
                         reals.negate(r, X, X)
-                    reals.fetch(r, Y, follower.axes[motor].numbers, motion.STEEP)
+                    reals.fetch(r, Y, player.axes[motor].numbers, motion.STEEP)
                     reals.divide(r, _ROLL, X, Y)
                     if reals.sign(r, _ROLL):
                         reals.put(r, Y, _SHORTEST_ROLL, 0)
@@ -316,16 +329,19 @@ class RunMove(Operation):
         return longest
 
     def stop_loop(self):
-        """Let the pass under way be the last (spec: MSG_RT_STOP_LOOP); on the way back to the start none follows."""
+        """Make this pass the last one (spec: MSG_RT_STOP_LOOP).
+
+        On the way back to the start none follows.
+        """
         self.looping = False
         self.show.close()
 
     # ---------------------------------------------------------------- the pass
 
-    def start(self):
-        follower = self.follower
+    def begin_pass(self):
+        player = self.player
         plan = self.plan
-        follower.frame_rate(plan.fps_milli)
+        player.set_frame_rate(plan.fps_milli)
         self._durations(plan.fps_milli)
         self.queue_clock.begin(plan.fps_milli, 0)
         self.queued = 0
@@ -333,26 +349,26 @@ class RunMove(Operation):
         self.closed = False
         self.told = 0
 
-    def lead(self, motor):
-        follower = self.follower
+    def queue_first_phases(self, motor):
+        player = self.player
         plan = self.plan
-        r = follower.numbers
-        axis = follower.axes[motor]
+        r = player.numbers
+        axis = player.axes[motor]
         onward = self.step == plan.step
-        own = speed(motor)
+        own = frame_velocity(motor)
         if plan.frames:
-            follower.velocity(own, motor, self.first, self.step)
+            player.velocity(own, motor, self.first, self.step)
         else:
             reals.put(r, own, 0, 0)
         reals.fetch(r, _ROLL, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
-        # whoever needs less time than the slowest waits, so that all come to the first frame at once
+        # motors with a shorter ramp wait, so that all reach the first frame at the same time
         reals.put(r, X, self.begin_ms, 0)
         reals.subtract(r, X, X, _ROLL)
         if reals.sign(r, X) > 0:
             axis.coast(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
         if reals.sign(r, _ROLL):
-            self.store.position(motor, self.first, follower.place, 0)
-            axis.coast(_ROLL, ZERO, own, r, follower.place, 0)
+            self.store.position(motor, self.first, player.place, 0)
+            axis.coast(_ROLL, ZERO, own, r, player.place, 0)
 
     def started(self, tick):
         first = (tick + self.begin_ms) & _WRAP
@@ -368,7 +384,7 @@ class RunMove(Operation):
             self._close()
             return True
         if self.bits:
-            if self.follower.ahead(self.bits) >= _AHEAD:
+            if self.player.phases_ahead(self.bits) >= _AHEAD:
                 return False
         elif self.queued > self.told:  # lights alone: no queue fills up
             return False
@@ -376,8 +392,8 @@ class RunMove(Operation):
         return True
 
     def _queue(self):
-        """Append the cubic to the next frame to each motor, after the last one the post-roll."""
-        follower = self.follower
+        """Append the cubic to the next frame to each motor; after the last frame the post-roll."""
+        player = self.player
         plan = self.plan
         k = self.queued + 1
         duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
@@ -389,23 +405,23 @@ class RunMove(Operation):
             self._close()
             return
         self.queued = k
-        follower.hop(plan.bits, self.first + self.step * k, self.step, duration)
+        player.append_frame(plan.bits, self.first + self.step * k, self.step, duration)
 
     def _close(self):
-        """Append the post-roll of the next motor; in the last pass after the end frame's own period."""
-        follower = self.follower
-        r = follower.numbers
+        """Append the post-roll of the next motor, in the last pass after the end frame's period."""
+        player = self.player
+        r = player.numbers
         plan = self.plan
         bits = self.unclosed
         if bits:
             motor = 0
-            while not bits >> motor & 1:
+            while not (bits >> motor) & 1:
                 motor += 1
-            self.unclosed = bits ^ 1 << motor
+            self.unclosed = bits ^ (1 << motor)
             onward = self.step == plan.step
             places = plan.ends if onward else plan.begins
-            axis = follower.axes[motor]
-            own = speed(motor)
+            axis = player.axes[motor]
+            own = frame_velocity(motor)
             reals.fetch(r, _ROLL, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
                 self._last(motor, self.end)
@@ -414,22 +430,22 @@ class RunMove(Operation):
             if reals.sign(r, _ROLL):
                 axis.coast(_ROLL, own, ZERO, r, places, motor)
         if not self.unclosed:
-            follower.close(plan.bits)
+            player.end_phases(plan.bits)
             self.closed = True
 
     def play_head(self, tick, frame):
         told = self.told
-        here = self.store.start + self.first + self.step * (told - 1)  # the frame told last
+        here = self.store.start + self.first + self.step * (told - 1)  # the frame reported last
         if told == 0:
             return (here + self.step) * 1000  # in the pre-roll
         clock = self.tell_clock
         kernel = self.stage.axes.kernel.state
-        ahead = (clock.tick - tick - 1 - kernel[stepper.LEAD]) & _WRAP  # ticks to the frame to be told next
+        ahead = (clock.tick - tick - 1 - kernel[stepper.LEAD]) & _WRAP  # ticks to the next frame to be reported
         last = told > self.plan.frames
         if ahead >= _HALF or ahead == 0 and clock.us == 0:
             if last:
                 return here * 1000
-            # it has been reached in this pass: nothing is told of what lies behind it before that is
+            # it has been reached in this pass: before it is reported, nothing beyond it is
             here += self.step
             left = clock.quotient
         else:
@@ -437,7 +453,7 @@ class RunMove(Operation):
             if last and left < clock.quotient:
                 return here * 1000
         if frame or left >= clock.quotient:
-            self.stage.exact = here - self.store.start
+            self.stage.told_frame = here - self.store.start
             return here * 1000
         if left < 0x100000:
             part = left * 1000 // clock.quotient
@@ -445,7 +461,7 @@ class RunMove(Operation):
             part = left // (clock.quotient // 1000)
         return here * 1000 + self.step * (1000 - part)
 
-    def reached(self, ticks):
+    def frame_reached(self, ticks):
         clock = self.tell_clock
         if self.told > self.plan.frames or (ticks - clock.tick - 1) & _WRAP >= _HALF:
             return False
@@ -458,25 +474,25 @@ class RunMove(Operation):
     def finished(self):
         return self.closed and self.told > self.plan.frames and self.show.finished()
 
-    def wanted(self):
+    def still_wanted(self):
         return self.looping
 
-    def again(self):
+    def next_pass(self):
         if not self.looping:
             return False
         plan = self.plan
-        if plan.flags & RUN_PING_PONG:
+        if plan.turns:
             self.first += self.step * plan.frames
             self.step = -self.step
             self.begin_ms, self.end_ms = self.end_ms, self.begin_ms
             onward = self.step == plan.step
-            self.stage.begins = plan.begins if onward else plan.ends
+            self.stage.start_positions = plan.begins if onward else plan.ends
             self.stage.ways = plan.begin_ways if onward else plan.end_ways
         return True
 
-    def over(self):
+    def ended(self):
         self.looping = False
         self.show.end()
 
-    def leave(self):
-        self.stage.set_out(self.store.start + self.end, self.lasts, self.bits)
+    def leave_end(self):
+        self.stage.return_to_frame(self.store.start + self.end, self.lasts, self.bits)

@@ -1,21 +1,22 @@
 """MSG_RT_SHOOT_FRAME and MSG_RT_SHOOT_FRAME2: go-motion, one frame exposed while the motors move.
 
-SHOOT_FRAME (field note 7.1): the window is the middle BLUR of the way from POS A to POS B, and the shutter is open all
-through it. The motors wait a run-up before the window, pass it at constant speed, and come to rest a run-out behind it:
+SHOOT_FRAME (field note 7.1): the window is the middle part, BLUR, of the way from POS A to POS B,
+and the shutter is open all through it. The motors wait a run-up before the window, cross it at
+constant speed, and come to rest a run-out behind it:
 
     GO   run-up (1 s)                window                        run-out (1 s)
     rest ........ accelerating a ================= b decelerating ........ rest
                                  ^ shutter opens    ^ closes
 
-SHOOT_FRAME2 (field note 7.3): the motors wait on A, start at GO and come to rest on B, 360 degrees later. The first and
-the last eighth are the ramps. The shutter opens and closes at two angles; where it opens before angle 0, the motors
-start that much later.
+SHOOT_FRAME2 (field note 7.3): the motors wait on A, start at GO and come to rest on B, 360 degrees
+later. The first and the last eighth are the ramps. The shutter opens and closes at given angles; if
+it opens before angle 0, the motors start that much later.
 
     0 deg   45                                     315      360
     A accelerating a ============================= b decelerating B
                 ^ OPEN, for example           ^ CLOSE
 
-Either is the same list of phases: wait, ramp, window, ramp.
+Both are the same list of phases: wait, ramp, window, ramp.
 """
 
 from array import array
@@ -26,10 +27,10 @@ from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
 from framestep.motors import axis as motion
 from framestep.moves import path
-from framestep.moves.follow import HALF, ZERO, T, X, Y, speed
-from framestep.moves.show import METER, SHUTTER
-from framestep.moves.stage import Operation
-from framestep.moves.store import READY as UPLOADED
+from framestep.moves.operation import Operation
+from framestep.moves.player import HALF, ZERO, T, X, Y, frame_velocity
+from framestep.moves.run_outputs import METER, SHUTTER
+from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
 
@@ -38,37 +39,40 @@ LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
 
-# Registers; follow.OWN is the first that is free
+# Registers; player.OWN is the first that is free
 _WINDOW = const(36)  # ticks from A to B
 _ROLL = const(38)
 _WAIT = const(40)  # ticks from GO to the first ramp
 
 
 class Shot:
-    """What a request has settled; a second one is kept, so that a refused request changes nothing."""
+    """What a request asks for, and what has been found for it.
+
+    There are two, so that a refusal changes nothing.
+    """
 
     def __init__(self, motors):
         self.bits = 0
         self.exposure_ms = 0
-        self.blurs = True  # a SHOOT_FRAME, in which the blur flag counts
+        self.blurs = True  # it is a SHOOT_FRAME, for which the blur flag counts
         self.begin_ms = 0  # from GO to the shutter's opening
         self.lasts_ms = 0  # from GO until all is over: RT_END
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
         self.roll = array("i", [0] * 2)  # real: ticks of a ramp
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
-        self.starts = array("i", [0] * motors)  # where the motors wait
-        self.ways = array("i", [0] * motors)  # which way they go from there: 1 up, -1 down, 0 not at all
+        self.starts = array("i", [0] * motors)  # by motor: where it waits,
+        self.ways = array("i", [0] * motors)  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
         self.a = array("i", [0] * motors)
         self.b = array("i", [0] * motors)
-        self.ends = array("i", [0] * motors)  # where they come to rest
+        self.ends = array("i", [0] * motors)  # where it comes to rest
 
 
 class ShootFrame(Operation):
-    """The operation; see stage.Operation."""
+    """The operation; see operation.Operation."""
 
     def __init__(self, stage, show):
         Operation.__init__(self, stage)
-        self.follower = stage.follower
+        self.player = stage.player
         self.store = stage.store
         self.show = show
         self.shot = Shot(stage.axes.count)
@@ -79,75 +83,72 @@ class ShootFrame(Operation):
 
     # ---------------------------------------------------------------- the request
 
-    def blur(self, frame, backward, exposure_ms, permille, reader):
-        """SHOOT_FRAME. permille: BLUR, 0 … 1000; 0 stands for 1000. A code; nothing has changed unless it is OK."""
+    def prepare_blur(self, frame, backward, exposure_ms, permille, listed):
+        """SHOOT_FRAME: check it, and send the motors to where it begins.
+
+        frame: scene number. exposure_ms: 0 for DEFAULT_MS. permille: BLUR, 0 … 1000; 0 stands for
+        1000. listed: bits of the motors whose POS A and POS B are in the draft's `a` and `b`, the
+        other way round if `backward`; -1 for a list with a motor that there is not. A code; nothing
+        has changed unless it is OK.
+        """
         if permille > 1000:
             return ERR_RANGE
-        return self._settle(frame, backward, exposure_ms, permille or 1000, 0, 360, reader, 11, self.blurred, 0)
+        return self._prepare(frame, backward, exposure_ms, permille or 1000, 0, 360, listed, self.blurred, 0)
 
-    def angles(self, frame, exposure_ms, opened, closed, reader):
-        """SHOOT_FRAME2. opened, closed: degrees, signed. A code, as above."""
+    def prepare_angles(self, frame, exposure_ms, opened, closed, listed):
+        """SHOOT_FRAME2: as prepare_blur(). opened, closed: degrees, signed."""
         if closed <= opened:
             return ERR_RANGE
-        return self._settle(frame, False, exposure_ms, 0, opened, closed, reader, 12, 0x3FFFFFFF, self.blurred)
+        return self._prepare(frame, False, exposure_ms, 0, opened, closed, listed, 0x3FFFFFFF, self.blurred)
 
-    def _settle(self, frame, backward, exposure_ms, permille, opened, closed, reader, offset, may, always):
-        """Take in a request. exposure_ms: 0 stands for DEFAULT_MS. permille: 0 for SHOOT_FRAME2. may: motors that
-        move if they are listed from `offset` on, always: that move anyhow, as the path has them."""
+    def _prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
+        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed. always: of those that
+        move along the path even if a list leaves them out."""
         store = self.store
-        follower = self.follower
+        player = self.player
         if store.state != UPLOADED:
             return ERR_GENERAL
-        if frame < store.start or frame > store.end or exposure_ms < 0 or exposure_ms > LONGEST_MS:
+        if listed < 0 or frame < store.start or frame > store.end or exposure_ms < 0 or exposure_ms > LONGEST_MS:
             return ERR_RANGE
         if exposure_ms == 0:
             exposure_ms = DEFAULT_MS
         shot = self.draft
         shot.exposure_ms = exposure_ms
         shot.blurs = permille > 0
-        enabled = ~follower.excluded
-        listed = 0
-        at = offset
-        while at < reader.length:
-            number = reader.u8(at)
-            if number < 1 or number > follower.count:
-                return ERR_RANGE
-            motor = number - 1
-            listed |= 1 << motor
-            reader.word_to(at + 1, shot.b if backward else shot.a, motor)
-            reader.word_to(at + 5, shot.a if backward else shot.b, motor)
-            at += 9
-        shot.bits = listed & may & enabled
+        shot.bits = listed & may & ~player.excluded
         # With no list at all, SHOOT_FRAME as well takes the motors that blur from the path.
-        from_path = (always if listed else self.blurred) & ~listed & follower.motors()
-        for motor in range(follower.count):
-            if from_path >> motor & 1 and not self._from_path(motor, frame - store.start, backward, shot):
+        from_path = (always if listed else self.blurred) & ~listed & player.motors()
+        for motor in range(player.count):
+            if (from_path >> motor) & 1 and not self._from_path(motor, frame - store.start, backward, shot):
                 return ERR_RANGE
         shot.bits |= from_path
         code = self._times(shot, opened, closed, RUN_UP_MS if permille else 0)
         if code == OK:
             code = self._places(shot, permille)
         if code == OK:
-            code = self.stage.barred(shot.bits, shot.starts)
+            code = self.stage.blocked(shot.bits, shot.starts)
         if code != OK:
             return code
         self.draft = self.shot
         self.shot = shot
         self.bits = shot.bits
         self.done = True
-        self.stage.take(self, shot.starts, shot.ways, frame)
+        self.stage.prepare(self, shot.starts, shot.ways, frame)
         return OK
 
     def _from_path(self, motor, index, backward, shot):
-        """A and B: the path half a frame before and after (field note 7.2). False where that is too far."""
+        """A and B from the path, half a frame before and after (field note 7.2).
+
+        False where that is too far.
+        """
         store = self.store
-        follower = self.follower
+        player = self.player
         last = store.end - store.start
-        before = follower.slope(motor, max(index - 1, 0), 1)
-        after = follower.slope(motor, min(index + 1, last), 1)
-        here = follower.slope(motor, index, 1)
-        window = follower.window
-        # beyond the ends of the upload the path goes on straight
+        before = player.slope(motor, max(index - 1, 0), 1)
+        after = player.slope(motor, min(index + 1, last), 1)
+        here = player.slope(motor, index, 1)
+        window = player.window
+        # beyond the ends of the upload the path goes straight on
         if index > 0 and not path.near(window, 1) or index < last and not path.near(window, 3):
             return False
         early = path.midway(window, 1, before, here) if index > 0 else -here // 24
@@ -157,12 +158,12 @@ class ShootFrame(Operation):
         )
 
     def _times(self, shot, opened, closed, run_up_ms):
-        """How long the phases last. run_up_ms: 0 for ramps within the 360 degrees. A code.
+        """Find how long the phases last; a code. run_up_ms: 0 for ramps within the 360 degrees.
 
-        The shutter opens in a whole tick. The motion lies where it has to for that, and a little
-        later than the ticks have it, as much as cues come later than pulses.
+        The shutter opens in a whole tick, and the motion is timed to suit. It is a little later
+        than that tick's pulses, by as much as cues come later than pulses.
         """
-        r = self.follower.numbers
+        r = self.player.numbers
         reals.put(r, X, shot.exposure_ms, 0)
         reals.put(r, Y, closed - opened, 0)
         reals.divide(r, X, X, Y)  # ticks of a degree
@@ -179,7 +180,7 @@ class ShootFrame(Operation):
         reals.put(r, T, shot.begin_ms, 0)
         reals.subtract(r, T, T, X)
         reals.subtract(r, T, T, Y)  # from GO to the first ramp
-        kernel = self.follower.axes.kernel.state
+        kernel = self.player.axes.kernel.state
         late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
         reals.put(r, X, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
         reals.put(r, Y, 1000, 0)
@@ -198,26 +199,29 @@ class ShootFrame(Operation):
         return OK
 
     def _places(self, shot, permille):
-        """The ends of the window, and where the motors wait and come to rest. A code."""
-        follower = self.follower
-        r = follower.numbers
-        for motor in range(follower.count):
-            if not shot.bits >> motor & 1:
+        """Find the ends of the window, and where the motors wait and come to rest.
+
+        Returns a code.
+        """
+        player = self.player
+        r = player.numbers
+        for motor in range(player.count):
+            if not (shot.bits >> motor) & 1:
                 continue
-            axis = follower.axes[motor]
-            own = speed(motor)
+            axis = player.axes[motor]
+            own = frame_velocity(motor)
             reals.put_difference(r, X, shot.b, motor, shot.a, motor)
             if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
                 return ERR_RANGE
             shot.ways[motor] = reals.sign(r, X)
             if permille:
-                # BLUR: the ways that are cut off at either end
+                # BLUR: what is cut off at either end
                 reals.put(r, Y, 1000 - permille, 0)
                 reals.multiply(r, X, X, Y)
                 reals.put(r, Y, 2000, 0)
                 reals.divide(r, X, X, Y)
             else:
-                # the ways of the ramps: half as much as the window makes in that time
+                # the length of a ramp: half of what the window covers in that time
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
                 reals.add(r, Y, _WINDOW, _ROLL)
@@ -234,11 +238,11 @@ class ShootFrame(Operation):
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                if not follower.roll(motor, own, _ROLL, True, shot.starts):
+                if not player.apply_roll(motor, own, _ROLL, True, shot.starts):
                     return ERR_PREROLL
-                if not follower.roll(motor, own, _ROLL, False, shot.ends):
+                if not player.apply_roll(motor, own, _ROLL, False, shot.ends):
                     return ERR_POSTROLL
-            elif follower.steep(motor, own, _ROLL):
+            elif player.too_steep(motor, own, _ROLL):
                 return ERR_RANGE
             elif axis.beyond(shot.starts, motor):
                 return ERR_PREROLL
@@ -247,35 +251,35 @@ class ShootFrame(Operation):
         return OK
 
     def _too_fast(self, shot, motor):
-        """Find a motor's own velocity in the window; whether it is more than is set for the motor."""
-        follower = self.follower
-        r = follower.numbers
-        own = speed(motor)
+        """Find a motor's velocity in the window. Whether it is above its top velocity."""
+        player = self.player
+        r = player.numbers
+        own = frame_velocity(motor)
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
         reals.divide(r, own, own, _WINDOW)
         reals.copy(r, X, own)
         if reals.sign(r, X) < 0:
             reals.negate(r, X, X)
-        reals.fetch(r, Y, follower.axes[motor].numbers, motion.TOP)
+        reals.fetch(r, Y, player.axes[motor].numbers, motion.TOP)
         return reals.compare(r, X, Y) > 0
 
     def recheck(self, waiting):
-        follower = self.follower
+        player = self.player
         shot = self.shot
         if shot.blurs and shot.bits & ~self.blurred:
             return ERR_GENERAL
-        self.start()
-        for motor in range(follower.count):
-            if shot.bits >> motor & 1:
-                own = speed(motor)
-                axis = follower.axes[motor]
+        self.begin_pass()
+        for motor in range(player.count):
+            if (shot.bits >> motor) & 1:
+                own = frame_velocity(motor)
+                axis = player.axes[motor]
                 if self._too_fast(shot, motor):
                     return ERR_RANGE
-                if axis.beyond(shot.starts, motor) or shot.blurs and follower.steep(motor, own, _ROLL):
+                if axis.beyond(shot.starts, motor) or shot.blurs and player.too_steep(motor, own, _ROLL):
                     return ERR_PREROLL
                 if axis.beyond(shot.ends, motor):
                     return ERR_POSTROLL
-                if follower.steep(motor, own, _ROLL):
+                if player.too_steep(motor, own, _ROLL):
                     return ERR_RANGE
         return OK
 
@@ -284,22 +288,22 @@ class ShootFrame(Operation):
 
     # ---------------------------------------------------------------- the exposure
 
-    def start(self):
-        follower = self.follower
-        r = follower.numbers
+    def begin_pass(self):
+        player = self.player
+        r = player.numbers
         shot = self.shot
         reals.fetch(r, _WINDOW, shot.window, 0)
         reals.fetch(r, _WAIT, shot.wait, 0)
         reals.fetch(r, _ROLL, shot.roll, 0)
 
-    def lead(self, motor):
-        follower = self.follower
-        r = follower.numbers
+    def queue_first_phases(self, motor):
+        player = self.player
+        r = player.numbers
         shot = self.shot
-        own = speed(motor)
+        own = frame_velocity(motor)
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
         reals.divide(r, own, own, _WINDOW)
-        axis = follower.axes[motor]
+        axis = player.axes[motor]
         axis.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
         axis.aim(_ROLL, ZERO, own, r, shot.a, motor)
         axis.aim(_WINDOW, own, own, r, shot.b, motor)
@@ -312,13 +316,13 @@ class ShootFrame(Operation):
         show = self.show
         opens = tick + shot.begin_ms
         closes = opens + shot.exposure_ms
-        show.signal(tick, METER, METER)
-        show.signal(opens, SHUTTER, SHUTTER)
-        show.signal(closes, SHUTTER | METER, 0)
+        show.schedule(tick, METER, METER)
+        show.schedule(opens, SHUTTER, SHUTTER)
+        show.schedule(closes, SHUTTER | METER, 0)
         self.done_tick = (tick + shot.lasts_ms) & _WRAP
         self.stage.axes.alarm((self.done_tick - 1) & _WRAP)
 
-    def reached(self, ticks):
+    def frame_reached(self, ticks):
         if not self.done and (ticks - self.done_tick) & _WRAP < _HALF:
             self.done = True
             self.stage.axes.alarm(-1)
@@ -327,9 +331,9 @@ class ShootFrame(Operation):
     def finished(self):
         return self.done
 
-    def over(self):
+    def ended(self):
         if not self.done:
             self.done = True
-            self.show.cancel()
-            self.show.signal(self.follower.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
-            self.show.pass_on()
+            self.show.drop_scheduled()
+            self.show.schedule(self.player.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
+            self.show.hand_over()

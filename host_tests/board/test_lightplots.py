@@ -9,10 +9,11 @@ from host_tests.board.modules import board_modules
 from host_tests.moves import lightplots
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
-MODULES = ("__init__", "native", "clock", "hal/__init__", "io/__init__", "io/lights", "moves/__init__", "moves/cues")
+MODULES = ("__init__", "native", "clock", "copying", "results", "hal/__init__", "io/__init__", "io/lights")
+MODULES += ("moves/__init__", "moves/light_levels", "moves/triggers")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames")
 ANSWER = """
-from cues_replay import replay
+from lightplots_replay import replay
 with open("script.txt") as script:
     for answer in replay(line.strip() for line in script):
         print(answer)
@@ -20,11 +21,12 @@ with open("script.txt") as script:
 MEASURE = """
 import gc, time
 from framestep.io.lights import Lights
-from framestep.moves.cues import CueStore
+from framestep.moves.light_levels import LightLevels
+from framestep.moves.triggers import Triggers
 from framestep.protocol.frames import FrameReader
 gc.collect()
 free = gc.mem_free()
-store = CueStore()
+store, triggers = LightLevels(4096), Triggers(512)
 gc.collect()
 print("bytes", free - gc.mem_free())
 lights = Lights(512, 500)
@@ -36,7 +38,7 @@ def fill(slope, count):
 
 def levels(channel, count, last=0):
     begun = time.ticks_us()
-    code = store.levels(channel, 0, last, reader, 6, count)
+    code = store.store(channel, 0, last, reader.buffer, reader.payload + 6, count)
     us = time.ticks_diff(time.ticks_us(), begun)
     return us if code == 16 else -us
 
@@ -79,7 +81,9 @@ def board_files(**more):
 def test_any_plot(emulator, scripts):
     script = [step for script in scripts for step in script]
     lines = "".join(line + "\n" for line, _ in script)
-    files = board_files(**{"/cues_replay.py": (RUNTIME / "cues_replay.py").read_bytes(), "/script.txt": lines.encode()})
+    files = board_files(
+        **{"/lightplots_replay.py": (RUNTIME / "lightplots_replay.py").read_bytes(), "/script.txt": lines.encode()}
+    )
     answers = emulator(files=files).repl().exec(ANSWER, timeout=60).split("\n")
     for (line, step), answer, wanted in zip(script, answers, lightplots.expected(script), strict=False):
         assert answer.strip() == wanted, (line[:60], step[:4])

@@ -2,7 +2,7 @@
 
 Lines on standard input, each answered by one line:
 
-    NEW changes triggers    a new store; no answer
+    NEW changes triggers    new stores with room for so many; no answer
     BEGIN frames            no answer
     frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as it comes down the line: the response code
     FINISH, CLEAR           no answer
@@ -16,7 +16,8 @@ import sys
 from array import array
 
 from framestep.io.lights import MARK, Lights
-from framestep.moves.cues import CueStore
+from framestep.moves.light_levels import LightLevels
+from framestep.moves.triggers import Triggers
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION, MSG_RT_UPLOAD_MOVE_DMX
 
@@ -66,73 +67,79 @@ class Recorder:
         return ",".join(set_)
 
 
-def frame(store, reader, data):
+def frame(levels, triggers, reader, data):
+    mask = array("i", [0])
     heap_lock()
     code = -1
     taken = reader.feed(data, 0, len(data))
     if taken == len(data) and reader.poll() == FRAME:
         if reader.type == MSG_RT_UPLOAD_MOVE_DMX:
             last = reader.u16(4) & LAST_SECTION
-            code = store.levels(reader.u16(0), reader.start_index(2), last, reader, 6, reader.length - 6)
+            at = reader.payload + 6
+            code = levels.store(reader.u16(0), reader.start_index(2), last, reader.buffer, at, reader.length - 6)
         else:
-            code = store.triggers(reader, 4, (reader.length - 4) >> 3)
+            reader.word_to(0, mask, 0)
+            code = triggers.store(mask, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)
     heap_unlock()
     return code
 
 
-def begin(store, frames):
+def begin(levels, triggers, frames):
     heap_lock()
-    store.begin(frames)
+    levels.begin(frames)
+    triggers.begin(frames)
     heap_unlock()
 
 
-def finish(store):
+def finish(levels, triggers):
     heap_lock()
-    store.finish()
+    levels.finish()
+    triggers.finish()
     heap_unlock()
 
 
-def clear(store):
+def clear(levels, triggers):
     heap_lock()
-    store.clear()
+    levels.clear()
+    triggers.clear()
     heap_unlock()
 
 
-def seek(store, index, lights):
+def seek(levels, index, lights):
     heap_lock()
-    store.seek(index, lights)
+    levels.seek(index, lights)
     heap_unlock()
 
 
-def step(store, index, backward, lights):
+def step(levels, index, backward, lights):
     heap_lock()
-    store.step(index, backward, lights)
+    levels.step(index, backward, lights)
     heap_unlock()
 
 
-def triggers(store, index, words):
+def read(triggers, index, words):
     heap_lock()
-    store.trigger_mask_to(words, 1)
-    store.trigger_values_to(index, words, 2)
+    triggers.mask_to(words, 1)
+    triggers.values_to(index, words, 2)
     heap_unlock()
 
 
-def play(store, lights, start, end):
-    seek(store, start, lights)
+def play(levels, lights, start, end):
+    seek(levels, start, lights)
     answer = [lights.text()]
     way = 1 if end >= start else -1
     while start != end:
         start += way
-        step(store, start, way < 0, lights)
+        step(levels, start, way < 0, lights)
         answer.append(lights.text())
     return ";".join(answer)
 
 
-def all_triggers(store, start, end):
+def all_triggers(triggers, start, end):
     words = array("i", [7, 7, 7, 7])
     answer = ["-"]
     for index in range(start, end + 1):
-        triggers(store, index, words)
+        read(triggers, index, words)
         answer[0] = str(words[1])
         if words[2]:
             answer.append(f"{index}:{words[2]}")
@@ -145,29 +152,30 @@ def replay(lines):
     """The answers, one by one."""
     reader = FrameReader()
     lights = Recorder()
-    store = None
+    levels = triggers = None
     for line in lines:
         what = line.split()
         answer = ""
         if what[0] == "NEW":
-            store = CueStore(int(what[1]), int(what[2]))
+            levels = LightLevels(int(what[1]))
+            triggers = Triggers(int(what[2]))
         elif what[0] == "BEGIN":
-            begin(store, int(what[1]))
+            begin(levels, triggers, int(what[1]))
         elif what[0] == "FINISH":
-            finish(store)
+            finish(levels, triggers)
         elif what[0] == "CLEAR":
-            clear(store)
+            clear(levels, triggers)
         elif what[0] == "HAS":
-            answer = f"{store.channels} {int(store.has_levels)} {int(store.has_triggers)}"
+            answer = f"{levels.channels} {int(levels.ready)} {int(triggers.ready)}"
         elif what[0] == "SEEK":
-            seek(store, int(what[1]), lights)
+            seek(levels, int(what[1]), lights)
             answer = lights.text()
         elif what[0] == "PLAY":
-            answer = play(store, lights, int(what[1]), int(what[2]))
+            answer = play(levels, lights, int(what[1]), int(what[2]))
         elif what[0] == "TRIGGERS":
-            answer = all_triggers(store, int(what[1]), int(what[2]))
+            answer = all_triggers(triggers, int(what[1]), int(what[2]))
         else:
-            answer = str(frame(store, reader, bytes.fromhex(line)))
+            answer = str(frame(levels, triggers, reader, bytes.fromhex(line)))
         yield answer
 
 

@@ -1,8 +1,8 @@
 """What goes with a run besides the motors: lights, triggers, camera, bloop.
 
-Pins change as cues, given by the tick itself (kernel.StepKernel.cue), so they keep the motors' time
-to half a millisecond and some microseconds: a tick is what they are rounded to. The kernel takes
-cues in the order of their times only, so they wait here, sorted, until they are near. Light levels are set by
+Pins change by cues, which the tick itself carries out (kernel.StepKernel.cue), so they keep to the
+motors' time but for half a tick of rounding and some microseconds. The kernel takes cues only in
+the order of their times, so signals wait here, sorted, until they are near. Light levels are set by
 the main loop in the tick of their frame.
 """
 
@@ -13,43 +13,46 @@ from framestep.clock import WRAP as _WRAP
 from framestep.motion import stepper
 from framestep.moves.frame_clock import FrameClock
 from framestep.native import const, micropython, ptr32
-from framestep.protocol.messages import RUN_STILLS, RUN_VIDEO
 
 SHUTTER = const(0x10000000)  # signals: the general outputs are the bits below
 METER = const(0x08000000)
 OUTPUTS = const(0x07FFFFFF)
 VIDEO_PULSE_MS = const(100)  # field note 6.9
 _BOTH = const(0x18000000)
-_NEAR = const(60)  # ticks before its time that a cue is handed to the kernel: longer than any pass of the main loop
-_AHEAD = const(200)  # ticks before its time that a frame's cues are made
-_SLOTS = const(32)  # cues that wait
+_NEAR = const(60)  # ticks before its time that a signal becomes a cue: longer than any pass of the main loop
+_AHEAD = const(200)  # ticks before its time that a frame's signals are scheduled
+_SLOTS = const(32)  # signals that wait
 _SLOT_MASK = const(31)
-_FULL = const(20)  # from so many on no frame adds to them: the rest is for cues that come alone
-_ROUND_US = const(400)  # a tick's pulses come 100 µs before the cues of the tick that they are meant for
+_FULL = const(20)  # with so many, frames wait: the rest is for signals outside of frames
+_ROUND_US = const(400)  # rounds to a tick; a tick's pulses come 100 µs before its cues
 _NO_BLOOP = const(0)
 _BLOOP_WAITS = const(1)  # for the first frame
 _BLOOP_ON = const(2)
-_BLOOP_ENDS = const(3)  # its end has been handed over
+_BLOOP_ENDS = const(3)  # its end has been handed to the kernel
 
 
 @micropython.viper
 def _outputs(words: ptr32, i: int) -> int:
-    """words[i], of any size, as far as it stands for outputs."""
+    """The bits of outputs in words[i], which may be of any size."""
     return words[i + 0] & OUTPUTS
 
 
-class Show:
-    """The things that go with the frames. io: framestep.io.requests.Io; cues: the uploaded ones."""
+class RunOutputs:
+    """Lights, triggers, camera and bloop of a run.
 
-    def __init__(self, axes, io, cues):
+    io: framestep.io.requests.Io. levels, triggers: those of the upload.
+    """
+
+    def __init__(self, axes, io, levels, triggers):
         self.axes = axes
         self.gio = io.gio
         self.camera = io.camera
         self.lights = io.lights
         self.dmx = io.hal.dmx
-        self.cues = cues
+        self.levels = levels
+        self.triggers = triggers
         self.words = array("i", [0] * 2)
-        self.busy = False  # poll() has something to look after
+        self.busy = False  # whether poll() has anything to do
         # signals that wait, a ring sorted by time
         self.times = array("i", [0] * _SLOTS)
         self.masks = array("i", [0] * _SLOTS)
@@ -63,10 +66,10 @@ class Show:
         self.closing = True  # no further pass follows
         self.cue_clock = FrameClock()
         self.level_clock = FrameClock()
-        self.queued = 0  # frames whose cues have been made
+        self.queued = 0  # frames whose signals have been scheduled
         self.shown = 0  # frames whose levels are out
-        self.until = 0  # tick of the last cue that belongs to a frame
-        self.triggers = 0  # outputs that the last frame's triggers have on
+        self.until = 0  # tick of the last signal that belongs to the pass
+        self.outputs = 0  # outputs that the last frame's triggers have on
         # the run under way
         self.starts = 0  # tick in which it starts: of GO
         # the pulse that stops a video camera: from when to when, while `stopping`
@@ -83,10 +86,10 @@ class Show:
 
     # ---------------------------------------------------------------- signals
 
-    def signal(self, tick, mask, values):
+    def schedule(self, tick, mask, values):
         """Set the signals of `mask` (SHUTTER, METER, outputs) to the bits of `values` at a tick.
 
-        One of those put for the same tick earlier is given earlier.
+        Signals for the same tick keep their order.
         """
         count = self.count
         if count >= _SLOTS:
@@ -107,8 +110,8 @@ class Show:
         self.values[i] = values
         self.count += 1
 
-    def pass_on(self):
-        """Hand the signals that are near to the kernel."""
+    def hand_over(self):
+        """Hand the signals that are due soon to the kernel, as cues."""
         kernel = self.axes.kernel
         ticks = kernel.state[stepper.TICKS]
         while self.count:
@@ -133,8 +136,8 @@ class Show:
             self.head = (i + 1) & _SLOT_MASK
             self.count -= 1
 
-    def cancel(self):
-        """Forget every signal that has not been given, but for those that outlive a run: bloop, stop of a camera."""
+    def drop_scheduled(self):
+        """Drop all signals not yet given, but for those that outlive a run: bloop, stop of a camera."""
         self.count = 0
         irq = self.axes.hal.irq_off()
         self.axes.kernel.drop_cues()
@@ -146,14 +149,17 @@ class Show:
             self.bloop = _NO_BLOOP  # its run has not come to the first frame
         if self.stopping:
             if (self.stop_from - ticks - 1) & _WRAP < _HALF:
-                self.signal(self.stop_from, _BOTH, _BOTH)
-            self.signal(self.stop_until, _BOTH, 0)
+                self.schedule(self.stop_from, _BOTH, _BOTH)
+            self.schedule(self.stop_until, _BOTH, 0)
 
     # ---------------------------------------------------------------- a run
 
     def begin(self, plan, first, step, starts, tick, closing):
-        """A pass begins, in the tick `starts`; its first frame is at `tick` (both of the pulses). closing: no further
-        pass follows."""
+        """Begin a pass of `plan`: from index `first` in direction `step`.
+
+        starts: tick in which the motors start; tick: of the first frame; both of the pulses.
+        closing: no further pass follows.
+        """
         again = self.plan is plan
         self.plan = plan
         self.busy = True
@@ -163,9 +169,9 @@ class Show:
         self.cue_clock.begin(plan.fps_milli, tick)
         self.level_clock.begin(plan.fps_milli, tick)
         self.queued = 0
-        self.shown = 0 if plan.sync and self.cues.has_levels else plan.frames + 1
+        self.shown = 0 if plan.sync and self.levels.ready else plan.frames + 1
         self.until = tick
-        self.triggers = 0
+        self.outputs = 0
         if not again:
             self.starts = starts
             if plan.bloop_ms and (plan.bloop_bits or plan.bloop_channel):
@@ -176,12 +182,12 @@ class Show:
                 self.bloop_bits = plan.bloop_bits
                 self.bloop_channel = plan.bloop_channel
                 if plan.bloop_bits:
-                    self.signal(tick, plan.bloop_bits, plan.bloop_bits)
-            if plan.flags & RUN_VIDEO:
-                self.signal(starts, _BOTH, _BOTH)
-                self.signal(starts + VIDEO_PULSE_MS, _BOTH, 0)
+                    self.schedule(tick, plan.bloop_bits, plan.bloop_bits)
+            if plan.video:
+                self.schedule(starts, _BOTH, _BOTH)
+                self.schedule(starts + VIDEO_PULSE_MS, _BOTH, 0)
         self.feed()
-        self.pass_on()
+        self.hand_over()
 
     def _lasts(self, tick):
         tick &= _WRAP
@@ -189,7 +195,7 @@ class Show:
             self.until = tick
 
     def feed(self):
-        """Make the cues of the next frames."""
+        """Schedule the signals of the next frames."""
         plan = self.plan
         if plan is None:
             return
@@ -202,41 +208,41 @@ class Show:
             self._frame()
 
     def _frame(self):
-        """The cues of one frame: triggers at its beginning, the shutter within it; then on."""
+        """Schedule the signals of one frame: triggers at its beginning, the shutter within it."""
         plan = self.plan
         clock = self.cue_clock
         last = self.queued == plan.frames
         tick = clock.tick + (clock.us + _ROUND_US) // 1000
         mask = 0
-        if plan.sync and self.cues.has_triggers:
+        if plan.sync and self.triggers.ready:
             words = self.words
-            self.cues.trigger_mask_to(words, 0)
-            self.cues.trigger_values_to(self.first + self.step * self.queued, words, 1)
+            self.triggers.mask_to(words, 0)
+            self.triggers.values_to(self.first + self.step * self.queued, words, 1)
             mask = _outputs(words, 0)
             values = _outputs(words, 1) & mask
-            if values != self.triggers or self.queued == 0:
-                self.signal(tick, mask, values)
+            if values != self.outputs or self.queued == 0:
+                self.schedule(tick, mask, values)
                 self._lasts(tick)
-            self.triggers = values
-        if plan.flags & RUN_STILLS:
+            self.outputs = values
+        if plan.stills:
             whole = plan.open_angle == 0 and plan.close_angle == 360  # no gap between two frames
             opened = clock.tick + (clock.us + self._share(plan.open_angle) + _ROUND_US) // 1000
             closed = clock.tick + (clock.us + self._share(plan.close_angle) + _ROUND_US) // 1000
             if closed == opened:
                 closed += 1
             if not whole or self.queued == 0:
-                self.signal(opened, _BOTH, _BOTH)
+                self.schedule(opened, _BOTH, _BOTH)
             if not whole or last:
-                self.signal(closed, _BOTH, 0)
+                self.schedule(closed, _BOTH, 0)
                 self._lasts(closed)
         self.queued += 1
         clock.advance()
         if last:
             # the last frame lasts as long as any other
             tick = clock.tick + (clock.us + _ROUND_US) // 1000
-            if self.triggers:
-                self.signal(tick, mask, 0)
-            if self.triggers or self.closing:
+            if self.outputs:
+                self.schedule(tick, mask, 0)
+            if self.outputs or self.closing:
                 self._lasts(tick)
 
     def _share(self, angle):
@@ -245,7 +251,7 @@ class Show:
         return frame_us // 360 * angle + frame_us % 360 * angle // 360
 
     def _stop_camera(self, ticks):
-        """The pulse that stops a video camera: now, or 100 ms after the one that started it."""
+        """Schedule the pulse that stops a video camera: now, or 100 ms after its start pulse."""
         tick = ticks + 1
         earliest = self.starts + 2 * VIDEO_PULSE_MS
         if (tick - earliest) & _WRAP >= _HALF:
@@ -253,11 +259,11 @@ class Show:
         self.stopping = True
         self.stop_from = tick & _WRAP
         self.stop_until = (tick + VIDEO_PULSE_MS) & _WRAP
-        self.signal(self.stop_from, _BOTH, _BOTH)
-        self.signal(self.stop_until, _BOTH, 0)
+        self.schedule(self.stop_from, _BOTH, _BOTH)
+        self.schedule(self.stop_until, _BOTH, 0)
 
     def close(self):
-        """The pass under way is the last after all."""
+        """Make the pass under way the last."""
         if self.plan is not None:
             self.closing = True
 
@@ -270,9 +276,9 @@ class Show:
         return (ticks - self.until) & _WRAP < _HALF
 
     def poll(self):
-        """Once per pass while `busy`: what is due."""
+        """In each pass of the main loop while `busy`: do what is due."""
         if self.count:
-            self.pass_on()
+            self.hand_over()
         ticks = self.axes.kernel.state[stepper.TICKS]
         plan = self.plan
         levels = plan is not None and self.shown <= plan.frames
@@ -286,23 +292,26 @@ class Show:
         self.busy = levels or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
 
     def _levels(self, frames, ticks, clock):
-        """Set the levels of the frames that are due; whether there were any."""
+        """Set the levels of the frames that are due. Returns whether there were any."""
         changed = False
         while self.shown <= frames:
             if (ticks - clock.tick - (clock.us + _ROUND_US) // 1000) & _WRAP >= _HALF:
                 break
             index = self.first + self.step * self.shown
             if self.shown:
-                self.cues.step(index, self.step < 0, self.lights)
+                self.levels.step(index, self.step < 0, self.lights)
             else:
-                self.cues.seek(index, self.lights)
+                self.levels.seek(index, self.lights)
             changed = True
             self.shown += 1
             clock.advance()
         return changed
 
     def _bloop(self, ticks, since):
-        """The bloop, `since` ticks after the run's first frame; whether a light has been set."""
+        """Do what the bloop needs, `since` ticks after the run's first frame.
+
+        Returns whether a light has been set.
+        """
         if since >= _HALF:
             return False
         if self.bloop == _BLOOP_WAITS:
@@ -312,21 +321,21 @@ class Show:
         if self.bloop == _BLOOP_ON and since + _NEAR >= self.bloop_ms:
             self.bloop = _BLOOP_ENDS
             if self.bloop_bits:
-                self.signal(self.bloop_from + self.bloop_ms, self.bloop_bits, 0)
-                self.pass_on()
+                self.schedule(self.bloop_from + self.bloop_ms, self.bloop_bits, 0)
+                self.hand_over()
         if since < self.bloop_ms:
             return self._bloop_light(255)
         self.bloop = _NO_BLOOP
         return self._bloop_light(self.bloop_level)
 
     def _bloop_light(self, level):
-        """Put the light of the bloop at a level; whether there is one."""
+        """Set the bloop's light to a level. Returns whether it has one."""
         channel = self.bloop_channel
         if not channel:
             return False
         now = self.lights.level(channel)
         if now != 255 and now != self.bloop_level:
-            # what the program has it at meanwhile
+            # what the program has set it to meanwhile
             if level == self.bloop_level:
                 level = now
             self.bloop_level = now
@@ -336,10 +345,10 @@ class Show:
     def _end_bloop(self):
         """End a bloop at once."""
         if self.bloop and self._drop_bloop() and self.bloop_bits:
-            self.signal(self.axes.kernel.state[stepper.TICKS] + 1, self.bloop_bits, 0)
+            self.schedule(self.axes.kernel.state[stepper.TICKS] + 1, self.bloop_bits, 0)
 
     def _drop_bloop(self):
-        """Forget a bloop; its light goes back. Whether it has begun."""
+        """Drop a bloop; its light goes back. Returns whether the bloop had begun."""
         bloop = self.bloop
         self.bloop = _NO_BLOOP
         if bloop == _NO_BLOOP or bloop == _BLOOP_WAITS:
@@ -349,42 +358,41 @@ class Show:
         return True
 
     def abort(self):
-        """Outputs have gone to their safe levels: of a run nothing comes after that but a video camera's stop."""
+        """Outputs have gone to safe levels: drop all that is scheduled but a video camera's stop."""
         self._drop_bloop()
-        self.cancel()
+        self.drop_scheduled()
 
-    def place(self, index):
-        """Lights and triggers as they are at a frame, without a run (spec: MSG_RT_POSITION_FRAME)."""
-        cues = self.cues
-        if cues.has_levels:
-            cues.seek(index, self.lights)
-        if cues.has_triggers:
+    def show_frame(self, index):
+        """Set lights and triggers as at a frame, without a run (spec: MSG_RT_POSITION_FRAME)."""
+        if self.levels.ready:
+            self.levels.seek(index, self.lights)
+        if self.triggers.ready:
             words = self.words
-            cues.trigger_mask_to(words, 0)
-            cues.trigger_values_to(index, words, 1)
+            self.triggers.mask_to(words, 0)
+            self.triggers.values_to(index, words, 1)
             self.gio.put(_outputs(words, 0), _outputs(words, 1))
 
     def end(self):
-        """The run is over, in whatever way: nothing stays on but a bloop for its time, a video camera is stopped."""
+        """End the run: nothing stays on but a bloop for its time; a video camera is stopped."""
         plan = self.plan
         if plan is None:
             return
         self.plan = None
-        self.cancel()
+        self.drop_scheduled()
         ticks = self.axes.kernel.state[stepper.TICKS]
         mask = 0
-        if plan.sync and self.cues.has_triggers:
-            self.cues.trigger_mask_to(self.words, 0)
+        if plan.sync and self.triggers.ready:
+            self.triggers.mask_to(self.words, 0)
             mask = _outputs(self.words, 0)
             if self.bloop:
                 mask &= ~self.bloop_bits
-        if plan.flags & RUN_STILLS:
+        if plan.stills:
             mask |= _BOTH
         if mask:
-            self.signal(ticks + 1, mask, 0)
-        if plan.flags & RUN_VIDEO and (ticks - self.starts) & _WRAP < _HALF:
+            self.schedule(ticks + 1, mask, 0)
+        if plan.video and (ticks - self.starts) & _WRAP < _HALF:
             # The camera has been started. What is left of that pulse comes first.
             if (ticks - self.starts - VIDEO_PULSE_MS) & _WRAP >= _HALF:
-                self.signal(self.starts + VIDEO_PULSE_MS, _BOTH, 0)
+                self.schedule(self.starts + VIDEO_PULSE_MS, _BOTH, 0)
             self._stop_camera(ticks)
-        self.pass_on()
+        self.hand_over()

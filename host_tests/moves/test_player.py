@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from framestep.motion import reals
-from framestep.moves import follow
+from framestep.moves import player as module
 from framestep.moves.path import FROM_REST, MOST
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench
@@ -17,20 +17,20 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 WAY_UP = [1] * 8
 
 
-def followed(*paths, start=1, **settings):
+def player_of(*paths, start=1, **settings):
     bench = StageBench(*paths, start=start, **settings)
-    return bench.follower
+    return bench.player
 
 
-def check(follower, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
+def check(player, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
     """The code for `frames` frames from the index `begin` on, of motor 1 alone."""
-    count = len(follower.store.paths[0]) if frames is None else frames
-    return follower.check(1, begin, count, round(fps * 1000), step, ways, **more)
+    count = len(player.store.paths[0]) if frames is None else frames
+    return player.check(1, begin, count, round(fps * 1000), step, ways, **more)
 
 
-def exceeded(follower):
-    told = follower.exceeded
-    return {word: told[getattr(follow, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
+def exceeded(player):
+    told = player.exceeded
+    return {word: told[getattr(module, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
 
 
 def place(value):
@@ -42,54 +42,54 @@ def place(value):
 
 def test_a_motor_without_uploaded_data_has_no_part():
     """field note 5.4"""
-    assert followed([0, 1], None, [0, 1]).motors() == 0b101
+    assert player_of([0, 1], None, [0, 1]).motors() == 0b101
 
 
 def test_an_excluded_motor_has_no_part():
     """field note 3.1: disabled, or under live control."""
-    follower = followed([0, 1], [0, 1], [0, 1])
-    follower.excluded = 0b010
-    assert follower.motors() == 0b101
+    player = player_of([0, 1], [0, 1], [0, 1])
+    player.excluded = 0b010
+    assert player.motors() == 0b101
 
 
 # ---------------------------------------------------------------- how fast at a frame
 
 
-@given(st.integers(1, follow.FASTEST_FPS), st.lists(st.integers(-5000, 5000), min_size=3, max_size=6), st.data())
+@given(st.integers(1, module.FASTEST_FPS), st.lists(st.integers(-5000, 5000), min_size=3, max_size=6), st.data())
 def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, data):
     index = data.draw(st.integers(0, len(frames) - 1))
-    follower = SHARED
-    follower.store.paths = (frames,)
-    follower.store.end = len(frames)
-    follower.frame_rate(fps_milli)
-    follower.velocity(follow.OWN, 0, index, 1)
-    per_tick = follower.slope(0, index, 1) / 12 * fps_milli / 1e6
-    assert reals.value(follower.numbers, follow.OWN) == pytest.approx(per_tick, rel=1e-8)
+    player = SHARED
+    player.store.paths = (frames,)
+    player.store.end = len(frames)
+    player.set_frame_rate(fps_milli)
+    player.velocity(module.OWN, 0, index, 1)
+    per_tick = player.slope(0, index, 1) / 12 * fps_milli / 1e6
+    assert reals.value(player.numbers, module.OWN) == pytest.approx(per_tick, rel=1e-8)
 
 
-SHARED = followed([0, 0])
+SHARED = player_of([0, 0])
 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_no_frame_is_passed_faster_than_the_motor(way):
     """field note 5.6: at this end the slope is 150 steps per frame, 3600 steps/s."""
-    follower = followed([0, 0, way * 100], velocity=2400)
-    assert check(follower, 24) == m.OK
-    follower.frame_rate(24_000)
-    follower.velocity(follow.OWN, 0, 2, 1)
-    assert reals.value(follower.numbers, follow.OWN) == pytest.approx(way * 2.4, rel=1e-8)
+    player = player_of([0, 0, way * 100], velocity=2400)
+    assert check(player, 24) == m.OK
+    player.set_frame_rate(24_000)
+    player.velocity(module.OWN, 0, 2, 1)
+    assert reals.value(player.numbers, module.OWN) == pytest.approx(way * 2.4, rel=1e-8)
 
 
 @pytest.mark.parametrize("index", [0, 1, 2, 4, 5])
 def test_backward_it_is_the_same_velocity_the_other_way(index):
-    follower = followed([0, 40, 100, 90, 90, 300])
-    assert follower.slope(0, index, -1) == -follower.slope(0, index, 1)
+    player = player_of([0, 40, 100, 90, 90, 300])
+    assert player.slope(0, index, -1) == -player.slope(0, index, 1)
 
 
 def test_the_window_of_a_slope_has_the_frame_in_its_middle():
-    follower = followed([7, 40, 100])
-    follower.slope(0, 2, -1)
-    assert follower.window[2] == 100
+    player = player_of([7, 40, 100])
+    player.slope(0, 2, -1)
+    assert player.window[2] == 100
 
 
 # ---------------------------------------------------------------- which way
@@ -97,15 +97,15 @@ def test_the_window_of_a_slope_has_the_frame_in_its_middle():
 
 @pytest.mark.parametrize("step, begin, frames, way", [(1, 0, 80, 1), (-1, 79, 80, -1), (1, 0, 40, 0), (-1, 79, 20, 0)])
 def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(step, begin, frames, way):
-    follower = followed([5] * 45 + [6] * 35)
-    assert follower.way(0, begin, step, frames, anyway=True) == way
+    player = player_of([5] * 45 + [6] * 35)
+    assert player.first_way(0, begin, step, frames, anyway=True) == way
 
 
 def test_the_way_matters_to_a_motor_with_play_only():
-    follower = followed([0, 9])
-    assert follower.way(0, 0, 1, 2) == 0
-    follower.axes.set_backlash(0, 20)
-    assert follower.way(0, 0, 1, 2) == 1
+    player = player_of([0, 9])
+    assert player.first_way(0, 0, 1, 2) == 0
+    player.axes.set_backlash(0, 20)
+    assert player.first_way(0, 0, 1, 2) == 1
 
 
 # ---------------------------------------------------------------- whether the motors can
@@ -120,88 +120,88 @@ def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one
     most = int(velocity / fps) + 1
     begin = 0 if step > 0 else 1
     # a path of a frame more, so that its two ends are no single step from rest
-    follower = followed([0, way * most], velocity=velocity)
-    assert check(follower, fps, begin=begin, step=step) == m.OK
-    follower.store.paths = ([0, way * (most + 1)],)
-    assert check(follower, fps, begin=begin, step=step) == m.ERR_RANGE
+    player = player_of([0, way * most], velocity=velocity)
+    assert check(player, fps, begin=begin, step=step) == m.OK
+    player.store.paths = ([0, way * (most + 1)],)
+    assert check(player, fps, begin=begin, step=step) == m.ERR_RANGE
 
 
 def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
-    follower = followed([0, 100, 200, 350, 450], start=101, velocity=2400)
-    assert check(follower, 24) == m.ERR_RANGE
-    assert exceeded(follower) == {"WHAT": m.EXCEEDED_VELOCITY, "MOTOR": 0, "FRAME": 104, "BY": 150 * 24 - 2400}
+    player = player_of([0, 100, 200, 350, 450], start=101, velocity=2400)
+    assert check(player, 24) == m.ERR_RANGE
+    assert exceeded(player) == {"WHAT": m.EXCEEDED_VELOCITY, "MOTOR": 0, "FRAME": 104, "BY": 150 * 24 - 2400}
 
 
 def test_only_the_frames_played_count():
-    follower = followed([0, 100, 200, 350, 450], velocity=2400)
-    assert check(follower, 24, frames=3) == m.OK
-    assert check(follower, 24, frames=4) == m.ERR_RANGE
-    assert check(follower, 24, frames=2, begin=4, step=-1) == m.OK
-    assert check(follower, 24, frames=3, begin=4, step=-1) == m.ERR_RANGE
+    player = player_of([0, 100, 200, 350, 450], velocity=2400)
+    assert check(player, 24, frames=3) == m.OK
+    assert check(player, 24, frames=4) == m.ERR_RANGE
+    assert check(player, 24, frames=2, begin=4, step=-1) == m.OK
+    assert check(player, 24, frames=3, begin=4, step=-1) == m.ERR_RANGE
 
 
 def test_a_single_frame_is_never_too_fast():
-    assert check(followed([12_345], velocity=10), 120) == m.OK
+    assert check(player_of([12_345], velocity=10), 120) == m.OK
 
 
 @pytest.mark.parametrize("frame", [1, 65_534])
 def test_of_65535_frames_each_is_checked(frame):
     path = np.zeros(65_535, int)
-    follower = followed(path, velocity=2400)
-    assert check(follower, 24) == m.OK
+    player = player_of(path, velocity=2400)
+    assert check(player, 24) == m.OK
     path[frame] = 102
-    assert check(follower, 24) == m.ERR_RANGE
+    assert check(player, 24) == m.ERR_RANGE
 
 
 def test_a_sharp_corner_is_no_reason_to_refuse_but_is_told():
     """field note 5.5: the corners of an uploaded path are what the animator drew."""
-    follower = followed([0, 0, 100, 200], acceleration=10_000)
-    assert check(follower, 24) == m.OK
-    told = exceeded(follower)
+    player = player_of([0, 0, 100, 200], acceleration=10_000)
+    assert check(player, 24) == m.OK
+    told = exceeded(player)
     assert (told["WHAT"], told["FRAME"]) == (m.EXCEEDED_ACCELERATION, 2)
     assert told["BY"] == pytest.approx(100 * 24 * 24 - 10_000, abs=1)
 
 
 def test_the_sharper_corner_of_two_motors_is_told():
-    follower = followed([0, 0, 100, 200], [0, 0, 0, 200], acceleration=10_000)
-    assert follower.check(3, 0, 4, 24_000, 1, WAY_UP) == m.OK
-    assert (exceeded(follower)["MOTOR"], exceeded(follower)["FRAME"]) == (1, 3)
+    player = player_of([0, 0, 100, 200], [0, 0, 0, 200], acceleration=10_000)
+    assert player.check(3, 0, 4, 24_000, 1, WAY_UP) == m.OK
+    assert (exceeded(player)["MOTOR"], exceeded(player)["FRAME"]) == (1, 3)
 
 
 def test_strict_moves_refuse_it():
-    follower = followed([0, 0, 100, 200], acceleration=10_000)
-    follower.strict = True
-    assert check(follower, 24) == m.ERR_RANGE
-    assert exceeded(follower)["WHAT"] == m.EXCEEDED_ACCELERATION
+    player = player_of([0, 0, 100, 200], acceleration=10_000)
+    player.strict = True
+    assert check(player, 24) == m.ERR_RANGE
+    assert exceeded(player)["WHAT"] == m.EXCEEDED_ACCELERATION
 
 
 def test_a_move_that_fits_tells_nothing():
-    follower = followed([0, 0, 100, 200], acceleration=10_000)
-    check(follower, 24)
-    assert check(follower, 1) == m.OK
-    assert exceeded(follower)["WHAT"] == m.EXCEEDED_NOTHING
+    player = player_of([0, 0, 100, 200], acceleration=10_000)
+    check(player, 24)
+    assert check(player, 1) == m.OK
+    assert exceeded(player)["WHAT"] == m.EXCEEDED_NOTHING
 
 
 def test_a_corner_that_the_board_cannot_make_is_refused():
-    corner = int(follow.HARDEST / 120 / 120)
-    follower = followed([0, 0, 2 * corner], velocity=500_000)
-    assert check(follower, 120) == m.ERR_RANGE
-    assert exceeded(follower)["WHAT"] == m.EXCEEDED_BOARD
+    corner = int(module.HARDEST / 120 / 120)
+    player = player_of([0, 0, 2 * corner], velocity=500_000)
+    assert check(player, 120) == m.ERR_RANGE
+    assert exceeded(player)["WHAT"] == m.EXCEEDED_BOARD
 
 
 @pytest.mark.parametrize("path, code", [([0, 51], m.ERR_SOFT_UP), ([0, -51], m.ERR_SOFT_LOW), ([50, -50], m.OK)])
 def test_a_frame_past_a_soft_limit_is_refused(path, code):
     bench = StageBench(path)
     bench.limit(-50, 50)
-    assert check(bench.follower, 24) == code
+    assert check(bench.player, 24) == code
 
 
 @pytest.mark.parametrize("acceleration, rate", [(410, 24_000), (400, 24_000), (390, 2792), (50, 1000), (1, 141)])
 def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration(acceleration, rate):
     """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate gathers half its square."""
-    follower = followed(range(0, 100 * 60, 100), acceleration=acceleration)
-    assert check(follower, 24, ramp=4) == m.OK
-    assert follower.rate == pytest.approx(rate, abs=2)
+    player = player_of(range(0, 100 * 60, 100), acceleration=acceleration)
+    assert check(player, 24, ramp=4) == m.OK
+    assert player.rate == pytest.approx(rate, abs=2)
 
 
 @pytest.mark.parametrize("step", [1, -1])
@@ -209,23 +209,23 @@ def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration(acceleration, r
 def test_with_a_ramp_the_rate_is_what_the_steepest_frame_allows(velocity, step):
     """field note 5.5: JOG_ALL slows down instead of refusing."""
     path = np.cumsum([0] + [60] * 30 + [70, 80, 90, 100, 100, 100, 100, 90, 80, 70] + [60] * 30)
-    follower = followed(path, velocity=velocity, acceleration=1_000_000)
+    player = player_of(path, velocity=velocity, acceleration=1_000_000)
     begin = 0 if step > 0 else len(path) - 1
-    assert check(follower, 24, begin=begin, step=step, ramp=4) == m.OK
-    assert follower.rate == pytest.approx(min(24_000, velocity * 10), rel=0.03)
-    if follower.rate < 24_000:
-        assert follower.exceeded[follow.WHAT] == m.EXCEEDED_SLOWED
-        assert follower.exceeded[follow.BY] == follower.rate
-        assert abs(follower.exceeded[follow.FRAME] - 35) <= 4
+    assert check(player, 24, begin=begin, step=step, ramp=4) == m.OK
+    assert player.rate == pytest.approx(min(24_000, velocity * 10), rel=0.03)
+    if player.rate < 24_000:
+        assert player.exceeded[module.WHAT] == m.EXCEEDED_SLOWED
+        assert player.exceeded[module.BY] == player.rate
+        assert abs(player.exceeded[module.FRAME] - 35) <= 4
 
 
 @given(st.lists(st.integers(-3000, 3000), min_size=3, max_size=80), st.integers(10, 20_000), st.integers(1, 400_000))
 def test_with_a_ramp_the_curve_is_within_velocity_and_acceleration(path, velocity, acceleration):
-    follower = followed(path, velocity=velocity, acceleration=acceleration)
-    assume(check(follower, 24, ramp=4) == m.OK)
-    rate = follower.rate / 1000
-    follower.window[MOST] = FROM_REST
-    slopes = np.array([follower.slope(0, k, 1) for k in range(len(path))]) / 12
+    player = player_of(path, velocity=velocity, acceleration=acceleration)
+    assume(check(player, 24, ramp=4) == m.OK)
+    rate = player.rate / 1000
+    player.window[MOST] = FROM_REST
+    slopes = np.array([player.slope(0, k, 1) for k in range(len(path))]) / 12
     steps = np.diff(path)
     inner = slice(1, -1)
     bend = np.maximum(
@@ -241,69 +241,69 @@ def test_with_a_ramp_the_curve_is_within_velocity_and_acceleration(path, velocit
 
 
 def test_no_rate_is_less_than_a_frame_in_a_thousand_seconds():
-    assert check(followed([0, 6_000], velocity=10), 24, ramp=4) == m.OK
-    follower = followed([0, 10_010], velocity=10)
-    assert check(follower, 24, ramp=4) == m.ERR_RANGE
-    assert follower.exceeded[follow.WHAT] == m.EXCEEDED_BOARD
+    assert check(player_of([0, 6_000], velocity=10), 24, ramp=4) == m.OK
+    player = player_of([0, 10_010], velocity=10)
+    assert check(player, 24, ramp=4) == m.ERR_RANGE
+    assert player.exceeded[module.WHAT] == m.EXCEEDED_BOARD
 
 
 # ---------------------------------------------------------------- ramps to and from a frame (field note 6.2)
 
 
-def register(follower, index, value):
+def register(player, index, value):
     """A register with a number in it; denominators of 2^20 are exact."""
-    reals.put(follower.numbers, index, round(value * 2**20), -20)
+    reals.put(player.numbers, index, round(value * 2**20), -20)
     return index
 
 
 @pytest.mark.parametrize("backward, wanted", [(True, 1000 - 75), (False, 1000 + 75)])
 def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
     """p - v·T/2: 0.5 steps a tick, come to within 300 ticks."""
-    follower = followed([0, 0])
+    player = player_of([0, 0])
     places = place(1000)
-    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
-    assert follower.roll(0, velocity, ticks, backward, places)
+    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    assert player.apply_roll(0, velocity, ticks, backward, places)
     assert places[0] == wanted
 
 
 @pytest.mark.parametrize("acceleration, fits", [(1667, True), (1666, False)])
 def test_a_roll_steeper_than_the_motor_can_is_refused(acceleration, fits):
     """0.5 steps a tick within 300 ticks are 1666.7 steps/s²."""
-    follower = followed([0, 0], acceleration=acceleration)
-    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
-    assert follower.roll(0, velocity, ticks, True, place(0)) is fits
-    assert follower.steep(0, velocity, ticks) is not fits
+    player = player_of([0, 0], acceleration=acceleration)
+    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    assert player.apply_roll(0, velocity, ticks, True, place(0)) is fits
+    assert player.too_steep(0, velocity, ticks) is not fits
 
 
 def test_a_roll_past_a_soft_limit_is_refused():
     bench = StageBench([0, 0])
     bench.limit(-75, None)
-    follower = bench.follower
-    velocity, ticks = register(follower, follow.OWN, 0.5), register(follower, follow.OWN + 2, 300)
-    assert follower.roll(0, velocity, ticks, True, place(0))
-    assert not follower.roll(0, velocity, ticks, True, place(-1))
+    player = bench.player
+    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    assert player.apply_roll(0, velocity, ticks, True, place(0))
+    assert not player.apply_roll(0, velocity, ticks, True, place(-1))
 
 
 def test_without_velocity_a_roll_goes_nowhere():
-    follower = followed([0, 0])
+    player = player_of([0, 0])
     places = place(9)
-    assert follower.roll(0, register(follower, follow.OWN, 0), register(follower, follow.OWN + 2, 0), True, places)
+    assert player.apply_roll(0, register(player, module.OWN, 0), register(player, module.OWN + 2, 0), True, places)
     assert places[0] == 9
 
 
 @pytest.mark.parametrize("by, backward, moved", [(2.25, False, 2), (2.5, False, 3), (2.25, True, -2), (2.75, True, -3)])
 def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
-    follower = followed([0, 0])
+    player = player_of([0, 0])
     places = place(10)
-    register(follower, follow.X, by)
-    assert follower.shift(places, 0, backward)
+    register(player, module.X, by)
+    assert player.shift_by_x(places, 0, backward)
     assert places[0] == 10 + moved
 
 
 @pytest.mark.parametrize("begin, by", [(HIGHEST, 1), (LOWEST, -1), (HIGHEST - 99, 100)])
 def test_a_shift_past_the_range_of_positions_changes_nothing(begin, by):
-    follower = followed([0, 0])
+    player = player_of([0, 0])
     places = place(begin)
-    register(follower, follow.X, by)
-    assert not follower.shift(places, 0, False)
+    register(player, module.X, by)
+    assert not player.shift_by_x(places, 0, False)
     assert places[0] == begin

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from host_tests.moves import lightplots
 
-REPLAY = Path(__file__).parent / "cues_replay.py"
+REPLAY = Path(__file__).parent / "lightplots_replay.py"
 
 
 # Many scripts for each start of MicroPython. They are not shrunk: host_tests/moves does that, on CPython.

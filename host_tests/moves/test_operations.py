@@ -7,8 +7,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from framestep.motion import reals, stepper
-from framestep.moves.follow import OWN, ZERO
-from framestep.moves.stage import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING, Operation
+from framestep.moves.operation import Operation
+from framestep.moves.operations import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
+from framestep.moves.player import OWN, ZERO
 from framestep.protocol import messages as m
 from host_tests.fakes import StageBench, UploadedMove
 from host_tests.motion.engine import PER_TICK, PER_US
@@ -31,14 +32,14 @@ class There(Operation):
         self.began = None
 
     def take(self):
-        self.stage.take(self, self.begins, self.ways, 1)
+        self.stage.prepare(self, self.begins, self.ways, 1)
 
-    def start(self):
+    def begin_pass(self):
         self.asked.append("start")
 
-    def lead(self, motor):
+    def queue_first_phases(self, motor):
         self.asked.append(f"lead {motor}")
-        numbers = self.stage.follower.numbers
+        numbers = self.stage.player.numbers
         reals.put(numbers, OWN, TICKS, 0)
         self.axes[motor].aim(OWN, ZERO, ZERO, numbers, self.ends, motor)
         self.axes[motor].expect(False)
@@ -50,22 +51,22 @@ class There(Operation):
         self.asked.append("recheck")
         return self.code
 
-    def again(self):
+    def next_pass(self):
         self.passes -= 1
         self.begins, self.ends = self.ends, self.begins
-        self.stage.begins = self.begins
+        self.stage.start_positions = self.begins
         return self.passes > 0
 
-    def wanted(self):
+    def still_wanted(self):
         return self.passes > 0
 
-    def over(self):
+    def ended(self):
         self.asked.append("over")
 
-    def leave(self):
+    def leave_end(self):
         self.asked.append("leave")
 
-    def land(self, everything):
+    def stop_on_frame(self, everything):
         return False
 
     def heading(self, motor):
@@ -106,20 +107,20 @@ def test_go_without_an_operation_is_refused():
 
 def test_go_while_it_runs_is_refused():
     bench, _ = prepared()
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     assert bench.until(RUNNING).stage.may_go() == m.ERR_MOVING
 
 
 def test_go_for_a_motor_that_has_been_excluded_meanwhile_is_refused():
     bench, _ = prepared()
-    bench.until(READY).follower.excluded = 1
+    bench.until(READY).player.excluded = 1
     assert bench.stage.may_go() == m.ERR_GENERAL
 
 
 def test_what_is_set_meanwhile_is_checked_at_go():
     """field note 6.12"""
     bench, operation = prepared()
-    bench.until(READY).stage.change()
+    bench.until(READY).stage.settings_changed()
     operation.code = m.ERR_PREROLL
     assert bench.stage.may_go() == m.ERR_PREROLL
     operation.code = m.OK
@@ -149,10 +150,10 @@ def test_in_ready_the_first_phases_are_planned_and_nothing_moves():
 def test_what_is_planned_early_can_be_dropped_and_is_planned_anew():
     bench, operation = prepared()
     bench.until(READY).run(50)
-    bench.stage.retract()
+    bench.stage.discard_early_plan()
     bench.run(50)
     assert operation.asked.count("start") == 2
-    bench.stage.go()
+    bench.stage.start()
     bench.rest()
     assert bench.place() == 450
 
@@ -160,7 +161,7 @@ def test_what_is_planned_early_can_be_dropped_and_is_planned_anew():
 def test_an_operation_dropped_before_go_leaves_nothing():
     bench, _ = prepared()
     bench.until(READY).run(50)
-    bench.stage.drop()
+    bench.stage.drop_prepared()
     assert bench.stage.state == IDLE
     bench.run(200)
     assert (bench.place(), bench.ends) == (50, 0)
@@ -174,7 +175,7 @@ def test_all_motors_start_in_the_same_tick():
     bench, _ = prepared((5, 10, 15), (405, 410, 415))
     bench.until(READY).run(7)
     before = [len(engine.rises) for engine in bench.bench.engines]
-    bench.stage.go()
+    bench.stage.start()
     bench.rest()
     edges = [engine.rises[n:] for engine, n in zip(bench.bench.engines, before, strict=True)]
     assert len(edges[0]) == 400
@@ -186,7 +187,7 @@ def test_it_is_told_the_tick_of_the_first_pulses():
     bench, operation = prepared()
     bench.until(READY).run(50)
     first = len(bench.bench.engines[0].rises)
-    bench.stage.go()
+    bench.stage.start()
     bench.until(RUNNING)
     assert operation.began == bench.kernel[stepper.TICKS] + 1 + bench.kernel[stepper.LEAD]
     begins = bench.now()
@@ -199,7 +200,7 @@ def test_it_is_told_the_tick_of_the_first_pulses():
 def test_the_end_is_told_once():
     """field note 6.4"""
     bench, operation = prepared()
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     bench.rest().run(300)
     assert bench.place() == 450
     assert bench.ends == 1
@@ -208,15 +209,15 @@ def test_the_end_is_told_once():
 
 def test_an_operation_without_an_rt_end_tells_none():
     bench, operation = prepared()
-    operation.tells_end = False
-    bench.until(READY).stage.go()
+    operation.sends_rt_end = False
+    bench.until(READY).stage.start()
     assert bench.rest().ends == 0
 
 
 @pytest.mark.parametrize("passes", [1, 2, 3])
 def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
     bench, operation = prepared(passes=passes)
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     bench.rest()
     assert operation.asked.count("start") == passes
     assert bench.place() == (450 if passes % 2 else 50)
@@ -226,7 +227,7 @@ def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
 @pytest.mark.parametrize("ticks", [2**29 - 1, 2**29 - 150, 2**29 - 400])
 def test_the_counter_of_ticks_may_wrap_at_any_moment_of_it(ticks):
     bench, _ = prepared(ticks=ticks)
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     bench.rest()
     assert (bench.place(), bench.ends) == (450, 1)
 
@@ -240,7 +241,7 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
     if state != POSITIONING:
         bench.until(READY).run(20)
     if state in (STARTING, RUNNING):
-        bench.stage.go()
+        bench.stage.start()
     if state == RUNNING:
         bench.until(RUNNING).run(60)
     assert bench.stage.state == state
@@ -261,15 +262,15 @@ def test_a_stop_with_nothing_under_way_tells_no_end():
 def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
     """field note 1.11"""
     bench, _ = prepared()
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     bench.until(RUNNING).run(60)
-    bench.stage.leave(False, 0)
+    bench.stage.host_lost(False, 0)
     assert bench.rest().ends == 0
 
 
 def test_a_stop_of_a_loop_ends_all_passes():
     bench, operation = prepared(passes=5)
-    bench.until(READY).stage.go()
+    bench.until(READY).stage.start()
     bench.until(RUNNING).run(60)
     operation.passes = 0
     bench.stage.stop()
@@ -281,7 +282,7 @@ def test_a_stop_of_a_loop_ends_all_passes():
 
 
 def to_frame(bench, frame, among=-1):
-    return bench.stage.go_to_frame(frame, array("i", [0] * bench.axes.count), among)
+    return bench.stage.send_to_frame(frame, array("i", [0] * bench.axes.count), among)
 
 
 @pytest.mark.parametrize("frame, place", [(101, 7), (102, 300), (103, -20)])

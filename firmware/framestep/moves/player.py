@@ -1,6 +1,6 @@
-"""What all plays of an uploaded move share: which motors, whether they can, how fast at each frame.
+"""What all operations on an uploaded move share: motors, checks, phases.
 
-Registers of real numbers live in `numbers`; the first ones belong to this class, an operation keeps
+Registers of real numbers live in `numbers`. The first ones belong to UploadPlayer; an operation has
 its own from OWN on. Nothing allocates after construction.
 """
 
@@ -33,31 +33,31 @@ X = const(4)
 Y = const(6)
 T = const(8)
 SCALE = const(10)  # twelfths of a step per frame to steps per tick
-_SPEEDS = const(12)  # per motor: velocity at the last frame queued
+_SPEEDS = const(12)  # for each motor: its velocity at the last frame queued
 OWN = const(36)  # after twelve motors' velocities
-_TOPS = const(64)  # per motor: its velocity as set when the play was checked, which no slope exceeds
+_TOPS = const(64)  # for each motor: its top velocity when the move was checked, which no slope exceeds
 REGISTERS = const(88)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
-HARDEST = const(2500000)  # steps/s²: a corner's cubics have at most six times that, which the kernel's numbers hold
+HARDEST = const(
+    2500000
+)  # steps/s²: a corner's cubics take up to six times that, the most that the kernel's numbers hold
 
 # Words of `exceeded`
 WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
-BY = const(
-    3
-)  # steps/s or steps/s², by what it is asked for; SLOWED: the rate instead, thousandths of a frame per second
+BY = const(3)  # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
 EXCEEDED_WORDS = const(4)
-UNTOLD = const(0x200)  # bit of Controller.untold, after its FAULT_ bits: the REPL is to be told of it
-_BATCH = const(32)  # frames checked at a time
+UNTOLD = const(0x200)  # bit of Controller.untold, above its FAULT_ bits: to be reported on the REPL
+_BATCH = const(32)  # frames checked in one call
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
-_FINE = const(3000)  # from this rate on limits are numbers so small that they are counted in parts of steps
-_EXACT = const(16)  # so often a motor lowers the rate by just what it needs, then by a 32nd at least
+_FINE = const(3000)  # from this rate on limits are so small that they are counted in 256ths of a step
+_EXACT = const(16)  # times that a motor lowers the rate by just what it needs; after that by a 32nd at least
 
 
-def speed(motor):
+def frame_velocity(motor):
     """The register of a motor's velocity at the last frame queued, steps per tick."""
     return _SPEEDS + 2 * motor
 
@@ -96,36 +96,39 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
         own += 2
 
 
-class Follower:
-    """The path through the frames of the store, for the axes."""
+class UploadPlayer:
+    """Plays the path through the uploaded frames on the axes.
+
+    `numbers`, `window` and `place` are scratch for all.
+    """
 
     def __init__(self, axes, store):
         self.axes = axes
         self.store = store
         self.count = axes.count
-        self.excluded = 0  # bits of motors that take no part (disabled, under live control)
+        self.excluded = 0  # bits of motors that take no part: disabled, under live control
         self.numbers = array("i", [0] * REGISTERS)
-        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is for a run, but while something else is worked out
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
         self.words = array("i", [0] * path.CHECK_WORDS)
-        self.rate = 0  # at which the motors can follow what was checked last, thousandths of a frame per second
+        self.rate = 0  # at which the motors can follow the move checked last, thousandths of a frame per second
         self.values = array("i", [0] * _BATCH)
         self.place = array("i", [0])
         self.strict = False  # setting `strict_moves`
-        self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # by what the last move checked was too much for a motor
+        self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # what the last move checked asked too much of
         reals.put(self.numbers, THOUSAND, 1000, 0)
         reals.put(self.numbers, ZERO, 0, 0)
 
     def motors(self):
-        """Bits of the motors that have a part in this upload (field notes 3.1 and 5.4)."""
+        """Bits of the motors that take part in this upload (field notes 3.1 and 5.4)."""
         bits = 0
         for motor in range(self.count):
-            if self.store.has(motor) and not self.excluded >> motor & 1:
+            if self.store.has(motor) and not (self.excluded >> motor) & 1:
                 bits |= 1 << motor
         return bits
 
-    def frame_rate(self, fps_milli):
-        """Set SCALE for fps_milli frames in 1000 s: 1 / (12 · ticks of a frame)."""
+    def set_frame_rate(self, fps_milli):
+        """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
         r = self.numbers
         reals.put(r, X, fps_milli, 0)
         reals.put(r, Y, path.TWELFTHS * 1000, 0)
@@ -137,13 +140,13 @@ class Follower:
 
         index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
         """
-        after = self._look(motor, index, step)
+        after = self._fill_window(motor, index, step)
         if step < 0:
             return path.slope(self.window, self.axes.axes[motor].bounds, after, index)
         return path.slope(self.window, self.axes.axes[motor].bounds, index, after)
 
-    def _look(self, motor, index, step):
-        """Fill the window around a frame; how many frames there are behind it in the upload."""
+    def _fill_window(self, motor, index, step):
+        """Fill the window around a frame. Returns how many frames follow it in the upload."""
         store = self.store
         window = self.window
         store.positions(motor, index - 2, 5, window, path.FRAMES)
@@ -152,9 +155,11 @@ class Follower:
         return store.end - store.start - index
 
     def velocity(self, to, motor, index, step):
-        """numbers[to] = velocity at a frame, at the rate of SCALE, steps per tick: see slope(). No more than the
-        motor's own as check() has found it."""
-        after = self._look(motor, index, step)
+        """numbers[to] = velocity at a frame, at the rate of SCALE, in steps per tick; see slope().
+
+        No more than the motor's top velocity when check() last saw it.
+        """
+        after = self._fill_window(motor, index, step)
         bounds = self.axes.axes[motor].bounds
         top = _TOPS + 2 * motor
         if step < 0:
@@ -162,10 +167,11 @@ class Follower:
         else:
             path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE, top)
 
-    def way(self, motor, index, step, count, anyway=False):
-        """Which way the load first moves in `count` frames from `index` on, played in direction `step`: 1 up, -1 down.
+    def first_way(self, motor, index, step, count, anyway=False):
+        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1 down.
 
-        0 if it does not move, or if the motor has no play, to which it would matter; anyway: that matters, too.
+        step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
+        backlash, so that it does not matter; anyway: find it for such a motor, too.
         """
         if not anyway and not self.axes.axes[motor].backlash:
             return 0
@@ -179,16 +185,18 @@ class Follower:
         return found
 
     def check(self, bits, begin, count, fps_milli, step, ways, ramp=0, going=False):
-        """Whether the motors can follow `count` frames from `begin`, played in direction `step`, at that rate (field
-        note 5.5).
+        """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
 
-        ways: for what direction each motor's play is taken up at the first frame. OK, ERR_RANGE where one is asked for
-        more than its velocity, also to take up its play where the path turns, or more than the board can make, or the
-        code of a soft limit. More than its acceleration is refused if `strict`. `exceeded` tells what was too much.
+        step: 1 played forward, -1 backward. ways: the direction for which each motor's backlash is
+        taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
+        counting that for the backlash where the path turns, or more than the board can make; or the
+        code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
+        says what was too much.
 
-        ramp: frames/s² with which that rate is come to on the way, from rest unless `going`. With a ramp
-        nothing is too much as long as there is a lower rate at which all motors can follow, on the curve between the
-        frames as well: `rate` tells it, or the one asked for if that will do.
+        ramp: acceleration, in frames/s², used to reach that rate, from rest unless `going`. With a
+        ramp the check fails only where no lower rate will do either, on the curve between the
+        frames as well; `rate` is the rate at which all motors can follow, at most the one asked
+        for.
         """
         self.exceeded[WHAT] = EXCEEDED_NOTHING
         self.rate = fps_milli
@@ -197,7 +205,7 @@ class Follower:
         words = self.words
         values = self.values
         for motor in range(self.count):
-            if not bits >> motor & 1:
+            if not (bits >> motor) & 1:
                 continue
             axis = self.axes[motor]
             reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, motion.TOP)
@@ -213,7 +221,8 @@ class Follower:
             words[path.TAKEN] = 0
             reals.copy_word(words, path.LOWEST, axis.bounds, path.LOWER)
             reals.copy_word(words, path.HIGHEST, axis.bounds, path.UPPER)
-            # without play it does not matter which way they are played, and forward is faster to read
+            # without play it does not matter which way they are played, and forward is faster to
+            # read
             order = step if axis.backlash else 1
             at = begin if order == step else begin + step * (count - 1)
             first = at
@@ -246,9 +255,11 @@ class Follower:
         return OK
 
     def _allow(self, axis, fps_milli):
-        """Put into `words` what a motor's limits allow from frame to frame, in steps. Y = frames per second.
+        """Put into `words` what a motor's limits allow from frame to frame, in steps.
 
-        Positions are rounded to steps before they come here, which alone makes differences of ±1 and changes of ±2.
+        Leaves frames per second in Y.
+
+        Positions have been rounded to steps, which alone makes differences of ±1 and changes of ±2.
         """
         r = self.numbers
         words = self.words
@@ -261,7 +272,8 @@ class Follower:
         reals.divide(r, X, X, Y)
         reals.divide(r, X, X, Y)
         words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
-        # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its ticks)
+        # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its
+        # ticks)
         reals.put(r, X, HARDEST, 0)
         reals.multiply(r, X, X, THOUSAND)
         reals.double(r, T, Y, 1)
@@ -280,9 +292,10 @@ class Follower:
         words[path.PULSED] = reals.floor(r, X, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, ways, ramp, going):
-        """Lower `rate` to one at which a motor can follow the curve through frames that check() has let pass.
+        """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
 
-        False if there is none. What fits at a rate fits at any lower one, so once through the frames will do.
+        False if no rate will do. What fits at a rate fits at any lower one, so one pass over the
+        frames is enough.
         """
         words = self.words
         axis = self.axes[motor]
@@ -353,7 +366,7 @@ class Follower:
         words[path.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
-        """The rate, or 0, that what bends() has found allows."""
+        """The highest rate, or 0, at which the motor can follow what bends() has found."""
         r = self.numbers
         words = self.words
         rate = self.rate
@@ -366,7 +379,8 @@ class Follower:
             reals.divide(r, X, X, Y)
             reals.multiply(r, X, X, THOUSAND)
             rate = min(rate, reals.floor(r, X, HALF))
-        # acceleration = bent · rate² + gathered · ramp, or half of rate² for the ramp where that is less
+        # acceleration = bent · rate² + gathered · ramp, or half of rate² for the ramp where that is
+        # less
         reals.put(r, Y, gathered, -1)
         reals.put(r, T, bent, 0)
         reals.add(r, Y, Y, T)
@@ -397,7 +411,7 @@ class Follower:
         return code
 
     def _exceeded(self, found, motor, index, amount):
-        """Keep for `exceeded` what check() has found at a frame: register Y holds frames per second."""
+        """Note in `exceeded` what check() has found at a frame. Register Y: frames per second."""
         told = self.exceeded
         r = self.numbers
         axis = self.axes[motor]
@@ -418,24 +432,25 @@ class Follower:
             told[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
             told[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
 
-    def roll(self, motor, velocity, ticks, backward, places):
-        """Move places[motor] by the way of a ramp between rest and a velocity (field note 6.2).
+    def apply_roll(self, motor, velocity, ticks, backward, places):
+        """Move places[motor] by the length of a ramp between rest and a velocity (field note 6.2).
 
-        velocity, ticks: registers; half of their product, taken off if `backward`. False where that
-        is past a soft limit or the range of positions, or asks for more than the motor's acceleration.
+        velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
+        False where that is past a soft limit or the range of positions, or needs more than the
+        motor's acceleration.
         """
         r = self.numbers
         axis = self.axes[motor]
         if not reals.sign(r, velocity):
             return axis.beyond(places, motor) == 0
-        if self.steep(motor, velocity, ticks):
+        if self.too_steep(motor, velocity, ticks):
             return False
         reals.multiply(r, X, velocity, ticks)
         reals.double(r, X, X, -1)
-        return self.shift(places, motor, backward) and axis.beyond(places, motor) == 0
+        return self.shift_by_x(places, motor, backward) and axis.beyond(places, motor) == 0
 
-    def steep(self, motor, velocity, ticks):
-        """Whether a ramp between rest and a velocity, both registers, asks for more than the motor's acceleration."""
+    def too_steep(self, motor, velocity, ticks):
+        """Whether a ramp from rest to a velocity, both registers, needs more than its acceleration."""
         r = self.numbers
         if not reals.sign(r, velocity):
             return False
@@ -443,13 +458,15 @@ class Follower:
         if reals.sign(r, Y) < 0:
             reals.negate(r, Y, Y)
         reals.fetch(r, X, self.axes[motor].numbers, motion.STEEP)
-        reals.double(r, T, X, -20)  # of leave for rounding
+        reals.double(r, T, X, -20)  # tolerance for rounding
         reals.add(r, X, X, T)
         return reals.compare(r, Y, X) > 0
 
-    def shift(self, places, motor, backward):
-        """Move places[motor] by the number in X, rounded to a step; the other way if `backward`. False, and no change,
-        where that is past the range of positions. X and Y are lost."""
+    def shift_by_x(self, places, motor, backward):
+        """Add the number in X, rounded to a step, to places[motor]; subtract it if `backward`.
+
+        False, and no change, where that is past the range of positions. X and Y are lost.
+        """
         r = self.numbers
         if backward:
             reals.negate(r, X, X)
@@ -458,28 +475,29 @@ class Follower:
         way = reals.floor(r, X, HALF)
         return -HALF < way < HALF and reals.add_within(places, motor, places, motor, way) != 0
 
-    def begin(self, motor):
+    def prepare_motor(self, motor):
         """Make a motor ready for phases."""
         axis = self.axes[motor]
         axis.prepare(self.axes.hal)
         axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
         axis.expect(True)
 
-    def close(self, bits):
-        """No further phases come: the motors rest where the last one ends."""
+    def end_phases(self, bits):
+        """No further phases follow: the motors come to rest where the last one ends."""
         for motor in range(self.count):
-            if bits >> motor & 1:
+            if (bits >> motor) & 1:
                 self.axes[motor].expect(False)
 
-    def ahead(self, bits):
-        """The number of phases that wait before the first of these motors; the others have about as many."""
+    def phases_ahead(self, bits):
+        """How many phases wait for the first of these motors; the others have about as many."""
         return _ahead(self.axes.axes, bits)
 
-    def hop(self, bits, index, step, duration, scale=SCALE):
-        """Append to each motor of these bits the cubic to the frame `index`, played in direction `step`.
+    def append_frame(self, bits, index, step, duration, scale=SCALE):
+        """Append the cubic to frame `index` for each motor of these bits; step: 1 or -1 (backward).
 
-        duration: register; it begins at speed(motor), and the velocity at the frame, at the rate of the register
-        `scale`, becomes that.
+        duration: register, in ticks. The cubic begins with the velocity frame_velocity(motor) and
+        ends with that at the frame, at the rate of the register `scale`, which then is
+        frame_velocity(motor).
         """
         store = self.store
         _hop(

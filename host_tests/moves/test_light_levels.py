@@ -1,26 +1,17 @@
-"""The store of light levels and triggers against dictionaries."""
-
-import runpy
-from pathlib import Path
+"""The store of light levels against dictionaries, together with that of triggers."""
 
 import pytest
 from hypothesis import given, settings
 
 from host_tests.moves import lightplots
-from host_tests.moves.lightplots import ERR_GENERAL, ERR_RANGE, OK, levels, triggers
-
-replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "cues_replay.py"))["replay"]
-
-
-def answers(*lines):
-    return list(replay(lines))
+from host_tests.moves.lightplots import ERR_GENERAL, ERR_RANGE, OK, answers, levels, triggers
 
 
 @given(lightplots.plots())
 @settings(max_examples=500, deadline=None)
 def test_any_plot(script):
     wanted = lightplots.expected(script)
-    for (line, step), answer, want in zip(script, replay(line for line, _ in script), wanted, strict=True):
+    for (line, step), answer, want in zip(script, lightplots.replay(line for line, _ in script), wanted, strict=True):
         assert answer == want, (line[:60], step[:4])
 
 
@@ -62,17 +53,17 @@ def test_channels_are_set_together_and_others_left_alone():
                 marks[channel] &= ~MARK
 
     from framestep.io.lights import MARK
-    from framestep.moves.cues import CueStore
+    from framestep.moves.light_levels import LightLevels
     from framestep.protocol.frames import FrameReader
 
-    store = CueStore()
+    store = LightLevels(20)
     reader = FrameReader()
     store.begin(2)
     for channel, values in {1: [1, 2], 2: [1, 3], 4: [1, 4], 511: [1, 1], 512: [1, 5]}.items():
         data = bytes.fromhex(levels(channel, 0, 0, values))
         assert reader.feed(data, 0, len(data))
         assert reader.poll()
-        assert store.levels(channel, 0, 0, reader, 6, 2) == OK
+        assert store.store(channel, 0, 0, reader.buffer, reader.payload + 6, 2) == OK
     store.finish()
     store.seek(0, Lights())
     assert calls == [(1, b"\1\1"), (4, b"\1"), (511, b"\1\1")]
@@ -116,14 +107,6 @@ def test_the_capacity_that_is_stated():
     assert answered[14] == str(ERR_RANGE)
     assert answered[-2] == ",".join(f"{channel}=49" for channel in range(1, 9))
     assert answered[-1] == "-1 " + " ".join(f"{frame}:{frame - 2**31}" for frame in range(512))
-
-
-def test_triggers_in_any_order_and_again():
-    answered = answers(
-        *("NEW 1 4", "BEGIN 10", triggers(1, [(9, 1), (3, 2**32 - 1)]), triggers(2**31, [(0, 5), (9, 2), (9, 4)])),
-        *("FINISH", "TRIGGERS -1 10", "HAS"),
-    )
-    assert answered[-2:] == ["-2147483648 0:5 3:-1 9:4", "0 0 1"]
 
 
 def test_a_range_longer_than_can_be_stored():

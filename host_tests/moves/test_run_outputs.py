@@ -10,8 +10,7 @@ from framestep.io.gio import Gio
 from framestep.io.lights import Lights
 from framestep.motion import stepper
 from framestep.moves.run import Plan
-from framestep.moves.show import METER, SHUTTER, VIDEO_PULSE_MS, Show
-from framestep.protocol import messages as m
+from framestep.moves.run_outputs import METER, SHUTTER, VIDEO_PULSE_MS, RunOutputs
 from host_tests.io.pins import Pins, rig
 
 WRAP = 2**29
@@ -46,12 +45,12 @@ class Kernel:
             self.pins.drive(raised, lowered)
 
 
-class Uploaded:
-    """Uploaded lights and triggers: {frame index: level of channel 1}, {frame index: values}."""
+class Levels:
+    """Uploaded lights: {frame index: level of channel 1}."""
 
-    def __init__(self, levels=None, mask=0, triggers=None):
-        self.has_levels, self.has_triggers = levels is not None, triggers is not None
-        self.levels, self.mask, self.values = levels or {}, mask, triggers or {}
+    def __init__(self, levels):
+        self.ready = levels is not None
+        self.levels = levels or {}
         self.asked = []
 
     def seek(self, index, lights):
@@ -61,24 +60,32 @@ class Uploaded:
     def step(self, index, backward, lights):
         self.seek(index, lights)
 
-    def trigger_mask_to(self, words, k):
-        words[k] = self.mask
 
-    def trigger_values_to(self, index, words, k):
-        words[k] = self.values.get(index, 0)
+class Triggers:
+    """Uploaded triggers: {frame index: values}."""
+
+    def __init__(self, mask, triggers):
+        self.ready = triggers is not None
+        self.mask, self.values = mask, triggers or {}
+
+    def mask_to(self, words, at):
+        words[at] = self.mask
+
+    def values_to(self, index, words, at):
+        words[at] = self.values.get(index, 0)
 
 
 class Stagehand:
     """A show and its pins; a pass of the main loop after each tick. `changes`: {name: [(tick, level)]}."""
 
-    def __init__(self, ticks=1000, **uploaded):
+    def __init__(self, ticks=1000, levels=None, mask=0, triggers=None):
         self.pins = Pins()
         self.origin = ticks
         self.kernel = Kernel(self.pins, ticks)
         settings = rig()
         self.camera, self.gio = Camera(self.pins, settings), Gio(self.pins, settings)
         self.lights = Lights(512, 0)
-        self.cues = Uploaded(**uploaded)
+        self.uploaded = Levels(levels)
 
         class Io:
             gio, camera, lights, hal = self.gio, self.camera, self.lights, self
@@ -87,7 +94,7 @@ class Stagehand:
             kernel, hal = self.kernel, self.pins
 
         self.dmx = self
-        self.show_ = Show(Axes(), Io(), self.cues)
+        self.show_ = RunOutputs(Axes(), Io(), self.uploaded, Triggers(mask, triggers))
         board = self.pins.board
         self.names = {"shutter": board["shutter"], "meter": board["meter"], "gio1": board["gio"][0]}
         self.names["gio2"] = board["gio"][1]
@@ -103,8 +110,8 @@ class Stagehand:
         """Ticks since the beginning."""
         return (self.kernel.state[stepper.TICKS] - self.origin) % WRAP
 
-    def signal(self, tick, mask, values):
-        self.show_.signal((self.origin + tick) % WRAP, mask, values)
+    def schedule(self, tick, mask, values):
+        self.show_.schedule((self.origin + tick) % WRAP, mask, values)
 
     def play(self, frames=3, fps=25, first=0, step=1, lead=100, sync=True, again=False, closing=True, **plan):
         """Begin a pass, whose first frame is `lead` ticks from now."""
@@ -115,7 +122,7 @@ class Stagehand:
                 assert hasattr(self.plan, name)
                 setattr(self.plan, name, value)
         ticks = self.kernel.state[stepper.TICKS]
-        self.start = self.now + 3  # as Stage has it: the next tick's pulses come two later
+        self.start = self.now + 3  # as OperationRunner has it: the next tick's pulses come two later
         self.show_.begin(self.plan, first, step, (ticks + 3) % WRAP, (ticks + lead) % WRAP, closing)
         self.first = self.now + lead
         return self
@@ -148,10 +155,10 @@ def tick_of(frame, fps, angle=0):
 
 def test_signals_come_in_the_order_of_their_times():
     hand = Stagehand()
-    hand.signal(300, METER, METER)
-    hand.signal(50, SHUTTER, SHUTTER)
-    hand.signal(400, SHUTTER | METER, 0)
-    hand.signal(100, SHUTTER, 0)
+    hand.schedule(300, METER, METER)
+    hand.schedule(50, SHUTTER, SHUTTER)
+    hand.schedule(400, SHUTTER | METER, 0)
+    hand.schedule(100, SHUTTER, 0)
     hand.run(500)
     assert hand.changes["shutter"] == [(50, 1), (100, 0)]
     assert hand.changes["meter"] == [(300, 1), (400, 0)]
@@ -159,8 +166,8 @@ def test_signals_come_in_the_order_of_their_times():
 
 def test_signals_for_the_same_tick_keep_their_order():
     hand = Stagehand()
-    hand.signal(50, SHUTTER, SHUTTER)
-    hand.signal(50, SHUTTER, 0)
+    hand.schedule(50, SHUTTER, SHUTTER)
+    hand.schedule(50, SHUTTER, 0)
     hand.run(60)
     assert hand.pins.at(hand.names["shutter"]) == 0
 
@@ -168,15 +175,15 @@ def test_signals_for_the_same_tick_keep_their_order():
 def test_a_signal_that_is_late_comes_at_once():
     hand = Stagehand()
     hand.run(20)
-    hand.signal(5, SHUTTER, SHUTTER)
+    hand.schedule(5, SHUTTER, SHUTTER)
     hand.run(2)
     assert hand.changes["shutter"][0][0] <= 22
 
 
 def test_a_signal_changes_the_outputs_of_its_mask_only():
     hand = Stagehand()
-    hand.signal(5, 0b11, 0b11)
-    hand.signal(9, 0b01, 0b00)
+    hand.schedule(5, 0b11, 0b11)
+    hand.schedule(9, 0b01, 0b00)
     hand.run(20)
     assert hand.changes["gio1"] == [(5, 1), (9, 0)]
     assert hand.changes["gio2"] == [(5, 1)]
@@ -185,8 +192,8 @@ def test_a_signal_changes_the_outputs_of_its_mask_only():
 def test_more_signals_than_the_kernel_takes_wait():
     hand = Stagehand()
     for k in range(10):
-        hand.signal(50, SHUTTER, SHUTTER * (k % 2))
-    hand.signal(51, METER, METER)
+        hand.schedule(50, SHUTTER, SHUTTER * (k % 2))
+    hand.schedule(51, METER, METER)
     hand.run(60)
     assert hand.changes["meter"][0][0] <= 54
     assert hand.pins.at(hand.names["shutter"]) == 1
@@ -195,8 +202,8 @@ def test_more_signals_than_the_kernel_takes_wait():
 @pytest.mark.parametrize("ticks", [WRAP - 1, WRAP - 60, WRAP - 200])
 def test_the_counter_of_ticks_may_wrap_before_a_signal(ticks):
     hand = Stagehand(ticks)
-    hand.signal(100, METER, METER)
-    hand.signal(50, SHUTTER, SHUTTER)
+    hand.schedule(100, METER, METER)
+    hand.schedule(50, SHUTTER, SHUTTER)
     hand.run(250)
     assert (hand.changes["shutter"], hand.changes["meter"]) == ([(50, 1)], [(100, 1)])
 
@@ -255,7 +262,7 @@ def test_a_pass_is_finished_when_its_last_frame_is_over():
 def test_at_a_frame_without_a_run_lights_and_triggers_are_those_of_the_frame():
     """spec: MSG_RT_POSITION_FRAME"""
     hand = Stagehand(levels={0: 10, 7: 20}, mask=0b11, triggers={7: 0b10})
-    hand.show_.place(7)
+    hand.show_.show_frame(7)
     assert hand.lights.level(1) == 20
     assert (hand.pins.at(hand.names["gio1"]), hand.pins.at(hand.names["gio2"])) == (0, 1)
 
@@ -266,7 +273,7 @@ def test_at_a_frame_without_a_run_lights_and_triggers_are_those_of_the_frame():
 @pytest.mark.parametrize("fps", [1, 24, 120])
 @pytest.mark.parametrize("angles", [(90, 180), (0, 180), (180, 360)])
 def test_stills_are_exposed_from_one_angle_of_each_frame_to_the_other(fps, angles):
-    hand = Stagehand().play(3, fps, flags=m.RUN_STILLS, open_angle=angles[0], close_angle=angles[1])
+    hand = Stagehand().play(3, fps, stills=True, open_angle=angles[0], close_angle=angles[1])
     hand.run(hand.first + tick_of(3, fps) + 10)
     wanted = []
     for frame in range(3):
@@ -276,20 +283,20 @@ def test_stills_are_exposed_from_one_angle_of_each_frame_to_the_other(fps, angle
 
 
 def test_a_shutter_open_all_round_stays_open_from_the_first_frame_to_the_end_of_the_last():
-    hand = Stagehand().play(3, 25, flags=m.RUN_STILLS, open_angle=0, close_angle=360)
+    hand = Stagehand().play(3, 25, stills=True, open_angle=0, close_angle=360)
     hand.run(300)
     assert hand.after("shutter") == [(0, 1), (120, 0)]
 
 
 def test_an_exposure_shorter_than_a_tick_lasts_one():
-    hand = Stagehand().play(1, 200, flags=m.RUN_STILLS, open_angle=90, close_angle=91)
+    hand = Stagehand().play(1, 200, stills=True, open_angle=90, close_angle=91)
     hand.run(150)
     (opened, _), (closed, _) = hand.after("shutter")
     assert closed - opened == 1
 
 
 def test_a_video_camera_gets_a_pulse_at_go_and_another_at_the_end():
-    hand = Stagehand().play(3, flags=m.RUN_VIDEO)
+    hand = Stagehand().play(3, video=True)
     hand.run(400)
     hand.show_.end()
     hand.run(300)
@@ -302,7 +309,7 @@ def test_a_video_camera_gets_a_pulse_at_go_and_another_at_the_end():
 
 def test_the_pulse_that_stops_it_comes_a_hundred_milliseconds_after_the_one_that_started_it():
     """Where the run ends at once: or the camera would see one long pulse."""
-    hand = Stagehand().play(3, flags=m.RUN_VIDEO)
+    hand = Stagehand().play(3, video=True)
     hand.run(10)
     hand.show_.end()
     hand.run(500)
@@ -311,7 +318,7 @@ def test_the_pulse_that_stops_it_comes_a_hundred_milliseconds_after_the_one_that
 
 def test_a_run_that_is_broken_off_leaves_no_shutter_open_and_no_trigger_on():
     hand = Stagehand(mask=0b01, triggers={0: 1, 1: 1, 2: 1})
-    hand.play(3, 25, flags=m.RUN_STILLS, open_angle=0, close_angle=360)
+    hand.play(3, 25, stills=True, open_angle=0, close_angle=360)
     hand.run(hand.first + 15)
     hand.show_.end()
     hand.run(300)
