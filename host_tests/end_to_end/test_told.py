@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from framestep_tools.payloads import (
+    Ack,
     MotorConfigure,
     MotorGetPosition,
     MotorMove,
@@ -187,3 +188,23 @@ def test_a_position_that_is_reset_while_others_move():
     for _ in range(10):
         assert session.position(2) == 777
         session.run(0.003)
+
+
+def test_a_position_that_is_reset_beside_a_run():
+    """Field note 4.5: of a motor that stands and has no part in it; the run goes on as uploaded."""
+    session = loaded()
+    session.accept(MotorConfigure(3, LIVE))
+    session.ready(run_request(24, 1, FRAMES, 300, 300))
+    session.forget()
+    session.accept(RtGo())
+    session.run(0.5)
+    session.accept(MotorResetPosition(3, 777))
+    assert session.position(3) == 777
+    session.refuse(Ack.ERR_MOVING, MotorResetPosition(1, 0), MotorResetPosition(2, 0))
+    session.ask(MotorMove(3, 1777))
+    session.run(0.02)
+    session.refuse(Ack.ERR_MOVING, MotorResetPosition(3, 0))
+    session.client.wait_event(RtEnd, 20)
+    session.wait_idle()
+    assert session.made(3) == 1000
+    assert [session.position(motor) for motor in (1, 2, 3)] == [PATH[1][-1], PATH[2][-1], 1777]
