@@ -9,6 +9,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
+import serial
 
 from framestep_emulator import Emulator
 from framestep_emulator.image import read_image
@@ -140,7 +141,8 @@ def test_rig_edit(bench, monkeypatch, capsys):
 
 def test_one_port(bench, flash, monkeypatch, capsys):
     """Where Ctrl-C ends the controller, it is asked before whether anything moves."""
-    with Client.open(bench.repl, timeout_s=PATIENCE_S) as client:
+    port = serial.Serial(bench.repl, timeout=1)  # of a host that does not ask for the port alone
+    with Client(port, PATIENCE_S) as client:
         client.request(MotorSetSpeed(1, 100, 10_000))
         client.request(MotorMove(1, 1_000_000))
         assert "motors move (1); nothing has been changed" in flash(status=1)
