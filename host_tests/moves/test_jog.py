@@ -86,7 +86,7 @@ def test_motors_beside_every_uploaded_frame_are_not_in_position():
 def test_it_finds_the_frame_on_which_the_motors_stand(at):
     jog = Jog(EVEN, at=at)
     jog.to(31)
-    assert jog.jog.at == at
+    assert jog.jog.last_queued == at
 
 
 def test_while_a_motor_moves_it_is_refused():

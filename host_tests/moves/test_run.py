@@ -198,7 +198,7 @@ def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
     """Each is a difference of rounded times, in whole microseconds: no rounding adds up."""
     run = Run([0] * 1001)
     run.prepare(fps)
-    run.run.start()
+    run.run.begin_pass()
     player, durations = run.bench.player, []
     player.append_frame = lambda bits, index, step, duration: durations.append(reals.value(player.numbers, duration))
     for _ in range(1000):

@@ -1,6 +1,6 @@
 """When each frame of a pass begins, in ticks and microseconds; rounding does not add up."""
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import WRAP, after
 from framestep.native import const
 
 MICROSECONDS = const(1000000000)  # in 1000 seconds
@@ -22,7 +22,7 @@ class FrameClock:
 
     def begin(self, fps_milli, tick):
         """The first frame is at `tick`; fps_milli: 1 … 2^29 - 1."""
-        self.tick = tick & _WRAP
+        self.tick = tick & WRAP
         self.us = 0
         self.error = fps_milli // 2
         self.quotient = MICROSECONDS // fps_milli
@@ -32,7 +32,7 @@ class FrameClock:
     def advance(self):
         """On to the next frame."""
         us = self.us + self.quotient + self.longer()
-        self.tick = (self.tick + us // 1000) & _WRAP
+        self.tick = after(self.tick, us // 1000)
         self.us = us % 1000
 
     def longer(self):

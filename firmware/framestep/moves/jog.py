@@ -12,7 +12,7 @@ frame.
 
 from array import array
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import elapsed
 from framestep.motion import reals, stepper
 from framestep.moves import path
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
@@ -370,7 +370,7 @@ class JogAll(Operation):
 
     def play_head(self, tick, frame):
         kernel = self.stage.axes.kernel.state
-        k = self.phases.locate((tick + 1 + kernel[stepper.LEAD] - self.begun) & _WRAP)
+        k = self.phases.locate(elapsed(tick + 1 + kernel[stepper.LEAD], self.begun))
         if k < 0:
             return self.stage.move_time
         r = self.player.numbers
@@ -429,7 +429,7 @@ class JogAll(Operation):
         if uneven:
             return False
         if ticks >= _LEAST:
-            land_from(self, (tick + ticks - self.begun) & _WRAP)
+            land_from(self, elapsed(tick + ticks, self.begun))
         elif not self.closed:
             # what is queued ends soon: the frames are short, or the end is near
             self.destination = self._landing()

@@ -7,7 +7,7 @@ along the path are real numbers in the player's registers. Nothing allocates aft
 from array import array
 
 from framestep.clock import HALF as _HALF
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import after, elapsed
 from framestep.motion import reals
 from framestep.moves.player import HALF, T, X, Y
 from framestep.native import const
@@ -74,7 +74,7 @@ class JogPhases:
         self.count += 1
         reals.add(r, SINCE, SINCE, T)
         ticks = reals.floor(r, SINCE, HALF)
-        self.whole = (self.whole + ticks) & _WRAP
+        self.whole = after(self.whole, ticks)
         reals.put(r, X, ticks, 0)
         reals.subtract(r, SINCE, SINCE, X)
 
@@ -90,7 +90,7 @@ class JogPhases:
         while n > last:
             n -= 1
             k = n % _ROWS * _ROW
-            since = (ticks - rows[k + _WHOLE]) & _WRAP
+            since = elapsed(ticks, rows[k + _WHOLE])
             if since < _HALF:
                 reals.put(r, X, since, 0)
                 reals.fetch(r, Y, rows, k + _FRACTION)

@@ -24,7 +24,7 @@ motors count as at rest. A request that might invalidate the early plan discards
 (discard_early_plan()), and it is made again once nothing moves.
 """
 
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import after, elapsed
 from framestep.motion import stepper
 from framestep.moves.operation import Operation
 from framestep.moves.player import UploadPlayer
@@ -319,11 +319,11 @@ class OperationRunner:
         axes = self.axes
         kernel = axes.kernel.state
         irq = axes.hal.irq_off()
-        tick = (kernel[stepper.TICKS] + 1) & _WRAP
+        tick = after(kernel[stepper.TICKS], 1)
         axes.release(self.operation.bits)
         axes.hal.irq_on(irq)
         # the pulses come LEAD ticks after the tick that queues them
-        self.operation.started((tick + kernel[stepper.LEAD]) & _WRAP)
+        self.operation.started(after(tick, kernel[stepper.LEAD]))
 
     @property
     def stopping_on_frame(self):
@@ -456,7 +456,7 @@ class OperationRunner:
         if self.early_plan == _NOT_YET:
             if axes.moving:
                 return False
-            if self.changed and (axes.kernel.state[stepper.TICKS] - self.changed_at) & _WRAP < _QUIET:
+            if self.changed and elapsed(axes.kernel.state[stepper.TICKS], self.changed_at) < _QUIET:
                 return False
             if self.may_go() != OK:
                 self.early_plan = _IDLE

@@ -19,8 +19,7 @@ frame as by POSITION_FRAME.
 
 from array import array
 
-from framestep.clock import HALF as _HALF
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import HALF, after, elapsed, reached
 from framestep.motion import reals, stepper
 from framestep.motors import axis as motion
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
@@ -371,7 +370,7 @@ class RunMove(Operation):
             axis.coast(_ROLL, ZERO, own, r, player.place, 0)
 
     def started(self, tick):
-        first = (tick + self.begin_ms) & _WRAP
+        first = after(tick, self.begin_ms)
         self.tell_clock.begin(self.plan.fps_milli, first)
         self.stage.axes.alarm(first)
         self.show.begin(self.plan, self.first, self.step, tick, first, not self.looping)
@@ -440,9 +439,9 @@ class RunMove(Operation):
             return (here + self.step) * 1000  # in the pre-roll
         clock = self.tell_clock
         kernel = self.stage.axes.kernel.state
-        ahead = (clock.tick - tick - 1 - kernel[stepper.LEAD]) & _WRAP  # ticks to the next frame to be reported
+        ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])  # ticks to the next frame to be reported
         last = told > self.plan.frames
-        if ahead >= _HALF or ahead == 0 and clock.us == 0:
+        if ahead >= HALF or ahead == 0 and clock.us == 0:
             if last:
                 return here * 1000
             # it has been reached in this pass: before it is reported, nothing beyond it is
@@ -463,7 +462,7 @@ class RunMove(Operation):
 
     def frame_reached(self, ticks):
         clock = self.tell_clock
-        if self.told > self.plan.frames or (ticks - clock.tick - 1) & _WRAP >= _HALF:
+        if self.told > self.plan.frames or not reached(ticks, clock.tick + 1):
             return False
         self.stage.move_time = (self.store.start + self.first + self.step * self.told) * 1000
         self.told += 1

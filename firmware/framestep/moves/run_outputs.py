@@ -8,8 +8,7 @@ the main loop in the tick of their frame.
 
 from array import array
 
-from framestep.clock import HALF as _HALF
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import HALF, WRAP, after, elapsed, reached
 from framestep.motion import stepper
 from framestep.moves.frame_clock import FrameClock
 from framestep.native import const, micropython, ptr32
@@ -96,9 +95,9 @@ class RunOutputs:
             return
         self.busy = True
         times = self.times
-        tick &= _WRAP
+        tick &= WRAP
         i = self.head + count
-        while count and (tick - times[(i - 1) & _SLOT_MASK]) & _WRAP >= _HALF:
+        while count and not reached(tick, times[(i - 1) & _SLOT_MASK]):
             count -= 1
             i -= 1
             times[(i + 1) & _SLOT_MASK] = times[i & _SLOT_MASK]
@@ -116,8 +115,8 @@ class RunOutputs:
         ticks = kernel.state[stepper.TICKS]
         while self.count:
             i = self.head
-            ahead = (self.times[i] - ticks) & _WRAP
-            if _NEAR < ahead < _HALF:
+            ahead = elapsed(self.times[i], ticks)
+            if _NEAR < ahead < HALF:
                 return
             mask = self.masks[i]
             values = self.values[i]
@@ -145,10 +144,10 @@ class RunOutputs:
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.bloop == _BLOOP_ENDS:
             self.bloop = _BLOOP_ON  # poll() hands it over again
-        if self.bloop and (ticks - self.bloop_from) & _WRAP >= _HALF:
+        if self.bloop and not reached(ticks, self.bloop_from):
             self.bloop = _NO_BLOOP  # its run has not come to the first frame
         if self.stopping:
-            if (self.stop_from - ticks - 1) & _WRAP < _HALF:
+            if reached(self.stop_from, ticks + 1):
                 self.schedule(self.stop_from, _BOTH, _BOTH)
             self.schedule(self.stop_until, _BOTH, 0)
 
@@ -190,8 +189,8 @@ class RunOutputs:
         self.hand_over()
 
     def _lasts(self, tick):
-        tick &= _WRAP
-        if (tick - self.until) & _WRAP < _HALF:
+        tick &= WRAP
+        if reached(tick, self.until):
             self.until = tick
 
     def feed(self):
@@ -202,8 +201,8 @@ class RunOutputs:
         ticks = self.axes.kernel.state[stepper.TICKS]
         clock = self.cue_clock
         while self.queued <= plan.frames and self.count < _FULL:
-            ahead = (clock.tick - ticks) & _WRAP
-            if _AHEAD < ahead < _HALF and self.queued:
+            ahead = elapsed(clock.tick, ticks)
+            if _AHEAD < ahead < HALF and self.queued:
                 return
             self._frame()
 
@@ -254,11 +253,11 @@ class RunOutputs:
         """Schedule the pulse that stops a video camera: now, or 100 ms after its start pulse."""
         tick = ticks + 1
         earliest = self.starts + 2 * VIDEO_PULSE_MS
-        if (tick - earliest) & _WRAP >= _HALF:
+        if not reached(tick, earliest):
             tick = earliest
         self.stopping = True
-        self.stop_from = tick & _WRAP
-        self.stop_until = (tick + VIDEO_PULSE_MS) & _WRAP
+        self.stop_from = tick & WRAP
+        self.stop_until = after(tick, VIDEO_PULSE_MS)
         self.schedule(self.stop_from, _BOTH, _BOTH)
         self.schedule(self.stop_until, _BOTH, 0)
 
@@ -273,7 +272,7 @@ class RunOutputs:
         ticks = self.axes.kernel.state[stepper.TICKS]
         if self.queued <= plan.frames or self.shown <= plan.frames:
             return False
-        return (ticks - self.until) & _WRAP < _HALF
+        return reached(ticks, self.until)
 
     def poll(self):
         """In each pass of the main loop while `busy`: do what is due."""
@@ -284,10 +283,10 @@ class RunOutputs:
         levels = plan is not None and self.shown <= plan.frames
         changed = levels and self._levels(plan.frames, ticks, self.level_clock)
         if self.bloop:
-            changed |= self._bloop(ticks, (ticks - self.bloop_from) & _WRAP)
+            changed |= self._bloop(ticks, elapsed(ticks, self.bloop_from))
         if changed:
             self.dmx.show(self.lights)
-        if self.stopping and (ticks - self.stop_until) & _WRAP < _HALF:
+        if self.stopping and reached(ticks, self.stop_until):
             self.stopping = False
         self.busy = levels or self.count > 0 or self.bloop != _NO_BLOOP or self.stopping
 
@@ -295,7 +294,7 @@ class RunOutputs:
         """Set the levels of the frames that are due. Returns whether there were any."""
         changed = False
         while self.shown <= frames:
-            if (ticks - clock.tick - (clock.us + _ROUND_US) // 1000) & _WRAP >= _HALF:
+            if not reached(ticks, clock.tick + (clock.us + _ROUND_US) // 1000):
                 break
             index = self.first + self.step * self.shown
             if self.shown:
@@ -312,7 +311,7 @@ class RunOutputs:
 
         Returns whether a light has been set.
         """
-        if since >= _HALF:
+        if since >= HALF:
             return False
         if self.bloop == _BLOOP_WAITS:
             self.bloop = _BLOOP_ON
@@ -390,9 +389,9 @@ class RunOutputs:
             mask |= _BOTH
         if mask:
             self.schedule(ticks + 1, mask, 0)
-        if plan.video and (ticks - self.starts) & _WRAP < _HALF:
+        if plan.video and reached(ticks, self.starts):
             # The camera has been started. What is left of that pulse comes first.
-            if (ticks - self.starts - VIDEO_PULSE_MS) & _WRAP >= _HALF:
+            if not reached(ticks, self.starts + VIDEO_PULSE_MS):
                 self.schedule(self.starts + VIDEO_PULSE_MS, _BOTH, 0)
             self._stop_camera(ticks)
         self.hand_over()

@@ -21,8 +21,7 @@ Both are the same list of phases: wait, ramp, window, ramp.
 
 from array import array
 
-from framestep.clock import HALF as _HALF
-from framestep.clock import WRAP as _WRAP
+from framestep.clock import after, reached
 from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
 from framestep.motors import axis as motion
@@ -145,14 +144,14 @@ class ShootFrame(Operation):
         player = self.player
         last = store.end - store.start
         before = player.slope(motor, max(index - 1, 0), 1)
-        after = player.slope(motor, min(index + 1, last), 1)
+        following = player.slope(motor, min(index + 1, last), 1)
         here = player.slope(motor, index, 1)
         window = player.window
         # beyond the ends of the upload the path goes straight on
         if index > 0 and not path.near(window, 1) or index < last and not path.near(window, 3):
             return False
         early = path.midway(window, 1, before, here) if index > 0 else -here // 24
-        late = path.midway(window, 3, after, here) if index < last else here // 24
+        late = path.midway(window, 3, following, here) if index < last else here // 24
         return reals.add_within(shot.b if backward else shot.a, motor, window, 2, early) and reals.add_within(
             shot.a if backward else shot.b, motor, window, 2, late
         )
@@ -319,11 +318,11 @@ class ShootFrame(Operation):
         show.schedule(tick, METER, METER)
         show.schedule(opens, SHUTTER, SHUTTER)
         show.schedule(closes, SHUTTER | METER, 0)
-        self.done_tick = (tick + shot.lasts_ms) & _WRAP
-        self.stage.axes.alarm((self.done_tick - 1) & _WRAP)
+        self.done_tick = after(tick, shot.lasts_ms)
+        self.stage.axes.alarm(after(self.done_tick, -1))
 
     def frame_reached(self, ticks):
-        if not self.done and (ticks - self.done_tick) & _WRAP < _HALF:
+        if not self.done and reached(ticks, self.done_tick):
             self.done = True
             self.stage.axes.alarm(-1)
         return False
