@@ -31,6 +31,8 @@ LAYERS = (
     ("bench", "repl"),
 )
 
+# These take payloads apart, and should not.
+_NOT_YET = {"virtuals.geometry", "virtuals.boom_swing_track", "virtuals.swing_pan", "virtuals.y_swing_track"}
 _MADE = {"board", "ram_files"}  # by the build
 
 
@@ -89,6 +91,22 @@ def test_the_protocol_is_known_to_requests_and_above():
     knowing = {module for module, other in edges() if other.startswith("protocol.")}
     below = {module for module in knowing if layer(module) < layer("reports") and not module.startswith("protocol.")}
     assert {module for module in below if not module.endswith(".requests")} == set()
+
+
+def test_payloads_are_taken_apart_and_made_by_requests():
+    """Below the controller nothing else has a FrameReader or a FrameWriter in its hands, by these names."""
+    for path, file in sources().items():
+        module = dotted(path)
+        if (
+            module in _NOT_YET
+            or module.split(".")[0] not in ("motion", "motors", "io", "moves", "virtuals")
+            or module.endswith(".requests")
+        ):
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            match node:
+                case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name):
+                    assert name not in ("reader", "writer"), f"{module}, line {node.lineno}, has a {name}"
 
 
 def test_layers_are_told():
