@@ -14,7 +14,6 @@ import serial
 from framestep_emulator import Emulator
 from framestep_emulator.image import read_image
 from framestep_tools import cli, dist
-from framestep_tools import flash as flash_command
 from framestep_tools.client import Client
 from framestep_tools.files import ROOT, board_files
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
@@ -44,13 +43,12 @@ def wanted():
 
 
 @pytest.fixture
-def flash(bench, wanted, monkeypatch, capsys):
-    """The command in this process: what it prints, standard error too. The second time it need not compile."""
-    monkeypatch.setattr(flash_command, "board_files", lambda march, board: wanted)
+def flash(bench, capsys):
+    """The command in this process: what it prints, standard error too."""
 
     def run(status=0):
         args = ["--board", "pico", "--port", bench.repl, "--protocol", bench.protocol]
-        result = flash_command.app.status(args)
+        result = cli.app.status(["flash", *args])
         said = "".join(capsys.readouterr())
         assert result == status, said
         return said

@@ -1,6 +1,7 @@
 """`make test` gives the same verdict each time: nothing in the tests depends on chance, or on what has run before."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -28,15 +29,26 @@ print(json.dumps(drawn))
 """
 
 
+@functools.cache
 def sources():
     return {path: ast.parse(path.read_text()) for path in sorted(TESTS.rglob("*.py"))}
+
+
+def dotted(node):
+    """The name that an expression is, as np.random; "" for what is none."""
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=value, attr=name) if owner := dotted(value):
+            return f"{owner}.{name}"
+    return ""
 
 
 def calls(tree):
     """(module or object, function, node) of each call of an attribute."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            yield ast.unparse(node.func.value), node.func.attr, node
+            yield dotted(node.func.value), node.func.attr, node
 
 
 def test_every_source_of_chance_has_a_seed():
@@ -44,7 +56,7 @@ def test_every_source_of_chance_has_a_seed():
         if path == Path(__file__):
             continue
         for owner, name, node in calls(tree):
-            where = f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}"
+            where = f"{path.relative_to(ROOT)}:{node.lineno}: {name}"
             if name in SEEDED:
                 assert node.args, f"{where} needs a seed"
             elif owner in ("random", "np.random", "numpy.random") and name[0].islower():
@@ -63,7 +75,7 @@ def test_no_test_leaves_the_profile():
     assert hypothesis.HealthCheck.too_slow in profile.suppress_health_check
     for path, tree in sources().items():
         for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "settings":
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", dotted(node.func)) == "settings":
                 given = {k.arg: ast.unparse(k.value) for k in node.keywords}
                 where = f"{path.relative_to(ROOT)}:{node.lineno}"
                 assert given.get("derandomize", "True") == "True", where
@@ -85,14 +97,14 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
     assert made.stdout.splitlines() == ["--durations=9 3", " skr_pico"]
 
 
+@functools.cache
+def drawn(*modules):
+    """The examples of a test where these modules have been imported."""
+    script = DRAWN.format(tests=str(TESTS), core=str(ROOT / "firmware"))
+    return subprocess.run([sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True).stdout
+
+
 @pytest.mark.parametrize("imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]])
 def test_examples_do_not_depend_on_what_is_imported(imported):
     """Hypothesis would draw numbers of the modules that are there, and so of the tests that have run before."""
-    script = DRAWN.format(tests=str(TESTS), core=str(ROOT / "firmware"))
-
-    def drawn(*modules):
-        return subprocess.run(
-            [sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True
-        ).stdout
-
     assert drawn() == drawn(*imported) != ""
