@@ -30,14 +30,13 @@ from framestep.moves.jog_phases import (
 )
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
-from framestep.moves.player import FASTEST_FPS, HALF, THOUSAND, T, X, Y, frame_velocity
+from framestep.moves.player import BATCH, FASTEST_FPS, HALF, THOUSAND, T, X, Y, frame_velocity
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
 
 _AHEAD = const(1)  # phases that wait before the next is queued
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
-_BATCH = const(32)
 _NOTICE = const(40)  # ticks from a stop to the cut of the queues: time to plan for all motors
 _LEAST = const(16)  # ticks; with fewer queued nothing is cut
 
@@ -51,7 +50,7 @@ class JogAll(Operation):
         Operation.__init__(self, stage)
         self.player = stage.player
         self.store = stage.store
-        self.values = array("i", [0] * _BATCH)
+        self.values = self.player.values  # scratch, shared with the checks
         self.last_queued = 0  # index of the last frame queued
         self.destination = 0  # index of the frame to come to rest on
         self.step = 1  # direction along the path: 1 or -1
@@ -255,7 +254,7 @@ class JogAll(Operation):
         axis = self.player.axes[motor]
         index = 0
         while index <= last:
-            count = min(last + 1 - index, _BATCH)
+            count = min(last + 1 - index, BATCH)
             store.positions(motor, index, count, self.values, 0)
             for i in range(count):
                 if axis.stands_on(self.values, i) and self._stand_on(bits, index + i):

@@ -51,7 +51,7 @@ FRAME = const(2)  # scene frame
 BY = const(3)  # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
 EXCEEDED_WORDS = const(4)
 UNTOLD = const(0x200)  # bit of Controller.untold, above its FAULT_ bits: to be reported on the REPL
-_BATCH = const(32)  # frames checked in one call
+BATCH = const(32)  # frames checked in one call
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
 _FINE = const(3000)  # from this rate on limits are so small that they are counted in 256ths of a step
 _EXACT = const(16)  # times that a motor lowers the rate by just what it needs; after that by a 32nd at least
@@ -112,7 +112,7 @@ class UploadPlayer:
         self.window[path.MOST] = path.MONOTONE
         self.words = array("i", [0] * path.CHECK_WORDS)
         self.rate = 0  # at which the motors can follow the move checked last, thousandths of a frame per second
-        self.values = array("i", [0] * _BATCH)
+        self.values = array("i", [0] * BATCH)
         self.place = array("i", [0])
         self.strict = False  # setting `strict_moves`
         self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # what the last move checked asked too much of
@@ -177,7 +177,7 @@ class UploadPlayer:
             return 0
         found = 0
         while not found and count > 1:
-            batch = min(count, _BATCH)
+            batch = min(count, BATCH)
             self.store.positions(motor, index if step > 0 else index - batch + 1, batch, self.values, 0)
             found = path.way(self.values, batch, step)
             index += step * (batch - 1)
@@ -228,7 +228,7 @@ class UploadPlayer:
             first = at
             done = 0
             while done < count:
-                batch = min(count - done, _BATCH)
+                batch = min(count - done, BATCH)
                 self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
                 at += order * batch
                 found = path.check(words, values, batch, order)
@@ -305,7 +305,7 @@ class UploadPlayer:
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:
-            batch = min(count, _BATCH - 4)
+            batch = min(count, BATCH - 4)
             if batch == count:
                 rests |= 2
             store.positions(motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0)

@@ -22,7 +22,7 @@ from framestep.protocol import messages as m
 
 _BYTES_PER_CHANGE = const(140)  # of memory, 7 of which are for the change and its share of the triggers
 
-RUN_FLAGS = m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS
+_RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 
 
 class Moves:
@@ -176,7 +176,7 @@ class Moves:
             return code
         flags = reader.u16(29) if reader.length >= m.RUN_FLAGS_BYTES else 0
         channel = reader.u16(25)
-        if reader.u8(20) > 1 or channel > 512 or flags & ~RUN_FLAGS:
+        if reader.u8(20) > 1 or channel > 512 or flags & ~_RUN_FLAGS:
             return m.ERR_RANGE
         plan = self.run.draft
         plan.loops = flags & m.RUN_LOOP != 0
