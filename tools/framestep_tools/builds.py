@@ -24,13 +24,20 @@ class BuildError(ToolError):
     """A build is missing and cannot be made here; the text says why."""
 
 
-def _run(*command: str, **environment: str) -> str:
-    """What the command prints on standard output."""
+def _run(*command: str, show: bool = False, **environment: str) -> str:
+    """What the command prints on standard output. show: what it says of its progress goes where ours goes."""
     result = subprocess.run(
-        command, cwd=ROOT, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, capture_output=True, text=True
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=None if show else subprocess.PIPE,
+        text=True,
     )
     if result.returncode != 0:
-        raise BuildError(f"{' '.join(command)} failed:\n{result.stderr.strip()}")
+        said = "what it said is above" if show else f"\n{result.stderr.strip()}"
+        raise BuildError(f"{' '.join(command)} failed: {said}")
     return result.stdout
 
 
@@ -96,11 +103,12 @@ def images_ready() -> dict[str, Path]:
     return found
 
 
-def frozen(board: str = "pico", checkout: str | None = None) -> Path:
+def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
     """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has changed.
 
     Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board would get copied.
-    `checkout`: the MicroPython to build, if not Debian's. Two processes may call this at once.
+    `checkout`: the MicroPython to build, if not Debian's; show: tell the build's steps on standard error. Two processes
+    may call this at once.
     """
     files = image_files(board)
     folder = ROOT / "boards" / board
@@ -118,6 +126,7 @@ def frozen(board: str = "pico", checkout: str | None = None) -> Path:
         _run(
             "tools/micropython/build.sh",
             "image",
+            show=show,
             BOARD_DIR=str(folder),
             FRAMESTEP=str(modules),
             IMAGE=str(build),

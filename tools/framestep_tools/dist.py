@@ -6,6 +6,7 @@ per board: <board>.json. package.json is that of the plain board (Raspberry Pi P
 
 import json
 import shutil
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -17,10 +18,11 @@ _BOARD = "/lib/framestep/board.mpy"
 _LIB = "/lib/"
 
 
-def packages() -> dict[str, bytes]:
-    """{path below build/dist: content} of everything."""
+def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]:
+    """{path below build/dist: content} of everything. say: told each board, which takes some seconds."""
     made: dict[str, bytes] = {}
     for board in board_names():
+        say(f"compiling for {board}")
         chip = board_chip(board)
         processor = chip.processor
         urls = []
@@ -47,15 +49,15 @@ def packaged(folder: Path, board: str) -> dict[str, bytes]:
     }
 
 
-def write(folder: Path) -> None:
+def write(folder: Path, say: Callable[[str], None] = lambda line: None) -> None:
     """Write them; what was there before goes."""
     if folder.exists():
         shutil.rmtree(folder)
-    write_tree(folder, packages())
+    write_tree(folder, packages(say))
 
 
 if __name__ == "__main__":
-    write(DIST)
+    write(DIST, lambda line: print(line, flush=True))
     for folder in sorted(DIST.iterdir()):
         names = ", ".join(sorted(path.name for path in folder.glob("*.json")))
         print(f"{folder.relative_to(ROOT)}: {len(list(folder.rglob('*.mpy')))} .mpy files; {names}")

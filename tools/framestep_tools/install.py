@@ -25,7 +25,7 @@ def image_of(board: str) -> bytes:
     if not home.INSTALLED:
         from .builds import frozen
 
-        return frozen(board).with_suffix(".uf2").read_bytes()
+        return frozen(board, show=True).with_suffix(".uf2").read_bytes()
     path = home.IMAGES / f"{board}.uf2"
     if not path.exists():
         raise ToolError(

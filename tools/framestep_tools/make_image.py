@@ -24,7 +24,7 @@ def main(
     made = ROOT / "build" / f"{board}.uf2"
     made.parent.mkdir(exist_ok=True)
     print(f"building for the {name} (some minutes the first time)", flush=True)
-    shutil.copyfile(frozen(board, micropython).with_suffix(".uf2"), made)
+    shutil.copyfile(frozen(board, micropython, show=True).with_suffix(".uf2"), made)
     print(
         f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: hold BOOTSEL while plugging in the {name}, and "
         "drop the file onto the drive that appears; rig.json on the board stays"

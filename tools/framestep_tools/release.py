@@ -127,9 +127,9 @@ def make(folder: Path) -> list[Path]:
     os.environ["SOURCE_DATE_EPOCH"] = str(when)
     for board in board_names():
         print(f"the image for the {board_data(board)['name']}", flush=True)
-        shutil.copyfile(frozen(board).with_suffix(".uf2"), folder / f"framestep-{board}-{version()}.uf2")
+        shutil.copyfile(frozen(board, show=True).with_suffix(".uf2"), folder / f"framestep-{board}-{version()}.uf2")
     print("the packages for mpremote", flush=True)
-    tree = index(dist.packages())
+    tree = index(dist.packages(say=lambda line: print(line, flush=True)))
     write_tree(folder / "mip", tree)
     (folder / f"framestep-mip-{version()}.zip").write_bytes(zipped(tree, when))
     print("the package for pip", flush=True)
