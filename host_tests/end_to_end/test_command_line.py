@@ -119,6 +119,12 @@ def test_a_run_refused_in_words(framestep, board, path, line, words):
     assert words in framestep(line, status=7)
 
 
+@pytest.mark.parametrize("line", ["virtual roll -1e9", "run 1 2 --fps 1e9", "run 1 99999999999"])
+def test_values_that_fit_no_message(framestep, line):
+    said = framestep(line, status=2)
+    assert "does not fit" in said and len(said.splitlines()) == 1
+
+
 def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypatch):
     tell(
         board, MotorSetLimits(3, 0, 0, 0, 0, 0), RtUploadMoveBegin(1, 24),

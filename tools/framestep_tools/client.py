@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from framestep.protocol import messages
 
 from .door import LOOK_S, Door
-from .errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, ToolError
+from .errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, USAGE, ToolError
 from .opening import close_port, open_port
 from .payloads import (
     LAST_SECTION,
@@ -89,6 +89,12 @@ class BrokenOff(ClientError):
     """The connection is no more: the cable was pulled, the board was reset, or the program between has ended."""
 
     status = BROKEN_OFF
+
+
+class BadRequest(ClientError, ValueError):
+    """A value does not fit into its request."""
+
+    status = USAGE
 
 
 class WrongPort(ClientError):
@@ -162,7 +168,12 @@ class Client:
         """Send a request without waiting; returns the ID that `answer_to` takes."""
         id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1  # 0 belongs to unasked messages
         self._waiting[id] = request
-        data = encode(request.TYPE, request.pack(), id)
+        try:
+            payload = request.pack()
+        except ValueError as error:
+            del self._waiting[id]
+            raise BadRequest(str(error)) from None
+        data = encode(request.TYPE, payload, id)
         self._guard(self.port.write, data)
         return id
 
