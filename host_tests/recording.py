@@ -2,7 +2,9 @@
 
 A recording is a file for runtime/recording_replay.py: a line of JSON with what the board is made of, then
 
-    S 12 30        ticks and passes of the milliseconds 12 to 41, the usual case
+    H 12 30        a pass, a tick and two passes (the last a millisecond later), each of the
+                   milliseconds 12 to 41: what a host does that looks every millisecond
+    S 12 30        a tick and a pass, each of the milliseconds 12 to 41
     T 12007        a tick on its own, at this microsecond
     P 12           a pass on its own, the clock at this millisecond
     R 4446…        bytes from the host
@@ -78,6 +80,7 @@ class Recorder:
         self.answers: list[str] = []
         self.troubles: list[int] = []
         self.taken: list[int] = []
+        self.heard = False  # anything else than nothing, in these three
         self.colour = 0
         self.sent = bytearray()
         self.wire = bytearray()
@@ -97,6 +100,30 @@ class Recorder:
     def _line(self, line):
         self._flush()
         self.recording.lines.append(line)
+
+    def _extra(self):
+        """Lines with what the pass has heard from outside, where that is more than nothing."""
+        extra = []
+        if any(answer != "-" for answer in self.answers):
+            extra.append("W " + " ".join(self.answers))
+        if any(self.troubles):
+            extra.append("X " + " ".join(map(str, self.troubles)))
+        if any(found != -1 for found in self.taken):
+            extra.append("Y " + " ".join(map(str, self.taken)))
+        self.heard = False
+        return extra
+
+    def _noted(self, said):
+        """What the pass has done, and forget it. said: what it has said meanwhile."""
+        notes = self.notes + ["s" + text.split(" ", 4)[4].replace(" ", "_") for text in said]
+        if self.wire:
+            notes.append("w" + self.wire.hex())
+        if self.lights:
+            notes.append(self.lights)
+        if self.sent:
+            notes.append("<" + self.sent.hex())
+        self.notes, self.wire, self.sent, self.lights = [], bytearray(), bytearray(), None
+        return notes
 
     # ---- the board
 
@@ -121,20 +148,16 @@ class Recorder:
                 self.recording.did.append(f"{self.ticked}: t{self.cues[0]},{self.cues[1]}")
 
         def on_poll(now):
-            self.notes, self.answers, self.troubles, self.taken = [], [], [], []
-            self.wire, self.sent, self.lights = bytearray(), bytearray(), None
+            if self.notes or self.wire or self.lights or self.sent:
+                self._noted(())  # not by a pass
+            if self.answers or self.troubles or self.taken:
+                self.answers, self.troubles, self.taken = [], [], []
             said = len(hal.said)
             usual = self.ticked is not None and self.ticked == now * 1000 + 7
             if not usual:
                 self._flush_tick()
             found = poll(now)
-            extra = []
-            if any(answer != "-" for answer in self.answers):
-                extra.append("W " + " ".join(self.answers))
-            if any(self.troubles):
-                extra.append("X " + " ".join(map(str, self.troubles)))
-            if any(found != -1 for found in self.taken):
-                extra.append("Y " + " ".join(map(str, self.taken)))
+            extra = self._extra() if self.heard else ()
             if extra or not usual:
                 ticked, self.ticked = self.ticked, None
                 self._flush()
@@ -152,15 +175,8 @@ class Recorder:
                 if not self.steps[1]:
                     self.steps = [now, 0]
                 self.steps[1] += 1
-            notes = self.notes + ["s" + text.split(" ", 4)[4].replace(" ", "_") for text in hal.said[said:]]
-            if self.wire:
-                notes.append("w" + self.wire.hex())
-            if self.lights:
-                notes.append(self.lights)
-            if self.sent:
-                notes.append("<" + self.sent.hex())
-            if notes:
-                self.recording.did.append(f"{now} {' '.join(notes)}")
+            if self.notes or self.wire or self.lights or self.sent or len(hal.said) > said:
+                self.recording.did.append(f"{now} {' '.join(self._noted(hal.said[said:]))}")
             return found
 
         def on_receive(data):
@@ -202,11 +218,13 @@ class Recorder:
         def on_trouble():
             found = trouble()
             self.troubles.append(found)
+            self.heard |= found != 0
             return found
 
         def on_reclaim():
             found = reclaim()
             self.taken.append(found)
+            self.heard |= found != -1
             return found
 
         def on_wire_send(buffer, count):
@@ -216,6 +234,7 @@ class Recorder:
         def on_wire_receive(buffer, at, limit):
             count = wire_receive(buffer, at, limit)
             self.answers.append(bytes(buffer[at : at + count]).hex() or "-")
+            self.heard |= count > 0
             return count
 
         def on_choose(motor):
@@ -269,10 +288,29 @@ def _shape(block):
     return [width, setup, bool(block[stepper.INVERT])]
 
 
+def shorter(lines: list[str]) -> list[str]:
+    """The same script with H lines."""
+    found: list[str] = []
+    at = first = 0
+    while at < len(lines):
+        now = int(lines[at][2:]) if lines[at].startswith("P ") else -1
+        if now < 0 or lines[at + 1 : at + 3] != [f"S {now} 1", f"P {now + 1}"]:
+            found.append(lines[at])
+            at += 1
+            continue
+        if found and found[-1] == f"H {first} {now - first}":
+            found[-1] = f"H {first} {now - first + 1}"
+        else:
+            first = now
+            found.append(f"H {now} 1")
+        at += 3
+    return found
+
+
 def write(recording: Recording, path) -> None:
     with open(path, "w") as file:
         file.write(json.dumps(recording.head) + "\n")
-        for line in recording.lines:
+        for line in shorter(recording.lines):
             file.write(line + "\n")
 
 
@@ -281,18 +319,20 @@ NEAR_THE_END = (WRAP - 900, 2**30 - 2048)  # of ticks and of milliseconds: they 
 
 
 def differences(runtime, recording: Recording, path: Path) -> str:
-    """Play it again on 32-bit MicroPython, from where counters begin at 0 and from close to their end. "" where all is
-    as it was, else what first is not. runtime: the fixture unix32f; path: where the recording is written to."""
+    """Play it again on 32-bit MicroPython, from counters close to their end: here they began at 0.
+
+    "" where all is as it was, else what first is not. runtime: the fixture unix32f; path: where the
+    recording is written to.
+    """
     write(recording, path)
-    for ticks, ms in ((0, 0), NEAR_THE_END):
-        did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="2M", timeout=1000).split("\n")[:-1]
-        if said != did:
-            path.with_suffix(".did").write_text("\n".join(did))
-            at = next((i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b), min(len(did), len(said)))
-            lines = [f"here:  {line}" for line in did[at : at + 3]] + [f"there: {line}" for line in said[at : at + 3]]
-            where = f"{recording.test}, counters at {ticks}, {ms}: {path}, line {at}"
-            return "\n".join([where, *lines])
-    return ""
+    ticks, ms = NEAR_THE_END
+    did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="2M", timeout=1000).split("\n")[:-1]
+    if said == did:
+        return ""
+    path.with_suffix(".did").write_text("\n".join(did))
+    at = next((i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b), min(len(did), len(said)))
+    lines = [f"here:  {line}" for line in did[at : at + 3]] + [f"there: {line}" for line in said[at : at + 3]]
+    return "\n".join([f"{recording.test}: {path}, line {at}", *lines])
 
 
 @contextlib.contextmanager

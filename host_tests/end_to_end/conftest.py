@@ -1,6 +1,6 @@
 """With --replay each session of these tests is played again by 32-bit MicroPython, the heap locked in every tick and
-every pass: byte by byte and millisecond by millisecond it must do what it did here. Then once more with all counters
-close to their end, so that they wrap on the way.
+every pass, and with all counters close to their end, so that they wrap on the way: byte by byte and millisecond by
+millisecond it must do what it did here.
 """
 
 import pytest

@@ -7,6 +7,7 @@ the start, so that they wrap on the way; nothing that comes out may depend on it
 """
 
 import binascii
+import io
 import json
 import sys
 from array import array
@@ -138,7 +139,7 @@ class Watchdog:
 class Wire:
     def __init__(self, notes):
         self.notes = notes
-        self.answers = []
+        self.answers = ()
         self.at = 0
 
     def choose(self, motor):
@@ -204,9 +205,10 @@ class Hal:
         self.watched = 0
         self.handler = None
         self.colour = 0
-        self.lost = []
+        self.given = False  # whether any of the next two and of wire.answers is more than ()
+        self.lost = ()  # what trouble() says
         self.lost_at = 0
-        self.taken = []  # what reclaim() says
+        self.taken = ()  # what reclaim() says
         self.taken_at = 0
         self.clock = array("i", [0])
         self.sink = array("i", [0])
@@ -336,7 +338,6 @@ class Replay:
 
     def poll(self, ms):
         hal = self.hal
-        hal.wire.at = hal.lost_at = hal.taken_at = 0
         now = ms + self.ms & 0x3FFFFFFF
         micropython.heap_lock()
         try:
@@ -346,52 +347,60 @@ class Replay:
         told = hal.notes.told()
         if told:
             print(ms, told)
-        if hal.wire.answers:
-            hal.wire.answers = []
-        if hal.lost:
-            hal.lost = []
-        if hal.taken:
-            hal.taken = []
+        if hal.given:
+            hal.given = False
+            hal.wire.answers = hal.lost = hal.taken = ()
+            hal.wire.at = hal.lost_at = hal.taken_at = 0
 
     def happen(self, words):
         verb = words[0]
         hal = self.hal
-        if verb == "S":
-            begin = int(words[1])
-            for ms in range(begin, begin + int(words[2])):
+        if verb == b"H":
+            for ms in range(int(words[1]), int(words[1]) + int(words[2])):
+                self.poll(ms)
                 self.tick(ms * 1000 + 7)
                 self.poll(ms)
-        elif verb == "P":
+                self.poll(ms + 1)
+        elif verb == b"S":
+            for ms in range(int(words[1]), int(words[1]) + int(words[2])):
+                self.tick(ms * 1000 + 7)
+                self.poll(ms)
+        elif verb == b"P":
             self.poll(int(words[1]))
-        elif verb == "T":
+        elif verb == b"T":
             self.tick(int(words[1]))
-        elif verb == "R":
+        elif verb == b"R":
             hal.port.receive(binascii.unhexlify(words[1]))
-        elif verb == "O":
+        elif verb == b"O":
             hal.port.open = True
             hal.port.openings += 1
-        elif verb == "C":
+        elif verb == b"C":
             hal.port.open = False
             hal.port.begin = hal.port.end = 0
-        elif verb == "L":
+        elif verb == b"L":
             hal.set_level(int(words[1]), int(words[2]))
-        elif verb == "F":
-            hal.port.full = words[1] == "1"
-        elif verb == "W":
-            hal.wire.answers = [b"" if word == "-" else binascii.unhexlify(word) for word in words[1:]]
-        elif verb == "X":
+        elif verb == b"F":
+            hal.port.full = words[1] == b"1"
+        elif verb == b"W":
+            hal.given = True
+            hal.wire.answers = [b"" if word == b"-" else binascii.unhexlify(word) for word in words[1:]]
+        elif verb == b"X":
+            hal.given = True
             hal.lost = [int(word) for word in words[1:]]
-        elif verb == "Y":
+        elif verb == b"Y":
+            hal.given = True
             hal.taken = [int(word) for word in words[1:]]
         else:
             raise ValueError(verb)
 
 
 def play(path, ticks, ms):
-    with open(path) as file:
-        replay = Replay(json.loads(file.readline()), ticks, ms)
-        for line in file:
-            replay.happen(line.split())
+    # As bytes: each new str is searched for among all names. In memory: readline asks the system for every byte.
+    with open(path, "rb") as file:
+        lines = io.BytesIO(file.read())
+    replay = Replay(json.loads(lines.readline()), ticks, ms)
+    for line in lines:
+        replay.happen(line.split())
     print("at", *[block[stepper.POSITION] for block in replay.hal.kernel.blocks])
 
 

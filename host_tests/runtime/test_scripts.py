@@ -1,5 +1,5 @@
 """Session scripts on 32-bit MicroPython with the heap locked: those that the fuzzer has found, and extreme values in
-every state. Everything must be as on CPython, from where counters begin and from close to their end.
+every state. Everything must be as on CPython, from counters close to their end.
 """
 
 import random
