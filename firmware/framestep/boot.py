@@ -116,6 +116,7 @@ def start():
         print("framestep: not started,", held)
         return
     hal.start()
+    _forget("framestep.hal.rp2_stack")
     try:
         controller.moves.take_memory()
     except ValueError as error:

@@ -15,11 +15,11 @@ from os import dupterm, dupterm_notify  # type: ignore[attr-defined]
 from time import ticks_ms  # modulo 2^30 where small integers have 31 bits
 
 from machine import Timer
-from micropython import heap_lock, heap_unlock
+from micropython import heap_lock, heap_unlock, stack_use
 
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
-from framestep.hal import PASS
+from framestep.hal import DEEPEST, PASS
 from framestep.moves.player import UNTOLD, WHAT
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
@@ -137,8 +137,10 @@ class Runner:
         """One pass in the background, whatever strikes in it. Ctrl-C is meant for a program that runs on the REPL."""
         controller = self._controller
         try:
-            if not self.alive:
-                return  # this pass waited in the scheduler when they ended
+            if not self.alive or stack_use() > DEEPEST:
+                # It waited in the scheduler when passes ended; or a program is deep in calls: a pass would end for want
+                # of stack in the middle of its work. The next one comes in a millisecond.
+                return
         except KeyboardInterrupt:
             self._struck = True  # where nothing is half done
         try:

@@ -58,6 +58,7 @@ _WHOLE = (
     "framestep/hal/rp2_code.mpy",  # makes the rest run
     "framestep/boot.mpy",  # and what it needs to switch the drivers off at once
     "framestep/hal/rp2_pins.mpy",
+    "framestep/hal/rp2_stack.mpy",  # needed once, when what makes the rest run is gone again
     "framestep/rig.mpy",
     "framestep/io/tmc2209_setup.mpy",
     "framestep/motion/reals.mpy",  # what fills the queues calls all of it

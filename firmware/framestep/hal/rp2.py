@@ -152,6 +152,9 @@ class Rp2Hal:
         return size
 
     def start(self):
+        from framestep.hal.rp2_stack import unchecked
+
+        unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:

@@ -14,8 +14,9 @@ Between the interrupt of a bus reset and TinyUSB's task, which tells it, TinyUSB
 submitted to one then ends in panic(), and the processor stops for good. So the device's address, which that interrupt
 clears, is looked at before each, with interrupts off from there to the end of the call.
 
-Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C lands in them)
-and allocate nothing. They own what the driver does, `poll()` and `send()` own what the main loop has taken and given.
+Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C
+lands in them, no want of stack ends them) and allocate nothing. They own what the driver does,
+`poll()` and `send()` own what the main loop has taken and given.
 """
 
 import struct
@@ -278,6 +279,11 @@ class UsbPort:
 
         The host sees the board go, and come back with two ports.
         """
+        if chip:
+            from framestep.hal.rp2_stack import unchecked
+
+            port = UsbPort
+            unchecked(_arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred)
         usb = self._usb
         usb.active(False)
         usb.builtin_driver = self._builtin

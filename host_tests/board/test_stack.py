@@ -1,0 +1,75 @@
+"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on."""
+
+import pytest
+
+from framestep.hal import DEEPEST, STACK
+from framestep_tools.boards import EmulatedBoard
+from framestep_tools.payloads import HardStop, MotorMove, MotorStopAll, RtEnd, RtGo
+from host_tests.board.test_end_to_end import assert_played, load, move
+from host_tests.end_to_end.session import Session, assert_within
+
+VELOCITY, ACCELERATION = 10_000, 50_000
+STEPS = 12_000
+BOTTOM, TOP = 0x2004_0000, 0x2004_2000
+# Calls itself until the stack is full, again and again
+RUNAWAY = """
+def runaway(n):
+    runaway(n + 1)
+for _ in range(400):
+    try:
+        runaway(0)
+    except RuntimeError:
+        pass
+"""
+LOW = f"""
+import micropython
+from machine import mem32
+def fill():
+    for at in range({BOTTOM}, {TOP} - 3500, 4):
+        mem32[at] = 0x5A5A1234
+def low():
+    at = {BOTTOM}
+    while mem32[at] == 0x5A5A1234:
+        at += 4
+    return {TOP} - at
+fill()
+"""
+
+
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard({"dmx": False}) as board:
+        session = Session(board, reply_s=0.1)
+        session.repl = board.emulator.repl()
+        yield session
+
+
+def test_what_the_largest_pass_takes(session):
+    """From the prompt on, with all that comes on top of it."""
+    repl = session.repl
+    prompt = repl.eval("__import__('micropython').stack_use()")
+    repl.exec(LOW)
+    positions = move(session, frames=40)
+    stands = load(session, positions)
+    session.accept(RtGo())
+    assert session.client.wait_event(RtEnd, 10)
+    session.run(0.1)
+    assert_played(session, stands, positions)
+    session.accept(MotorMove(1, 2000), MotorMove(2, -2000))
+    session.run(0.1)
+    session.accept(MotorStopAll(), MotorStopAll())
+    session.wait_idle()
+    assert 3500 < repl.eval("low()") <= prompt + STACK - DEEPEST
+
+
+def test_a_runaway_recursion_while_a_motor_moves(session):
+    session.speed(8, VELOCITY, ACCELERATION)
+    session.forget()
+    begin = session.position(8)
+    session.accept(MotorMove(8, begin + STEPS))
+    session.repl.start(RUNAWAY)
+    session.wait_idle(20)
+    assert session.events(HardStop) == []
+    assert session.made(8) == session.position(8) - begin == STEPS
+    assert_within(*session.steps(8), VELOCITY * 1.001, ACCELERATION * 1.05)
+    assert session.repl.eval("__import__('framestep.boot').boot.runner.alive") is True
