@@ -5,7 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -108,7 +108,8 @@ def talking(device: str | None) -> "Iterator[Client]":
         client = Client(port, name=f"{url}, through {found.who}")
     else:
         if not is_socket(url):
-            client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
+            with suppress(OSError):  # then no other program comes through
+                client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
     with client:
         client.greet()
         try:
