@@ -158,7 +158,7 @@ def main() -> int:
     began = told = time.monotonic()
     counts: Counter = Counter()
     kinds: Counter = Counter()
-    virtual_ms = number = 0
+    virtual_ms = played = 0
     worst = 0
     if not options.sessions < 10**9:
         from . import reader
@@ -170,6 +170,7 @@ def main() -> int:
             break
         name = f"{seed}/{number}"
         trial, finding = session(name, options.requests)
+        played += 1
         counts += trial.counts
         virtual_ms += trial.ms
         if finding is not None:
@@ -184,14 +185,14 @@ def main() -> int:
         if now - told > 10:
             told = now
             print(
-                f"{counts['requests']} requests in {number - options.first + 1} sessions, "
+                f"{counts['requests']} requests in {played} sessions, "
                 f"{counts['requests'] / (now - began):.0f}/s, {virtual_ms / 1000 / (now - began):.1f} x time",
                 flush=True,
             )
     took = time.monotonic() - began
     found = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nothing found"
     print(
-        f"seed {seed}: {counts['requests']} requests, {virtual_ms / 1000:.0f} s of virtual time, "
+        f"seed {seed}: {counts['requests']} requests in {played} sessions, {virtual_ms / 1000:.0f} s of virtual time, "
         f"{counts['edges']} edges, {counts['runs judged']} runs judged frame by frame, in {took:.0f} s: {found}"
     )
     return worst
