@@ -4,7 +4,8 @@ stopped by a fault."""
 import numpy as np
 import pytest
 
-from framestep.motion import positions, stepper
+from framestep.motion import stepper
+from framestep.motors import positions
 from framestep.protocol import messages as m
 from framestep_tools import driver_chips as chip
 from framestep_tools.boards import EmulatedBoard

@@ -4,7 +4,7 @@ work, and what a fault in motion does to the rig."""
 import numpy as np
 import pytest
 
-from framestep.motion import positions
+from framestep.motors import positions
 from framestep.protocol import messages as m
 from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import (
