@@ -124,6 +124,8 @@ def feed(parts, other, base, most: int, enough: int):
                 break
             shift(cubic, out[1], 0, 0)
             part += out[1]
+            if part > _ALL_BITS:
+                part = _ALL_BITS  # a phase that ends with the tick: 2^30 would be an object on the heap
             if w[MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)

@@ -1,0 +1,35 @@
+"""Phases cut into segments with the heap locked."""
+
+SCRIPT = """
+import micropython
+from array import array
+from framestep.motion import ramps, reals, stepper
+from framestep.motion.kernel import StepKernel
+from framestep.motors.axis import Axis
+from framestep.native import addressof
+
+clock = array("i", [0])
+sink = array("i", [0])
+kernel = StepKernel(1, 125000, addressof(clock))
+kernel.configure(0, addressof(sink), 3, 100, False)
+axis = Axis(kernel, 0, None)
+words = axis.phases.words
+for i, quarters in enumerate((41, 3, 20)):
+    at = i * ramps.PHASE_WORDS
+    words[at + ramps.KIND] = ramps.RAMP
+    reals.put(words, at + ramps.DURATION, quarters, -2)
+    for register in (ramps.START, ramps.SECOND, ramps.THIRD):
+        reals.put(words, at + register, 0, 0)
+words[ramps.TAIL] = 3
+axis.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
+micropython.heap_lock()
+axis.feed()
+micropython.heap_unlock()
+tail = axis.block[stepper.TAIL]
+print(tail)
+"""
+
+
+def test_a_short_phase_that_ends_with_the_tick(unix32f):
+    """10.25 ticks, then 0.75: of the tick 2^30 parts are over, which is an object on the heap."""
+    assert int(unix32f.run(SCRIPT)) >= 4
