@@ -111,10 +111,11 @@ class Strain:
         self.positions: list[int] = []
         self.renumbered = True
         self.estop = False
-        self.repl = board.emulator.repl()
         self.busy = False  # the REPL runs something
         self.endless = False
         board.protocol.open_port(True)
+        self.ask(m.MSG_HI)  # framestep is up: opening the REPL sends Ctrl-C, which would end its start
+        self.repl = board.emulator.repl()
         self.repl.exec(HELPERS)
 
     # ---- the protocol's end
