@@ -15,7 +15,7 @@ from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
-_HEAP_LEFT = const(13 * 1024)  # for the REPL and for what a user's own code needs, in one piece
+_HEAP_LEFT = const(11 * 1024)  # for the REPL and for what a user's own code needs, in one piece
 
 hal = None
 controller = None
@@ -26,7 +26,13 @@ class Settings:
     """What framestep.rig has read, without the code that did: it is needed once and would keep 9 kB."""
 
     def __init__(self, rig, motors):
-        self.motors = [rig.motor(i) for i in range(motors)]
+        self.motors = []
+        for i in range(motors):
+            found = rig.motor(i)
+            for same in self.motors:  # motors that are alike share what is kept
+                if same == found:
+                    found = same
+            self.motors.append(found)
         for name, value in rig.__dict__.items():
             if name != "motors":
                 setattr(self, name, value)

@@ -181,7 +181,7 @@ def test_bootsel_and_jumper_keep_it_from_starting():
         # Pressed before power-up, BOOTSEL starts the chip's own loader, so a person presses it later
         emulator.set_pin(JUMPER, None)
         emulator.reset()
-        emulator.advance(700)
+        emulator.advance(1200)
         emulator.press_bootsel()
-        emulator.advance(1800)
+        emulator.advance(2000)
         assert found() == (True, False)

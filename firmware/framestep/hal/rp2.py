@@ -154,7 +154,7 @@ class Rp2Hal:
     def start(self):
         from framestep.hal.rp2_stack import unchecked
 
-        unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard)
+        self._kinds = unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:

@@ -20,13 +20,20 @@ _THUMB = const(1)
 
 
 def unchecked(*functions):
-    """Let viper functions be called without a look at the stack. Those of an unknown make stay as they are."""
+    """Let viper functions be called without a look at the stack; those of an unknown make stay as they are.
+
+    Returns their types, which must be kept as long as the functions are.
+    """
+    known = mem32[id(functions[0])]
+    if mem32[known] != id(type) or mem32[known + 8] >> 16 & 0xFF != 1:
+        return None
+    functions = [function for function in functions if mem32[id(function)] == known]
+    kinds = array("I", bytearray(4 * (_SLOTS + 1) * len(functions)))
+    at = addressof(kinds)
     for function in functions:
-        at = id(function)
-        known = mem32[at]
-        slot = mem32[known + 8] >> 16 & 0xFF
-        if mem32[known] != id(type) or slot != 1:
-            return
-        # The garbage collector finds it by the function's first word
-        kind = array("I", [mem32[known + 4 * i] for i in range(_SLOTS)] + [mem32[at + _CODE] | _THUMB])
-        mem32[at] = addressof(kind)
+        for i in range(_SLOTS):
+            mem32[at + 4 * i] = mem32[known + 4 * i]
+        mem32[at + 4 * _SLOTS] = mem32[id(function) + _CODE] | _THUMB
+        mem32[id(function)] = at
+        at += 4 * (_SLOTS + 1)
+    return kinds

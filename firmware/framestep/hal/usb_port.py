@@ -283,7 +283,9 @@ class UsbPort:
             from framestep.hal.rp2_stack import unchecked
 
             port = UsbPort
-            unchecked(_arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred)
+            self._kinds = unchecked(
+                _arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred
+            )
         usb = self._usb
         usb.active(False)
         usb.builtin_driver = self._builtin
