@@ -27,10 +27,10 @@ def unchecked(*functions):
     known = mem32[id(functions[0])]
     if mem32[known] != id(type) or mem32[known + 8] >> 16 & 0xFF != 1:
         return None
-    functions = [function for function in functions if mem32[id(function)] == known]
-    kinds = array("I", bytearray(4 * (_SLOTS + 1) * len(functions)))
+    alike = [function for function in functions if mem32[id(function)] == known]
+    kinds = array("I", bytearray(4 * (_SLOTS + 1) * len(alike)))
     at = addressof(kinds)
-    for function in functions:
+    for function in alike:
         for i in range(_SLOTS):
             mem32[at + 4 * i] = mem32[known + 4 * i]
         mem32[at + 4 * _SLOTS] = mem32[id(function) + _CODE] | _THUMB
