@@ -326,7 +326,7 @@ def differences(runtime, recording: Recording, path: Path) -> str:
     """
     write(recording, path)
     ticks, ms = NEAR_THE_END
-    did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="2M", timeout=1000).split("\n")[:-1]
+    did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="16M", timeout=1000).split("\n")[:-1]
     if said == did:
         return ""
     path.with_suffix(".did").write_text("\n".join(did))
