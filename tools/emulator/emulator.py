@@ -33,7 +33,7 @@ from .repl import Repl
 from .trace import edges_from
 
 HERE = Path(__file__).resolve().parent
-BOOT_LIMIT_MS = 5000
+BOOT_LIMIT_MS = 10_000
 POLL_SECONDS = 0.005  # real time between looks at a board that runs freely
 
 
