@@ -13,6 +13,7 @@ from host_tests.board.modules import board_modules
 
 MODULES = ("native", "hal/__init__", "hal/rp2_usb", "hal/usb_port", "hal/stdin_port")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames", "__init__")
+MODULES += ("copying", "hal/rp2_stack")
 SETUP = """
 import gc, time, micropython
 from framestep.hal.usb_port import UsbPort

@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -93,7 +94,8 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
         'inner:\n\t@echo "$(ARGS)$$ARGS$(SEED)$$SEED $(BOARD)"\n'
     )
     command = ["make", "-f", makefile, "outer", "ARGS=--durations=9", "SEED=3", "BOARD=pico2"]
-    made = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}  # of a `make test`
+    made = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT, env=outside)
     assert made.stdout.splitlines() == ["--durations=9 3", " skr_pico"]
 
 
