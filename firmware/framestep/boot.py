@@ -15,7 +15,10 @@ from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
-_HEAP_LEFT = const(11 * 1024)  # for the REPL and for what a user's own code needs, in one piece
+# Bytes for the REPL and for what a user's own code needs, in one piece; commands of the bench that are copied files
+# take more of it than those in an image
+_LEFT_BY_FILES = const(11 * 1024)
+_LEFT_BY_IMAGE = const(10 * 1024)
 
 hal = None
 controller = None
@@ -84,7 +87,7 @@ def _held(board):
 def start():
     """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
     global hal, controller, runner
-    spare = bytearray(_HEAP_LEFT)
+    spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD
 
     held = _held(BOARD)

@@ -77,7 +77,7 @@ EXCEEDED = {
 
 
 def exceeded(what, motor, frame, by):
-    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: see follow.py."""
+    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: see moves/player.py."""
     if what not in EXCEEDED:
         return []
     return ["the last move exceeds, at frame %d of motor %d, " % (frame, motor) + EXCEEDED[what].replace("%d", str(by))]

@@ -86,9 +86,9 @@ INVERT = const(24)  # engine.DIRECTION swaps the level of the direction pin
 SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
 WHOLE_SPAN = const(26)  # cycles per tick
 PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
-WORK = const(28)  # addresses of what the queue is filled from, see axes.py; nothing to the tick either
+WORK = const(28)  # addresses of what the queue is filled from, see motors/axis.py; nothing to the tick either
 PHASES = const(29)
-PLACE = const(30)  # address of the load's place, see axes.py, and the play between it and the motor: for sample()
+PLACE = const(30)  # address of the load's place and its play to the motor (motors/axis.py): for sample()
 PLAY = const(31)
 BLOCK_WORDS = const(32)
 
