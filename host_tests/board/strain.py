@@ -249,6 +249,7 @@ class Strain:
         self.board.run_until(self.board.now_ns + self.dice.choice((30, 300)) * 1_000_000)
         self.board.protocol.transmit()
         self.left |= set(self.waiting)
+        self.counts["left unanswered"] += len(self.waiting)
         self.waiting.clear()
         self.decoder = FrameDecoder()
         self.board.protocol.open_port(True)
@@ -266,10 +267,11 @@ class Strain:
                 self.counts["Ctrl-C"] += 1
             serial.timeout = 0
             self.heard += serial.read(100_000)
-            if self.heard.count(b"\x04") < 2 or not self.heard.endswith(b">"):
+            out, *ended = self.heard.split(b"\x04", 2)
+            if len(ended) < 2 or b">" not in ended[1]:  # the firmware may say something before the prompt or after
                 return
             self.busy = False
-            out, err = self.heard.split(b"\x04")[:2]
+            err = ended[0]
             for line in out.decode(errors="replace").splitlines():
                 if line.startswith("framestep: "):
                     self.told[line] += 1

@@ -137,13 +137,17 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
 
 def _wipe():
     """Take all memory that is free, and so fill it with zeros."""
-    taken = None  # type: object
+    taken = None  # type: list | None
     size = 16384
     while size >= 16:
         try:
-            taken = (bytearray(size), taken)
+            taken = [bytearray(size), taken]
         except MemoryError:
             size >>= 1
+    while taken:  # unchained: a pointer left on the stack then holds one piece, not all memory
+        rest = taken[1]
+        taken.clear()
+        taken = rest
 
 
 def forward():
