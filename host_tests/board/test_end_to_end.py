@@ -12,7 +12,7 @@ from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.judge import judge
 from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
-from framestep_tools.wire import FrameDecoder
+from framestep_tools.wire import FrameDecoder, encode
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES = 40
@@ -159,3 +159,29 @@ def test_one_port():
         said = typed(b"b.runner.run(b.controller)\r")
         assert b'File "framestep.controller", line' in said and b"TypeError" in said and said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"
+
+
+def test_one_port_closed_within_a_frame():
+    """There is no DTR to be seen. A frame's beginning left by the client before is never carried out, nor any mixture
+    of it with what comes next: that is damaged at most. And the next client's first request is answered."""
+    with EmulatedBoard({"ports": 1}) as board:
+        port = board.protocol
+        left = (encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77), encode(m.MSG_DMX, bytes(300), 78))
+        port.open_port(True)
+        for data in left:
+            for cut in (1, 2, 5, 9, 10, 13, len(data) - 1):
+                port.receive(data[:cut])
+                board.run_until(board.now_ns + 2_000_000)
+                port.open_port(False)
+                board.run_until(board.now_ns + (5 + cut % 2 * 120) * 1_000_000)
+                port.transmit()
+                port.open_port(True)
+                port.receive(encode(m.MSG_HI, b"", 1000 + cut))
+                decoder, frames, end = FrameDecoder(), [], board.now_ns + 250_000_000
+                while board.now_ns < end and all(frame.id != 1000 + cut for frame in frames):
+                    board.run_until(board.now_ns + 5_000_000)
+                    frames += decoder.feed(port.transmit())
+                *before, answer = frames
+                assert (answer.type, answer.id) == (m.MSG_HI, 1000 + cut)
+                assert all(struct.unpack("<H", frame.payload[:2]) == (m.ERR_CHECKSUM,) for frame in before)
+        assert "m1" not in {signal for _, signal, _ in board.edges()}
