@@ -86,7 +86,7 @@ class NoSwitches:
         return self.held
 
 
-class RecordedShow:
+class RecordedOutputs:
     """Lights and camera that remember what they were told: `calls`, and the `signals` as (tick, mask, values)."""
 
     def __init__(self):
@@ -104,7 +104,7 @@ class RecordedShow:
 
 
 class StageBench:
-    """Motors on a kernel with the stage that plays an upload of theirs; a pass of the main loop after each tick.
+    """Motors on a kernel and an OperationRunner that plays an upload of theirs; a pass of the main loop after each tick.
 
     paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.
     """
@@ -119,9 +119,9 @@ class StageBench:
             axis.set_speed(velocity, acceleration)
         self.store = UploadedMove(*paths, start=start)
         self.safety = NoSwitches()
-        self.show = RecordedShow()
-        self.stage = OperationRunner(self.axes, self.store, self.safety)
-        self.player = self.stage.player
+        self.run_outputs = RecordedOutputs()
+        self.operations = OperationRunner(self.axes, self.store, self.safety)
+        self.player = self.operations.player
         self.told = []  # MOVE TIME of each frame that was told
         self.ends = 0  # RT_ENDs
 
@@ -129,29 +129,29 @@ class StageBench:
         for _ in range(ticks):
             self.bench.tick()
             alarm = stepper.sample(self.kernel, self.axes.samples)
-            if alarm and self.stage.running and self.stage.reached():
-                self.told.append(self.stage.move_time)
-            while self.stage.poll() | self.axes.feed():
+            if alarm and self.operations.running and self.operations.reached():
+                self.told.append(self.operations.move_time)
+            while self.operations.poll() | self.axes.feed():
                 pass
-            if self.stage.rt_end_due:
-                self.stage.rt_end_due = False
+            if self.operations.rt_end_due:
+                self.operations.rt_end_due = False
                 self.ends += 1
         return self
 
     def until(self, state, limit=20_000):
-        """Until the stage has that state."""
-        while self.stage.state != state:
+        """Until the runner of operations has that state."""
+        while self.operations.state != state:
             self.run()
             limit -= 1
-            assert limit, f"the stage stays in state {self.stage.state}"
+            assert limit, f"the runner of operations stays in state {self.operations.state}"
         return self
 
     def rest(self, limit=30_000):
         """Until nothing is under way and everything stands."""
-        while self.stage.state or self.axes.moving:
+        while self.operations.state or self.axes.moving:
             self.run()
             limit -= 1
-            assert limit, f"no rest; the stage is in state {self.stage.state}"
+            assert limit, f"no rest; the runner of operations is in state {self.operations.state}"
         return self
 
     def place(self, motor=0):

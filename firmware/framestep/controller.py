@@ -88,10 +88,10 @@ class Controller:
         self.count = hal.motors
         self.motors = Motors(self)
         self.moves = Moves(self)
-        self.stage = self.moves.stage
-        self.stage.player.strict = rig.strict_moves
+        self.operations = self.moves.operations
+        self.operations.player.strict = rig.strict_moves
         self.memory = self._remember() if rig.remember_positions else None
-        self.show = self.moves.show
+        self.run_outputs = self.moves.run_outputs
         self.now = 0
         self.tended = 0
         self.awake = _AWAKE
@@ -164,9 +164,9 @@ class Controller:
             bits = self.drivers.poll(now)
             if bits:
                 self._drivers_failed(bits)
-        if self.show.busy:
-            self.show.poll()
-        if alarm and self.stage.state == RUNNING and self.stage.reached():
+        if self.run_outputs.busy:
+            self.run_outputs.poll()
+        if alarm and self.operations.state == RUNNING and self.operations.reached():
             self.reports.position = self.reports.frame = True
             self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
             self._tend(now, False, news)
@@ -181,7 +181,7 @@ class Controller:
             self._tend(now, True, news)
         elif self.planning:
             self._plan(now)
-            if self.stage.rt_end_due:
+            if self.operations.rt_end_due:
                 self._tend(now, False, news)
         return busy
 
@@ -217,7 +217,7 @@ class Controller:
             self._fault(lost)
         self.reports.send()
         if self.memory:
-            self.memory.poll(now, self.reports.was_moving or self.stage.busy or self.virtuals.engaged)
+            self.memory.poll(now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged)
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
@@ -253,9 +253,9 @@ class Controller:
 
     def _attend(self, reader):
         """Answer what has come; whether there was anything."""
-        state = self.stage.state
+        state = self.operations.state
         if state == POSITIONING or state == ENDING:
-            self.stage.poll()  # answers tell how it stands now
+            self.operations.poll()  # answers tell how it stands now
         writer = self.writer
         busy = False
         self.backlog = True
@@ -288,12 +288,12 @@ class Controller:
         if self.motors.gentler:
             self.motors.calm()
         kind = reader.type
-        state = self.stage.state
+        state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in _ASIDE:
             if state == READY:
-                self.stage.discard_early_plan()
+                self.operations.discard_early_plan()
             elif kind != m.MSG_MOTOR_STOP_ALL:
-                self.stage.send_waiting()
+                self.operations.send_waiting()
         handler = self.handlers.get(kind)
         if handler is None:
             return m.ERR_UNSUPPORTED
@@ -304,7 +304,7 @@ class Controller:
     def _host_lost(self):
         """The host has closed the port: everything comes to rest (field note 1.11)."""
         ready = self.hal.ready()
-        self.stage.host_lost(ready, self.virtuals.engaged)
+        self.operations.host_lost(ready, self.virtuals.engaged)
         if ready:
             self.virtuals.stop()
             self.axes.stop(1, self.virtuals.engaged, True)
@@ -312,15 +312,15 @@ class Controller:
             self.virtuals.halt()  # no motor may turn round on the way to rest
             self.axes.stop()
         self.io.safe()
-        self.show.abort()
+        self.run_outputs.abort()
         self.motors.jogging = 0
         self.reports.nobody_listens()
 
     def abandon(self):
         """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
         self.io.safe()
-        self.stage.stop()
-        self.show.abort()
+        self.operations.stop()
+        self.run_outputs.abort()
         self.virtuals.halt()
         self.axes.stop()
 
@@ -351,11 +351,11 @@ class Controller:
                 self.positions.cut(self.axes.moving_bits())
             self._blame(FAULT_ESTOP)
             self.motors.jogging = 0
-            self.stage.stop(factor)
+            self.operations.stop(factor)
             self.virtuals.halt(factor)
             self.axes.stop(factor)
             self.io.safe()
-            self.show.abort()
+            self.run_outputs.abort()
             return
         bits = self.safety.struck_motors()
         if bits:
@@ -365,8 +365,8 @@ class Controller:
             self.virtuals.halt()
         for motor in range(self.count):
             if bits >> motor & 1:
-                if self.stage.takes(motor):
-                    self.stage.stop(spared=self.virtuals.engaged)
+                if self.operations.takes(motor):
+                    self.operations.stop(spared=self.virtuals.engaged)
                 self.axes[motor].stop(self.hal, factor)
 
     def _fault(self, lost):
@@ -426,11 +426,13 @@ class Controller:
 
     def stop_all(self):
         """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
-        hard = self.stage.stopping_on_frame or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
+        hard = (
+            self.operations.stopping_on_frame or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
+        )
         factor = self.rig.hard_stop_factor if hard else 1
         self.stop_at = self.now
         self.motors.jogging = 0
-        landing = self.stage.stop(factor, not hard, True, spared=self.virtuals.engaged)
+        landing = self.operations.stop(factor, not hard, True, spared=self.virtuals.engaged)
         if hard:
             self.virtuals.halt(factor)
         else:
@@ -455,7 +457,7 @@ class Controller:
     def _status(self):
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(stepper.moving(self.header) | self.stage.engaged | self.virtuals.engaged)
+        writer.u32(stepper.moving(self.header) | self.operations.engaged | self.virtuals.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0
@@ -471,7 +473,7 @@ class Controller:
             bits |= m.CONDITION_BARKED
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
-        if self.stage.player.exceeded[0]:
+        if self.operations.player.exceeded[0]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.memory is None or not self.memory.working:

@@ -40,9 +40,9 @@ class Reports:
         elif self.was_moving:
             self.position = True
         self.was_moving = moving
-        stage = controller.stage
-        if stage.rt_end_due:
-            stage.rt_end_due = False
+        operations = controller.operations
+        if operations.rt_end_due:
+            operations.rt_end_due = False
             self.position = self.end = True
         listened = controller.was_open
         controller.io.report(listened)
@@ -99,6 +99,6 @@ class Reports:
         controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(controller.stage.tell(frame))
+        writer.u32(controller.operations.tell(frame))
         writer.words_from(controller.axes.told, 0, controller.count)
         return writer.end()

@@ -202,7 +202,7 @@ class Runner:
             if untold & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
-        told = self._controller.stage.player.exceeded  # type: ignore[union-attr]
+        told = self._controller.operations.player.exceeded  # type: ignore[union-attr]
         if untold & UNTOLD and told[WHAT]:
             print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
         if self._failed:

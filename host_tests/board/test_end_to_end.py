@@ -88,7 +88,7 @@ def test_repl_beside_a_run(session):
     repl.exec("import gc, framestep.boot as boot")
     session.accept(RtGo())
     turns = 0
-    while repl.eval("boot.controller.stage.running"):
+    while repl.eval("boot.controller.operations.running"):
         assert repl.eval("sum(i * i for i in range(100))") == 328350
         repl.exec("x = [bytearray(40) for _ in range(50)]\ngc.collect()")
         turns += 1

@@ -247,7 +247,7 @@ def state(session):
                 walk(part, f"{path}.{name}")
 
     controller = session.board._board.controller
-    if controller.stage.state == READY:
+    if controller.operations.state == READY:
         session.run(0.05)  # what any request drops has been planned anew by then
     walk(controller, "")
     return {path: value for path, value in found.items() if not _SCRATCH.search(path)}

@@ -79,10 +79,10 @@ def enter(state):
         session.accept(RtGo())
         controller = session.board._board.controller
         for _ in range(500):
-            if controller.stage.running and controller.stage.state == POSITIONING:
+            if controller.operations.running and controller.operations.state == POSITIONING:
                 break
             session.run(0.01)
-        assert controller.stage.state == POSITIONING
+        assert controller.operations.state == POSITIONING
     elif state == "shoot":
         session.ready(RtShootFrame(9, 1, 400, 500))
         session.accept(RtGo())
@@ -109,7 +109,13 @@ def code_of(session, request, answer):
 def inside(session):
     """What a refusal may not change."""
     moves = session.board._board.controller.moves
-    return moves.stage.state, moves.stage.operation, moves.stage.running, moves.store.state, moves.run.looping
+    return (
+        moves.operations.state,
+        moves.operations.operation,
+        moves.operations.running,
+        moves.store.state,
+        moves.run.looping,
+    )
 
 
 @pytest.mark.parametrize("state", realtime_answers.STATES)

@@ -19,7 +19,7 @@ class Jog:
     def __init__(self, *paths, at=0, **settings):
         self.bench = StageBench(*paths, **settings)
         self.bench.stand_on(*(0 if path is None else path[at] for path in paths))
-        self.jog = JogAll(self.bench.stage)
+        self.jog = JogAll(self.bench.operations)
         self.heads = []
 
     def to(self, frame, fps=10):
@@ -28,22 +28,22 @@ class Jog:
     def run(self, ticks=1):
         for _ in range(ticks):
             self.bench.run()
-            if self.bench.stage.state == RUNNING:
-                self.heads.append(self.bench.stage.tell(False) / 1000)
+            if self.bench.operations.state == RUNNING:
+                self.heads.append(self.bench.operations.tell(False) / 1000)
         return self
 
     def rest(self):
-        while self.bench.stage.state != IDLE or self.bench.axes.moving:
+        while self.bench.operations.state != IDLE or self.bench.axes.moving:
             self.run()
             assert len(self.heads) < 60_000
         self.bench.run(5)
-        self.bench.stage.tell(False)
+        self.bench.operations.tell(False)
         return self
 
     @property
     def frame(self):
         """MOVE TIME at rest, in frames."""
-        return self.bench.stage.move_time / 1000
+        return self.bench.operations.move_time / 1000
 
     def place(self, motor=0):
         return self.bench.place(motor)
@@ -91,7 +91,7 @@ def test_it_finds_the_frame_on_which_the_motors_stand(at):
 
 def test_while_a_motor_moves_it_is_refused():
     jog = Jog(EVEN)
-    jog.bench.stage.send_to_frame(20, jog.jog.places)
+    jog.bench.operations.send_to_frame(20, jog.jog.places)
     jog.bench.run(20)
     assert jog.to(5) == m.ERR_MOVING
 
@@ -101,7 +101,7 @@ def test_into_a_limit_switch_it_is_refused():
     jog.bench.safety.held = 1
     jog.bench.safety.code = m.ERR_HARD_UP
     assert jog.to(20) == m.ERR_HARD_UP
-    assert jog.bench.stage.state == IDLE
+    assert jog.bench.operations.state == IDLE
 
 
 @pytest.mark.parametrize("acceleration, rate", [(410, 24_000), (390, 2792)])
@@ -115,7 +115,7 @@ def test_a_path_too_steep_for_a_motor_at_four_frames_per_second_squared_is_gone_
 def test_to_where_it_stands_nothing_moves():
     jog = Jog(EVEN)
     assert jog.to(1) == m.OK
-    assert jog.bench.stage.state == IDLE
+    assert jog.bench.operations.state == IDLE
 
 
 # ---------------------------------------------------------------- MOVE TIME before the first pulse
@@ -125,9 +125,9 @@ def test_move_time_is_the_frame_it_sets_out_from():
     """field note 4.6; other motions than this one may have brought the motors there"""
     jog = Jog(EVEN, at=33)
     jog.to(41)
-    assert jog.bench.stage.tell(False) == 34_000
+    assert jog.bench.operations.tell(False) == 34_000
     jog.run(60)
-    assert jog.bench.stage.state == RUNNING
+    assert jog.bench.operations.state == RUNNING
     assert min(jog.heads) >= 34
 
 
@@ -185,9 +185,9 @@ def test_the_play_head_is_where_the_motors_are():
     jog = Jog(EVEN)
     jog.to(6, 4)
     times = []
-    while jog.bench.stage.state != IDLE:
+    while jog.bench.operations.state != IDLE:
         jog.run()
-        if jog.bench.stage.state == RUNNING:
+        if jog.bench.operations.state == RUNNING:
             times.append(jog.bench.bench.now)
     edges, _ = jog.bench.bench.times()
     begun = int(np.searchsorted(times, edges[0]))
@@ -216,7 +216,7 @@ def test_a_move_of_a_single_frame_has_nowhere_to_go():
     jog = Jog([50])
     assert jog.to(1) == m.OK
     assert jog.to(2) == m.ERR_RANGE
-    assert jog.bench.stage.state == IDLE
+    assert jog.bench.operations.state == IDLE
 
 
 def test_a_motor_without_data_stands_still():
@@ -267,11 +267,11 @@ def stopped(fps, after, steps=100, everything=True):
     """A jog stopped `after` milliseconds: (where it was then, its rate, where it rests, how long that took)."""
     jog = Jog([steps * k for k in range(61)])
     jog.to(61, fps)
-    while jog.bench.stage.state != RUNNING:
+    while jog.bench.operations.state != RUNNING:
         jog.run()
     jog.run(after)
     here, rate = jog.heads[-1], (jog.heads[-1] - jog.heads[-51]) * 20
-    assert jog.bench.stage.stop(1, True, everything) == 1, "it lands in its own way"
+    assert jog.bench.operations.stop(1, True, everything) == 1, "it lands in its own way"
     before = len(jog.heads)
     jog.rest()
     assert jog.place() == steps * round(jog.frame - 1)
@@ -299,10 +299,10 @@ def test_a_second_stop_while_it_lands_is_left_to_the_landing_unless_it_is_a_stop
     jog = Jog(EVEN)
     jog.to(61, 4)
     jog.run(900)
-    jog.bench.stage.stop(1, True, False)
-    assert not jog.bench.stage.stopping_on_frame
-    jog.bench.stage.stop(1, True, True)
-    assert jog.bench.stage.stopping_on_frame
+    jog.bench.operations.stop(1, True, False)
+    assert not jog.bench.operations.stopping_on_frame
+    jog.bench.operations.stop(1, True, True)
+    assert jog.bench.operations.stopping_on_frame
     jog.rest()
     assert jog.frame == round(jog.frame)
 
@@ -310,8 +310,8 @@ def test_a_second_stop_while_it_lands_is_left_to_the_landing_unless_it_is_a_stop
 def test_a_stop_before_it_has_begun_ends_it():
     jog = Jog(EVEN)
     jog.to(61, 4)
-    assert jog.bench.stage.state == POSITIONING
-    jog.bench.stage.stop(1, True, True)
+    assert jog.bench.operations.state == POSITIONING
+    jog.bench.operations.stop(1, True, True)
     jog.rest()
     assert jog.place() == 0
 
@@ -320,6 +320,6 @@ def test_a_hard_stop_does_not_land():
     jog = Jog(EVEN)
     jog.to(61, 4)
     jog.run(900)
-    assert jog.bench.stage.stop(4) == 0
+    assert jog.bench.operations.stop(4) == 0
     jog.rest()
     assert jog.place() % 100 != 0

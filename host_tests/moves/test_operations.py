@@ -21,7 +21,7 @@ class There(Operation):
     """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; notes what it is asked."""
 
     def __init__(self, bench, begins, ends, passes=1):
-        super().__init__(bench.stage)
+        super().__init__(bench.operations)
         self.axes = bench.axes
         self.bits = (1 << bench.axes.count) - 1
         self.begins, self.ends = array("i", begins), array("i", ends)
@@ -32,14 +32,14 @@ class There(Operation):
         self.began = None
 
     def take(self):
-        self.stage.prepare(self, self.begins, self.ways, 1)
+        self.operations.prepare(self, self.begins, self.ways, 1)
 
     def begin_pass(self):
         self.asked.append("start")
 
     def queue_first_phases(self, motor):
         self.asked.append(f"lead {motor}")
-        numbers = self.stage.player.numbers
+        numbers = self.operations.player.numbers
         reals.put(numbers, OWN, TICKS, 0)
         self.axes[motor].aim(OWN, ZERO, ZERO, numbers, self.ends, motor)
         self.axes[motor].expect(False)
@@ -54,7 +54,7 @@ class There(Operation):
     def next_pass(self):
         self.passes -= 1
         self.begins, self.ends = self.ends, self.begins
-        self.stage.start_positions = self.begins
+        self.operations.start_positions = self.begins
         return self.passes > 0
 
     def still_wanted(self):
@@ -86,9 +86,9 @@ def prepared(begins=(50,), ends=(450,), passes=1, **settings):
 
 def test_an_operation_first_sends_its_motors_to_where_it_begins():
     bench, _ = prepared()
-    assert bench.stage.state == POSITIONING
-    assert bench.stage.busy
-    assert not bench.stage.running
+    assert bench.operations.state == POSITIONING
+    assert bench.operations.busy
+    assert not bench.operations.running
     bench.until(READY)
     assert bench.place() == 50
     assert not bench.axes.moving
@@ -97,36 +97,36 @@ def test_an_operation_first_sends_its_motors_to_where_it_begins():
 def test_go_before_they_are_there_is_not_in_position():
     """field note 6.1"""
     bench, _ = prepared()
-    assert bench.stage.may_go() == m.ERR_NOT_IN_POSITION
-    assert bench.until(READY).stage.may_go() == m.OK
+    assert bench.operations.may_go() == m.ERR_NOT_IN_POSITION
+    assert bench.until(READY).operations.may_go() == m.OK
 
 
 def test_go_without_an_operation_is_refused():
-    assert StageBench([0]).stage.may_go() == m.ERR_GENERAL
+    assert StageBench([0]).operations.may_go() == m.ERR_GENERAL
 
 
 def test_go_while_it_runs_is_refused():
     bench, _ = prepared()
-    bench.until(READY).stage.start()
-    assert bench.until(RUNNING).stage.may_go() == m.ERR_MOVING
+    bench.until(READY).operations.start()
+    assert bench.until(RUNNING).operations.may_go() == m.ERR_MOVING
 
 
 def test_go_for_a_motor_that_has_been_excluded_meanwhile_is_refused():
     bench, _ = prepared()
     bench.until(READY).player.excluded = 1
-    assert bench.stage.may_go() == m.ERR_GENERAL
+    assert bench.operations.may_go() == m.ERR_GENERAL
 
 
 def test_what_is_set_meanwhile_is_checked_at_go():
     """field note 6.12"""
     bench, operation = prepared()
-    bench.until(READY).stage.settings_changed()
+    bench.until(READY).operations.settings_changed()
     operation.code = m.ERR_PREROLL
-    assert bench.stage.may_go() == m.ERR_PREROLL
+    assert bench.operations.may_go() == m.ERR_PREROLL
     operation.code = m.OK
-    assert bench.stage.may_go() == m.OK
+    assert bench.operations.may_go() == m.OK
     assert operation.asked.count("recheck") == 2
-    assert bench.stage.may_go() == m.OK
+    assert bench.operations.may_go() == m.OK
     assert operation.asked.count("recheck") == 2, "nothing has been set since"
 
 
@@ -136,7 +136,7 @@ def test_go_into_a_limit_switch_is_refused(held, code):
     bench, _ = prepared()
     bench.until(READY)
     bench.safety.active, bench.safety.held = True, held
-    assert bench.stage.may_go() == code
+    assert bench.operations.may_go() == code
 
 
 def test_in_ready_the_first_phases_are_planned_and_nothing_moves():
@@ -144,16 +144,16 @@ def test_in_ready_the_first_phases_are_planned_and_nothing_moves():
     bench.until(READY).run(300)
     assert operation.asked[:2] == ["start", "lead 0"]
     assert bench.place() == 50
-    assert bench.stage.may_go() == m.OK
+    assert bench.operations.may_go() == m.OK
 
 
 def test_what_is_planned_early_can_be_dropped_and_is_planned_anew():
     bench, operation = prepared()
     bench.until(READY).run(50)
-    bench.stage.discard_early_plan()
+    bench.operations.discard_early_plan()
     bench.run(50)
     assert operation.asked.count("start") == 2
-    bench.stage.start()
+    bench.operations.start()
     bench.rest()
     assert bench.place() == 450
 
@@ -161,8 +161,8 @@ def test_what_is_planned_early_can_be_dropped_and_is_planned_anew():
 def test_an_operation_dropped_before_go_leaves_nothing():
     bench, _ = prepared()
     bench.until(READY).run(50)
-    bench.stage.drop_prepared()
-    assert bench.stage.state == IDLE
+    bench.operations.drop_prepared()
+    assert bench.operations.state == IDLE
     bench.run(200)
     assert (bench.place(), bench.ends) == (50, 0)
 
@@ -175,7 +175,7 @@ def test_all_motors_start_in_the_same_tick():
     bench, _ = prepared((5, 10, 15), (405, 410, 415))
     bench.until(READY).run(7)
     before = [len(engine.rises) for engine in bench.bench.engines]
-    bench.stage.start()
+    bench.operations.start()
     bench.rest()
     edges = [engine.rises[n:] for engine, n in zip(bench.bench.engines, before, strict=True)]
     assert len(edges[0]) == 400
@@ -187,7 +187,7 @@ def test_it_is_told_the_tick_of_the_first_pulses():
     bench, operation = prepared()
     bench.until(READY).run(50)
     first = len(bench.bench.engines[0].rises)
-    bench.stage.start()
+    bench.operations.start()
     bench.until(RUNNING)
     assert operation.began == bench.kernel[stepper.TICKS] + 1 + bench.kernel[stepper.LEAD]
     begins = bench.now()
@@ -200,7 +200,7 @@ def test_it_is_told_the_tick_of_the_first_pulses():
 def test_the_end_is_told_once():
     """field note 6.4"""
     bench, operation = prepared()
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     bench.rest().run(300)
     assert bench.place() == 450
     assert bench.ends == 1
@@ -210,14 +210,14 @@ def test_the_end_is_told_once():
 def test_an_operation_without_an_rt_end_tells_none():
     bench, operation = prepared()
     operation.sends_rt_end = False
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     assert bench.rest().ends == 0
 
 
 @pytest.mark.parametrize("passes", [1, 2, 3])
 def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
     bench, operation = prepared(passes=passes)
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     bench.rest()
     assert operation.asked.count("start") == passes
     assert bench.place() == (450 if passes % 2 else 50)
@@ -227,7 +227,7 @@ def test_each_pass_of_a_loop_begins_where_the_last_one_ended(passes):
 @pytest.mark.parametrize("ticks", [2**29 - 1, 2**29 - 150, 2**29 - 400])
 def test_the_counter_of_ticks_may_wrap_at_any_moment_of_it(ticks):
     bench, _ = prepared(ticks=ticks)
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     bench.rest()
     assert (bench.place(), bench.ends) == (450, 1)
 
@@ -241,12 +241,12 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
     if state != POSITIONING:
         bench.until(READY).run(20)
     if state in (STARTING, RUNNING):
-        bench.stage.start()
+        bench.operations.start()
     if state == RUNNING:
         bench.until(RUNNING).run(60)
-    assert bench.stage.state == state
-    assert bench.stage.stop() == 0
-    assert bench.stage.state == ENDING
+    assert bench.operations.state == state
+    assert bench.operations.stop() == 0
+    assert bench.operations.state == ENDING
     bench.rest()
     assert bench.ends == 1
     assert operation.asked[-1] == "over"
@@ -255,25 +255,25 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
 
 def test_a_stop_with_nothing_under_way_tells_no_end():
     bench = StageBench([0])
-    assert bench.stage.stop() == 0
+    assert bench.operations.stop() == 0
     assert bench.run(50).ends == 0
 
 
 def test_an_end_that_the_next_host_knows_nothing_of_is_not_told():
     """field note 1.11"""
     bench, _ = prepared()
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     bench.until(RUNNING).run(60)
-    bench.stage.host_lost(False, 0)
+    bench.operations.host_lost(False, 0)
     assert bench.rest().ends == 0
 
 
 def test_a_stop_of_a_loop_ends_all_passes():
     bench, operation = prepared(passes=5)
-    bench.until(READY).stage.start()
+    bench.until(READY).operations.start()
     bench.until(RUNNING).run(60)
     operation.passes = 0
-    bench.stage.stop()
+    bench.operations.stop()
     bench.rest()
     assert operation.asked.count("start") == 1
 
@@ -282,20 +282,20 @@ def test_a_stop_of_a_loop_ends_all_passes():
 
 
 def to_frame(bench, frame, among=-1):
-    return bench.stage.send_to_frame(frame, array("i", [0] * bench.axes.count), among)
+    return bench.operations.send_to_frame(frame, array("i", [0] * bench.axes.count), among)
 
 
 @pytest.mark.parametrize("frame, place", [(101, 7), (102, 300), (103, -20)])
 def test_to_a_frame_all_motors_go_to_its_uploaded_positions(frame, place):
     """field note 5.1: scene frame numbers; 4.6: MOVE TIME is that frame's on arrival."""
     bench = StageBench([7, 300, -20], [0, 0, 40], start=101)
-    bench.stage.move_time = 0
+    bench.operations.move_time = 0
     assert to_frame(bench, frame) == m.OK
-    assert bench.stage.move_time == 0
+    assert bench.operations.move_time == 0
     bench.rest()
     assert bench.place(0) == place
-    bench.stage.tell(False)
-    assert bench.stage.move_time == frame * 1000
+    bench.operations.tell(False)
+    assert bench.operations.move_time == frame * 1000
 
 
 def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
@@ -303,8 +303,8 @@ def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
     to_frame(bench, 2)
     bench.run(40)
     bench.axes[0].stop(bench.bench)
-    bench.rest().stage.tell(False)
-    assert bench.stage.move_time == 0
+    bench.rest().operations.tell(False)
+    assert bench.operations.move_time == 0
 
 
 @pytest.mark.parametrize("frame, code", [(0, m.ERR_RANGE), (1, m.OK), (3, m.OK), (4, m.ERR_RANGE)])
@@ -316,7 +316,7 @@ def test_a_frame_outside_the_upload_is_out_of_range(frame, code):
 def test_without_a_finished_upload_there_is_no_frame_to_go_to():
     """field note 5.2"""
     bench = StageBench([0])
-    bench.stage.store = UploadedMove()
+    bench.operations.store = UploadedMove()
     assert to_frame(bench, 1) == m.ERR_GENERAL
 
 
@@ -339,7 +339,7 @@ def test_going_to_a_frame_drops_what_is_prepared():
     bench, _ = prepared()
     bench.until(READY)
     assert to_frame(bench, 2) == m.OK
-    assert bench.stage.state == IDLE
+    assert bench.operations.state == IDLE
 
 
 def test_only_the_motors_asked_for_go_to_a_frame():

@@ -20,7 +20,7 @@ class Run:
 
     def __init__(self, *paths, **settings):
         self.bench = StageBench(*paths, **settings)
-        self.run = RunMove(self.bench.stage, self.bench.show)
+        self.run = RunMove(self.bench.operations, self.bench.run_outputs)
         self.store = self.bench.store
 
     def prepare(self, fps=25, start=None, end=None, pre=200, post=200, angles=(0, 0), **draft):
@@ -36,7 +36,7 @@ class Run:
         assert self.prepare(fps, **request) == m.OK
         self.bench.until(READY).run(5)
         self.waits = self.places
-        self.bench.stage.start()
+        self.bench.operations.start()
         self.bench.until(RUNNING)
         self.began = self.bench.now()
         self.starts = self.run.begin_ms
@@ -87,7 +87,7 @@ def due(number, fps):
 def test_what_lies_outside_its_range_is_refused(request_, code):
     run = Run(WAVE)
     assert run.prepare(**request_) == code
-    assert run.bench.stage.state == (POSITIONING if code == m.OK else IDLE)
+    assert run.bench.operations.state == (POSITIONING if code == m.OK else IDLE)
 
 
 def test_a_run_without_a_finished_upload_is_refused():
@@ -109,8 +109,8 @@ def test_a_refused_run_leaves_the_one_that_waits():
     plan = run.run.plan
     assert run.prepare(fps=100) == m.ERR_RANGE
     assert run.run.plan is plan
-    assert run.bench.stage.may_go() == m.OK
-    run.bench.stage.start()
+    assert run.bench.operations.may_go() == m.OK
+    run.bench.operations.start()
     assert run.bench.rest().place() == 200
 
 
@@ -134,7 +134,7 @@ def test_a_limit_switch_in_the_way_is_refused():
     run = Run(WAVE)
     run.bench.safety.code = m.ERR_HARD_LOW
     assert run.prepare() == m.ERR_HARD_LOW
-    assert run.bench.stage.state == IDLE
+    assert run.bench.operations.state == IDLE
 
 
 # ---------------------------------------------------------------- where the motors wait
@@ -259,8 +259,8 @@ def test_move_time_is_the_start_frame_in_the_pre_roll_then_runs_on_to_the_end_fr
     heads = []
     while not run.bench.ends:
         run.bench.run()
-        if run.bench.stage.state == RUNNING:
-            heads.append(run.bench.stage.tell(False))
+        if run.bench.operations.state == RUNNING:
+            heads.append(run.bench.operations.tell(False))
     assert heads[0] == 101_000
     assert heads[-1] == 116_000
     assert np.diff(heads).min() >= 0
@@ -292,7 +292,7 @@ def test_stop_loop_before_go_makes_it_a_single_pass():
     run.prepare(loops=True)
     run.bench.until(READY)
     run.run.stop_loop()
-    run.bench.stage.start()
+    run.bench.operations.start()
     run.bench.rest()
     assert run.bench.told == [1000, 2000, 3000]
 
@@ -332,9 +332,9 @@ def test_stills_without_angles_are_open_from_90_to_180_degrees(angles, kept):
 def test_the_show_begins_with_the_pass_and_ends_with_it():
     run = Run(WAVE)
     run.play().rest()
-    (begin,) = [call for call in run.bench.show.calls if call[0] == "begin"]
+    (begin,) = [call for call in run.bench.run_outputs.calls if call[0] == "begin"]
     _, plan, first, step, starts, tick, closing = begin
     assert plan is run.run.plan
     assert (first, step, closing) == (0, 1, True)
     assert tick - starts == 200
-    assert run.bench.show.calls[-1] == ("end",)
+    assert run.bench.run_outputs.calls[-1] == ("end",)

@@ -20,7 +20,7 @@ class Shot:
 
     def __init__(self, *paths, **settings):
         self.bench = StageBench(*paths, **settings)
-        self.shoot = ShootFrame(self.bench.stage, self.bench.show)
+        self.shoot = ShootFrame(self.bench.operations, self.bench.run_outputs)
         self.shoot.blurred = -1
 
     def blur(self, *entries, frame=1, backward=False, ms=400, permille=1000):
@@ -43,10 +43,10 @@ class Shot:
         """GO, until it rests."""
         self.bench.until(READY)
         self.waits = self.places
-        self.bench.stage.start()
+        self.bench.operations.start()
         self.bench.until(RUNNING)
         self.began = self.bench.now()
-        ((self.starts, *meter), (self.opens, *opened), (self.closes, *closed)) = self.bench.show.signals
+        ((self.starts, *meter), (self.opens, *opened), (self.closes, *closed)) = self.bench.run_outputs.signals
         assert (meter, opened, closed) == ([METER, METER], [SHUTTER, SHUTTER], [SHUTTER | METER, 0])
         self.bench.rest()
         return self
@@ -293,11 +293,11 @@ def test_the_end_comes_when_the_motors_stand_and_the_shutter_is_closed():
 def test_a_stop_closes_the_shutter():
     shot = Shot([0])
     shot.blur((1, 0, 800))
-    shot.bench.until(READY).stage.start()
+    shot.bench.until(READY).operations.start()
     shot.bench.until(RUNNING).run(1200)
-    shot.bench.stage.stop()
-    assert ("drop_scheduled",) in shot.bench.show.calls
-    assert shot.bench.show.signals[-1][1:] == (SHUTTER | METER, 0)
+    shot.bench.operations.stop()
+    assert ("drop_scheduled",) in shot.bench.run_outputs.calls
+    assert shot.bench.run_outputs.signals[-1][1:] == (SHUTTER | METER, 0)
     assert shot.bench.rest().ends == 1
 
 

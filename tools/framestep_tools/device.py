@@ -45,8 +45,8 @@ b = sys.modules.get("framestep.boot")
 c = b and b.controller
 r = c and getattr(b, "runner", b.hal)
 def moving():
-    # without its passes the stage stays as it was
-    return c and c.axes.moving_bits() | (c.stage.engaged if r.alive else 0) or 0
+    # without its passes the operation stays as it was
+    return c and c.axes.moving_bits() | (c.operations.engaged if r.alive else 0) or 0
 print((bool(c), moving(), bool(c) and r.background))
 """
 _STOP = """

@@ -66,16 +66,20 @@ def operation(controller):
     """What Dragonframe's operation is doing, in words; None if there is none."""
     if controller.virtuals.engaged:
         return "a virtual move is on"
-    stage = controller.stage
-    if not stage.busy:
+    operations = controller.operations
+    if not operations.busy:
         return None
     moves = controller.moves
-    name = "a run" if stage.operation is moves.run else "an exposure" if stage.operation is moves.shoot else "a jog-all"
-    if stage.running and stage.state != ENDING:
-        return "%s is on, at frame %.2f" % (name, stage.move_time / 1000)
-    if stage.state == ENDING or stage.state == LEAVING:
+    name = "a jog-all"
+    if operations.operation is moves.run:
+        name = "a run"
+    elif operations.operation is moves.shoot:
+        name = "an exposure"
+    if operations.running and operations.state != ENDING:
+        return "%s is on, at frame %.2f" % (name, operations.move_time / 1000)
+    if operations.state == ENDING or operations.state == LEAVING:
         return "%s comes to rest" % name
-    return "%s waits for GO" % name if stage.state == READY else "the motors go to where %s begins" % name
+    return "%s waits for GO" % name if operations.state == READY else "the motors go to where %s begins" % name
 
 
 def dead():

@@ -13,7 +13,7 @@ def _report():
     lines.append("the host is connected" if controller.was_open else "no host is connected")
     lines.append(dead() or operation(controller) or ("motors move" if controller.axes.moving else "nothing moves"))
     lines += words.conditions(controller.condition()) + words.faults(controller.fault) + words.positions(controller)
-    told = controller.stage.player.exceeded
+    told = controller.operations.player.exceeded
     lines += words.exceeded(told[0], told[1] + 1, told[2], told[3])
     if controller.drivers:
         lines += controller.drivers.states_in_words()

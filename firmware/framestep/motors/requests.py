@@ -70,7 +70,7 @@ class Motors:
         if not controller.safe():
             return m.ERR_GENERAL
         virtuals = controller.virtuals
-        if controller.stage.running and controller.stage.takes(motor):
+        if controller.operations.running and controller.operations.takes(motor):
             return m.ERR_MOVING
         if virtuals.engaged >> motor & 1 and not virtuals.leads(motor):
             return m.ERR_MOVING
@@ -230,9 +230,9 @@ class Motors:
         motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
         engaged = controller.virtuals.engaged
-        taken = controller.stage.busy and controller.stage.takes(motor)
+        taken = controller.operations.busy and controller.operations.takes(motor)
         if taken:
-            controller.stage.stop(land=True, spared=engaged)
+            controller.operations.stop(land=True, spared=engaged)
         if engaged >> motor & 1:
             controller.virtuals.stop()
         elif not taken:
@@ -248,7 +248,7 @@ class Motors:
             return m.ERR_RANGE
         controller = self.controller
         axis = self.axes[motor]
-        engaged = controller.stage.engaged | controller.virtuals.engaged
+        engaged = controller.operations.engaged | controller.virtuals.engaged
         if axis.moving or engaged >> self._leading(motor) & 1:
             return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
         self.reader.word_to(1, self.words, 0)
@@ -256,7 +256,7 @@ class Motors:
             return m.ERR_RANGE
         self.axes.positions.know(motor)
         self.axes.renumbered(motor)
-        controller.stage.settings_changed()
+        controller.operations.settings_changed()
         controller.reports.position = True
         return m.OK
 
@@ -271,7 +271,7 @@ class Motors:
         enabled = flags & m.MOTOR_ENABLED
         coupling = (flags ^ self.flags[motor]) & _COUPLING
         if flags != self.flags[motor]:
-            engaged = self._coupled(controller.stage.engaged)
+            engaged = self._coupled(controller.operations.engaged)
             virtual = self._coupled(controller.virtuals.engaged)
             if coupling:
                 engaged |= engaged >> 1  # the next motor is meant as well
@@ -291,7 +291,7 @@ class Motors:
             self.switch_off(bit)
             self.axes.positions.release(motor)
         self._exclude()
-        controller.stage.settings_changed()
+        controller.operations.settings_changed()
         return m.OK
 
     def _couple(self, motor, flags):
@@ -315,7 +315,7 @@ class Motors:
         for motor in range(self.count):
             if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
                 bits |= 1 << motor
-        self.controller.stage.player.excluded = bits
+        self.controller.operations.player.excluded = bits
 
     def _set_speed(self):
         """MSG_MOTOR_SET_SPEED: motor 0, velocity 1 (steps/s), acceleration 5 (steps/s²; 0: half the velocity)."""
@@ -328,7 +328,7 @@ class Motors:
             acceleration = STEEPEST
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
-        self.controller.stage.settings_changed()
+        self.controller.operations.settings_changed()
         leading = self._leading(motor)
         self.controller.virtuals.changed(leading)
         if self.axes[leading].gentler:
@@ -356,10 +356,10 @@ class Motors:
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
         controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
-        controller.stage.settings_changed()
+        controller.operations.settings_changed()
         motor = self._leading(motor)
         controller.virtuals.changed(motor)
-        if not (controller.stage.playing | controller.virtuals.engaged) >> motor & 1:
+        if not (controller.operations.playing | controller.virtuals.engaged) >> motor & 1:
             self.axes[motor].heed(self.hal)
         return m.OK
 
@@ -371,7 +371,7 @@ class Motors:
         active, a bit each.
         """
         writer = self.writer
-        exceeded = self.controller.stage.player.exceeded
+        exceeded = self.controller.operations.player.exceeded
         motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
         if motor < 0 or motor >= self.count:
             return m.ERR_RANGE

@@ -46,10 +46,10 @@ class JogAll(Operation):
 
     sends_rt_end = False
 
-    def __init__(self, stage):
-        Operation.__init__(self, stage)
-        self.player = stage.player
-        self.store = stage.store
+    def __init__(self, operations):
+        Operation.__init__(self, operations)
+        self.player = operations.player
+        self.store = operations.store
         self.values = self.player.values  # scratch, shared with the checks
         self.last_queued = 0  # index of the last frame queued
         self.destination = 0  # index of the frame to come to rest on
@@ -61,9 +61,9 @@ class JogAll(Operation):
         self.hurry = False  # the last frame before the stop takes a second at most
         self.phases = JogPhases(self.player.numbers)
         self.begun = 0  # the tick in which the first pulse comes
-        self.places = array("i", [0] * stage.axes.count)
-        self.ways = array("i", [0] * stage.axes.count)  # which way each motor goes from there
-        self.draft = array("i", [0] * stage.axes.count)  # the same, of a request that may be refused
+        self.places = array("i", [0] * operations.axes.count)
+        self.ways = array("i", [0] * operations.axes.count)  # which way each motor goes from there
+        self.draft = array("i", [0] * operations.axes.count)  # the same, of a request that may be refused
 
     # ---------------------------------------------------------------- the request
 
@@ -73,19 +73,19 @@ class JogAll(Operation):
         A code; only OK changes anything.
         """
         store = self.store
-        stage = self.stage
+        operations = self.operations
         if store.state != UPLOADED:
             return ERR_GENERAL
         if fps_milli < 1 or fps_milli > FASTEST_FPS or frame < store.start or frame > store.end:
             return ERR_RANGE
-        under_way = stage.running
-        if under_way and (stage.operation is not self or stage.state == ENDING):
+        under_way = operations.running
+        if under_way and (operations.operation is not self or operations.state == ENDING):
             return ERR_MOVING
         to = frame - store.start
         going = False  # on from where it is in motion, without a rest
         bits = self.bits if under_way else self.player.motors()
         if not under_way:
-            if stage.axes.moving:
+            if operations.axes.moving:
                 return ERR_MOVING
             at = self._standing(bits)
             if at < 0:
@@ -114,8 +114,8 @@ class JogAll(Operation):
             return OK
         self.last_queued = at
         self.bits = bits
-        stage.drop_prepared()
-        stage.move_time = (store.start + at) * 1000
+        operations.drop_prepared()
+        operations.move_time = (store.start + at) * 1000
         if to == at:
             return OK
         self._aim(to)
@@ -154,7 +154,7 @@ class JogAll(Operation):
             (self.destination - self.last_queued) * self.step + 1,
             False,
         )
-        self.stage.approach(self, self.places, self.ways)
+        self.operations.approach(self, self.places, self.ways)
 
     def _aim(self, to):
         self.destination = to
@@ -192,7 +192,7 @@ class JogAll(Operation):
         """
         self.stop_asked = 0
         self.hurry = False
-        if self.stage.state == POSITIONING:
+        if self.operations.state == POSITIONING:
             # before it has begun, or between a landing and the way back
             self._aim(to)
             self.closed = to == self.last_queued
@@ -244,7 +244,7 @@ class JogAll(Operation):
         store = self.store
         if not bits:
             return -1
-        near = self.stage.move_time // 1000 - store.start
+        near = self.operations.move_time // 1000 - store.start
         last = store.end - store.start
         if 0 <= near <= last and self._stand_on(bits, near):
             return near
@@ -273,7 +273,7 @@ class JogAll(Operation):
 
     def _barred(self, bits, at, to):
         """OK, or the code of a limit switch in the way of a motor from index `at` to index `to`."""
-        safety = self.stage.safety
+        safety = self.operations.safety
         step = 1 if to > at else -1
         for motor in range(self.player.count):
             if (bits >> motor) & 1 and safety.ends(motor):
@@ -368,10 +368,10 @@ class JogAll(Operation):
             self.closed = True
 
     def play_head(self, tick, frame):
-        kernel = self.stage.axes.kernel.state
+        kernel = self.operations.axes.kernel.state
         k = self.phases.locate(elapsed(tick + 1 + kernel[stepper.LEAD], self.begun))
         if k < 0:
-            return self.stage.move_time
+            return self.operations.move_time
         r = self.player.numbers
         reals.multiply(r, X, HERE, THOUSAND)
         reals.put(r, Y, 1, -1)
@@ -379,8 +379,8 @@ class JogAll(Operation):
         return (self.store.start + self.phases.rows[k + INDEX]) * 1000 + self.step * reals.floor(r, X, HALF)
 
     def finished(self):
-        if self.closed and not self.stage.moving():
-            self.stage.move_time = (self.store.start + self.last_queued) * 1000
+        if self.closed and not self.operations.moving():
+            self.operations.move_time = (self.store.start + self.last_queued) * 1000
         return self.closed
 
     def next_pass(self):
@@ -409,7 +409,7 @@ class JogAll(Operation):
         self.after_turn = -1
         if not first:
             return True
-        axes = self.stage.axes
+        axes = self.operations.axes
         kernel = axes.kernel.state
         bits = self.bits
         uneven = False

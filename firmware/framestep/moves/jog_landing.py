@@ -20,7 +20,7 @@ _BRIEF = const(8)  # ticks: a rest of a frame that is shorter is played as one w
 def land_from(jog, ticks):
     """From where the queues have been cut, `ticks` after the beginning, go on to rest on a frame."""
     player = jog.player
-    axes = jog.stage.axes
+    axes = jog.operations.axes
     r = player.numbers
     step = jog.step
     at = jog.phases.rows[jog.phases.locate(ticks) + INDEX]

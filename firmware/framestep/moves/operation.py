@@ -4,7 +4,7 @@ from framestep.results import OK
 
 
 class Operation:
-    """What a kind of play adds to the state machine. stage: the OperationRunner.
+    """What a kind of play adds to the state machine. operations: the OperationRunner.
 
     Methods that are not overridden here do the least. `tick` and `ticks` count modulo 2^29. Nothing
     allocates.
@@ -12,8 +12,8 @@ class Operation:
 
     sends_rt_end = True  # the host is told of the end by RT_END
 
-    def __init__(self, stage):
-        self.stage = stage
+    def __init__(self, operations):
+        self.operations = operations
         self.bits = 0  # motors that take part
 
     # What it queues
@@ -46,9 +46,9 @@ class Operation:
         """MOVE TIME, in thousandths of a scene frame, when the pulses of `tick` have been made.
 
         frame: take the frame reached last instead. Where the answer is exactly a frame, its index
-        is left in `stage.told_frame`.
+        is left in `operations.told_frame`.
         """
-        return self.stage.move_time
+        return self.operations.move_time
 
     def finished(self):
         """Whether everything has been queued and reported; the motors may still be moving."""
@@ -59,7 +59,7 @@ class Operation:
     def next_pass(self):
         """Whether another pass follows.
 
-        If so, `start_positions` and `ways` of the stage are set.
+        If so, `start_positions` and `ways` of `operations` are set.
         """
         return False
 

@@ -38,11 +38,11 @@ class Moves:
         self.levels = LightLevels()
         self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.stage = OperationRunner(axes, self.store, controller.safety)
-        self.show = RunOutputs(axes, controller.io, self.levels, self.triggers)
-        self.run = RunMove(self.stage, self.show)
-        self.shoot = ShootFrame(self.stage, self.show)
-        self.jog = JogAll(self.stage)
+        self.operations = OperationRunner(axes, self.store, controller.safety)
+        self.run_outputs = RunOutputs(axes, controller.io, self.levels, self.triggers)
+        self.run = RunMove(self.operations, self.run_outputs)
+        self.shoot = ShootFrame(self.operations, self.run_outputs)
+        self.jog = JogAll(self.operations)
         self.places = array("i", [0] * axes.count)
         self.handlers = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
@@ -77,24 +77,24 @@ class Moves:
 
         Returns whether there may be more to plan.
         """
-        if self.show.busy:
-            self.show.poll()
-        if self.stage.state == READY and self.controller.virtuals.engaged:
+        if self.run_outputs.busy:
+            self.run_outputs.poll()
+        if self.operations.state == READY and self.controller.virtuals.engaged:
             return False  # its motors are not at rest, whether they move or not
-        return self.stage.poll()
+        return self.operations.poll()
 
     # ---------------------------------------------------------------- uploads
 
     def _begin(self):
         """MSG_RT_UPLOAD_MOVE_BEGIN: start frame 0, end frame 4 (field notes 5.1 and 5.3)."""
-        if self.stage.running:
+        if self.operations.running:
             return m.ERR_MOVING
         code = self.store.begin(self.reader.i32(0), self.reader.i32(4))
         if code == m.OK:
             frames = self.store.end - self.store.start + 1
             self.levels.begin(frames)
             self.triggers.begin(frames)
-            self.stage.drop_prepared()
+            self.operations.drop_prepared()
         return code
 
     def _axis(self):
@@ -104,9 +104,9 @@ class Moves:
         """
         reader = self.reader
         number = reader.u8(0)
-        if number < 1 or number > self.stage.axes.count:
+        if number < 1 or number > self.operations.axes.count:
             return m.ERR_RANGE
-        if self.stage.running:
+        if self.operations.running:
             return m.ERR_MOVING
         last = reader.u8(4) & 0x80
         count = (reader.length - 5) >> 2
@@ -118,7 +118,7 @@ class Moves:
         Channel 0, start index 2 (high bit: last section), levels 6.
         """
         reader = self.reader
-        if self.stage.running:
+        if self.operations.running:
             return m.ERR_MOVING
         last = reader.u8(5) & 0x80
         return self.levels.store(
@@ -127,7 +127,7 @@ class Moves:
 
     def _triggers(self):
         """MSG_RT_UPLOAD_MOVE_TRIGGERS: mask 0, pairs of frame and values 4 (field note 5.3)."""
-        if self.stage.running:
+        if self.operations.running:
             return m.ERR_MOVING
         reader = self.reader
         reader.word_to(0, self.places, 0)
@@ -138,7 +138,7 @@ class Moves:
 
         The move can be played from now on (field note 5.3).
         """
-        if self.stage.running:
+        if self.operations.running:
             return m.ERR_MOVING
         code = self.store.finish()
         if code == m.OK:
@@ -154,13 +154,13 @@ class Moves:
         Motors go there, lights and triggers are set as they are there.
         """
         code = self.controller.motors.may_move_all()
-        if code == m.OK and (self.stage.running or self.controller.virtuals.engaged):
+        if code == m.OK and (self.operations.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.stage.send_to_frame(self.reader.i32(0), self.places)
+            code = self.operations.send_to_frame(self.reader.i32(0), self.places)
         if code == m.OK:
-            self.controller.motors.moving_all(self.stage.player.motors())
-            self.show.show_frame(self.reader.i32(0) - self.store.start)
+            self.controller.motors.moving_all(self.operations.player.motors())
+            self.run_outputs.show_frame(self.reader.i32(0) - self.store.start)
         return code
 
     def _run_move(self):
@@ -209,7 +209,7 @@ class Moves:
 
         Returns `code`.
         """
-        if self.stage.player.exceeded[WHAT]:
+        if self.operations.player.exceeded[WHAT]:
             self.controller.untold |= UNTOLD
         return code
 
@@ -258,7 +258,7 @@ class Moves:
         bits = 0
         while offset < reader.length:
             number = reader.u8(offset)
-            if number < 1 or number > self.stage.axes.count:
+            if number < 1 or number > self.operations.axes.count:
                 return -1
             bits |= 1 << (number - 1)
             reader.word_to(offset + 1, first, number - 1)
@@ -270,17 +270,17 @@ class Moves:
         """OK if an operation may be prepared; else the code that says why not (field note 6.1)."""
         code = self.controller.motors.may_move_all()
         if code == m.OK:
-            if self.stage.running or self.stage.axes.moving or self.controller.virtuals.engaged:
+            if self.operations.running or self.operations.axes.moving or self.controller.virtuals.engaged:
                 return m.ERR_MOVING
-            self.stage.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
+            self.operations.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _may_go(self):
         """OK if the operation that waits may start; otherwise the code that says why not."""
         code = self.controller.motors.may_move_all()
         if code == m.OK:
-            code = self.stage.may_go()
-        if code == m.OK and self.stage.operation.bits & self.controller.virtuals.engaged:
+            code = self.operations.may_go()
+        if code == m.OK and self.operations.operation.bits & self.controller.virtuals.engaged:
             code = m.ERR_NOT_IN_POSITION  # they are about to leave
         return code
 
@@ -289,7 +289,7 @@ class Moves:
         code = self._may_go()
         if code == m.OK:
             self.controller.acknowledge(m.OK)
-            self.stage.start()
+            self.operations.start()
             return 0
         return code
 
@@ -300,7 +300,7 @@ class Moves:
         """
         if self._may_go() != m.OK:
             return False
-        self.stage.start()
+        self.operations.start()
         return True
 
     def _stop_loop(self):
@@ -308,14 +308,14 @@ class Moves:
 
         It counts before GO, too; without a loop it does nothing (field note 6.12).
         """
-        if self.stage.busy and self.stage.operation is self.run:
+        if self.operations.busy and self.operations.operation is self.run:
             self.run.stop_loop()
         return m.OK
 
     def _jog_all(self):
         """MSG_RT_JOG_ALL: FPS (thousandths) 0, destination frame 4 (field note 6.10)."""
         code = self.controller.motors.may_move_all()
-        if code == m.OK and not self.stage.running and self.controller.virtuals.engaged:
+        if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.prepare(self.reader.count(0), self.reader.i32(4))

@@ -89,13 +89,13 @@ class Plan:
 class RunMove(Operation):
     """The operation; see operation.Operation."""
 
-    def __init__(self, stage, show):
-        Operation.__init__(self, stage)
-        self.player = stage.player
-        self.store = stage.store
-        self.show = show  # lights, triggers and camera: moves/run_outputs.py
-        self.plan = Plan(stage.axes.count)
-        self.draft = Plan(stage.axes.count)
+    def __init__(self, operations, run_outputs):
+        Operation.__init__(self, operations)
+        self.player = operations.player
+        self.store = operations.store
+        self.run_outputs = run_outputs  # lights, triggers and camera: moves/run_outputs.py
+        self.plan = Plan(operations.axes.count)
+        self.draft = Plan(operations.axes.count)
         self.looping = False
         self.first = 0  # of this pass: ping-pong turns
         self.step = 1
@@ -111,8 +111,8 @@ class RunMove(Operation):
         self.tell_clock = FrameClock()
         # by motor, for the last pass: where it is at the end of the end frame, and where it comes
         # to rest
-        self.lasts = array("i", [0] * stage.axes.count)
-        self.rests = array("i", [0] * stage.axes.count)
+        self.lasts = array("i", [0] * operations.axes.count)
+        self.rests = array("i", [0] * operations.axes.count)
         self.end = 0  # index of the frame with which the last pass queued ends
 
     # ---------------------------------------------------------------- the request
@@ -149,7 +149,7 @@ class RunMove(Operation):
         plan.close_angle = close_angle
         code = self._settle(plan)
         if code == OK:
-            code = self.stage.blocked(plan.bits, plan.begins)
+            code = self.operations.blocked(plan.bits, plan.begins)
         if code != OK:
             self._restore()
             return code
@@ -161,7 +161,7 @@ class RunMove(Operation):
         self.begin_ms = plan.pre_ms
         self.end_ms = plan.post_ms
         self.looping = plan.loops or plan.turns
-        self.stage.prepare(self, plan.begins, plan.begin_ways, start)
+        self.operations.prepare(self, plan.begins, plan.begin_ways, start)
         return OK
 
     def _settle(self, plan):
@@ -223,8 +223,8 @@ class RunMove(Operation):
         onward = self.step == plan.step
         self.begin_ms = plan.pre_ms if onward else plan.post_ms
         self.end_ms = plan.post_ms if onward else plan.pre_ms
-        self.stage.start_positions = plan.begins if onward else plan.ends
-        self.stage.ways = plan.begin_ways if onward else plan.end_ways
+        self.operations.start_positions = plan.begins if onward else plan.ends
+        self.operations.ways = plan.begin_ways if onward else plan.end_ways
         return OK
 
     def heading(self, motor):
@@ -333,7 +333,7 @@ class RunMove(Operation):
         On the way back to the start none follows.
         """
         self.looping = False
-        self.show.close()
+        self.run_outputs.close()
 
     # ---------------------------------------------------------------- the pass
 
@@ -372,11 +372,11 @@ class RunMove(Operation):
     def started(self, tick):
         first = after(tick, self.begin_ms)
         self.tell_clock.begin(self.plan.fps_milli, first)
-        self.stage.axes.alarm(first)
-        self.show.begin(self.plan, self.first, self.step, tick, first, not self.looping)
+        self.operations.axes.alarm(first)
+        self.run_outputs.begin(self.plan, self.first, self.step, tick, first, not self.looping)
 
     def feed(self):
-        self.show.feed()
+        self.run_outputs.feed()
         if self.closed:
             return False
         if self.unclosed:
@@ -438,7 +438,7 @@ class RunMove(Operation):
         if told == 0:
             return (here + self.step) * 1000  # in the pre-roll
         clock = self.tell_clock
-        kernel = self.stage.axes.kernel.state
+        kernel = self.operations.axes.kernel.state
         ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])  # ticks to the next frame to be reported
         last = told > self.plan.frames
         if ahead >= HALF or ahead == 0 and clock.us == 0:
@@ -452,7 +452,7 @@ class RunMove(Operation):
             if last and left < clock.quotient:
                 return here * 1000
         if frame or left >= clock.quotient:
-            self.stage.told_frame = here - self.store.start
+            self.operations.told_frame = here - self.store.start
             return here * 1000
         if left < 0x100000:
             part = left * 1000 // clock.quotient
@@ -464,14 +464,14 @@ class RunMove(Operation):
         clock = self.tell_clock
         if self.told > self.plan.frames or not reached(ticks, clock.tick + 1):
             return False
-        self.stage.move_time = (self.store.start + self.first + self.step * self.told) * 1000
+        self.operations.move_time = (self.store.start + self.first + self.step * self.told) * 1000
         self.told += 1
         clock.advance()
-        self.stage.axes.alarm(clock.tick if self.told <= self.plan.frames else -1)
+        self.operations.axes.alarm(clock.tick if self.told <= self.plan.frames else -1)
         return True
 
     def finished(self):
-        return self.closed and self.told > self.plan.frames and self.show.finished()
+        return self.closed and self.told > self.plan.frames and self.run_outputs.finished()
 
     def still_wanted(self):
         return self.looping
@@ -485,13 +485,13 @@ class RunMove(Operation):
             self.step = -self.step
             self.begin_ms, self.end_ms = self.end_ms, self.begin_ms
             onward = self.step == plan.step
-            self.stage.start_positions = plan.begins if onward else plan.ends
-            self.stage.ways = plan.begin_ways if onward else plan.end_ways
+            self.operations.start_positions = plan.begins if onward else plan.ends
+            self.operations.ways = plan.begin_ways if onward else plan.end_ways
         return True
 
     def ended(self):
         self.looping = False
-        self.show.end()
+        self.run_outputs.end()
 
     def leave_end(self):
-        self.stage.return_to_frame(self.store.start + self.end, self.lasts, self.bits)
+        self.operations.return_to_frame(self.store.start + self.end, self.lasts, self.bits)

@@ -69,13 +69,13 @@ class Shot:
 class ShootFrame(Operation):
     """The operation; see operation.Operation."""
 
-    def __init__(self, stage, show):
-        Operation.__init__(self, stage)
-        self.player = stage.player
-        self.store = stage.store
-        self.show = show
-        self.shot = Shot(stage.axes.count)
-        self.draft = Shot(stage.axes.count)
+    def __init__(self, operations, run_outputs):
+        Operation.__init__(self, operations)
+        self.player = operations.player
+        self.store = operations.store
+        self.run_outputs = run_outputs
+        self.shot = Shot(operations.axes.count)
+        self.draft = Shot(operations.axes.count)
         self.blurred = 0  # bits of motors with the blur flag
         self.done_tick = 0
         self.done = True
@@ -125,14 +125,14 @@ class ShootFrame(Operation):
         if code == OK:
             code = self._places(shot, permille)
         if code == OK:
-            code = self.stage.blocked(shot.bits, shot.starts)
+            code = self.operations.blocked(shot.bits, shot.starts)
         if code != OK:
             return code
         self.draft = self.shot
         self.shot = shot
         self.bits = shot.bits
         self.done = True
-        self.stage.prepare(self, shot.starts, shot.ways, frame)
+        self.operations.prepare(self, shot.starts, shot.ways, frame)
         return OK
 
     def _from_path(self, motor, index, backward, shot):
@@ -312,19 +312,19 @@ class ShootFrame(Operation):
     def started(self, tick):
         self.done = False
         shot = self.shot
-        show = self.show
+        run_outputs = self.run_outputs
         opens = tick + shot.begin_ms
         closes = opens + shot.exposure_ms
-        show.schedule(tick, METER, METER)
-        show.schedule(opens, SHUTTER, SHUTTER)
-        show.schedule(closes, SHUTTER | METER, 0)
+        run_outputs.schedule(tick, METER, METER)
+        run_outputs.schedule(opens, SHUTTER, SHUTTER)
+        run_outputs.schedule(closes, SHUTTER | METER, 0)
         self.done_tick = after(tick, shot.lasts_ms)
-        self.stage.axes.alarm(after(self.done_tick, -1))
+        self.operations.axes.alarm(after(self.done_tick, -1))
 
     def frame_reached(self, ticks):
         if not self.done and reached(ticks, self.done_tick):
             self.done = True
-            self.stage.axes.alarm(-1)
+            self.operations.axes.alarm(-1)
         return False
 
     def finished(self):
@@ -333,6 +333,6 @@ class ShootFrame(Operation):
     def ended(self):
         if not self.done:
             self.done = True
-            self.show.drop_scheduled()
-            self.show.schedule(self.player.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
-            self.show.hand_over()
+            self.run_outputs.drop_scheduled()
+            self.run_outputs.schedule(self.player.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
+            self.run_outputs.hand_over()

@@ -58,7 +58,7 @@ class Virtuals:
         self.controller = controller
         self.reader = controller.reader
         self.writer = controller.writer
-        self.stage = controller.stage
+        self.operations = controller.operations
         axes = controller.axes
         self.axes = axes
         self.capabilities = controller.rig.virtuals
@@ -151,7 +151,7 @@ class Virtuals:
         kind = reader.u8(0)
         if kind >= _TYPES:
             return m.ERR_RANGE
-        busy = self.axes.moving_bits() | self.stage.engaged | self.engaged
+        busy = self.axes.moving_bits() | self.operations.engaged | self.engaged
         if busy & self.motion.bits:
             return m.ERR_MOVING
         if kind == m.VIRT_NONE:
@@ -244,7 +244,7 @@ class Virtuals:
         code = self.controller.motors.may_move_all()
         if code != m.OK:
             return code
-        if self.stage.engaged & motion.bits:
+        if self.operations.engaged & motion.bits:
             return m.ERR_MOVING
         if not self._usable(motion.bits):
             return m.ERR_GENERAL
