@@ -104,7 +104,7 @@ class RecordedOutputs:
 
 
 class StageBench:
-    """Motors on a kernel and an OperationRunner that plays an upload of theirs; a pass of the main loop after each tick.
+    """Motors on a kernel and the runner of operations on their upload; a pass of the main loop after each tick.
 
     paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.
     """

@@ -109,13 +109,8 @@ def code_of(session, request, answer):
 def inside(session):
     """What a refusal may not change."""
     moves = session.board._board.controller.moves
-    return (
-        moves.operations.state,
-        moves.operations.operation,
-        moves.operations.running,
-        moves.store.state,
-        moves.run.looping,
-    )
+    operations = moves.operations
+    return operations.state, operations.operation, operations.running, moves.store.state, moves.run.looping
 
 
 @pytest.mark.parametrize("state", realtime_answers.STATES)

@@ -76,7 +76,10 @@ class Triggers:
 
 
 class Stagehand:
-    """The outputs of a run and their pins; a pass of the main loop after each tick. `changes`: {name: [(tick, level)]}."""
+    """The outputs of a run and their pins; a pass of the main loop after each tick.
+
+    `changes`: {name: [(tick, level)]}.
+    """
 
     def __init__(self, ticks=1000, levels=None, mask=0, triggers=None):
         self.pins = Pins()
