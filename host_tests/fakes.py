@@ -28,7 +28,7 @@ class Motor:
 
     def __init__(self):
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
-        self.place = array("i", [0])
+        self.load_position = array("i", [0])
 
     refresh = Axis.refresh
     position_to = Axis.position_to

@@ -90,7 +90,7 @@ class Controller:
         self.moves = Moves(self)
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
-        self.memory = self._remember() if rig.remember_positions else None
+        self.journal = self._remember() if rig.remember_positions else None
         self.run_outputs = self.moves.run_outputs
         self.now = 0
         self.tended = 0
@@ -129,13 +129,13 @@ class Controller:
             part.handlers = None  # which would only keep memory
 
     def _remember(self):
-        from framestep.io.memory import Memory
+        from framestep.io.position_journal import PositionJournal
         from framestep.io.restore import restore
 
         try:
-            memory = Memory(self.hal.flash(), self.axes)
-            restore(memory)
-            return memory
+            journal = PositionJournal(self.hal.flash(), self.axes)
+            restore(journal)
+            return journal
         except OSError as error:
             if self.rig.ports == 2:  # else the REPL's port is the protocol's
                 print("framestep: positions cannot be remembered:", error)
@@ -216,8 +216,8 @@ class Controller:
         if lost or look & stepper.LOOK_FAULT:
             self._fault(lost)
         self.reports.send()
-        if self.memory:
-            self.memory.poll(now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged)
+        if self.journal:
+            self.journal.poll(now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged)
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
@@ -285,8 +285,8 @@ class Controller:
 
     def _handle(self, reader):
         """Do what is asked for. The code to acknowledge with, or 0 where the answer has been given."""
-        if self.motors.gentler:
-            self.motors.calm()
+        if self.motors.pending_acceleration:
+            self.motors.apply_pending_acceleration()
         kind = reader.type
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in _ASIDE:
@@ -348,7 +348,7 @@ class Controller:
         factor = self.rig.hard_stop_factor
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
-                self.positions.cut(self.axes.moving_bits())
+                self.positions.power_cut(self.axes.moving_bits())
             self._blame(FAULT_ESTOP)
             self.motors.jogging = 0
             self.operations.stop(factor)
@@ -380,7 +380,7 @@ class Controller:
                 lost |= 1 << motor  # its pulses broke off in motion, which it may not have followed
             block[stepper.FAULT] = 0
         if lost:
-            self.positions.lose(lost, STEPS)
+            self.positions.set_lost(lost, STEPS)
         self.fail()
 
     def _drivers_failed(self, bits):
@@ -389,7 +389,7 @@ class Controller:
         bits &= self.motors.powered
         if bits:
             self.motors.switch_off(bits)
-            self.positions.lose(bits, DRIVER)
+            self.positions.set_lost(bits, DRIVER)
             self._blame(FAULT_DRIVER)
             self.fail()
 
@@ -410,7 +410,7 @@ class Controller:
         lost = self.hal.reclaim()
         if lost < 0:
             return self.hal.ready()
-        self.positions.lose(lost, STEPS)
+        self.positions.set_lost(lost, STEPS)
         self._blame(FAULT_TAKEN)
         self.fail()
         return False
@@ -476,10 +476,10 @@ class Controller:
         if self.operations.player.exceeded[0]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
-            if self.memory is None or not self.memory.working:
+            if self.journal is None or not self.journal.working:
                 bits |= m.CONDITION_FORGETFUL
             else:
-                bits |= m.CONDITION_KEPT if self.positions.settled else m.CONDITION_UNKEPT
+                bits |= m.CONDITION_KEPT if self.positions.saved else m.CONDITION_UNKEPT
         return bits
 
     def _condition(self):

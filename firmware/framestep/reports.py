@@ -100,5 +100,5 @@ class Reports:
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
         writer.u32(controller.operations.tell(frame))
-        writer.words_from(controller.axes.told, 0, controller.count)
+        writer.words_from(controller.axes.reported, 0, controller.count)
         return writer.end()

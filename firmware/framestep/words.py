@@ -98,11 +98,11 @@ def positions(controller):
     where that is not far."""
     found = controller.positions
     axes = controller.axes
-    axes.choose()
+    axes.choose_sample()
     lines = []
     for motor in range(found.count):
         lines.append(
-            "motor %d: %d, %s" % (motor + 1, axes.told[motor], trust(found.states[motor], found.reasons[motor]))
+            "motor %d: %d, %s" % (motor + 1, axes.reported[motor], trust(found.states[motor], found.reasons[motor]))
         )
     if LOST in list(found.states):  # MicroPython does not look for a number in a bytearray
         lines.append(LIMITS_COUNT)

@@ -185,9 +185,9 @@ def motion_steep():
 
 def play_in_the_ramp(monkeypatch):
     """The play is taken up within the first phase of a run, at whatever speed that takes."""
-    travel, stands_on = Axis.travel, Axis.stands_on
+    move_to, stands_on = Axis.move_to, Axis.stands_on
     monkeypatch.setattr(
-        Axis, "travel", lambda self, hal, target, i, share=10000, way=0: travel(self, hal, target, i, share)
+        Axis, "move_to", lambda self, hal, target, i, speed=10000, way=0: move_to(self, hal, target, i, speed)
     )
     monkeypatch.setattr(Axis, "stands_on", lambda self, source, i, way=0: stands_on(self, source, i))
 
@@ -251,7 +251,7 @@ def told_wrong(monkeypatch):
 
     def wrong(self, frame):
         time = tell(self, frame)
-        self.axes.told[0] += 1
+        self.axes.reported[0] += 1
         return time
 
     monkeypatch.setattr(OperationRunner, "tell", wrong)
@@ -264,7 +264,7 @@ def told_ahead(monkeypatch):
     def wrong(self, frame):
         time = tell(self, frame)
         if self.axes.moving_bits():
-            self.axes.told[0] += 30
+            self.axes.reported[0] += 30
         return time
 
     monkeypatch.setattr(OperationRunner, "tell", wrong)

@@ -75,7 +75,7 @@ class Trial:
         self.runs = Runs(self)
         self.replies = Replies(self)
         for motor in self.motors:
-            motor.at = motor.load = self.board.controller.axes[motor.index].place[0]  # as remembered
+            motor.at = motor.load = self.board.controller.axes[motor.index].load_position[0]  # as remembered
             motor.stands(0)
         if self.stops.estop_pin is not None:
             self.stops.estop(self.hal.levels() >> self.stops.estop_pin & 1)

@@ -94,7 +94,7 @@ def on_pio(lines: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
             axes[numbers[0]].set_speed(*numbers[1:])
         elif what == "travel":
             target[1] = numbers[1]
-            axes[numbers[0]].travel(bench, target, 1)
+            axes[numbers[0]].move_to(bench, target, 1)
         elif what == "stop":
             axes[numbers[0]].stop(bench, numbers[1])
         elif what == "batch":

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from framestep.io.requests import send_stops
 from framestep.io.safety import RELEASE_MS, Safety
 from framestep.motion import stepper
-from framestep.motors.axis import STEEPEST, kernel_rate
+from framestep.motors.axis import ACCELERATION_LIMIT, kernel_rate
 from framestep.protocol import messages as m
 from framestep.protocol.frames import FrameWriter
 from host_tests.fakes import Motors
@@ -91,7 +91,7 @@ def test_an_interrupt_halts_every_motor_at_once(factor):
     switches.poll(30)
     bits, catch = switches.pins.watched
     assert bits == 1 << ESTOP
-    steepest = kernel_rate(STEEPEST)
+    steepest = kernel_rate(ACCELERATION_LIMIT)
     for i in range(8):
         switches.motors[i].moves(500 - 100 * i)  # one of them stands still
         switches.motors[i].block[stepper.BRAKE] = 1000 * (i + 1) if i < 7 else steepest - 1

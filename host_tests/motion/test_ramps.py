@@ -35,8 +35,8 @@ class Motor:
         self.place = place
         self.gone = [0.0]
         self.bench.after_tick.append(self._watch)
-        self._prepare = self.axis.prepare
-        self.axis.prepare = self._prepare_and_look
+        self._prepare = self.axis.begin_plan
+        self.axis.begin_plan = self._prepare_and_look
 
     def _watch(self):
         block = self.block
@@ -63,8 +63,8 @@ class Motor:
     def run(self, ticks):
         self.bench.run(ticks, self.axes.feed)
 
-    def travel(self, target, share=10_000):
-        return self.axis.travel(self.bench, array("i", [0, target]), 1, share)
+    def move_to(self, target, share=10_000):
+        return self.axis.move_to(self.bench, array("i", [0, target]), 1, share)
 
     def to_rest(self, limit=LONGEST_RUN):
         """Ticks until nothing moves any more."""
@@ -147,7 +147,7 @@ def test_one_move(move):
     """Rest to rest: exact, and as soon as velocity and acceleration allow."""
     velocity, acceleration, way = move
     motor = Motor(velocity, acceleration)
-    assert motor.travel(way) == (way != 0)
+    assert motor.move_to(way) == (way != 0)
     assert motor.axis.moving == (way != 0)
     ticks = motor.to_rest()
     assert motor.block[stepper.POSITION] == way
@@ -181,7 +181,7 @@ def play(motor, velocity, acceleration, script):
     steepest = 1
     for what, x, y in script:
         if what == TRAVEL:
-            motor.travel(x, y)
+            motor.move_to(x, y)
         elif what == STOP:
             motor.axis.stop(motor.bench, x)
             steepest = max(steepest, x)
@@ -212,7 +212,7 @@ def test_any_requests(case):
     motor = Motor(velocity, acceleration)
     steepest = play(motor, velocity, acceleration, script)
     motor.axis.set_speed(velocity, acceleration)
-    moves = motor.travel(target)
+    moves = motor.move_to(target)
     assert motor.axis.moving == moves
     ticks = motor.to_rest()
     place, v = motor.planned_from  # where it came to rest first, if it was about to
@@ -250,9 +250,9 @@ def test_jerk_limited(move, jerk, others):
         jerk = max(jerk, round(velocity / 1e3))
     motor = Motor(velocity, acceleration, jerk)
     for ticks, target in others:
-        motor.travel(target)
+        motor.move_to(target)
         motor.run(ticks)
-    motor.travel(way)
+    motor.move_to(way)
     motor.to_rest()
     assert motor.block[stepper.POSITION] == way
     motor.check(velocity, acceleration * 1.1)
@@ -266,9 +266,9 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
     """In each tick of the way to the top velocity: a new target does not take the motor past it."""
     for tick in range(2, round(2 * sqrt(velocity * 1e3 / jerk)) + 10, 2):
         motor = Motor(velocity, acceleration, jerk)
-        motor.travel(velocity * 10)
+        motor.move_to(velocity * 10)
         motor.run(tick)
-        motor.travel(velocity * 11)
+        motor.move_to(velocity * 11)
         motor.run(min(round(acceleration / jerk), 110) + 40)
         assert max(motor.gone) * 1e3 <= velocity * 1.0001 + 0.25, tick
 
@@ -306,7 +306,7 @@ def test_any_requests_within_the_jerk_limit(case):
     lowest = highest = 0
     for what, x, y in script:
         if what == TRAVEL:
-            motor.travel(x, y)
+            motor.move_to(x, y)
             lowest, highest = min(lowest, x), max(highest, x)
         elif what == STOP:
             motor.axis.stop(motor.bench, x, True)
@@ -315,7 +315,7 @@ def test_any_requests_within_the_jerk_limit(case):
         else:
             motor.run(x)
     motor.axis.set_speed(velocity, acceleration)
-    motor.travel(target)
+    motor.move_to(target)
     lowest, highest = min(lowest, target), max(highest, target)
     motor.to_rest(100_000)
     assert motor.block[stepper.POSITION] == target

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from framestep.hal.engine import LEAD
 from framestep.motion import reals, stepper
-from framestep.motors import axis as motion
 from framestep.motors.axes import Axes
+from framestep.motors.axis import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, kernel_rate
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 
@@ -31,8 +31,8 @@ class Rig:
     def __getitem__(self, motor):
         return self.axes[motor]
 
-    def travel(self, motor, target, share=10_000):
-        return self.axes[motor].travel(self.bench, word(target), 1, share)
+    def move_to(self, motor, target, share=10_000):
+        return self.axes[motor].move_to(self.bench, word(target), 1, share)
 
     def run(self, ticks):
         self.bench.run(ticks, self.axes.feed)
@@ -71,15 +71,15 @@ def test_speeds(velocity, acceleration, is_velocity, is_acceleration):
     axis = rig[0]
     axis.set_speed(velocity, acceleration)
     assert (axis.velocity, axis.acceleration) == (is_velocity, is_acceleration)
-    assert reals.value(axis.numbers, motion.TOP) == pytest.approx(is_velocity / 1e3)
-    assert reals.value(axis.numbers, motion.STEEP) == pytest.approx(is_acceleration / 1e6)
+    assert reals.value(axis.numbers, MAX_VELOCITY) == pytest.approx(is_velocity / 1e3)
+    assert reals.value(axis.numbers, MAX_ACCELERATION) == pytest.approx(is_acceleration / 1e6)
     assert axis.block[stepper.BRAKE] == pytest.approx(is_acceleration / 1e6 * ONE, rel=1e-4, abs=1)
 
 
-@given(st.integers(1, motion.STEEPEST))
+@given(st.integers(1, ACCELERATION_LIMIT))
 def test_kernel_rate(acceleration):
-    assert motion.kernel_rate(acceleration) == pytest.approx(acceleration * 2**22 / 1e6, rel=2e-4, abs=1)
-    assert motion.kernel_rate(acceleration) >= 1
+    assert kernel_rate(acceleration) == pytest.approx(acceleration * 2**22 / 1e6, rel=2e-4, abs=1)
+    assert kernel_rate(acceleration) >= 1
 
 
 def test_defaults():
@@ -92,9 +92,9 @@ def test_defaults():
 def test_jerk(jerk):
     axis = Axes(Bench())[0]
     axis.set_jerk(jerk)
-    assert reals.value(axis.numbers, motion.JERK) == pytest.approx(jerk * 1000 / 1e9)
+    assert reals.value(axis.numbers, MAX_JERK) == pytest.approx(jerk * 1000 / 1e9)
     axis.set_jerk(0)
-    assert reals.sign(axis.numbers, motion.JERK) == 0
+    assert reals.sign(axis.numbers, MAX_JERK) == 0
 
 
 # ---------------------------------------------------------------- limits
@@ -160,14 +160,14 @@ def test_clamp(place, target):
 def test_set_position(place):
     """Another number for where it stands: nothing moves, and a motion starts from there."""
     rig = Rig()
-    rig.travel(0, 1000)
+    rig.move_to(0, 1000)
     rig.to_rest()
     rig[0].set_position(word(place), 1)
     rig.run(10)
     assert rig.place() == place
     made = len(rig.bench.engines[0].rises)
     back = place - 50 if place > 0 else place + 50
-    assert rig.travel(0, back)
+    assert rig.move_to(0, back)
     rig.to_rest()
     assert rig.place() == back
     assert len(rig.bench.engines[0].rises) - made == 50
@@ -180,7 +180,7 @@ def test_moving_from_the_request_to_the_last_pulse():
     """field note 4.7."""
     rig = Rig(2)
     assert not rig.axes.moving
-    assert rig.travel(1, 300)
+    assert rig.move_to(1, 300)
     assert rig[1].moving and rig.axes.moving and rig.axes.moving_bits() == 2
     rig.to_rest()
     assert rig.axes.moving_bits() == 0
@@ -191,7 +191,7 @@ def test_moving_from_the_request_to_the_last_pulse():
 
 def test_nothing_to_do():
     rig = Rig()
-    assert not rig.travel(0, 0)
+    assert not rig.move_to(0, 0)
     assert not rig[0].moving
     rig.run(5)
     assert rig.bench.engines[0].rises == []
@@ -202,11 +202,11 @@ def test_the_same_target_again_changes_nothing():
     times = []
     for again in False, True:
         rig = Rig(jitter_us=0)
-        rig.travel(0, 3000)
+        rig.move_to(0, 3000)
         for _ in range(30):
             rig.run(10)
             if again:
-                rig.travel(0, 3000)
+                rig.move_to(0, 3000)
         rig.to_rest()
         assert rig.place() == 3000
         times.append(rig.bench.engines[0].rises[-1] / PER_TICK)
@@ -217,7 +217,7 @@ def test_heads_for():
     rig = Rig()
     axis = rig[0]
     assert not axis.heads_for(word(500), 1, 10_000)
-    rig.travel(0, 500, 5000)
+    rig.move_to(0, 500, 5000)
     assert axis.heads_for(word(500), 1, 5000)
     assert not axis.heads_for(word(500), 1, 10_000)
     assert not axis.heads_for(word(501), 1, 5000)
@@ -235,7 +235,7 @@ def test_shares(share, part):
     """field note 4.2: velocity and acceleration scaled, with a small floor."""
     rig = Rig(jitter_us=0)
     rig[0].set_speed(50_000, 100_000)
-    rig.travel(0, 100_000, share)
+    rig.move_to(0, 100_000, share)
     rig.run(1500)
     rises = np.array(rig.bench.engines[0].rises, dtype=float)
     assert 1e6 * PER_US / np.diff(rises[-10:]).mean() == pytest.approx(50_000 * part, rel=1e-3)
@@ -250,10 +250,10 @@ def test_shares(share, part):
 def test_a_share_follows_the_settings():
     """Settings changed between two jogs with the same share count for the second."""
     rig = Rig()
-    rig.travel(0, 10_000, 5000)
+    rig.move_to(0, 10_000, 5000)
     rig.run(600)
     rig[0].set_speed(1000, 20_000)
-    rig.travel(0, 20_000, 5000)
+    rig.move_to(0, 20_000, 5000)
     rig.run(600)
     gaps = np.diff(rig.bench.engines[0].rises[-20:])
     assert 1e6 * PER_US / gaps.mean() == pytest.approx(500, rel=1e-3)
@@ -263,9 +263,9 @@ def test_a_jog_the_other_way_stops_first():
     """field note 4.2: against the present direction it first ramps to a stop, then turns."""
     rig = Rig()
     rig[0].set_speed(20_000, 100_000)
-    rig.travel(0, HIGHEST)
+    rig.move_to(0, HIGHEST)
     rig.run(500)
-    rig.travel(0, LOWEST)
+    rig.move_to(0, LOWEST)
     rig.run(500)
     ways = rig.bench.engines[0].ways
     assert np.count_nonzero(np.diff(ways)) == 1
@@ -283,13 +283,13 @@ def test_stop_all_and_hard_stop():
     rig = Rig(3)
     for motor in range(3):
         rig[motor].set_speed(20_000, 20_000)
-        rig.travel(motor, 100_000)
+        rig.move_to(motor, 100_000)
     rig.run(1100)
     rig.axes.stop()
     soft = rig.to_rest()
     assert soft == pytest.approx(1000, abs=8)
     for motor in range(3):
-        rig.travel(motor, 0)
+        rig.move_to(motor, 0)
     rig.run(1100)
     rig.axes.stop()
     rig.run(10)
@@ -299,16 +299,16 @@ def test_stop_all_and_hard_stop():
 
 
 def test_release_starts_all_in_one_tick():
-    """Queued with prepare(), aim() and feed(), started by release(): the first pulses of all in step."""
+    """Queued with begin_plan(), append_phase() and feed(), started by release(): the first pulses of all in step."""
     rig = Rig(4)
     numbers = array("i", [0] * 8)
     reals.put(numbers, 0, 400, 0)  # ticks
     targets = array("i", [1000, 1000, -1000, 1000])
     for motor in range(4):
         axis = rig[motor]
-        axis.prepare(rig.bench)
+        axis.begin_plan(rig.bench)
         axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        axis.aim(0, 2, 2, numbers, targets, motor)
+        axis.append_phase(0, 2, 2, numbers, targets, motor)
         axis.feed()
     rig.run(7)
     assert not any(engine.rises for engine in rig.bench.engines)
@@ -346,9 +346,9 @@ def test_phases_appended_on_the_way(period):
         m, e = np.frexp(value)
         reals.put(numbers, register, round(m * 2**29), int(e) - 29)
 
-    axis.prepare(rig.bench)
+    axis.begin_plan(rig.bench)
     axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-    axis.expect(True)
+    axis.set_more_to_come(True)
     put(0, ticks)
     begun = rig.bench.due + rig.bench.state[stepper.AHEAD]
     k = 0
@@ -357,9 +357,9 @@ def test_phases_appended_on_the_way(period):
         while k < count and axis.phases.count() < 3:
             put(2, velocity(k) if k else 0.0)
             put(4, velocity(k + 1) if k + 1 < count else 0.0)
-            axis.aim(0, 2, 4, numbers, word(step(k + 1)), 1)
+            axis.append_phase(0, 2, 4, numbers, word(step(k + 1)), 1)
             k += 1
-            axis.expect(k < count)
+            axis.set_more_to_come(k < count)
         if not started:
             axis.feed()
             axis.start(rig.bench)
@@ -380,7 +380,7 @@ def test_phases_appended_on_the_way(period):
 def test_an_axis_whose_feed_stops_faults():
     rig = Rig()
     rig[0].set_speed(10_000, 100_000)
-    rig.travel(0, 1_000_000)
+    rig.move_to(0, 1_000_000)
     rig.run(300)
     rig.bench.run(900)
     assert rig.bench.state[stepper.FAULTS] == stepper.FAULT_DRY
@@ -395,10 +395,10 @@ def test_a_motor_that_stands_in_a_timed_motion_faults_without_its_feed(timed):
     axis = rig[0]
     numbers = array("i", [0] * 4)
     reals.put(numbers, 0, 50, 0)
-    axis.prepare(rig.bench)
+    axis.begin_plan(rig.bench)
     axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | timed
-    axis.expect(True)
-    axis.aim(0, 2, 2, numbers, word(0), 1)
+    axis.set_more_to_come(True)
+    axis.append_phase(0, 2, 2, numbers, word(0), 1)
     axis.feed()
     axis.start(rig.bench)
     rig.bench.run(40)
@@ -417,7 +417,7 @@ def test_one_pass_between_two_long_absences(young):
     rig = Rig(8)
     for motor in range(8):
         rig[motor].set_speed(20_000, 100_000)
-        rig.travel(motor, 40_000)
+        rig.move_to(motor, 40_000)
     rig.run(young)
     for absence in 64, 47, 64:
         rig.bench.run(absence)
@@ -433,17 +433,17 @@ def play(phases):
     """Plays (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from rest at step 0."""
     rig = Rig()
     axis = rig[0]
-    axis.prepare(rig.bench)
+    axis.begin_plan(rig.bench)
     axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
-    axis.expect(True)
+    axis.set_more_to_come(True)
     r = array("i", [0] * 6)
     before = 0
     for duration, step, velocity in phases:
         for register, number in ((0, duration), (2, before), (4, velocity)):
             reals.put(r, register, number, -6)
-        axis.aim(0, 2, 4, r, word(step), 1)
+        axis.append_phase(0, 2, 4, r, word(step), 1)
         before = velocity
-    axis.expect(False)
+    axis.set_more_to_come(False)
     axis.feed()
     axis.start(rig.bench)
     rig.to_rest()

@@ -41,8 +41,8 @@ class There(Operation):
         self.asked.append(f"lead {motor}")
         numbers = self.operations.player.numbers
         reals.put(numbers, OWN, TICKS, 0)
-        self.axes[motor].aim(OWN, ZERO, ZERO, numbers, self.ends, motor)
-        self.axes[motor].expect(False)
+        self.axes[motor].append_phase(OWN, ZERO, ZERO, numbers, self.ends, motor)
+        self.axes[motor].set_more_to_come(False)
 
     def started(self, tick):
         self.began = tick

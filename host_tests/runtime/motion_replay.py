@@ -69,20 +69,20 @@ class Rig:
             axis = self.axes[i]
             write(self.kernel.blocks[i])
             write(axis.cubic)
-            write(axis.place)
+            write(axis.load_position)
             write(self.fifos[i])
 
 
 def travel(rig, axis, share):
     heap_lock()
-    axis.travel(rig, rig.words, 1, share)
+    axis.move_to(rig, rig.words, 1, share)
     heap_unlock()
 
 
 def jog(rig, axis, share):
     heap_lock()
     axis.clamp(rig.words, 1)
-    axis.travel(rig, rig.words, 1, share)
+    axis.move_to(rig, rig.words, 1, share)
     heap_unlock()
 
 

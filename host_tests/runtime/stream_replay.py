@@ -56,7 +56,7 @@ class Rig:
 
 def travel(rig, axis):
     heap_lock()
-    axis.travel(rig, rig.target, 1)
+    axis.move_to(rig, rig.target, 1)
     heap_unlock()
 
 

@@ -76,7 +76,7 @@ _STAYS = {
     "framestep/controller.mpy": {
         "poll", "_tend", "_plan", "_listen", "_attend", "_handle", "_light", "_sound", "acknowledge",
     },
-    "framestep/motors/requests.mpy": {"calm"},
+    "framestep/motors/requests.mpy": {"apply_pending_acceleration"},
     "framestep/reports.mpy": {"send", "send_positions"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"trouble", "reclaim", "ready", "_bus_guard"},

@@ -181,7 +181,7 @@ class DriverWire:
 
 
 class Flash:
-    """Storage that outlives a power cut, for io/memory.py.
+    """Storage that outlives a power cut, for io/position_journal.py.
 
     blocks      how many, at least 2
     bytes       of a block

@@ -1,4 +1,4 @@
-"""Flash for framestep.io.memory, written past the file system but in blocks that belong to it.
+"""Flash for framestep.io.position_journal, written past the file system but in blocks that belong to it.
 
 A pass of the main loop may strike in the middle of the file system's own work (MicroPython runs scheduled functions
 from within flash reads), so it must not open a file. Instead each block is a file of just one block's length, made at

@@ -18,7 +18,7 @@ from framestep import results
 from framestep.clock import elapsed
 from framestep.motion.stepper import DOWN as MOVING_DOWN
 from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
-from framestep.motors.axis import STEEPEST, kernel_rate
+from framestep.motors.axis import ACCELERATION_LIMIT, kernel_rate
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 RELEASE_MS = const(20)
@@ -137,7 +137,7 @@ class Safety:
         if rig.estop != "none":
             self._estop = self._switch(hal.board["estop"], rig.estop)
         self._everyone = (1 << axes.count) - 1
-        self._steepest = kernel_rate(STEEPEST)
+        self._steepest = kernel_rate(ACCELERATION_LIMIT)
         self._place = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.struck = 0  # motors that are being stopped at a limit, as _approaching has them

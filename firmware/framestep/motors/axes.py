@@ -3,15 +3,15 @@
 from array import array
 
 from framestep.motion import stepper
-from framestep.motors.axis import MOST, Axis
+from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.feeder import neediest
 from framestep.motors.positions import Positions
 from framestep.native import const
 
 AHEAD = const(11)  # segments to keep queued
-LOW = const(5)  # with fewer a moving motor is filled up in any pass
-_PIECE = const(4)  # segments cut in a pass, at least
-_CALL = const(2)  # so many could have been cut in the time that it takes to begin with a motor
+LOW = const(5)  # the queue of a moving motor with fewer is filled in any pass
+_PIECE = const(4)  # a pass cuts segments until this is used up: a segment counts one,
+_CALL = const(2)  # and to begin with a motor takes as long as so many
 
 _ALL_BITS = const(0x3FFFFFFF)
 
@@ -19,8 +19,9 @@ _ALL_BITS = const(0x3FFFFFFF)
 class Axes:
     """All motors of the controller.
 
-    The pins are behind the kernel: what it queues in a tick is pulsed `BEHIND` ticks later. So what is told of
-    positions comes from samples taken some ticks ago: all of one moment, and of pulses that have been made.
+    The pins are behind the kernel: what it queues in a tick is pulsed BEHIND ticks later. So the
+    positions reported come from samples taken some ticks ago: of pulses that have been made, all at
+    the same time.
     """
 
     def __init__(self, hal):
@@ -29,9 +30,11 @@ class Axes:
         self.count = hal.kernel.motors
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
-        self.loose = []  # those with backlash
+        self.with_backlash = []
         self.samples = stepper.samples(self.count)  # each pass of the main loop begins with another
-        self.told = array("i", [0] * self.count)  # where the loads are by the pulses made until then: see choose()
+        self.reported = array(
+            "i", [0] * self.count
+        )  # where the loads are by the pulses made until then: see choose_sample()
 
     def __getitem__(self, motor):
         return self.axes[motor]
@@ -39,14 +42,16 @@ class Axes:
     def set_backlash(self, motor, steps):
         """As Axis.set_backlash()."""
         self[motor].set_backlash(steps)
-        self.loose = [axis for axis in self.axes if axis.backlash]
+        self.with_backlash = [axis for axis in self.axes if axis.backlash]
 
     def feed(self, urgent=False):
-        """Fill the queue of the motor that has the fewest segments, if fewer than AHEAD; whether there was one.
+        """Fill the queue of the motor with the fewest segments, if it has fewer than AHEAD.
 
-        When that takes little, the next one's as well: in one pass of the main loop a piece of the work is done, so
-        that requests are answered between. But a pass may be the only one between two long absences, so it leaves no
-        motor that moves with fewer than LOW. urgent: no others.
+        If that was little work, do the next one as well. A pass of the main loop does only a piece
+        of the work, so that requests are answered in between. But it may be the only pass for a
+        long time, so it leaves no moving motor with fewer than LOW. urgent: fill only such ones.
+
+        Returns whether there may be more to do.
         """
         state = self.kernel.state
         left = _PIECE
@@ -63,9 +68,9 @@ class Axes:
                     break
             axis = self.axes[(found >> 5) - 1]
             tail = axis.block[stepper.TAIL]
-            axis.feed(min((found & 31) + AHEAD, MOST))
+            axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
             left -= ((axis.block[stepper.TAIL] - tail) & _ALL_BITS) + _CALL
-        for axis in self.loose:
+        for axis in self.with_backlash:
             axis.refresh()
         bits = stepper.seeking(self.kernel.state)
         if not bits:
@@ -74,7 +79,7 @@ class Axes:
         while not bits & 1:
             bits >>= 1
             motor += 1
-        self.axes[motor].seek(self.hal)
+        self.axes[motor].resume_target(self.hal)
         return True
 
     @property
@@ -82,21 +87,23 @@ class Axes:
         """Whether every queue has AHEAD segments, or all that there is to cut."""
         return neediest(self.kernel.state, AHEAD, 0) == 0
 
-    def choose(self):
-        """`told` = where the pulses made until now have taken the loads. The tick (modulo 2^29) whose pulses were the
-        last of them."""
-        return stepper.choose(self.kernel.state, self.samples, self.told)
+    def choose_sample(self):
+        """Set `reported` to where the pulses made so far have taken the loads.
+
+        Returns the tick (modulo 2^29) whose pulses were the last of them.
+        """
+        return stepper.choose(self.kernel.state, self.samples, self.reported)
 
     def alarm(self, tick):
-        """Have stepper.sample() tell from when this tick (modulo 2^29) is over; -1: no longer."""
+        """Make stepper.sample() say so once this tick (modulo 2^29) is over; -1: no longer."""
         self.samples[stepper.ALARM] = tick
 
-    def renumbered(self, motor):
-        """A motor at rest has been given another position."""
-        stepper.renumber(self.samples, motor, self.axes[motor].place)
+    def position_was_set(self, motor):
+        """The position of a motor at rest has been set."""
+        stepper.renumber(self.samples, motor, self.axes[motor].load_position)
 
     def moving_bits(self):
-        """One bit per motor that moves."""
+        """The motors that move, one bit each."""
         return stepper.moving(self.kernel.state)
 
     @property
@@ -104,13 +111,13 @@ class Axes:
         return stepper.moving(self.kernel.state) != 0
 
     def release(self, bits):
-        """Start the motors of these bits in the next tick, all in the same. Interrupts are off."""
+        """Start the motors of these bits, all in the next tick. Interrupts are off."""
         for i in range(self.count):
             if bits >> i & 1:
                 self.axes[i].release()
 
     def discard(self, bits):
-        """Drop what has been prepared for the motors of these bits, which are at rest and not planned to move."""
+        """Drop what has been queued for the motors of these bits, which are at rest."""
         for i in range(self.count):
             if bits >> i & 1 and self.axes[i].partner:
                 bits |= 2 << i
@@ -119,7 +126,7 @@ class Axes:
         self.hal.irq_on(irq)
 
     def stop(self, factor=1, spared=0, smooth=False):
-        """Ramp all motors down but those of the bits `spared`, and those that they lead; see Axis.stop."""
+        """Ramp all motors down but those of the bits `spared` and their partners; see Axis.stop()."""
         for i in range(self.count):
             axis = self.axes[i]
             if axis.moving and not axis.leader and not spared >> i & 1:

@@ -1,4 +1,4 @@
-"""How far a motor may go: its soft limits, the range of positions, and what a coupled motor allows.
+"""How far a motor may go: its soft limits, the range of positions, and the coupled motor's bounds.
 
 Positions are words, int32. Nothing allocates.
 """
@@ -17,11 +17,10 @@ _ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
 
 
 def update(axis):
-    """`bounds`: the lowest and the highest place for the load.
+    """Set an axis' `bounds`: the lowest and the highest position of the load, and if there is play.
 
-    Those of the soft limits that are enabled, and of the range of positions, to whose lower end the motor must be
-    able to take up its play; for coupled motors also what the partner's own bounds are for this one. Then whether
-    there is any play.
+    They are the enabled soft limits and the ends of the range of positions; at the lower end there
+    must be room for the motor's play. For coupled motors the partner's bounds count as well.
     """
     bounds = axis.bounds
     _own(axis, bounds)
@@ -32,7 +31,7 @@ def update(axis):
     bounds[2] |= partner.backlash
     # The partner's motor goes from its lower bound less its play up to its upper bound.
     word = axis.word
-    _own(partner, partner.bounds, 1)  # by rounding it may be a hair past the end of its range
+    _own(partner, partner.bounds, 1)  # as its play is rounded, it may end a step farther
     word[2] = partner.backlash
     add_words(word, 0, partner.bounds, 0, word, 2, 1)
     reals.copy_word(word, 1, partner.bounds, 1)
@@ -53,6 +52,7 @@ def update(axis):
 
 
 def _own(axis, bounds, margin=0):
+    """Set bounds[0] and bounds[1] to what the axis on its own allows."""
     word = axis.word
     word[2] = axis.backlash + margin
     add_words(bounds, 0, _ENDS, 0, word, 2, 0)

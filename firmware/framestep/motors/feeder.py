@@ -1,6 +1,6 @@
 """Cuts the phases of a motor into segments, which the tick takes from its queue.
 
-`work` of an axis says what of its phases has been queued. Nothing allocates.
+`work` of an axis says how much of its phases has been queued. Nothing allocates.
 """
 
 from framestep.motion import ramps, segments, stepper
@@ -17,42 +17,54 @@ MORE = const(4)  # further phases will be appended: do not come to rest
 MIRRORED = const(5)  # a partner does the same: 1, in the opposite sense 2
 WORK_WORDS = const(6)
 
+# What feed() works with, entries of `parts` of an axis
+WORK = const(0)
+CUBIC = const(1)
+BLOCK = const(2)
+STATE = const(3)
+WHOLE = const(4)
+KNOT = const(5)
+PHASES = const(6)
+SCRATCH = const(7)
+
 _ALL_BITS = const(0x3FFFFFFF)
 _PHASE_MASK = const(ramps.PHASES - 1)
 
 
 @micropython.viper
 def set_cubic(cubic: ptr32, state: ptr32):
-    """Start a cubic from the state that stepper.splice tells."""
-    cubic[0] = state[0]
-    cubic[1] = state[1] >> 6
-    cubic[2] = (state[1] & 63) << 24
+    """Begin a cubic with the state that stepper.splice() has found."""
+    cubic[segments.WHOLE] = state[0]
+    cubic[segments.P] = state[1] >> 6
+    cubic[segments.P + 1] = (state[1] & 63) << 24
     # the kernel's velocity is the displacement of a tick: half the acceleration more
     v = state[2] - (state[3] >> 6)
-    cubic[3] = v >> 6
-    cubic[4] = (v & 63) << 24
+    cubic[segments.G1] = v >> 6
+    cubic[segments.G1 + 1] = (v & 63) << 24
     a = state[3]
-    cubic[5] = a >> 12
-    cubic[6] = (a & 0xFFF) << 18
-    cubic[7] = 0
-    cubic[8] = 0
+    cubic[segments.G2] = a >> 12
+    cubic[segments.G2 + 1] = (a & 0xFFF) << 18
+    cubic[segments.G3] = 0
+    cubic[segments.G3 + 1] = 0
 
 
 @micropython.viper
 def feed(parts, other, base, most: int, enough: int):
     """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
 
-    parts: see Axis; other: the block of a motor that does the same, and base: see segments.mirror().
+    parts: those of the Axis. other: the block of a coupled motor, or None; base: see
+    segments.mirror().
 
-    A phase ends within a tick, as a rule. That tick is a segment of its own, from where the old phase begins it to
-    where the new one, or the one after that, ends it. At the end of the last phase the motor comes to rest.
+    As a rule a phase ends within a tick. That tick is a segment of its own: it begins with the old
+    phase and ends with the new one, or with the one after that. At the end of the last phase the
+    motor comes to rest.
     """
-    work = parts[0]
-    cubic = parts[1]
-    block = parts[2]
-    state = parts[3]
-    whole = parts[4]
-    words = parts[6]
+    work = parts[WORK]
+    cubic = parts[CUBIC]
+    block = parts[BLOCK]
+    state = parts[STATE]
+    whole = parts[WHOLE]
+    words = parts[PHASES]
     w = ptr32(work)
     b = ptr32(block)
     out = ptr32(whole)
@@ -84,9 +96,9 @@ def feed(parts, other, base, most: int, enough: int):
             shift(cubic, part, 0, 0)
         while True:
             if w[AIMED]:
-                snap(cubic, parts[5])
+                snap(cubic, parts[KNOT])
                 if part:
-                    knot(state, parts[5], part)
+                    knot(state, parts[KNOT], part)
             if p[ramps.HEAD] == p[ramps.TAIL]:
                 settle(cubic)
                 if part:
@@ -100,7 +112,7 @@ def feed(parts, other, base, most: int, enough: int):
                 w[AIMED] = 0
                 b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
                 break
-            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[5], parts[7]))
+            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[KNOT], parts[SCRATCH]))
             if took:
                 p[ramps.HEAD] = (p[ramps.HEAD] + 1) & _PHASE_MASK
             w[AIMED] = took >> 1
@@ -109,8 +121,8 @@ def feed(parts, other, base, most: int, enough: int):
                 w[PART] = out[1]
                 break
             rest = _ALL_BITS - part + 1  # of the tick, below 2^30
-            # A phase that ends with the tick is over before what follows it: within a tick an AIM phase may miss its
-            # step, and is put there in this tick's segment, not between two.
+            # A phase that ends exactly with the tick is over before the next one begins: an AIM
+            # phase may miss its step by rounding, and is put there within this tick's segment.
             if out[0] or out[1] > rest:
                 shift(cubic, rest, 0, 0)
                 bridge(state, cubic, block, part)
@@ -136,10 +148,11 @@ def feed(parts, other, base, most: int, enough: int):
 
 @micropython.viper
 def neediest(m: ptr32, least: int, modes: int) -> int:
-    """Whose queue is to be filled next: 32 times the motor, from 1, and how many segments it has; 0 for none.
+    """Find the motor whose queue is to be filled next: the one with the fewest segments.
 
-    It has the fewest of those with fewer than `least` (up to 16) and something to cut more from. m: the header.
-    modes: only motors in one of them (MODE's bits), 0: any.
+    Returns 32 times the motor's number, from 1, plus its count of segments; 0 for none. Only motors
+    with fewer than `least` (up to 16) and with more to cut count. m: the header. modes: only motors
+    in one of these modes (bits of MODE); 0: any.
     """
     found = 0
     motor = 0

@@ -1,12 +1,13 @@
 """How far the position of each motor can be trusted.
 
 KNOWN   The host has set it since power-up (RESET_POSITION), and every step since has been made with the driver on.
-HELD    Nothing speaks against it, but nobody has confirmed it either: it was restored from memory at power-up, or the
-        driver has been switched off since, when the motor may have been turned.
-LOST    The number does not tell where the motor is: nobody has set it since power-up, steps were not made, or the power
-        or the firmware went in the middle of a motion. Soft limits still count from the number, so they do not protect.
+HELD    Probably right, but not confirmed: it was restored from the journal at power-up, or the
+        driver has been off since, so that the motor may have been turned.
+LOST    Wrong or unknown: nobody has set it since power-up, steps were not made, or power or
+        firmware failed in motion. Soft limits still count from the number, so they do not protect.
 
-Only RESET_POSITION takes a motor out of LOST. Each state has a reason, for people (framestep.words says it in words).
+Only RESET_POSITION takes a motor out of LOST. Each state has a reason, for people
+(framestep.words has the texts).
 Nothing allocates after construction.
 """
 
@@ -18,10 +19,10 @@ KNOWN = const(2)
 
 # Reasons
 UNSET = const(0)  # LOST: not set since power-up
-STEPS = const(1)  # LOST: the engine has not made them
-BROKEN_OFF = const(2)  # LOST: power or reset came in motion
-BEFORE = const(3)  # LOST: so already when the power went
-RESTORED = const(4)  # HELD
+STEPS = const(1)  # LOST: the engine has not made all steps
+BROKEN_OFF = const(2)  # LOST: a power cut or a reset in motion
+BEFORE = const(3)  # LOST: was lost already before the power cut
+RESTORED = const(4)  # HELD: from the journal
 DRIVER_OFF = const(5)  # HELD
 SET = const(6)  # KNOWN
 DRIVER = const(7)  # LOST: its driver has failed
@@ -31,46 +32,47 @@ UNPOWERED = const(8)  # LOST: the E-stop has cut its power in motion
 class Positions:
     """The states of all motors, from 0.
 
-    `settled`: what a memory keeps is true of all motors now (io/memory.py). Whoever is about to move one or to give it
-    another number calls touch() before.
+    `saved`: the journal (io/position_journal.py) has the present positions of all motors. Whoever is
+    about to move a motor or to set its position calls about_to_change() first.
     """
 
     def __init__(self, count):
         self.count = count
         self.states = bytearray(count)  # LOST, UNSET
         self.reasons = bytearray(count)
-        self.memory = None
-        self.settled = False
+        self.journal = None
+        self.saved = False
 
     def put(self, motor, state, reason):
+        """Set a motor's state, and the reason for it."""
         self.states[motor] = state
         self.reasons[motor] = reason
 
-    def touch(self):
-        """The positions are about to change: what is remembered is no longer true."""
-        if self.settled:
-            self.settled = False
-            self.memory.spoil()
+    def about_to_change(self):
+        """A position is about to change: invalidate what the journal has."""
+        if self.saved:
+            self.saved = False
+            self.journal.invalidate()
 
-    def know(self, motor):
-        """The host says where it is. To be called before the number changes."""
-        self.touch()
+    def set_known(self, motor):
+        """The host sets the position. To be called before the number changes."""
+        self.about_to_change()
         self.put(motor, KNOWN, SET)
 
-    def release(self, motor):
-        """Its driver is switched off, or has lost its power."""
+    def driver_off(self, motor):
+        """The motor's driver has been switched off or has lost its power."""
         if self.states[motor] == KNOWN:
             self.put(motor, HELD, DRIVER_OFF)
 
-    def lose(self, bits, reason):
-        """The motors of these bits are no longer where their numbers say."""
-        self.touch()
+    def set_lost(self, bits, reason):
+        """The motors of these bits are no longer where their positions say."""
+        self.about_to_change()
         for motor in range(self.count):
             if bits >> motor & 1:
                 self.put(motor, LOST, reason)
 
-    def cut(self, moving):
+    def power_cut(self, moving):
         """All motors have lost their power, those of the bits `moving` in motion."""
-        self.lose(moving, UNPOWERED)
+        self.set_lost(moving, UNPOWERED)
         for motor in range(self.count):
-            self.release(motor)
+            self.driver_off(motor)

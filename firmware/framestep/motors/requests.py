@@ -8,12 +8,11 @@ from array import array
 
 from framestep.clock import elapsed
 from framestep.motion import stepper
-from framestep.motors.axis import FASTEST, STEEPEST, TICKS_PER_SECOND
+from framestep.motors.axis import ACCELERATION_LIMIT, FULL_SPEED, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.native import const
 from framestep.protocol import messages as m
 
 _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
-_FULL_SHARE = const(10000)  # of a jog, in ten-thousandths of velocity and acceleration
 
 
 class Motors:
@@ -32,9 +31,9 @@ class Motors:
         # steps/s that a motor can do with its pulses
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
-        self.fastest = array("i", [min(FASTEST, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
+        self.fastest = array("i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
         self.powered = 0  # bits of motors whose driver is on
-        self.gentler = 0  # bits of motors that wait for a lower acceleration
+        self.pending_acceleration = 0  # bits of motors that wait for a lower acceleration
         self.jogging = 0  # bits of motors that jog
         self.jog_at = array("i", [0] * self.count)  # when a jog was asked for last, ms
         self.words = array("i", [0] * 2)  # of the request: a target, or two limits
@@ -174,14 +173,14 @@ class Motors:
         if controller.virtuals.leads(motor):
             return controller.virtuals.drive(motor, self.words, 0)
         self._power(1 << motor)
-        axis.travel(self.hal, self.words, 0)
+        axis.move_to(self.hal, self.words, 0)
         return m.OK
 
     def _jog(self):
         """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target step 3 (field note 4.2)."""
         motor = self._motor()
         speed = self.reader.u16(1)
-        if motor < 0 or speed < 1 or speed > _FULL_SHARE:
+        if motor < 0 or speed < 1 or speed > FULL_SPEED:
             return m.ERR_RANGE
         self.reader.word_to(3, self.words, 0)
         return self.jog(motor, speed)
@@ -204,7 +203,7 @@ class Motors:
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit
             self._power(bit)
-            axis.travel(self.hal, self.words, 0, speed)
+            axis.move_to(self.hal, self.words, 0, speed)
         return m.OK
 
     def end_jogs(self):
@@ -254,8 +253,8 @@ class Motors:
         self.reader.word_to(1, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
-        self.axes.positions.know(motor)
-        self.axes.renumbered(motor)
+        self.axes.positions.set_known(motor)
+        self.axes.position_was_set(motor)
         controller.operations.settings_changed()
         controller.reports.position = True
         return m.OK
@@ -289,7 +288,7 @@ class Motors:
             self._power(bit)
         else:
             self.switch_off(bit)
-            self.axes.positions.release(motor)
+            self.axes.positions.driver_off(motor)
         self._exclude()
         controller.operations.settings_changed()
         return m.OK
@@ -325,21 +324,21 @@ class Motors:
         if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
             return m.ERR_RANGE
         if acceleration < 0:
-            acceleration = STEEPEST
+            acceleration = ACCELERATION_LIMIT
         axis = self.axes[motor]
         axis.set_speed(velocity, acceleration)
         self.controller.operations.settings_changed()
         leading = self._leading(motor)
         self.controller.virtuals.changed(leading)
-        if self.axes[leading].gentler:
-            self.gentler |= 1 << motor
+        if self.axes[leading].pending_acceleration:
+            self.pending_acceleration |= 1 << motor
         return m.OK
 
-    def calm(self):
+    def apply_pending_acceleration(self):
         """Motors that have come to rest take the lower acceleration that they were set to under way."""
         for i in range(self.count):
-            if self.gentler >> i & 1 and self.axes[i].calm():
-                self.gentler ^= 1 << i
+            if self.pending_acceleration >> i & 1 and self.axes[i].apply_pending_acceleration():
+                self.pending_acceleration ^= 1 << i
 
     def _set_limits(self):
         """MSG_MOTOR_SET_LIMITS: motor 0, lower limit used 1 and its step 2, upper limit used 6 and its step 7, limit
@@ -360,7 +359,7 @@ class Motors:
         motor = self._leading(motor)
         controller.virtuals.changed(motor)
         if not (controller.operations.playing | controller.virtuals.engaged) >> motor & 1:
-            self.axes[motor].heed(self.hal)
+            self.axes[motor].keep_to_limits(self.hal)
         return m.OK
 
     def _exceeded(self):

@@ -302,7 +302,7 @@ class JogAll(Operation):
     def queue_first_phases(self, motor):
         reals.put(self.player.numbers, frame_velocity(motor), 0, 0)
         if self.closed:  # sent back before it has begun
-            self.player.axes[motor].expect(False)
+            self.player.axes[motor].set_more_to_come(False)
 
     def feed(self):
         if self.closed or self.player.phases_ahead(self.bits) >= _AHEAD:
@@ -420,7 +420,7 @@ class JogAll(Operation):
             before = 0
             for motor in range(axes.count):
                 if (bits >> motor) & 1:
-                    taken = axes[motor].cut_off(ticks)
+                    taken = axes[motor].cut_queue(ticks)
                     uneven = uneven or before != 0 and taken != before
                     before = taken
             ticks = before

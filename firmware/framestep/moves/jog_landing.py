@@ -6,7 +6,7 @@ can be reached, or, where that takes long, at a frame per second. Nothing alloca
 
 from framestep.motion import reals
 from framestep.motion.segments import G1, WHOLE, velocity
-from framestep.motors import axis as motion
+from framestep.motors.axis import FIRST_TICKS, MAX_ACCELERATION, MAX_VELOCITY, MOST_SEGMENTS
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.moves.jog_phases import HERE, HERE_RATE, INDEX, LIMIT, NEXT, RATE, TOP, TWICE, WAY, P, Q
 from framestep.moves.player import HALF, THOUSAND, T, X, Y, frame_velocity
@@ -27,7 +27,7 @@ def land_from(jog, ticks):
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             jog.store.position(motor, at, player.place, 0)
-            axes[motor].go_on(player.place, 0)
+            axes[motor].resume_from_cut(player.place, 0)
             velocity(r, frame_velocity(motor), axes[motor].cubic, G1)
     jog.phases.begin(ticks)
     jog.closed = False
@@ -91,7 +91,7 @@ def land_from(jog, ticks):
     jog.append_phase(at, end)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
-            axes[motor].feed(motion.MOST, motion.FIRST_TICKS)
+            axes[motor].feed(MOST_SEGMENTS, FIRST_TICKS)
 
 
 def _stay_before(jog, end):
@@ -157,7 +157,7 @@ def _steepest(jog, at, end):
             # what the bend of the path leaves of the motor's acceleration, with a half more for the
             # slopes
             reals.multiply(r, T, T, Q)
-            reals.fetch(r, Y, player.axes[motor].numbers, motion.STEEP)
+            reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
             reals.subtract(r, Y, Y, T)
             reals.double(r, T, X, -1)
             reals.add(r, X, X, T)
@@ -202,13 +202,13 @@ def hurry_time(jog, end, cut):
             reals.add(r, X, X, Y)
             reals.put(r, Y, 3, -1)
             reals.multiply(r, Y, Y, X)
-            reals.fetch(r, P, axis.numbers, motion.TOP)
+            reals.fetch(r, P, axis.numbers, MAX_VELOCITY)
             reals.divide(r, Y, Y, P)
             if reals.compare(r, T, Y) < 0:
                 reals.copy(r, T, Y)
             reals.put(r, Y, 12 if turns else 6, 0)
             reals.multiply(r, Y, Y, X)
-            reals.fetch(r, P, axis.numbers, motion.STEEP)
+            reals.fetch(r, P, axis.numbers, MAX_ACCELERATION)
             reals.divide(r, Y, Y, P)
             reals.root(r, Y, Y)
             if reals.compare(r, T, Y) < 0:

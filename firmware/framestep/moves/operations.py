@@ -14,7 +14,7 @@ and in which direction each sets out, queues phases and cues, and says whether a
 JOG_ALL has no GO and no RT_END: it begins as a further pass does.
 
 When POSITIONING ends, each motor's backlash has been taken up for the direction in which it sets
-out (Axis.travel), by a motion within the motor's limits. So no operation begins with a jump of a
+out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a jump of a
 motor.
 
 What takes long for eight motors is done for one motor in each pass of the main loop, so that
@@ -194,16 +194,16 @@ class OperationRunner:
             self.move_time = self.sent_frame * 1000
 
     def tell(self, frame):
-        """MOVE TIME to report, with the positions in `axes.told`.
+        """MOVE TIME to report, with the positions in `axes.reported`.
 
         frame: report the frame reached last.
         """
-        tick = self.axes.choose()
+        tick = self.axes.choose_sample()
         if self.state == RUNNING:
             self.told_frame = -1
             time = self.operation.play_head(tick, frame)
             if self.told_frame >= 0:
-                _positions(self.store, self.operation.bits, self.told_frame, self.axes.told)
+                _positions(self.store, self.operation.bits, self.told_frame, self.axes.reported)
             return time
         self._note_arrival()
         return self.move_time
@@ -264,7 +264,7 @@ class OperationRunner:
         if not self.changed:
             return OK
         for motor in range(self.axes.count):
-            self.axes[motor].calm()
+            self.axes[motor].apply_pending_acceleration()
         code = self.operation.recheck(waiting)
         if code == OK:
             self.changed = False
@@ -493,7 +493,7 @@ class OperationRunner:
                 self._send(motor, places, ways)
 
     def _send(self, motor, places, ways):
-        self.axes[motor].travel(self.axes.hal, places, motor, 10000, ways[motor] if ways else 0)
+        self.axes[motor].move_to(self.axes.hal, places, motor, 10000, ways[motor] if ways else 0)
 
     def _close(self):
         """The operation has come to its own end."""

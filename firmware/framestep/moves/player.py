@@ -8,7 +8,7 @@ from array import array
 
 from framestep.motion import ramps, reals, stepper
 from framestep.motion.ramps import put_aim
-from framestep.motors import axis as motion
+from framestep.motors.axis import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.moves import path
 from framestep.native import const, micropython, ptr32
@@ -208,7 +208,7 @@ class UploadPlayer:
             if not (bits >> motor) & 1:
                 continue
             axis = self.axes[motor]
-            reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, motion.TOP)
+            reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
             if ramp:
                 words[path.FASTEST] = _FARTHEST
                 words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF
@@ -286,7 +286,7 @@ class UploadPlayer:
         if self.strict:
             words[path.HARDEST] = words[path.STEEPEST]
         kernel = self.axes.kernel.state
-        pulsed = min(motion.FASTEST, motion.TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST])
+        pulsed = min(VELOCITY_LIMIT, TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST])
         reals.put(r, X, pulsed, 0)
         reals.divide(r, X, X, Y)
         words[path.PULSED] = reals.floor(r, X, HALF) + 2
@@ -457,7 +457,7 @@ class UploadPlayer:
         reals.divide(r, Y, velocity, ticks)
         if reals.sign(r, Y) < 0:
             reals.negate(r, Y, Y)
-        reals.fetch(r, X, self.axes[motor].numbers, motion.STEEP)
+        reals.fetch(r, X, self.axes[motor].numbers, MAX_ACCELERATION)
         reals.double(r, T, X, -20)  # tolerance for rounding
         reals.add(r, X, X, T)
         return reals.compare(r, Y, X) > 0
@@ -478,15 +478,15 @@ class UploadPlayer:
     def prepare_motor(self, motor):
         """Make a motor ready for phases."""
         axis = self.axes[motor]
-        axis.prepare(self.axes.hal)
+        axis.begin_plan(self.axes.hal)
         axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
-        axis.expect(True)
+        axis.set_more_to_come(True)
 
     def end_phases(self, bits):
         """No further phases follow: the motors come to rest where the last one ends."""
         for motor in range(self.count):
             if (bits >> motor) & 1:
-                self.axes[motor].expect(False)
+                self.axes[motor].set_more_to_come(False)
 
     def phases_ahead(self, bits):
         """How many phases wait for the first of these motors; the others have about as many."""

@@ -21,7 +21,7 @@ from array import array
 
 from framestep.clock import HALF, after, elapsed, reached
 from framestep.motion import reals, stepper
-from framestep.motors import axis as motion
+from framestep.motors.axis import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.operation import Operation
 from framestep.moves.player import FASTEST_FPS, THOUSAND, ZERO, X, Y, frame_velocity
@@ -317,7 +317,7 @@ class RunMove(Operation):
                     player.velocity(X, motor, index, plan.step)
                     if reals.sign(r, X) < 0:
                         reals.negate(r, X, X)
-                    reals.fetch(r, Y, player.axes[motor].numbers, motion.STEEP)
+                    reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
                     reals.divide(r, _ROLL, X, Y)
                     if reals.sign(r, _ROLL):
                         reals.put(r, Y, _SHORTEST_ROLL, 0)
@@ -364,10 +364,10 @@ class RunMove(Operation):
         reals.put(r, X, self.begin_ms, 0)
         reals.subtract(r, X, X, _ROLL)
         if reals.sign(r, X) > 0:
-            axis.coast(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
+            axis.append_coasting_phase(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
         if reals.sign(r, _ROLL):
             self.store.position(motor, self.first, player.place, 0)
-            axis.coast(_ROLL, ZERO, own, r, player.place, 0)
+            axis.append_coasting_phase(_ROLL, ZERO, own, r, player.place, 0)
 
     def started(self, tick):
         first = after(tick, self.begin_ms)
@@ -424,10 +424,10 @@ class RunMove(Operation):
             reals.fetch(r, _ROLL, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
                 self._last(motor, self.end)
-                axis.coast(self.period, own, own, r, self.lasts, motor)
+                axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor)
                 places = self.rests
             if reals.sign(r, _ROLL):
-                axis.coast(_ROLL, own, ZERO, r, places, motor)
+                axis.append_coasting_phase(_ROLL, own, ZERO, r, places, motor)
         if not self.unclosed:
             player.end_phases(plan.bits)
             self.closed = True

@@ -24,7 +24,7 @@ from array import array
 from framestep.clock import after, reached
 from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
-from framestep.motors import axis as motion
+from framestep.motors.axis import MAX_VELOCITY
 from framestep.moves import path
 from framestep.moves.operation import Operation
 from framestep.moves.player import HALF, ZERO, T, X, Y, frame_velocity
@@ -259,7 +259,7 @@ class ShootFrame(Operation):
         reals.copy(r, X, own)
         if reals.sign(r, X) < 0:
             reals.negate(r, X, X)
-        reals.fetch(r, Y, player.axes[motor].numbers, motion.TOP)
+        reals.fetch(r, Y, player.axes[motor].numbers, MAX_VELOCITY)
         return reals.compare(r, X, Y) > 0
 
     def recheck(self, waiting):
@@ -303,11 +303,11 @@ class ShootFrame(Operation):
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
         reals.divide(r, own, own, _WINDOW)
         axis = player.axes[motor]
-        axis.aim(_WAIT, ZERO, ZERO, r, shot.starts, motor)
-        axis.aim(_ROLL, ZERO, own, r, shot.a, motor)
-        axis.aim(_WINDOW, own, own, r, shot.b, motor)
-        axis.aim(_ROLL, own, ZERO, r, shot.ends, motor)
-        axis.expect(False)
+        axis.append_phase(_WAIT, ZERO, ZERO, r, shot.starts, motor)
+        axis.append_phase(_ROLL, ZERO, own, r, shot.a, motor)
+        axis.append_phase(_WINDOW, own, own, r, shot.b, motor)
+        axis.append_phase(_ROLL, own, ZERO, r, shot.ends, motor)
+        axis.set_more_to_come(False)
 
     def started(self, tick):
         self.done = False

@@ -8,7 +8,7 @@ or the rig cannot reach, or the way bends too much, cells get half as long until
 from array import array
 
 from framestep.motion import reals
-from framestep.motors.axis import INCHING
+from framestep.motors.axis import SPEED_FLOOR
 from framestep.native import const
 from framestep.results import ERR_RANGE
 from framestep.virtuals import motion as v
@@ -68,7 +68,7 @@ class Guide:
         self.rows[0] = v.SURVEY
         self.rows[1] = v.SURVEY + v.ROW
         self.rows[2] = v.SURVEY + 2 * v.ROW
-        self.share = max(share, INCHING)
+        self.share = max(share, SPEED_FLOOR)
         self.head = 0
         self.count = 0
         self.behind = 0

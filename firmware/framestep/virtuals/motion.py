@@ -728,7 +728,7 @@ class Motion:
             if motor >= 0:
                 numbers = self.axes[motor].numbers
                 reals.put(r, _P, curve[2 * i], -_SIXTEENTHS)
-                reals.fetch(r, _X, numbers, motion.TOP)
+                reals.fetch(r, _X, numbers, motion.MAX_VELOCITY)
                 reals.divide(r, _X, _X, _P)
                 if first or reals.compare(r, _X, TOP) < 0:
                     reals.copy(r, TOP, _X)
@@ -736,7 +736,7 @@ class Motion:
                 if curve[2 * i + 1]:
                     # v² = A / 2G
                     reals.put(r, _P, curve[2 * i + 1], 1 - _SIXTEENTHS)
-                    reals.fetch(r, _X, numbers, motion.STEEP)
+                    reals.fetch(r, _X, numbers, motion.MAX_ACCELERATION)
                     reals.divide(r, _X, _X, _P)
                     if not bent or reals.compare(r, _X, _Q) < 0:
                         reals.copy(r, _Q, _X)
@@ -758,7 +758,7 @@ class Motion:
             motor = self.motor[i] - 1
             if motor >= 0:
                 # a = (A - G·v²) / F
-                reals.fetch(r, _X, self.axes[motor].numbers, motion.STEEP)
+                reals.fetch(r, _X, self.axes[motor].numbers, motion.MAX_ACCELERATION)
                 reals.put(r, _P, curve[2 * i + 1], -_SIXTEENTHS)
                 reals.multiply(r, _P, _P, _Q)
                 reals.subtract(r, _X, _X, _P)
@@ -823,7 +823,7 @@ class Motion:
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0 and not self.axes[motor].stands_on(self.present, motor, self.ways[i]):
-                self.axes[motor].travel(self.axes.hal, self.present, motor, 10000, self.ways[i])
+                self.axes[motor].move_to(self.axes.hal, self.present, motor, 10000, self.ways[i])
 
     def _set_out(self):
         """Begin to plan, all motors being at rest where the line begins."""
@@ -834,8 +834,8 @@ class Motion:
             motor = self.motor[i] - 1
             if motor >= 0:
                 axis = self.axes[motor]
-                axis.prepare(hal)
-                axis.expect(True)
+                axis.begin_plan(hal)
+                axis.set_more_to_come(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
                 _lead(self.leads, i, self.present, motor, 0, self.rows, 2 * i)
                 reals.fetch(self.speeds, 2 * i, r, _ZERO)
@@ -859,7 +859,7 @@ class Motion:
                 _nearest(self.word, 0, self.rows, row + 2 * i, self.present, motor)
                 axis = self.axes[motor]
                 if not axis.stands_on(self.word, 0):
-                    axis.travel(self.axes.hal, self.word, 0)
+                    axis.move_to(self.axes.hal, self.word, 0)
                     self.state = SETTLING
         return self.state == SETTLING
 
@@ -1000,7 +1000,7 @@ class Motion:
                 part = _aimed(word, rows, a, b, c, self.leads, i, self.bounds)
                 reals.fetch(r, _X, speeds, a)
                 reals.fetch(speeds, b, r, _W)
-                self.axes[motor - 1].coast(_LAST_T, _X, _W, r, word, 0, part)
+                self.axes[motor - 1].append_coasting_phase(_LAST_T, _X, _W, r, word, 0, part)
             a += 2
             b += 2
             c += 2
@@ -1020,8 +1020,8 @@ class Motion:
                 reals.fetch(r, _X, self.speeds, a)
                 part = _aimed(word, rows, a, b, b, self.leads, i, self.bounds)
                 part = _landed(word, part, rows, b, self.present, motor, self.leads[i] > 0)
-                axis.coast(_T, _X, _ZERO, r, word, 0, part)
-                axis.expect(False)
+                axis.append_coasting_phase(_T, _X, _ZERO, r, word, 0, part)
+                axis.set_more_to_come(False)
             a += 2
             b += 2
         self.queued = knot
@@ -1127,12 +1127,12 @@ class Motion:
         if found and not (knot == self.queued and not self.closed):
             ticks = self._ahead(knot)
             for i in range(AXES):
-                if self.motor[i] and not axes[self.motor[i] - 1].trim(ticks, 0):
+                if self.motor[i] and not axes[self.motor[i] - 1].cut_at_phase_end(ticks, 0):
                     found = False
             if found:
                 for i in range(AXES):
                     if self.motor[i]:
-                        axes[self.motor[i] - 1].trim(ticks, 1)
+                        axes[self.motor[i] - 1].cut_at_phase_end(ticks, 1)
         axes.hal.irq_on(irq)
         if not found:
             return False
@@ -1144,7 +1144,7 @@ class Motion:
                 if self.motor[i]:
                     k = 2 * i
                     row = ROW * (knot % _KNOTS) + k
-                    part = axes[self.motor[i] - 1].resume(self.word, 0)
+                    part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)
                     _lead(self.leads, i, self.word, 0, part, self.rows, row)
         self.knot = knot
         self.queued = knot

@@ -206,7 +206,7 @@ class Virtuals:
         for i in range(g.AXES):
             motor = motion.motor[i]
             if motor:
-                rig.joint(i, self.axes.told, motor - 1)
+                rig.joint(i, self.axes.reported, motor - 1)
             else:
                 reals.copy(self.r, g.JOINT + 2 * i, g.HOME + 2 * i)
         rig.forward()
@@ -216,7 +216,7 @@ class Virtuals:
         4.6). Whether there was room."""
         writer = self.writer
         if reader:
-            self.axes.choose()
+            self.axes.choose_sample()
         self.locate()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(g.AXES):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from framestep.hal.host import HostFlash, HostHal
 from framestep.host_board import HostBoard
-from framestep.io.memory import SLOT_BYTES, STILL_MS, Memory, checksum
+from framestep.io.position_journal import SLOT_BYTES, STILL_MS, PositionJournal, checksum
 from framestep.io.restore import restore
 from framestep.motion import stepper
 from framestep.motors.positions import (
@@ -82,25 +82,25 @@ class PoweredUp:
 
     def __init__(self, flash, motors=3):
         self.axes = Motors(motors)
-        self.memory = Memory(flash, self.axes)
-        restore(self.memory)
+        self.journal = PositionJournal(flash, self.axes)
+        restore(self.journal)
         self.positions = self.axes.positions
         self.now = 2**30 - 500
 
     def poll(self, ms=STILL_MS + 2, busy=False):
         for wait in (1, ms - 1):
             self.now = (self.now + wait) & (2**30 - 1)
-            self.memory.poll(self.now, busy)
+            self.journal.poll(self.now, busy)
 
     def put(self, *places):
         """The host gives the motors these places."""
         for motor, place in enumerate(places):
-            self.positions.know(motor)
-            self.axes[motor].place[0] = self.axes[motor].block[stepper.POSITION] = place
+            self.positions.set_known(motor)
+            self.axes[motor].load_position[0] = self.axes[motor].block[stepper.POSITION] = place
 
     def move(self, *places):
         """The motors go there."""
-        self.positions.touch()
+        self.positions.about_to_change()
         for motor, place in enumerate(places):
             self.axes[motor].block[stepper.POSITION] = place
 
@@ -109,7 +109,7 @@ class PoweredUp:
         """((places), (state and reason of each))"""
         for axis in self.axes:
             axis.refresh()
-        places = tuple(axis.place[0] for axis in self.axes)
+        places = tuple(axis.load_position[0] for axis in self.axes)
         return places, tuple(zip(self.positions.states, self.positions.reasons, strict=True))
 
 
@@ -150,7 +150,7 @@ def test_lost_ones_stay_lost():
     flash = HostFlash()
     powered = PoweredUp(flash)
     powered.put(1, 2)
-    powered.positions.lose(2, STEPS)
+    powered.positions.set_lost(2, STEPS)
     powered.poll()
     assert PoweredUp(flash).state == ((1, 2, 0), (REMEMBERED, (LOST, BEFORE), (LOST, BEFORE)))
     powered = PoweredUp(flash)
@@ -222,8 +222,8 @@ def test_power_cut_while_a_record_is_written(records):
     for again in cuts(moved(records), PoweredUp.poll, 13):
         again.put(3, 2, 1)
         again.poll()
-        assert again.memory.working
-        assert PoweredUp(again.memory.flash).state == kept(3, 2, 1)
+        assert again.journal.working
+        assert PoweredUp(again.journal.flash).state == kept(3, 2, 1)
 
 
 def test_power_cut_while_the_mark_is_cleared():
@@ -236,7 +236,7 @@ def test_power_cut_while_the_mark_is_cleared():
         powered.poll()
         return flash, powered
 
-    found = [again.state for again in cuts(prepare, lambda powered: powered.positions.touch())]
+    found = [again.state for again in cuts(prepare, lambda powered: powered.positions.about_to_change())]
     assert set(found) == {cut_off(1, 2, 3), kept(1, 2, 3)}
 
 
@@ -277,8 +277,8 @@ def test_wear():
     records = 4 * 30 * 5
     for n in range(records):
         powered.move(n, n, n)
-        powered.memory._write()
-        powered.positions.settled = True
+        powered.journal._write()
+        powered.positions.saved = True
     assert flash.erasures == [5] * 4
     assert records / sum(flash.erasures) == 30
 
@@ -291,8 +291,8 @@ def test_a_flash_that_does_not_take_it():
     powered = PoweredUp(Worn())
     powered.put(1, 2, 3)
     powered.poll()
-    assert not powered.memory.working
-    assert not powered.positions.settled
+    assert not powered.journal.working
+    assert not powered.positions.saved
     flash = HostFlash()
     powered = PoweredUp(flash)
     powered.put(1, 2, 3)
@@ -300,8 +300,8 @@ def test_a_flash_that_does_not_take_it():
     flash.program = lambda block, at, page: False
     powered.move(4, 5, 6)
     powered.poll()
-    assert not powered.memory.working
-    assert not powered.positions.settled
+    assert not powered.journal.working
+    assert not powered.positions.saved
 
 
 # ---------------------------------------------------------------- with a controller

@@ -3,7 +3,7 @@
 import binascii
 from array import array
 
-from framestep.io.memory import STILL_MS, Memory
+from framestep.io.position_journal import STILL_MS, PositionJournal
 from framestep.io.restore import restore
 from framestep.motion import stepper
 from framestep.motion.reals import copy_word
@@ -63,11 +63,11 @@ class Flash:
 
 class Motor:
     def __init__(self):
-        self.place = array("i", [0])
+        self.load_position = array("i", [0])
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
 
     def refresh(self):
-        copy_word(self.place, 0, self.block, stepper.POSITION)
+        copy_word(self.load_position, 0, self.block, stepper.POSITION)
 
 
 class Motors:
@@ -85,20 +85,20 @@ def replay(say):
     places = array("i", [0, FAR, -FAR - 1, 5, -5, 2**30, -(2**30), 1])
     for turn in range(11):
         motors = Motors()
-        memory = Memory(flash, motors)
-        restore(memory)
-        say(f"{[motor.place[0] for motor in motors.motors]} {bytes(motors.positions.states)}")
+        journal = PositionJournal(flash, motors)
+        restore(journal)
+        say(f"{[motor.load_position[0] for motor in motors.motors]} {bytes(motors.positions.states)}")
         now = 2**30 - 100
         flash.lock(True)
         for i in range(8):
             if i != turn:
-                motors.positions.know(i)
+                motors.positions.set_known(i)
                 copy_word(motors[i].block, stepper.POSITION, places, (i + turn) & 7)
         for _ in range(STILL_MS + 3):
             now = now + 1 if now < 0x3FFFFFFF else 0
-            memory.poll(now, False)
+            journal.poll(now, False)
         if turn & 1:
-            motors.positions.touch()
+            motors.positions.about_to_change()
         flash.lock(False)
         content = binascii.hexlify(bytes(flash.content[0]) + bytes(flash.content[1]))
-        say(f"{memory.working} {content.decode()}")
+        say(f"{journal.working} {content.decode()}")

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from host_tests.runtime import memory_replay
+from host_tests.runtime import journal_replay
 
-REPLAY = Path(__file__).parent / "memory_replay.py"
+REPLAY = Path(__file__).parent / "journal_replay.py"
 
 
 def test_both_runtimes_write_the_same(unix32f):
     lines = []
-    memory_replay.replay(lines.append)
-    output = unix32f.run("from memory_replay import replay\nreplay(print)\n", path=[REPLAY.parent])
+    journal_replay.replay(lines.append)
+    output = unix32f.run("from journal_replay import replay\nreplay(print)\n", path=[REPLAY.parent])
     assert output.split("\n")[:-1] == lines
     assert "-2147483648" in lines[2] and len({line.split()[-1] for line in lines[1::2]}) == 11

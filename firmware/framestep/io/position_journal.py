@@ -31,7 +31,7 @@ PAGE_BYTES = const(256)
 NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
-PLACES = const(3)  # where the loads are (motors.axis)
+LOAD_POSITIONS = const(3)  # where the loads are (motors.axis)
 STEPS = const(15)  # and the motors: the difference is the play that is taken up
 CHECK = const(30)  # CRC-32 of the words before it
 MARK = const(31)  # -1 while the record is true
@@ -98,7 +98,7 @@ def _erased(page: ptr32, at: int) -> bool:
     return True
 
 
-class Memory:
+class PositionJournal:
     """Keeps the positions of `axes` in a flash (framestep.hal says what that is). io/restore.py gives them back."""
 
     def __init__(self, flash, axes):
@@ -115,11 +115,11 @@ class Memory:
         self.working = True
         self._still = False
         self._since = 0
-        self.positions.memory = self
+        self.positions.journal = self
 
     # ---------------------------------------------------------------- while it runs
 
-    def spoil(self):
+    def invalidate(self):
         """The record is about to become untrue. Nothing moves yet."""
         self._still = False
         if self.working:
@@ -130,18 +130,18 @@ class Memory:
 
     def poll(self, now, busy):
         """One pass. now: milliseconds modulo 2^29; busy: something moves, or an operation is prepared."""
-        if self.positions.settled or not self.working:
+        if self.positions.saved or not self.working:
             return
         if busy or not self._still:
             self._still = not busy
             self._since = now
         elif elapsed(now, self._since) >= STILL_MS:
             self._still = False
-            if self._worth():
+            if self._has_known_position():
                 self.working = self._write()
-                self.positions.settled = self.working
+                self.positions.saved = self.working
 
-    def _worth(self):
+    def _has_known_position(self):
         """Whether there is a position to be kept."""
         states = self.positions.states
         for motor in range(self.axes.count):
@@ -161,7 +161,7 @@ class Memory:
         for motor in range(axes.count):
             axis = axes[motor]
             axis.refresh()
-            copy_word(record, PLACES + motor, axis.place, 0)
+            copy_word(record, LOAD_POSITIONS + motor, axis.load_position, 0)
             copy_word(record, STEPS + motor, axis.block, stepper.POSITION)
             if self.positions.states[motor] == LOST:
                 record[LOST_ONES] |= 1 << motor
