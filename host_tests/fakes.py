@@ -79,10 +79,10 @@ class NoSwitches:
     held = 0
     active = False
 
-    def bars(self, motor, target, i):
+    def limit_blocking(self, motor, target, i):
         return self.code
 
-    def ends(self, motor):
+    def active_limits(self, motor):
         return self.held
 
 

@@ -12,7 +12,7 @@ A recording is a file for runtime/recording_replay.py: a line of JSON with what 
     L 19 0         an input's level
     F 1, F 0       the host takes no more bytes, takes them again
     W - 05ff…      what the drivers' wire gives in the next pass, call by call
-    X 2            what trouble() says in the next pass, call by call
+    X 2            what take_lost_commands() says in the next pass, call by call
     Y -1 2         what reclaim() says in the next pass, call by call
 
 `did` are the lines that the replay prints: after each pass that has done something its millisecond and what it was,
@@ -65,7 +65,7 @@ class Recorder:
                 "board": board_data(data),
                 "motors": hal.motors,
                 "memory": hal.upload_bytes,
-                "barked": hal.watchdog.barked,
+                "caused_reset": hal.watchdog.caused_reset,
                 "broken": broken,
                 "flash": flash,
                 "shapes": [_shape(block) for block in kernel.blocks],
@@ -131,8 +131,8 @@ class Recorder:
         board, hal, controller = self.board, self.hal, self.board.controller
         tick, poll = hal.tick, controller.poll
         receive, open_port, set_level = board.receive, board.open_port, hal.set_level
-        drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.trouble
-        wire_send, wire_receive, choose = hal.wire.send, hal.wire.receive, hal.wire.choose
+        drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.take_lost_commands
+        wire_send, wire_receive, choose = hal.driver_wire.send, hal.driver_wire.receive, hal.driver_wire.select
         port_send, reclaim = hal.port.send, hal.reclaim
 
         def note(kind, a, b):
@@ -262,8 +262,8 @@ class Recorder:
             hal.dmx.show = on_show
         hal.tick, controller.poll = on_tick, on_poll
         board.receive, board.open_port, hal.set_level = on_receive, on_open, on_level
-        hal.drive, hal.enable, hal.led, hal.trouble = on_drive, on_enable, on_led, on_trouble
-        hal.wire.send, hal.wire.receive, hal.wire.choose = on_wire_send, on_wire_receive, on_choose
+        hal.drive, hal.enable, hal.led, hal.take_lost_commands = on_drive, on_enable, on_led, on_trouble
+        hal.driver_wire.send, hal.driver_wire.receive, hal.driver_wire.select = on_wire_send, on_wire_receive, on_choose
         hal.port.send = on_send
         hal.reclaim = on_reclaim
 

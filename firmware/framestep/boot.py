@@ -110,7 +110,7 @@ def start():
         from framestep.runner import Runner
 
         hal = Rp2Hal(settings.board, settings)
-        if hal.watchdog.barked and settings.ports == 2:
+        if hal.watchdog.caused_reset and settings.ports == 2:
             print("framestep: the watchdog has started the board: the firmware hung while motors moved")
         runner = Runner(hal, settings.ports == 2)
         controller = Controller(hal, settings, broken=mistake is not None)

@@ -1,12 +1,12 @@
-"""The controller: dispatches each message to the subsystem it is for, and reports.
+"""The main loop: answers each message, plans ahead, and stops everything when something goes wrong.
 
-One pass of the main loop is poll(). Nothing in it allocates.
+One pass is poll(). Nothing in it allocates. ARCHITECTURE.md has a table of all that stops motors.
 """
 
 from framestep.clock import WRAP, elapsed
 from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
-from framestep.io.watchdog import LOOK_MS, Watchdog
+from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motion import stepper
 from framestep.motion.stepper import sample
 from framestep.motors.axes import Axes
@@ -19,28 +19,29 @@ from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.reports import Reports
 
-_TEND_MS = const(4)  # from one whole pass to the next
-_AWAKE = const(12)  # whole passes after anything has happened, less _NAP;
-_NAP = const(4)  # then one in so many
+_HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
+_ACTIVE_PASSES = const(12)  # after any activity, so many of them less _IDLE_EVERY;
+_IDLE_EVERY = const(4)  # after that, all but one in so many are skipped
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
-STALL_MS = const(200)  # a frame that is not whole so long after its beginning is given up,
-_QUIET_MS = const(10)  # unless its bytes are still coming in: the passes themselves may have been away
+STALL_MS = const(200)  # a frame that is not whole this long after its beginning is dropped,
+_QUIET_MS = const(10)  # unless bytes have just come in: the passes themselves may have been away
 
-# What `fault` tells, with the kernel's FAULT_ bits below; framestep.words has the words
+# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in words.py
 FAULT_LOST = const(0x10)
 FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 FAULT_TAKEN = const(0x100)
 
-# The LED: a bit for each eighth of a second, the lowest first (128 ms each), and the colour of one that has colours
+# The LED: a bit for each 128 ms, the lowest first, and the colour if the LED has colours
 LED_WAITING = (0x0001, 0x000030)
 LED_CONNECTED = (0xFFFF, 0x080808)
 LED_MOVING = (0x5555, 0x002000)
 LED_FAULT = (0x0015, 0x300000)
 
-# Requests that leave alone what an operation has planned before GO, and motors that have yet to set out after it
-_ASIDE = (
+# Requests that keep what an operation has planned before GO, and motors waiting that have yet to
+# set out after it
+_KEEPS_EARLY_PLAN = (
     m.MSG_RT_GO,
     m.MSG_MOTOR_STATUS,
     m.MSG_MOTOR_GET_POSITION,
@@ -58,15 +59,18 @@ SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
 def glow(light, beat):
-    """What the LED shows in this of 16 beats: a colour 0xRRGGBB, or 0. light: one of LED_."""
+    """The colour 0xRRGGBB of the LED in this one of 16 beats; 0: dark. light: one of LED_."""
     return light[1] if light[0] >> beat & 1 else 0
 
 
 class Controller:
-    """Answers the host and keeps everything moving. hal: see framestep.hal; rig: framestep.rig.Rig."""
+    """Answers the host and keeps everything moving.
+
+    hal: see hal/contract.py. rig: framestep.rig.Rig. broken: the rig file has a mistake, so the
+    board answers, but nothing moves.
+    """
 
     def __init__(self, hal, rig, broken=False):
-        """broken: the rig file has a mistake; the board answers, but nothing moves."""
         self.hal = hal
         self.rig = rig
         self.broken = broken
@@ -90,21 +94,21 @@ class Controller:
         self.moves = Moves(self)
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
-        self.journal = self._remember() if rig.remember_positions else None
+        self.journal = self._restore_positions() if rig.remember_positions else None
         self.run_outputs = self.moves.run_outputs
         self.now = 0
-        self.tended = 0
-        self.awake = _AWAKE
-        self.planning = False  # the next pass plans on
-        self.unsent = False  # the port was still at something else
+        self.housekept_at = 0
+        self.active_passes = _ACTIVE_PASSES
+        self.planning = False  # there is more to plan in the next pass
+        self.unsent = False  # the port has not taken everything yet
         self.backlog = False  # requests wait until there is room for their answers
         self.was_open = False
         self.openings = 0
         self.heard_at = 0  # when the last bytes came
-        self.begun_at = 0  # and the first ones that no whole frame has been made of
-        self.stop_at = -1
-        self.fault = 0  # why the motors were stopped, until some are sent somewhere again
-        self.untold = 0  # the same, until the HAL has told it
+        self.begun_at = 0  # and the first ones of a frame that is not whole yet
+        self.stop_all_at = -1  # when the last STOP_ALL came
+        self.fault = 0  # why the motors were stopped, until a motor is sent somewhere again
+        self.unreported = 0  # the same, until the REPL has been told
         self.beat = 0
         self.reports = Reports(self)
         self.handlers = {
@@ -126,9 +130,10 @@ class Controller:
         parts.append(self.virtuals)
         for part in parts:
             self.handlers.update(part.handlers)
-            part.handlers = None  # which would only keep memory
+            part.handlers = None  # gives its memory back
 
-    def _remember(self):
+    def _restore_positions(self):
+        """Bring back the positions of before the power cut. Returns the journal, None without one."""
         from framestep.io.position_journal import PositionJournal
         from framestep.io.restore import restore
 
@@ -144,91 +149,92 @@ class Controller:
     # ---------------------------------------------------------------- the main loop
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^29 or more. Returns whether there was anything to do."""
+        """One pass. now: milliseconds modulo 2^29 or more. Returns whether a request came."""
         now &= WRAP
         self.now = now
         alarm = sample(self.header, self.samples)
         busy = self._listen()
         if busy:
-            self.awake = _AWAKE
+            self.active_passes = _ACTIVE_PASSES
             self.planning = True
         if busy or self.unsent:
             self.unsent = self.port.send(self.writer)
         news = self.io.poll(now)
         if news:
             if news & STOP:
-                self._halt()
+                self._on_stop_input()
             if news & GO and self.moves.go_from_input():
                 self.reports.go = self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
-                self._drivers_failed(bits)
+                self._on_driver_failure(bits)
         if self.run_outputs.busy:
             self.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
             self.reports.position = self.reports.frame = True
-            self.awake = _AWAKE  # a run of lights alone moves nothing that would keep it so
-            self._tend(now, False, news)
+            self.active_passes = _ACTIVE_PASSES  # a run of lights alone moves nothing
+            self._housekeep(now, False, news)
         elif (
             self.reports.was_moving
             and elapsed(now, self.reports.sent_at) >= self.rig.report_ms
-            and elapsed(now, self.tended) < 2 * _TEND_MS
+            and elapsed(now, self.housekept_at) < 2 * _HOUSEKEEP_MS
         ):
-            self._tend(now, False, news)
-        elif elapsed(now, self.tended) >= _TEND_MS or news:
-            self.tended = now
-            self._tend(now, True, news)
+            self._housekeep(now, False, news)
+        elif elapsed(now, self.housekept_at) >= _HOUSEKEEP_MS or news:
+            self.housekept_at = now
+            self._housekeep(now, True, news)
         elif self.planning:
             self._plan(now)
             if self.operations.rt_end_due:
-                self._tend(now, False, news)
+                self._housekeep(now, False, news)
         return busy
 
-    def _tend(self, now, whole, news):
-        """What is done every few milliseconds, so that requests are answered soon between: queues, faults, reports.
+    def _housekeep(self, now, whole, news):
+        """Look after queues, faults and reports: every few milliseconds.
 
-        whole: if not, what is to be planned waits for the next pass. news: of Io.poll().
+        Not in each pass, so that requests are answered soon. whole: plan as well; otherwise that is
+        left to the next pass. news: of Io.poll().
         """
-        if elapsed(now, self.watchdog.looked_at) >= LOOK_MS:
-            self._sound()
-            if self.watchdog.look(now, self.reports.was_moving, self.was_open):
-                self._host_lost()
+        if elapsed(now, self.watchdog.checked_at) >= CHECK_MS:
+            self._check_pins()
+            if self.watchdog.check(now, self.reports.was_moving, self.was_open):
+                self._on_host_lost()
         if now >> 7 & 15 != self.beat:
             self._light(now >> 7 & 15)
         look = stepper.look(self.header)
         if look or news:
-            self.awake = _AWAKE
-        elif self.awake > _NAP:
-            self.awake -= 1
-        elif self.awake > 0:
-            self.awake -= 1
+            self.active_passes = _ACTIVE_PASSES
+        elif self.active_passes > _IDLE_EVERY:
+            self.active_passes -= 1
+        elif self.active_passes > 0:
+            self.active_passes -= 1
             return
         else:
-            self.awake = _NAP  # now and then, for what had to wait until the host takes it
+            self.active_passes = _IDLE_EVERY  # for what could not be sent before
         if self.motors.jogging:
             self.motors.end_jogs()
         if whole:
             self._plan(now)
         else:
             self.planning = True
-        lost = self.hal.trouble()
+        lost = self.hal.take_lost_commands()
         if lost or look & stepper.LOOK_FAULT:
-            self._fault(lost)
+            self._on_fault(lost)
         self.reports.send()
         if self.journal:
             self.journal.poll(now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged)
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
-        """A piece of what is to be planned, a frame or segments of one motor: the rest waits for the next pass."""
+        """Plan a piece, such as a frame or segments of one motor; the next pass plans the rest."""
         planned = self.virtuals.poll(now)
         if self.moves.poll():
             planned = True
         self.planning = self.axes.feed(planned) or planned
 
     def _listen(self):
-        """Take in what has come and answer it."""
+        """Take in what has come and answer it. Returns whether there was anything."""
         port = self.port
         reader = self.reader
         is_open = port.open
@@ -237,11 +243,11 @@ class Controller:
             if self.was_open:
                 reader.clear()
                 self.writer.clear()
-                self._host_lost()
+                self._on_host_lost()
             self.was_open = is_open
             if is_open:
                 self.reports.hi = True  # field note 1.5
-            self.awake = _AWAKE
+            self.active_passes = _ACTIVE_PASSES
         waiting = reader.waiting
         if port.poll(reader):
             self.heard_at = self.now
@@ -252,23 +258,24 @@ class Controller:
         return self._attend(reader)
 
     def _attend(self, reader):
-        """Answer what has come; whether there was anything."""
+        """Answer what has come. Returns whether there was anything."""
         state = self.operations.state
         if state == POSITIONING or state == ENDING:
-            self.operations.poll()  # answers tell how it stands now
+            self.operations.poll()  # so that answers give the present state
         writer = self.writer
         busy = False
         self.backlog = True
         while writer.room() >= _REPLY_ROOM:
             found = reader.poll()
             if found == NOTHING:
-                # Since its beginning: a host that goes on asking would lend its bytes to a damaged length for seconds.
+                # Counted from the frame's beginning: after a damaged length, the bytes of a host
+                # that goes on asking would be taken for its payload for seconds.
                 if (
                     reader.waiting
                     and elapsed(self.now, self.begun_at) > STALL_MS
                     and elapsed(self.now, self.heard_at) >= _QUIET_MS
                 ):
-                    reader.abandon()
+                    reader.drop_partial()
                     self.begun_at = self.heard_at
                     continue
                 self.backlog = False
@@ -277,19 +284,19 @@ class Controller:
             self.begun_at = self.now
             code = m.ERR_CHECKSUM if found == DAMAGED else self._handle(reader)
             if code:
-                writer.ack(reader, code, self.rig.wide)
+                writer.ack(reader, code, self.rig.dword_acks)
             if not reader.waiting:
                 self.backlog = False
                 break
         return busy
 
     def _handle(self, reader):
-        """Do what is asked for. The code to acknowledge with, or 0 where the answer has been given."""
+        """Do what is asked for. Returns the code to acknowledge with, 0 if it has been answered."""
         if self.motors.pending_acceleration:
             self.motors.apply_pending_acceleration()
         kind = reader.type
         state = self.operations.state
-        if (state == READY or state == LEAVING) and kind not in _ASIDE:
+        if (state == READY or state == LEAVING) and kind not in _KEEPS_EARLY_PLAN:
             if state == READY:
                 self.operations.discard_early_plan()
             elif kind != m.MSG_MOTOR_STOP_ALL:
@@ -301,8 +308,8 @@ class Controller:
             return m.ERR_RANGE
         return handler()
 
-    def _host_lost(self):
-        """The host has closed the port: everything comes to rest (field note 1.11)."""
+    def _on_host_lost(self):
+        """The host has closed the port or does not read: all ramp down (field note 1.11)."""
         ready = self.hal.ready()
         self.operations.host_lost(ready, self.virtuals.engaged)
         if ready:
@@ -316,40 +323,40 @@ class Controller:
         self.motors.jogging = 0
         self.reports.nobody_listens()
 
-    def abandon(self):
-        """The firmware stops looking after the motors: they ramp down, outputs go to their safe levels."""
+    def stop_everything(self):
+        """Ramp all motors down and set all outputs to their safe levels."""
         self.io.safe()
         self.operations.stop()
         self.run_outputs.abort()
         self.virtuals.halt()
         self.axes.stop()
 
-    def give_up(self):
-        """An exception has ended the passes: as abandon(), and the host is told (field note 8.4)."""
-        self.abandon()
+    def crash_stop(self):
+        """After an exception in a pass: stop_everything(), and tell the host at once (note 8.4)."""
+        self.stop_everything()
         self.writer.begin(m.MSG_MOTOR_HARD_STOP, None)
         self.writer.u8(m.HARD_STOP_FAULT)
         self.writer.end()
         self.port.send(self.writer)
 
-    def fail(self):
-        """An internal fault: everything comes to rest, the host is told (field note 8.4)."""
-        self.abandon()
+    def fault_stop(self):
+        """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
+        self.stop_everything()
         self.motors.jogging = 0
         self.reports.hard_stop = m.HARD_STOP_FAULT
 
-    def _blame(self, fault):
-        """Keep why the motors are stopped. fault: FAULT_ bits."""
+    def _note_fault(self, fault):
+        """Note why the motors are stopped. fault: FAULT_ bits."""
         self.fault |= fault
-        self.untold |= fault
+        self.unreported |= fault
 
-    def _halt(self):
-        """A stop input has acted (field note 8.4)."""
+    def _on_stop_input(self):
+        """A stop input has become active: hard-stop what it is for (field note 8.4)."""
         factor = self.rig.hard_stop_factor
         if self.safety.tripped:
             if self.rig.estop_cuts_power:
                 self.positions.power_cut(self.axes.moving_bits())
-            self._blame(FAULT_ESTOP)
+            self._note_fault(FAULT_ESTOP)
             self.motors.jogging = 0
             self.operations.stop(factor)
             self.virtuals.halt(factor)
@@ -357,9 +364,9 @@ class Controller:
             self.io.safe()
             self.run_outputs.abort()
             return
-        bits = self.safety.struck_motors()
+        bits = self.safety.motors_at_limit()
         if bits:
-            self._blame(FAULT_LIMIT)
+            self._note_fault(FAULT_LIMIT)
         self.motors.jogging &= ~bits
         if self.virtuals.engaged & bits:
             self.virtuals.halt()
@@ -369,32 +376,34 @@ class Controller:
                     self.operations.stop(spared=self.virtuals.engaged)
                 self.axes[motor].stop(self.hal, factor)
 
-    def _fault(self, lost):
-        """The tick kernel has found a fault, or the engine has lost a command of motors of the bits `lost`."""
+    def _on_fault(self, lost):
+        """The kernel has found a fault, or the engine has lost commands of the motors `lost`."""
         header = self.header
-        self._blame(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
+        self._note_fault(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
         header[stepper.FAULTS] = 0
         for motor in range(self.count):
             block = self.axes[motor].block
             if block[stepper.FAULT] & stepper.FAULT_LATE:
-                lost |= 1 << motor  # its pulses broke off in motion, which it may not have followed
+                lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
             block[stepper.FAULT] = 0
         if lost:
             self.positions.set_lost(lost, STEPS)
-        self.fail()
+        self.fault_stop()
 
-    def _drivers_failed(self, bits):
-        """Drivers of these motors no longer do what they are told (io/tmc2209.py). Motors that were switched on may be
-        anywhere now: everything comes to rest, and their positions are lost."""
+    def _on_driver_failure(self, bits):
+        """The drivers of these motors have failed (io/tmc2209.py).
+
+        Those that were on have lost their positions, and everything comes to rest.
+        """
         bits &= self.motors.powered
         if bits:
             self.motors.switch_off(bits)
             self.positions.set_lost(bits, DRIVER)
-            self._blame(FAULT_DRIVER)
-            self.fail()
+            self._note_fault(FAULT_DRIVER)
+            self.fault_stop()
 
     def _light(self, beat):
-        """Switch the LED as its pattern has it."""
+        """Show this beat of the LED's pattern."""
         self.beat = beat
         if self.fault or self.broken or self.safety.tripped:
             light = LED_FAULT
@@ -404,33 +413,40 @@ class Controller:
             light = LED_CONNECTED if self.was_open else LED_WAITING
         self.hal.led(glow(light, beat))
 
-    def _sound(self):
-        """Whether all pins are what they should be. Else everything stops, and motors that may have missed pulses have
-        lost their positions; the next time they are."""
+    def _check_pins(self):
+        """Whether all pins are as the HAL has set them up.
+
+        If a program on the REPL has changed some, the HAL takes them back, everything stops, and
+        motors that may have missed pulses have lost their positions.
+        """
         lost = self.hal.reclaim()
         if lost < 0:
             return self.hal.ready()
         self.positions.set_lost(lost, STEPS)
-        self._blame(FAULT_TAKEN)
-        self.fail()
+        self._note_fault(FAULT_TAKEN)
+        self.fault_stop()
         return False
 
     def safe(self):
-        """Whether motors may be moved at all."""
-        return not self.broken and not self.safety.tripped and self._sound()
+        """Whether any motor may be moved."""
+        return not self.broken and not self.safety.tripped and self._check_pins()
 
     def acknowledge(self, code):
-        """Answer the request at once, before it is carried out."""
-        self.writer.ack(self.reader, code, self.rig.wide)
+        """Acknowledge the request before it is carried out."""
+        self.writer.ack(self.reader, code, self.rig.dword_acks)
         self.port.send(self.writer)
 
     def stop_all(self):
-        """spec: MSG_MOTOR_STOP_ALL. Harder where it comes again within SECOND_STOP_MS."""
-        hard = (
-            self.operations.stopping_on_frame or self.stop_at >= 0 and elapsed(self.now, self.stop_at) <= SECOND_STOP_MS
-        )
+        """MSG_MOTOR_STOP_ALL: all motors ramp down. A payload (flags 0) is ignored.
+
+        Within SECOND_STOP_MS of another one, or while JOG_ALL comes to rest on a frame, it is the
+        hard stop (field notes 4.4 and 6.10).
+        """
+        hard = self.operations.stopping_on_frame
+        if self.stop_all_at >= 0 and elapsed(self.now, self.stop_all_at) <= SECOND_STOP_MS:
+            hard = True
         factor = self.rig.hard_stop_factor if hard else 1
-        self.stop_at = self.now
+        self.stop_all_at = self.now
         self.motors.jogging = 0
         landing = self.operations.stop(factor, not hard, True, spared=self.virtuals.engaged)
         if hard:
@@ -446,15 +462,21 @@ class Controller:
     # A handler returns the code to acknowledge with, or 0 where it has answered itself.
 
     def _hi(self):
+        """MSG_HI: no payload. The answer says what the board can do (field notes 1.4 and 1.5)."""
         self.reports.send_hi(self.reader)
         self.reports.hi = False
         return 0
 
     def _get_position(self):
+        """MSG_MOTOR_GET_POSITION: no payload. The answer: MOVE TIME and positions (note 4.6)."""
         self.reports.send_positions(self.reader)
         return 0
 
     def _status(self):
+        """MSG_MOTOR_STATUS: no payload (field note 4.7).
+
+        The answer: motors that move or are about to 0, one bit each; whether lights ramp 4 (8.1).
+        """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
         writer.u32(stepper.moving(self.header) | self.operations.engaged | self.virtuals.engaged)
@@ -463,27 +485,31 @@ class Controller:
         return 0
 
     def condition(self):
-        """CONDITION_ bits; framestep.words says them in words."""
+        """The state of the board: CONDITION_ bits. framestep.words has the texts."""
         bits = 0
         if self.broken:
-            bits |= m.CONDITION_BROKEN
+            bits |= m.CONDITION_RIG_FILE_INVALID
         if self.safety.tripped:
             bits |= m.CONDITION_ESTOP
-        if self.hal.watchdog.barked:
-            bits |= m.CONDITION_BARKED
+        if self.hal.watchdog.caused_reset:
+            bits |= m.CONDITION_WATCHDOG_RESET
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
         if self.operations.player.exceeded[0]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.journal is None or not self.journal.working:
-                bits |= m.CONDITION_FORGETFUL
+                bits |= m.CONDITION_POSITIONS_UNSAVABLE
             else:
-                bits |= m.CONDITION_KEPT if self.positions.saved else m.CONDITION_UNKEPT
+                bits |= m.CONDITION_POSITIONS_SAVED if self.positions.saved else m.CONDITION_POSITIONS_PENDING
         return bits
 
     def _condition(self):
-        """framestep's own: CONDITION_ bits 0, then state and reason of each motor's position (motors/positions.py)."""
+        """MSG_CONDITION, framestep's own: no payload.
+
+        The answer: CONDITION_ bits 0, then state and reason of each motor's position, a byte each
+        (motors/positions.py).
+        """
         writer = self.writer
         positions = self.positions
         writer.begin(m.MSG_CONDITION, self.reader)

@@ -12,10 +12,13 @@ from framestep.rig import Rig
 class HostBoard:
     """A controller on virtual time. `on_edge(time_ns, signal, value)` is told every edge.
 
-    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it. motors: how many, whatever
-    the board has. barked: as if the watchdog had started the board. wire: called with the HAL, gives what the drivers'
-    UART is connected to. flash: what has outlived a power cut, False where there is none. upload_bytes: memory for the
-    uploaded move. broken: as with a mistake in the rig file.
+    rig: what a rig file holds (a dictionary), or None. RigError for a mistake in it.
+    motors: how many, whatever the board has.
+    caused_reset: as if the watchdog had started the board.
+    wire: called with the HAL, returns what the drivers' UART is connected to.
+    flash: what has outlived a power cut; False: there is none.
+    upload_bytes: memory for the uploaded move.
+    broken: as with a mistake in the rig file.
     """
 
     def __init__(
@@ -23,7 +26,7 @@ class HostBoard:
         rig=None,
         motors=None,
         board=BOARD,
-        barked=False,
+        caused_reset=False,
         wire=None,
         flash=None,
         upload_bytes=0,
@@ -33,7 +36,7 @@ class HostBoard:
         self.failure = None
         self.rig = Rig(rig, board)
         count = motors or self.rig.board.get("motors") or len(self.rig.board["step"])
-        self.hal = HostHal(count, self.rig, barked, wire, flash, upload_bytes)
+        self.hal = HostHal(count, self.rig, caused_reset, wire, flash, upload_bytes)
         self.controller = Controller(self.hal, self.rig, broken)
         try:
             self.controller.moves.take_memory()

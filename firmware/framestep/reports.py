@@ -21,7 +21,7 @@ class Reports:
         self.virtual = False
         self.end = False
         self.go = False
-        self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.barked else -1  # its reason
+        self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.caused_reset else -1  # its reason
         self.was_moving = False
         self.sent_at = 0  # when positions were, ms
 
@@ -100,5 +100,5 @@ class Reports:
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
         writer.u32(controller.operations.tell(frame))
-        writer.words_from(controller.axes.reported, 0, controller.count)
+        writer.put_i32s_from(controller.axes.reported, 0, controller.count)
         return writer.end()

@@ -262,7 +262,7 @@ class Rig:
         self._assign_pins(settings, self.board)
         self.settings = settings
         self.name = settings["name"].encode()
-        self.wide = 1 if settings["dialect"] == "dmc-lite" else 0
+        self.dword_acks = 1 if settings["dialect"] == "dmc-lite" else 0
         self.ports = settings["ports"]
         self.jog_timeout_ms = settings["jog_timeout_ms"]
         self.hard_stop_factor = settings["hard_stop_factor"]

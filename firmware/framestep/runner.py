@@ -20,9 +20,9 @@ from micropython import heap_lock, heap_unlock, stack_use
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import DEEPEST, PASS
-from framestep.moves.player import UNTOLD, WHAT
+from framestep.moves.player import UNREPORTED, WHAT
 from framestep.native import const, micropython
-from framestep.protocol.messages import CONDITION_BARKED, CONDITION_FORGETFUL
+from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 
 _PASS_MS = const(1)
 _SAYINGS = const(16)
@@ -57,7 +57,7 @@ class Runner:
 
     def __init__(self, hal, background):
         self._hal = hal
-        hal.say = self.say
+        hal.report_driver = self.say
         self.background = background
         self._inside = hal.inside
         self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
@@ -78,7 +78,7 @@ class Runner:
         self._struck = False  # Ctrl-C came in a pass: it is passed on to whom it was for
         self._ctrl_c = _CtrlC()
 
-    def say(self, motor, text):
+    def report_driver(self, motor, text):
         """Tell on the REPL what the driver of a motor (from 1) does, as soon as nothing moves. Allocates nothing."""
         place = self._sayings % _SAYINGS
         self._saying_motors[place] = motor
@@ -145,7 +145,7 @@ class Runner:
             self._struck = True  # where nothing is half done
         try:
             if self._failing:
-                controller.fail()
+                controller.fault_stop()
                 self._failing = False
                 self._failed = self._news = True
             self._inside[PASS] = 1
@@ -158,7 +158,7 @@ class Runner:
             self._end()
             self.task = self._traceback_task
             return
-        if (controller.untold or self._news) and not controller.reports.was_moving:
+        if (controller.unreported or self._news) and not controller.reports.was_moving:
             self._tell()
 
     def _after(self):
@@ -177,7 +177,7 @@ class Runner:
     def _end(self):
         """An exception has ended the passes."""
         self.stop()
-        self._controller.give_up()
+        self._controller.crash_stop()
 
     def _broken(self):
         """The same in the foreground."""
@@ -196,14 +196,14 @@ class Runner:
     def _tell(self):
         """Say why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors move, as
         the REPL's host may let the board wait. Allocates nothing."""
-        untold = self._controller.untold
-        self._controller.untold = 0
+        unreported = self._controller.unreported
+        self._controller.unreported = 0
         for bit, text in FAULTS:
-            if untold & bit:
+            if unreported & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
         told = self._controller.operations.player.exceeded  # type: ignore[union-attr]
-        if untold & UNTOLD and told[WHAT]:
+        if unreported & UNREPORTED and told[WHAT]:
             print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
         if self._failed:
             self._failed = False
@@ -220,7 +220,7 @@ class Runner:
         try:
             from framestep import words
 
-            bits = self._controller.condition() & (CONDITION_BARKED | CONDITION_FORGETFUL)
+            bits = self._controller.condition() & (CONDITION_WATCHDOG_RESET | CONDITION_POSITIONS_UNSAVABLE)
             for line in words.conditions(bits):
                 print("framestep:", line)
         except MemoryError:
@@ -241,6 +241,6 @@ class Runner:
             self._hal.led(0)
             self._hal.watchdog.disarm()
             if self._controller:
-                self._controller.abandon()
+                self._controller.stop_everything()
         finally:
             heap_unlock()

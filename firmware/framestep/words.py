@@ -16,14 +16,14 @@ from framestep.motors.positions import (
     UNSET,
 )
 from framestep.protocol.messages import (
-    CONDITION_BARKED,
-    CONDITION_BROKEN,
     CONDITION_DRIVER,
     CONDITION_ESTOP,
     CONDITION_EXCEEDED,
-    CONDITION_FORGETFUL,
-    CONDITION_KEPT,
-    CONDITION_UNKEPT,
+    CONDITION_POSITIONS_PENDING,
+    CONDITION_POSITIONS_SAVED,
+    CONDITION_POSITIONS_UNSAVABLE,
+    CONDITION_RIG_FILE_INVALID,
+    CONDITION_WATCHDOG_RESET,
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
     EXCEEDED_LOWER,
@@ -47,12 +47,12 @@ REASONS = {
     UNPOWERED: "the E-stop cut the power in motion",
 }
 CONDITIONS = {
-    CONDITION_BROKEN: "the rig file has a mistake: nothing moves (the REPL says which)",
+    CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL says which)",
     CONDITION_ESTOP: "the E-stop is held",
-    CONDITION_KEPT: "positions are remembered: power may go",
-    CONDITION_UNKEPT: "positions are not remembered yet: wait until the motors have stood for 2 seconds",
-    CONDITION_FORGETFUL: "positions cannot be remembered: the flash or its files do not take them",
-    CONDITION_BARKED: "the watchdog has started the board: the firmware hung while motors moved",
+    CONDITION_POSITIONS_SAVED: "positions are remembered: power may go",
+    CONDITION_POSITIONS_PENDING: "positions are not remembered yet: wait until the motors have stood for 2 seconds",
+    CONDITION_POSITIONS_UNSAVABLE: "positions cannot be remembered: the flash or its files do not take them",
+    CONDITION_WATCHDOG_RESET: "the watchdog has started the board: the firmware hung while motors moved",
     CONDITION_EXCEEDED: "the last move asks more of a motor than it is set to",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }

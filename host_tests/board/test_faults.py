@@ -6,7 +6,7 @@ E-stop and limit switches in motion and an exception in the main loop are in tes
 import numpy as np
 import pytest
 
-from framestep.io.watchdog import DEAF_MS, TIMEOUT_MS
+from framestep.io.watchdog import HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.motion import stepper
 from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
@@ -192,12 +192,12 @@ def test_a_host_that_takes_nothing(rig):
     emulator = rig.board.emulator
     emulator.cmd("hold", port=1, on=True)
     failed = rig.now
-    rig.board.run_until(rig.board.now_ns + (DEAF_MS + 2000) * 1_000_000)
+    rig.board.run_until(rig.board.now_ns + (HOST_UNREAD_MS + 2000) * 1_000_000)
     emulator.cmd("hold", port=1, on=False)
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
-        ramped_down(rig, motor, before, failed, DEAF_MS / 1000 + 1)
-        assert rig.steps(motor)[0][-1] - failed > DEAF_MS / 1000
+        ramped_down(rig, motor, before, failed, HOST_UNREAD_MS / 1000 + 1)
+        assert rig.steps(motor)[0][-1] - failed > HOST_UNREAD_MS / 1000
     rig.run(0.5)
     assert not rig.moving and trust(rig)[:2] == [(KNOWN, SET)] * 2
 
@@ -207,9 +207,9 @@ def test_positions_outlive_the_power(rig):
     emulator = rig.board.emulator
     rig.accept(MotorResetPosition(1, 2**31 - 1), MotorResetPosition(2, -12345), MotorMove(1, 2**31 - 3000))
     rig.wait_idle()
-    assert rig.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    assert rig.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     rig.run(2.1)
-    assert rig.ask(GetCondition()).bits == m.CONDITION_KEPT
+    assert rig.ask(GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
     emulator.reset()
     starts_again(rig)
     assert (rig.position(1), rig.position(2)) == (2**31 - 3000, -12345)
@@ -277,7 +277,7 @@ def test_a_main_loop_that_hangs(rig):
         ramped_down(rig, motor, before, failed, 0.8)
     assert np.all(rig.steps(1)[0] < reset)
     condition = rig.ask(GetCondition())
-    assert condition.bits == m.CONDITION_BARKED | m.CONDITION_UNKEPT
+    assert condition.bits == m.CONDITION_WATCHDOG_RESET | m.CONDITION_POSITIONS_PENDING
     assert set(condition.positions) == {Trust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
         "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"

@@ -74,7 +74,7 @@ class DrivenBoard(EmulatedBoard):
             mine = records[records["pin"] == pin]
             times, levels = mine["t"].astype(np.int64), mine["level"]
             self.bit_lengths += [d for d in np.diff(times) if d < 1.2 * BIT_NS]
-            self.wire.choose(motor)
+            self.wire.select(motor)
             for at, value in decode(times, levels, self.now_ns):
                 self.wire.byte(value, at)
             for value in self.wire.take_answers()[-8:] if self._asked() else b"":

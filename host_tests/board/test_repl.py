@@ -122,7 +122,9 @@ def test_faults_in_words(session):
     repl = board.emulator.repl()
     repl.exec("import time, framestep.boot as b")
     # more than are kept until they can be told
-    text = repl.exec("b.runner.task = lambda: [b.hal.say(1, 'does %d' % i) for i in range(20)]\ntime.sleep_ms(100)")
+    text = repl.exec(
+        "b.runner.task = lambda: [b.hal.report_driver(1, 'does %d' % i) for i in range(20)]\ntime.sleep_ms(100)"
+    )
     lines = [f"framestep: driver of motor 1 does {i}" for i in range(4, 20)]
     assert text.splitlines() == ["framestep: drivers: 4 earlier lines are lost", *lines]
     repl.exec("import framestep.repl; move(1, 40000)")

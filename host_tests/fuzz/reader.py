@@ -18,7 +18,7 @@ from host_tests.runtime.frames_echo import echo
 from .link import frame
 
 READER = frames.FrameReader
-CODES = {f.__code__ for f in (READER.feed, READER.poll, READER.abandon, READER.clear, frames._search)}
+CODES = {f.__code__ for f in (READER.feed, READER.poll, READER.drop_partial, READER.clear, frames._search)}
 MOST_BYTES = 6000  # of a stream: the echo answers them all
 
 

@@ -44,7 +44,7 @@ class Replies(Part):
         request = self.open.get(number)
         plain = kind & ~m.MSG_FLAG_ACK
         if kind & m.MSG_FLAG_ACK:
-            if len(payload) != (4 if self.rig.wide else 2):
+            if len(payload) != (4 if self.rig.dword_acks else 2):
                 self.fail("form", f"an acknowledgement of {len(payload)} bytes")
             code = payload[0] | payload[1] << 8
         else:

@@ -97,6 +97,6 @@ def test_streams_grown_by_coverage():
 
 
 def test_a_difference_between_the_readers_is_told(monkeypatch):
-    monkeypatch.setattr(reader.READER, "abandon", lambda self: None)
+    monkeypatch.setattr(reader.READER, "drop_partial", lambda self: None)
     with pytest.raises(reader.Mismatch):
         reader.explore("frames", cases=150)

@@ -341,15 +341,15 @@ def trust(session, *motors):
 def test_over_power_cuts():
     flash = Guarded()
     session = power_up(flash)
-    assert session.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     session.run(10)
     assert flash.writes == 0  # nothing is known yet
     session.accept(MotorResetPosition(1, 1000), MotorResetPosition(2, -1000))
     session.accept(MotorMove(1, 3000))
     session.wait_idle()
-    assert session.ask(GetCondition()).bits == m.CONDITION_UNKEPT
+    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     session.run(2.1)
-    assert session.ask(GetCondition()).bits == m.CONDITION_KEPT
+    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
     writes = flash.writes
     session.run(20)
     assert flash.writes == writes
@@ -409,7 +409,7 @@ def test_without_a_flash(capsys, monkeypatch):
     monkeypatch.setattr(HostHal, "flash", flash)
     session = power_up(Guarded())
     assert "cannot be remembered" in capsys.readouterr().out
-    assert session.ask(GetCondition()).bits == m.CONDITION_FORGETFUL
+    assert session.ask(GetCondition()).bits == m.CONDITION_POSITIONS_UNSAVABLE
     session.accept(MotorResetPosition(1, 5), MotorMove(1, 100))
     session.wait_idle()
     assert session.position(1) == 100

@@ -133,7 +133,7 @@ def test_an_interrupt_halts_a_motor_at_its_limit():
         motor.moves(0)  # it has come to rest before the main loop looks
     switches.pins.put(HIGH, 1)
     assert switches.poll()
-    assert switches.safety.struck_motors() == 1
+    assert switches.safety.motors_at_limit() == 1
     assert switches.reports() == [(m.HARD_STOP_UPPER, 2)]
     assert not switches.poll(50)
     assert switches.reports() == []
@@ -199,10 +199,10 @@ def test_limit(contact, swap, end):
     motor.moves(500 if up else -500)
     switches.motors[3].moves(500 if up else -500)  # has no limits
     assert not switches.poll(5)
-    assert safety.bars(2, further, 0) == m.OK
+    assert safety.limit_blocking(2, further, 0) == m.OK
     switches.pins.put(HIGH if end == "high" else LOW, active)
     assert switches.poll()
-    assert safety.struck_motors() == 1 << 2
+    assert safety.motors_at_limit() == 1 << 2
     assert not safety.tripped
     assert switches.reports() == [(m.HARD_STOP_UPPER if up else m.HARD_STOP_LOWER, 3)]
     motor.moves(300 if up else -300, stepper.STOP)
@@ -211,10 +211,10 @@ def test_limit(contact, swap, end):
     motor.moves(0)
     assert not switches.poll(10)
     refusal = m.ERR_HARD_UP if up else m.ERR_HARD_LOW
-    assert safety.bars(2, further, 0) == refusal
-    assert safety.bars(2, back, 0) == m.OK
-    assert safety.bars(2, array("i", [1000]), 0) == m.OK
-    assert safety.bars(3, further, 0) == m.OK
+    assert safety.limit_blocking(2, further, 0) == refusal
+    assert safety.limit_blocking(2, back, 0) == m.OK
+    assert safety.limit_blocking(2, array("i", [1000]), 0) == m.OK
+    assert safety.limit_blocking(3, further, 0) == m.OK
     motor.moves(-500 if up else 500)  # away
     assert not switches.poll(10)
     assert switches.reports() == []
@@ -223,9 +223,9 @@ def test_limit(contact, swap, end):
     assert switches.reports() == []
     switches.pins.put(HIGH if end == "high" else LOW, 1 - active)
     assert not switches.poll(RELEASE_MS)
-    assert safety.bars(2, further, 0) == refusal
+    assert safety.limit_blocking(2, further, 0) == refusal
     switches.poll()
-    assert safety.bars(2, further, 0) == m.OK
+    assert safety.limit_blocking(2, further, 0) == m.OK
     motor.moves(500 if up else -500)
     switches.poll()
     switches.pins.put(HIGH if end == "high" else LOW, active)
@@ -238,8 +238,8 @@ def test_positions_that_are_no_small_integers():
     switches.safety.assign(0, 1, False)
     switches.poll()  # both open: both active
     switches.motors[0].block[stepper.POSITION] = 2**31 - 2
-    assert switches.safety.bars(0, array("i", [2**31 - 1]), 0) == m.ERR_HARD_UP
-    assert switches.safety.bars(0, array("i", [-(2**31)]), 0) == m.ERR_HARD_LOW
+    assert switches.safety.limit_blocking(0, array("i", [2**31 - 1]), 0) == m.ERR_HARD_UP
+    assert switches.safety.limit_blocking(0, array("i", [-(2**31)]), 0) == m.ERR_HARD_LOW
 
 
 def test_coupled_motors_share_their_switches():
@@ -251,14 +251,14 @@ def test_coupled_motors_share_their_switches():
     switches.pins.put(LOW, 0)
     partner.moves(500)
     assert switches.poll()
-    assert safety.struck_motors() == 1
+    assert safety.motors_at_limit() == 1
     assert switches.reports() == [(m.HARD_STOP_UPPER, 2)]
     partner.moves(0)
-    assert safety.bars(0, array("i", [5]), 0) == m.ERR_HARD_UP
-    assert safety.bars(0, array("i", [-5]), 0) == m.OK
+    assert safety.limit_blocking(0, array("i", [5]), 0) == m.ERR_HARD_UP
+    assert safety.limit_blocking(0, array("i", [-5]), 0) == m.OK
     leader.turned = 1
-    assert safety.bars(0, array("i", [5]), 0) == m.OK
-    assert safety.bars(0, array("i", [-5]), 0) == m.ERR_HARD_LOW
+    assert safety.limit_blocking(0, array("i", [5]), 0) == m.OK
+    assert safety.limit_blocking(0, array("i", [-5]), 0) == m.ERR_HARD_LOW
 
 
 @given(st.integers(0, 127))
@@ -273,7 +273,7 @@ def test_a_set_can_be_taken_away():
     switches.safety.assign(0, 0, False)
     switches.motors[0].moves(500)
     assert not switches.poll(3)
-    assert switches.safety.bars(0, array("i", [5]), 0) == m.OK
+    assert switches.safety.limit_blocking(0, array("i", [5]), 0) == m.OK
 
 
 def test_reports_wait_for_room():

@@ -30,12 +30,12 @@ class Wired:
         self.passes = itertools.repeat(passes) if isinstance(passes, int) else passes
         addresses = [a for a, table in zip(self.board["drivers"]["address"], self.rig.drivers, strict=False) if table]
         self.chips = [Chip(address) for address in addresses]
-        self.wire = Chips(self.chips, lambda: self.now_us * 1000)
+        self.driver_wire = Chips(self.chips, lambda: self.now_us * 1000)
         self.said = []
         self.drivers = tmc2209.Drivers(self, self.rig)
         self.failed = 0
 
-    def say(self, motor, text):
+    def report_driver(self, motor, text):
         self.said.append(f"{motor} {text}")
 
     def run(self, seconds):
@@ -155,7 +155,7 @@ def test_a_main_loop_of_any_pace(passes):
 
 def test_without_echo():
     wired = Wired()
-    wired.wire.echo = False
+    wired.driver_wire.echo = False
     assert wired.run(RESET_S).drivers.ready == 0b1111
 
 
@@ -166,7 +166,7 @@ def spoil(wired, direction, which, how):
     def change(way, data):
         return how(data) if way == direction and next(numbers) in which else data
 
-    wired.wire.spoil = change
+    wired.driver_wire.spoil = change
 
 
 def flipped(data):
@@ -217,7 +217,7 @@ def test_a_driver_that_does_not_answer():
 
 def test_nothing_on_the_wire():
     wired = Wired()
-    wired.wire.receive = lambda buffer, at, limit: 0
+    wired.driver_wire.receive = lambda buffer, at, limit: 0
     wired.run(1)
     assert wired.drivers.ready == 0b1100
     assert [text for text in wired.said if "gets no echo on the wire" in text] == wired.said
@@ -395,7 +395,7 @@ def test_drivers_with_a_wire_each():
     }
     wired = Wired(settings, board_data("fysetc_erb"))
     assert wired.board["drivers"]["pins"] == [20, 17]
-    wired.wire.apart = True
+    wired.driver_wire.apart = True
     wired.run(RESET_S)
     assert wired.drivers.ready == 0b11
     assert wired.chips[1].run_ma() <= 300 < 700 < wired.chips[0].run_ma()

@@ -1,7 +1,7 @@
 """The watchdog's food: only while the main loop, the tick and the queue of reports are all alive."""
 
 from framestep.host_board import HostBoard
-from framestep.io.watchdog import DEAF_MS, LOOK_MS, TIMEOUT_MS
+from framestep.io.watchdog import CHECK_MS, HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.protocol import messages as m
 from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorStopAll, RtEnd, RtGo
@@ -24,11 +24,11 @@ def test_only_while_something_moves():
     session.run(1)
     assert dog(session).strikes_at is None
     session.accept(MotorMove(1, 3000))
-    session.run(2 * LOOK_MS / 1000)
+    session.run(2 * CHECK_MS / 1000)
     while session.moving:
-        assert TIMEOUT_MS - LOOK_MS - 2 <= left(session) <= TIMEOUT_MS
+        assert TIMEOUT_MS - CHECK_MS - 2 <= left(session) <= TIMEOUT_MS
         session.run(0.05)
-    session.run(2 * LOOK_MS / 1000)
+    session.run(2 * CHECK_MS / 1000)
     assert dog(session).strikes_at is None
     session.accept(MotorMove(1, 0))
     session.run(0.3)
@@ -42,7 +42,7 @@ def test_not_without_the_tick():
     board = session.board._board
     board.hal.tick = lambda: None
     session.run(1)
-    assert left(session) < TIMEOUT_MS - 1000 + LOOK_MS
+    assert left(session) < TIMEOUT_MS - 1000 + CHECK_MS
 
 
 def test_not_without_the_main_loop():
@@ -53,7 +53,7 @@ def test_not_without_the_main_loop():
     board.controller.poll = lambda now: False
     board.run_until(board.now_ns + 3000 * MS)
     # by then the queue has run dry, and the motor has ramped down
-    assert left(session) < TIMEOUT_MS - 3000 + LOOK_MS
+    assert left(session) < TIMEOUT_MS - 3000 + CHECK_MS
     times, _ = session.steps(1)
     assert times[-1] < (board.now_ns - 2000 * MS) * 1e-9
 
@@ -79,7 +79,7 @@ def test_a_deaf_host_is_a_lost_host():
     begin = session.now
     session.run(6)
     last = session.steps(1)[0][-1]
-    assert DEAF_MS / 1000 < last - begin < DEAF_MS / 1000 + 2 * LOOK_MS / 1000 + 0.1
+    assert HOST_UNREAD_MS / 1000 < last - begin < HOST_UNREAD_MS / 1000 + 2 * CHECK_MS / 1000 + 0.1
     assert dog(session).strikes_at is None
     deaf.listen()
     session.run(0.1)
@@ -95,7 +95,7 @@ def test_a_slow_host_is_none():
     session.accept(MotorMove(1, 50_000))
     for _ in range(3):
         deaf = Deaf(session)
-        session.run(DEAF_MS / 1000 - 0.5)
+        session.run(HOST_UNREAD_MS / 1000 - 0.5)
         deaf.listen()
         session.run(0.01)
     assert session.moving == [1]
@@ -112,11 +112,11 @@ def test_a_slow_host_is_none():
 def test_after_it_has_struck():
     """Told to the next host, once, and to whoever asks."""
     board = SimulatedBoard()
-    board._board = HostBoard(barked=True)
+    board._board = HostBoard(caused_reset=True)
     session = Session(board)
     session.run(0.1)
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
-    assert session.ask(GetCondition()).bits == m.CONDITION_BARKED
+    assert session.ask(GetCondition()).bits == m.CONDITION_WATCHDOG_RESET
     session.forget()
     session.leave()
     session.run(0.1)

@@ -65,7 +65,7 @@ class Reference:
             self.at += 2
             return False, number, kind, None
 
-    def abandon(self):
+    def drop_partial(self):
         self.at += min(2, self.waiting)
 
 
@@ -100,7 +100,7 @@ def expected(case: Case) -> bytes:
             continue
         drain()
         if step == ABANDON:
-            reader.abandon()
+            reader.drop_partial()
             drain()
         else:
             out.append(wire.encode(WAITING, struct.pack("<H", reader.waiting)))

@@ -66,18 +66,18 @@ def test_frame_vectors_are_read():
 
 
 @pytest.mark.parametrize(
-    ("wide", "answer"),
+    ("dword_acks", "answer"),
     [
         (False, "44 46 01 00 00 00 31 80 02 00 10 00 9C 14"),
         (True, "44 46 01 00 00 00 31 80 04 00 10 00 00 00 EF BE"),
     ],
 )
-def test_acknowledgements(wide, answer):
+def test_acknowledgements(dword_acks, answer):
     reader, writer, out = FrameReader(), FrameWriter(), bytearray(64)
     request = wire.encode(messages.MSG_MOTOR_MOVE, bytes(5), 1)
     reader.feed(request, 0, len(request))
     assert reader.poll() == FRAME
-    assert writer.ack(reader, messages.OK, wide)
+    assert writer.ack(reader, messages.OK, dword_acks)
     assert bytes(out[: writer.take(out, 64)]) == bytes.fromhex(answer)
 
 
@@ -103,7 +103,7 @@ def test_a_frame_that_stops_half_way_is_given_up():
     reader = FrameReader()
     assert found(VIRT_MOVE[:12], reader) == []
     assert reader.waiting == 12
-    reader.abandon()
+    reader.drop_partial()
     assert reader.poll() == NOTHING
     assert reader.waiting == 0
     assert found(HI, reader) == [(FRAME, 1, 1, b"")]
@@ -112,7 +112,7 @@ def test_a_frame_that_stops_half_way_is_given_up():
 def test_a_good_frame_inside_one_given_up():
     reader = FrameReader()
     assert found(b"DF" + struct.pack("<IHH", 1, 1, 1000) + HI + VIRT_MOVE[:3], reader) == []
-    reader.abandon()
+    reader.drop_partial()
     assert found(b"", reader) == [(FRAME, 1, 1, b"")]
     assert reader.waiting == 3
 
@@ -150,11 +150,11 @@ def test_fields(dword, at):
     assert reader.u8(at) == dword[0]
     assert reader.u16(at) == unsigned & 0xFFFF
     assert reader.i16(at + 2) == signed >> 16
-    assert reader.count(at) == (unsigned if unsigned < 2**30 else -1)
+    assert reader.u30(at) == (unsigned if unsigned < 2**30 else -1)
     index = unsigned & 0x7FFF_FFFF
     assert reader.start_index(at) == (index if index < 2**30 else -1)
     assert reader.i32(at) == (signed if abs(signed) < 2**30 else NOT_SMALL)
-    reader.word_to(at, words, 1)
+    reader.copy_i32_to(at, words, 1)
     assert list(words) == [11, signed, 33]
 
 
@@ -189,9 +189,9 @@ def _encoded(field):
 
 def _write(writer, field):
     if field[0] == "word":
-        writer.words_from(array("i", [0, field[1]]), 1, 1)
+        writer.put_i32s_from(array("i", [0, field[1]]), 1, 1)
     elif field[0] == "words":
-        writer.words_from(array("i", [5, *field[1], 6]), 1, len(field[1]))
+        writer.put_i32s_from(array("i", [5, *field[1], 6]), 1, len(field[1]))
     else:
         getattr(writer, field[0])(*field[1:])
 

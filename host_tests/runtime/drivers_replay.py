@@ -37,7 +37,7 @@ class Wire:
         self.at = 0
         self.wrong = 0
 
-    def choose(self, motor):
+    def select(self, motor):
         pass
 
     def send(self, buffer, count):
@@ -67,12 +67,12 @@ class Hal:
     def __init__(self):
         self.motors = 4
         self.board = BOARD
-        self.wire = Wire()
+        self.driver_wire = Wire()
         self.said = 0
         self.motor = 0
         self.text = ""
 
-    def say(self, motor, text):
+    def report_driver(self, motor, text):
         self.said += 1
         self.motor = motor
         self.text = text
@@ -85,7 +85,7 @@ def from_hex(text):
 def main():
     hal = Hal()
     drivers = Drivers(hal, Rig(RIG, BOARD))
-    wire = hal.wire
+    wire = hal.driver_wire
     for line in sys.stdin:
         now, *script = line.split()
         now = int(now)

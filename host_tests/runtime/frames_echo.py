@@ -28,8 +28,8 @@ def answer(reader, writer, words):
     at = 0
     left = reader.length
     while left >= 4:
-        reader.word_to(at, words, 1)
-        writer.words_from(words, 1, 1)
+        reader.copy_i32_to(at, words, 1)
+        writer.put_i32s_from(words, 1, 1)
         at += 4
         left -= 4
     if left >= 2:
@@ -73,7 +73,7 @@ def replay(stream, steps, reader, writer, words):
         if not drain(reader, writer, words):
             return False
         if step < 0:
-            reader.abandon()
+            reader.drop_partial()
             if not drain(reader, writer, words):
                 return False
         else:

@@ -147,10 +147,10 @@ class Bench:
         elif kind == "assign":
             self.safety.assign(a, b & 0x7F, b & 0x80)
         elif kind == "bars":
-            self.flags = self.safety.bars(a, self.target, 0)
+            self.flags = self.safety.limit_blocking(a, self.target, 0)
         elif kind == "pin":
             self.hal.level = self.hal.level & ~(1 << a) | b << a
-            self.safety.catch(None)
+            self.safety.on_switch_change(None)
 
 
 def main():
@@ -182,7 +182,7 @@ def main():
             bench.work(kind, a, b)
             adjusting = lights.adjusting
             values = bench.gio.inputs.values
-            motors = bench.safety.struck_motors()
+            motors = bench.safety.motors_at_limit()
         finally:
             heap_unlock()
         total = 0

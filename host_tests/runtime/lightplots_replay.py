@@ -78,7 +78,7 @@ def frame(levels, triggers, reader, data):
             at = reader.payload + 6
             code = levels.store(reader.u16(0), reader.start_index(2), last, reader.buffer, at, reader.length - 6)
         else:
-            reader.word_to(0, mask, 0)
+            reader.copy_i32_to(0, mask, 0)
             code = triggers.store(mask, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)
     heap_unlock()
     return code

@@ -123,8 +123,8 @@ class Dmx:
 
 
 class Watchdog:
-    def __init__(self, barked):
-        self.barked = barked
+    def __init__(self, caused_reset):
+        self.caused_reset = caused_reset
 
     def arm(self, ms):
         pass
@@ -142,7 +142,7 @@ class Wire:
         self.answers = ()
         self.at = 0
 
-    def choose(self, motor):
+    def select(self, motor):
         self.notes.note(CHOOSE, motor, 0)
 
     def send(self, buffer, count):
@@ -195,8 +195,8 @@ class Hal:
         self.upload_bytes = head["memory"]
         self.port = Port(self.notes)
         self.dmx = Dmx(self.notes) if rig.dmx else NoDmx()
-        self.watchdog = Watchdog(head["barked"])
-        self.wire = Wire(self.notes)
+        self.watchdog = Watchdog(head["caused_reset"])
+        self.driver_wire = Wire(self.notes)
         self.failure = None
         self.alive = True
         self.content = head["flash"]
@@ -206,7 +206,7 @@ class Hal:
         self.handler = None
         self.colour = 0
         self.given = False  # whether any of the next two and of wire.answers is more than ()
-        self.lost = ()  # what trouble() says
+        self.lost = ()  # what take_lost_commands() says
         self.lost_at = 0
         self.taken = ()  # what reclaim() says
         self.taken_at = 0
@@ -243,11 +243,11 @@ class Hal:
             self.colour = colour
             self.notes.note(LED, colour, 0)
 
-    def say(self, motor, text):
+    def report_driver(self, motor, text):
         self.notes.texts[self.notes.text_count] = text
         self.notes.text_count += 1
 
-    def trouble(self):
+    def take_lost_commands(self):
         if self.lost_at == len(self.lost):
             return 0
         self.lost_at += 1
@@ -319,8 +319,8 @@ class Replay:
         hal.notes.told()
         # The controller begins with the clock at 0
         controller = self.controller
-        controller.reports.sent_at = controller.tended = controller.heard_at = ms & WRAP
-        controller.watchdog.looked_at = controller.watchdog._heard_at = ms & WRAP
+        controller.reports.sent_at = controller.housekept_at = controller.heard_at = ms & WRAP
+        controller.watchdog.checked_at = controller.watchdog._heard_at = ms & WRAP
 
     def tick(self, us):
         hal = self.hal
@@ -349,8 +349,8 @@ class Replay:
             print(ms, told)
         if hal.given:
             hal.given = False
-            hal.wire.answers = hal.lost = hal.taken = ()
-            hal.wire.at = hal.lost_at = hal.taken_at = 0
+            hal.driver_wire.answers = hal.lost = hal.taken = ()
+            hal.driver_wire.at = hal.lost_at = hal.taken_at = 0
 
     def happen(self, words):
         verb = words[0]
@@ -383,7 +383,7 @@ class Replay:
             hal.port.full = words[1] == b"1"
         elif verb == b"W":
             hal.given = True
-            hal.wire.answers = [b"" if word == b"-" else binascii.unhexlify(word) for word in words[1:]]
+            hal.driver_wire.answers = [b"" if word == b"-" else binascii.unhexlify(word) for word in words[1:]]
         elif verb == b"X":
             hal.given = True
             hal.lost = [int(word) for word in words[1:]]

@@ -86,7 +86,7 @@ class Hal:
     def ready(self):
         return True
 
-    def trouble(self):
+    def take_lost_commands(self):
         return 0
 
     def output(self, pin, level):

@@ -117,7 +117,7 @@ def play(lines, out):
             miss(rig, numbers[0])
             out.write(memoryview(rig.painted)[:WORDS])
         elif what == "end":
-            out.write(array("i", [rig.stream.trouble()]))
+            out.write(array("i", [rig.stream.take_lost_commands()]))
             for block in rig.kernel.blocks:
                 out.write(array("i", [block[MODE], block[FAULT], block[POSITION]]))
         else:

@@ -22,12 +22,12 @@ class Recorder(drivers_replay.Hal):
         self.now_us = 0
         self.chips = [Chip(0), Chip(1)]
         self.bus = Chips(self.chips, lambda: self.now_us * 1000)
-        self.wire = self
+        self.driver_wire = self
         self.events = []
         self.lines = []
         self.drivers = Drivers(self, Rig(drivers_replay.RIG, drivers_replay.BOARD))
 
-    def choose(self, motor):
+    def select(self, motor):
         pass
 
     def send(self, buffer, count):

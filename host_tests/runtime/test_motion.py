@@ -187,7 +187,7 @@ def run(turns):
     for i in range(turns):
         for k in range(8):
             rig.words[1] = (i * 7919 + k * 104729) % 5000
-            rig.axes[k].travel(rig, rig.words, 1, 10000)
+            rig.axes[k].move_to(rig, rig.words, 1, 10000)
         for k in range(25):
             rig.clock[0] += 1000
             rig.feed()

@@ -132,7 +132,7 @@ class Chips:
 
     # ---- the board's end
 
-    def choose(self, motor: int) -> None:
+    def select(self, motor: int) -> None:
         """See framestep.hal."""
         self.chosen = motor
 

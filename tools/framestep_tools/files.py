@@ -74,12 +74,12 @@ _WHOLE = (
 # flash they would hold up answers and the tick.
 _STAYS = {
     "framestep/controller.mpy": {
-        "poll", "_tend", "_plan", "_listen", "_attend", "_handle", "_light", "_sound", "acknowledge",
+        "poll", "_housekeep", "_plan", "_listen", "_attend", "_handle", "_light", "_check_pins", "acknowledge",
     },
     "framestep/motors/requests.mpy": {"apply_pending_acceleration"},
     "framestep/reports.mpy": {"send", "send_positions"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
-    "framestep/hal/rp2.mpy": {"trouble", "reclaim", "ready", "_bus_guard"},
+    "framestep/hal/rp2.mpy": {"take_lost_commands", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {
         "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll", "send", "_heard", "_watch",
     },

@@ -5,9 +5,9 @@ The device is asked what it is set to (framestep's own messages); other devices'
 
 from framestep import words
 from framestep.protocol.messages import (
-    CONDITION_BROKEN,
     CONDITION_DRIVER,
     CONDITION_ESTOP,
+    CONDITION_RIG_FILE_INVALID,
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
     EXCEEDED_LOWER,
@@ -45,7 +45,7 @@ from .payloads import (
 _SPEED = "set by SET_SPEED: Dragonframe's axis set-up, or framestep move … --velocity --acceleration"
 _LIMITS = "set by SET_LIMITS: Dragonframe's axis set-up"
 _STOPPED = (
-    (CONDITION_BROKEN, "the rig file has a mistake, which the REPL tells: nothing moves until it is right"),
+    (CONDITION_RIG_FILE_INVALID, "the rig file has a mistake, which the REPL tells: nothing moves until it is right"),
     (CONDITION_ESTOP, "the E-stop is held"),
     (CONDITION_DRIVER, "a driver does not work (the REPL tells which and why)"),
 )

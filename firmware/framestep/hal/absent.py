@@ -4,7 +4,7 @@
 class NoWatchdog:
     """For boards without a watchdog, and for rigs that do without."""
 
-    barked = False
+    caused_reset = False
 
     def arm(self, ms):
         pass

@@ -18,11 +18,13 @@ class Hal:
     port        the Port of the protocol
     dmx         a Dmx
     watchdog    a Watchdog
-    wire        the DriverWire, where Rig.drivers is not None
+    driver_wire the DriverWire, where Rig.drivers is not None
     upload_bytes    bytes that the uploaded move may take, in one piece
     inside      array of words; [PASS] is 1 while the main loop is in a pass
     passes      machine.Timer, not started, whose callbacks come from MicroPython's scheduler, for runner.py
-    say         say(motor, text): tells on the REPL what the driver of a motor (from 1) does. Set by the runner
+    report_driver
+                report_driver(motor, text): prints what the driver of a motor (from 1) does on
+                the REPL; set by the runner
     """
 
     def start(self):
@@ -69,7 +71,7 @@ class Hal:
         """Call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot."""
         raise NotImplementedError
 
-    def trouble(self):
+    def take_lost_commands(self):
         """Motors of which a pulse command was lost since the last call, so steps are missing: a bit each."""
         raise NotImplementedError
 
@@ -95,7 +97,7 @@ class Hal:
 class PulseEngine:
     """Makes edges of the commands of the tick; engine.py says what they are and how long they take.
 
-    What it cannot do in time it tells by Hal.trouble(), and it never makes up for it by a burst.
+    What it cannot do in time it tells by Hal.take_lost_commands(), and it never makes up for it by a burst.
     """
 
     def fifo(self, motor):
@@ -144,7 +146,7 @@ class Dmx:
 class Watchdog:
     """Starts the board again when it is not fed.
 
-    barked      whether it has started the board this time
+    caused_reset      whether it has started the board this time
     """
 
     def arm(self, ms):
@@ -167,7 +169,7 @@ class Watchdog:
 class DriverWire:
     """The UART of the motors' drivers."""
 
-    def choose(self, motor):
+    def select(self, motor):
         """The driver of this motor (from 0) is to be talked to; where each has a line of its own."""
         raise NotImplementedError
 

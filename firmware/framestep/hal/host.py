@@ -144,11 +144,11 @@ class HostDmx:
 
 
 class HostWatchdog:
-    """Keeps the time by which it is to be fed. barked: as if it had started the board."""
+    """Keeps the time by which it is to be fed. caused_reset: as if it had started the board."""
 
-    def __init__(self, hal, barked=False):
+    def __init__(self, hal, caused_reset=False):
         self.hal = hal
-        self.barked = barked
+        self.caused_reset = caused_reset
         self.strikes_at = None  # ns
         self._ms = 0
 
@@ -166,7 +166,7 @@ class HostWatchdog:
 class SilentWire:
     """A driver UART with nothing connected to it."""
 
-    def choose(self, motor):
+    def select(self, motor):
         pass
 
     def send(self, buffer, count):
@@ -214,7 +214,7 @@ class _Register:
 class HostHal:
     """See framestep.hal. Time stands still until HostBoard moves it."""
 
-    def __init__(self, motors, rig, barked=False, wire=None, flash=None, upload_bytes=0):
+    def __init__(self, motors, rig, caused_reset=False, wire=None, flash=None, upload_bytes=0):
         self._flash = flash
         self.motors = motors
         self.now_ns = 0
@@ -225,7 +225,7 @@ class HostHal:
         self.taken = -1  # what reclaim() is to find
         self.floats = 0
         self.board = rig.board
-        self.wire = wire(self) if wire else SilentWire()
+        self.driver_wire = wire(self) if wire else SilentWire()
         self.said = []  # what drivers have been said to do
         self.names = pin_names(rig.board)
         self._outputs = 0  # pins that are driven
@@ -233,14 +233,14 @@ class HostHal:
         self._watched = 0
         self._handler = None
         self.dmx = HostDmx(self) if rig.dmx else NoDmx()
-        self.watchdog = HostWatchdog(self, barked) if rig.watchdog else NoWatchdog()
+        self.watchdog = HostWatchdog(self, caused_reset) if rig.watchdog else NoWatchdog()
         self._clock = array("i", [0])
         self.kernel = StepKernel(motors, CYCLES, addressof(self._clock))
         self._set = _Register(lambda mask: self.drive(mask, 0))
         self._clear = _Register(lambda mask: self.drive(0, mask))
         self.kernel.outputs(map_device(self._set), map_device(self._clear))
         self.engines = []
-        self._lost = [0] * motors  # commands, until the last call of trouble()
+        self._lost = [0] * motors  # commands, until the last call of take_lost_commands()
         for i in range(motors):
             settings = rig.motor(i)
             cycles = settings["pulse_us"] * CLOCK_HZ / 1e6 - engine.HIGH_CYCLES
@@ -293,7 +293,7 @@ class HostHal:
         if self.on_edge:
             self.on_edge(self.now_ns, "enable%d" % (motor + 1), int(on))
 
-    def say(self, motor, text):
+    def report_driver(self, motor, text):
         self.said.append("driver of motor %d %s" % (motor, text))
 
     def tell(self, signal, level):
@@ -336,7 +336,7 @@ class HostHal:
     def led(self, colour):
         self.colour = colour
 
-    def trouble(self):
+    def take_lost_commands(self):
         before, self._lost = self._lost, [model.lost for model in self.engines]
         return sum(1 << i for i, lost in enumerate(self._lost) if lost > before[i])
 

@@ -64,8 +64,8 @@ class Rp2Hal:
         self._watched = rig.watchdog
         self.watchdog = self._make_watchdog(rig)
         self.inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
-        self.say = None  # what takes lines about drivers: see contract.py
-        self.wire = self._make_wire(board["drivers"]) if rig.drivers else None
+        self.report_driver = None  # what takes lines about drivers: see contract.py
+        self.driver_wire = self._make_wire(board["drivers"]) if rig.drivers else None
         self.port = self._make_port(rig.ports)
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
@@ -200,7 +200,7 @@ class Rp2Hal:
             if bits >> pin & 1:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
 
-    def trouble(self):
+    def take_lost_commands(self):
         return lost_commands(self.motors)
 
     # ---------------------------------------------------------------- pins that something else takes

@@ -100,7 +100,7 @@ class OneWire:
             self._talking.append(talking)
         self._chosen = 0
 
-    def choose(self, motor):
+    def select(self, motor):
         self._chosen = motor
 
     def send(self, buffer, count):

@@ -44,7 +44,7 @@ class Watchdog:
 
     def __init__(self):
         scratch = machine.mem32[_SCRATCH4] & 0xFFFFFFFF
-        self.barked = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
+        self.caused_reset = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
         machine.mem32[_SCRATCH4] = 0  # told once, not again after a soft reset
         self._wdt = None
         self.words = array("i", [0] * _WORDS)  # the main loop keeps PASS

@@ -57,7 +57,7 @@ class Wire:
         self._offset = (_RP2350 if rp2350 else _RP2040)[number]
         mem32[_PERIPHERALS + self._offset + _UARTIMSC] = 0  # its own buffers are not used
 
-    def choose(self, motor):
+    def select(self, motor):
         pass
 
     def send(self, buffer, count):

@@ -192,7 +192,7 @@ class Stream:
         self._lost |= paint(words, 0, self._words, self.motors, self._levels)
         self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
 
-    def trouble(self):
+    def take_lost_commands(self):
         """Motors of which a command was lost since the last call, a bit each."""
         lost = self._lost
         self._lost = 0

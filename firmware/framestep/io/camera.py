@@ -1,4 +1,4 @@
-"""Outputs to the camera: shutter, and meter as the half-pressed release (spec: MSG_GIO_CAM).
+"""Outputs to the camera: shutter, and meter, the half-pressed release (spec: MSG_GIO_CAM).
 
 Nothing allocates after construction.
 """
@@ -9,7 +9,7 @@ from framestep.clock import elapsed
 
 
 class Camera:
-    """The shutter and meter outputs; a board without their pins takes the calls and does nothing."""
+    """The shutter and meter outputs. On a board without their pins nothing happens."""
 
     def __init__(self, hal, rig):
         self.hal = hal
@@ -27,7 +27,10 @@ class Camera:
         return 0 if pin is None else self.hal.output(pin, 0 if high else 1)
 
     def pins(self, shutter_mask, meter_mask, shutter, meter):
-        """The pins to drive high to switch those outputs whose mask is not 0; `down`: those to drive low."""
+        """The pins to drive high to switch the outputs whose mask is not 0.
+
+        `down` are those to drive low.
+        """
         high = 0
         low = 0
         if shutter_mask:
@@ -44,23 +47,23 @@ class Camera:
         return high
 
     def set(self, shutter, meter):
-        """Switch both outputs in the same instant; ends a pulse."""
+        """Switch both outputs at the same time. Ends a pulse."""
         self.pulsing[0] = 0
         high = self.pins(1, 1, shutter, meter)
         self.hal.drive(high, self.down)
 
     def pulse(self, now, ms):
-        """Both outputs on for `ms` milliseconds from `now` (modulo 2^29), then off; poll() ends it."""
+        """Switch both outputs on for `ms` milliseconds from `now` (modulo 2^29); poll() ends it."""
         self.set(True, True)
         self._begin = now
         self._length = ms
         self.pulsing[0] = 1
 
     def poll(self, now):
-        """End a pulse whose time is over; now: milliseconds modulo 2^29."""
+        """End a pulse whose time is over. now: milliseconds modulo 2^29."""
         if self.pulsing[0] and elapsed(now, self._begin) >= self._length:
             self.set(False, False)
 
     def safe(self):
-        """Off."""
+        """Switch both outputs off."""
         self.set(False, False)

@@ -1,6 +1,6 @@
-"""General outputs and inputs: bit 0 is the first (field note 8.3).
+"""General outputs and inputs: bit 0 is the first one (field note 8.3).
 
-Pins are bits of a word that the HAL drives and reads at once; polarity is a mask over them.
+The HAL drives and reads all pins at once, as bits of a word; polarity is a mask over that word.
 Nothing allocates after construction.
 """
 
@@ -13,13 +13,13 @@ DEBOUNCE_MS = const(20)  # field note 8.3
 
 # Words of Outputs.words; its table of pin bits follows
 _COUNT = const(0)
-_LOW = const(1)  # pins that are low while their output is on
-_DOWN = const(2)  # result of _pins: pins to drive low
+_ACTIVE_LOW_OUTPUTS = const(1)  # pins that are low while their output is on
+_TO_LOWER = const(2)  # result of _pins(): pins to drive low
 _PINS = const(3)
 
 # Words of Inputs.words; its table of pin bits and the time of each pin's last change follow
 STABLE = const(0)  # debounced levels of the pins
-RAW = const(1)  # levels seen last
+RAW = const(1)  # their last levels
 ALL_INPUTS = const(2)  # every pin
 _INPUTS = const(3)
 _ACTIVE_LOW = const(4)  # pins that are low while their input is on
@@ -28,6 +28,7 @@ _INPUT_PINS = const(5)
 
 @micropython.viper
 def _pins(w: ptr32, mask: int, values: int) -> int:
+    """The pins to drive high for the outputs of `mask`; w[_TO_LOWER] = the pins to drive low."""
     n = w[_COUNT]
     high = 0
     low = 0
@@ -39,21 +40,23 @@ def _pins(w: ptr32, mask: int, values: int) -> int:
             else:
                 low |= w[_PINS + i]
         i += 1
-    swap = (high ^ low) & w[_LOW]
-    w[_DOWN] = low ^ swap
+    swap = (high ^ low) & w[_ACTIVE_LOW_OUTPUTS]
+    w[_TO_LOWER] = low ^ swap
     return high ^ swap
 
 
 class Outputs:
-    """Outputs 1 … count. What they were set to is in the pins alone."""
+    """Outputs 1 … count.
+
+    settings: Rig.outputs. The pins come up at their safe level; "hold" means off.
+    """
 
     def __init__(self, hal, settings):
-        """settings: Rig.outputs. The pins come up at their safe level; hold means off."""
         self.hal = hal
         self.count = len(settings)
         self.words = array("i", [0] * (_PINS + self.count))
         self.words[_COUNT] = self.count
-        self.safe_mask = 0  # outputs that a fault puts to their safe level, the others stay as they are
+        self.safe_mask = 0  # outputs that a fault sets to their safe level; the others keep theirs
         self.safe_values = 0
         for i, output in enumerate(settings):
             on = 1 if output["on"] == "high" else 0
@@ -61,37 +64,38 @@ class Outputs:
             pin = hal.output(output["pin"], on if lit else 1 - on)
             self.words[_PINS + i] = pin
             if not on:
-                self.words[_LOW] |= pin
+                self.words[_ACTIVE_LOW_OUTPUTS] |= pin
             if lit:
                 self.safe_values |= 1 << i
             if output["safe"] != "hold":
                 self.safe_mask |= 1 << i
 
     def pins(self, mask, values):
-        """The pins to drive high so that the outputs of `mask` get the bits of `values`; `down`: those to drive low.
+        """The pins to drive high to set the outputs of `mask` to the bits of `values`.
 
-        Both fit a small integer; bits past the last output are ignored.
+        `down` are those to drive low. Both are small integers. Bits past the last output are
+        ignored.
         """
         return _pins(self.words, mask, values)
 
     @property
     def down(self):
-        """The pins to drive low, after pins()."""
-        return self.words[_DOWN]
+        """After pins(): the pins to drive low."""
+        return self.words[_TO_LOWER]
 
     def put(self, mask, values):
-        """Set the outputs of `mask` to the bits of `values`, all in the same instant."""
+        """Set the outputs of `mask` to the bits of `values`, all at the same time."""
         high = _pins(self.words, mask, values)
-        self.hal.drive(high, self.words[_DOWN])
+        self.hal.drive(high, self.words[_TO_LOWER])
 
     def safe(self):
-        """To the safe level, as the rig file has it for each output."""
+        """Set each output to its safe level, which is a setting of the rig file."""
         self.put(self.safe_mask, self.safe_values)
 
 
 @micropython.viper
 def _debounce(w: ptr32, levels: int, now: int) -> int:
-    """Take in the levels of all pins; 1 where a debounced one has changed."""
+    """Take in the levels of all pins. Returns 1 if a debounced level has changed."""
     levels &= w[ALL_INPUTS]
     moved = levels ^ w[RAW]
     w[RAW] = levels
@@ -115,6 +119,7 @@ def _debounce(w: ptr32, levels: int, now: int) -> int:
 
 @micropython.viper
 def _values(w: ptr32) -> int:
+    """The inputs that are on, one bit each."""
     on = w[STABLE] ^ w[_ACTIVE_LOW]
     n = w[_INPUTS]
     values = 0
@@ -127,10 +132,12 @@ def _values(w: ptr32) -> int:
 
 
 class Inputs:
-    """Inputs 1 … count, debounced: a level counts once it has lasted DEBOUNCE_MS."""
+    """Inputs 1 … count, debounced: a level counts once it has lasted DEBOUNCE_MS.
+
+    settings: Rig.inputs. Their levels at construction count at once.
+    """
 
     def __init__(self, hal, settings):
-        """settings: Rig.inputs. The levels at this moment are taken as they are."""
         self.count = count = len(settings)
         self.words = words = array("i", [0] * (_INPUT_PINS + 2 * count))
         words[_INPUTS] = count
@@ -143,12 +150,15 @@ class Inputs:
         words[RAW] = words[STABLE] = hal.levels() & words[ALL_INPUTS]
 
     def poll(self, now, levels):
-        """Look at the pins; now: milliseconds modulo 2^29, levels: HAL.levels(). Whether an input has changed."""
+        """Take in the levels of the pins. Returns whether an input has changed.
+
+        now: milliseconds modulo 2^29. levels: Hal.levels().
+        """
         return _debounce(self.words, levels, now) != 0
 
     @property
     def values(self):
-        """Which inputs are on, one bit each."""
+        """The inputs that are on, one bit each."""
         return _values(self.words)
 
 

@@ -1,6 +1,7 @@
-"""DMX light levels: set at once, or ramped in a straight line (field note 8.1). The HAL puts them on the wire.
+"""DMX light levels: set at once, or ramped in a straight line (field note 8.1).
 
-A channel ramps while its level and its target differ. Nothing allocates after construction.
+The HAL puts them on the wire. A channel ramps while its level and its target differ. Nothing
+allocates after construction.
 """
 
 from array import array
@@ -11,7 +12,7 @@ from framestep.hal import CHANGED, CHANNELS
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
-_SHARE = const(64)  # channels that a pass looks at: one frame on the wire is longer than a round of passes
+_PER_PASS = const(64)  # channels that a pass looks at: all have had their turn before a frame is sent
 
 # Words of Lights.words, besides CHANGED
 RAMPING = const(1)  # channels that ramp
@@ -21,6 +22,7 @@ _CURSOR = const(3)  # last channel looked at
 
 @micropython.viper
 def _put(levels: ptr8, targets: ptr8, words: ptr32, first: int, source: ptr8, at: int, count: int):
+    """Set levels and targets of `count` channels from `first` on to the bytes from source[at] on."""
     last = first + count
     c = first
     while c < last:
@@ -38,6 +40,7 @@ def _put(levels: ptr8, targets: ptr8, words: ptr32, first: int, source: ptr8, at
 
 @micropython.viper
 def _put_marked(levels: ptr8, targets: ptr8, words: ptr32, first: int, last: int, source: ptr8, marks: ptr8):
+    """Set the channels first … last whose bit MARK is set in `marks` to their byte in `source`."""
     c = first
     while c <= last:
         mark = marks[c + 0]
@@ -56,7 +59,10 @@ def _put_marked(levels: ptr8, targets: ptr8, words: ptr32, first: int, last: int
 
 @micropython.viper
 def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: int):
-    """ramp: addresses of levels, targets, origins and beginnings, and the time, in this order."""
+    """Begin ramps of `count` channels from `first` on to the bytes from source[at] on.
+
+    ramp: the addresses of levels, targets, origins and beginnings, and the time, in this order.
+    """
     levels = ptr8(ramp[0])
     targets = ptr8(ramp[1])
     origins = ptr8(ramp[2])
@@ -79,11 +85,12 @@ def _ramp(ramp: ptr32, words: ptr32, first: int, source: ptr8, at: int, count: i
 
 @micropython.viper
 def _advance(ramp: ptr32, words: ptr32, now: int):
+    """Move the ramps of the next _PER_PASS channels on."""
     levels = ptr8(ramp[0])
     targets = ptr8(ramp[1])
     length = words[_LENGTH]
     c = words[_CURSOR]
-    n = _SHARE
+    n = _PER_PASS
     while n:
         n -= 1
         c += 1
@@ -110,10 +117,12 @@ def _advance(ramp: ptr32, words: ptr32, now: int):
 
 
 class Lights:
-    """Channels 1 … count; `levels[channel]` is what a channel shows now (levels[0] is the start code, 0)."""
+    """Channels 1 … count; `levels[channel]` is the present level. levels[0] is the start code, 0.
+
+    count: 0 (no DMX here) or 512. ramp_ms: how long a ramp takes, 0 to 60000.
+    """
 
     def __init__(self, count, ramp_ms):
-        """count: 0 (no DMX here) or 512; ramp_ms: how long a ramp takes, 0 to 60000."""
         self.count = count
         self.levels = bytearray(CHANNELS + 1)
         self.words = array("i", (0, 0, ramp_ms, 0))
@@ -126,27 +135,27 @@ class Lights:
         self._one = bytearray(1)
 
     def level(self, channel):
-        """What a channel (1 … 512) shows now, 0 … 255."""
+        """The present level of a channel (1 … 512), 0 … 255."""
         return self.levels[channel]
 
     def set(self, channel, level):
-        """One channel (1 … count) at once to 0 … 255; ends its ramp."""
+        """Set one channel (1 … count) to a level at once, 0 … 255. Ends its ramp."""
         self._one[0] = level
         _put(self.levels, self._targets, self.words, channel, self._one, 0, 1)
 
     def put(self, channel, source, at, count):
-        """`count` channels from `channel` on to the bytes from source[at] on, at once."""
+        """Set `count` channels from `channel` on to the bytes from source[at] on, at once."""
         _put(self.levels, self._targets, self.words, channel, source, at, count)
 
     def put_marked(self, first, last, source, marks):
-        """Those of channels first … last whose bit MARK is set in marks[channel] to source[channel], at once.
+        """Set channels first … last whose bit MARK is set in marks[channel] to source[channel].
 
-        Takes the marks off. One call for channels that lie apart; the range costs 0.6 µs a channel.
+        Clears the marks. One call for channels that lie apart; it takes 0.6 µs a channel.
         """
         _put_marked(self.levels, self._targets, self.words, first, last, source, marks)
 
     def ramp(self, now, channel, source, at, count):
-        """The same by a ramp that begins at `now` (milliseconds modulo 2^29) from what each channel shows."""
+        """As put(), but by ramps that begin at `now` (milliseconds modulo 2^29)."""
         if self.words[_LENGTH] == 0:
             _put(self.levels, self._targets, self.words, channel, source, at, count)
             return
@@ -154,11 +163,11 @@ class Lights:
         _ramp(self._ramp, self.words, channel, source, at, count)
 
     def fits(self, channel, count):
-        """Whether there are these channels."""
+        """Whether all these channels exist."""
         return 1 <= channel <= self.count and channel + count - 1 <= self.count
 
     def take(self, buffer):
-        """Put what all channels show into buffer[0 … CHANNELS], to be sent. CHANGED is 0 from then on."""
+        """Copy start code and levels into buffer[0 … CHANNELS], to be sent. Clears CHANGED."""
         self.words[CHANGED] = 0
         copy_bytes(buffer, 0, self.levels, 0, CHANNELS + 1)
 

@@ -1,16 +1,18 @@
 """Positions that outlive a power cut: a journal of records in flash.
 
-A record holds where all motors stand. It is written once they have stood for STILL_MS and no operation is under way,
-never in motion. The newest record with a right checksum counts. Before anything makes it untrue (the first motion
-after a stand-still, RESET_POSITION) its mark is cleared, which flash can do without erasing: that takes half a
-millisecond, in which nothing moves. So after a power cut, or any reset, the newest record says which of the two it was:
-mark set, the motors stood and the positions are HELD; mark cleared, they moved and the positions are LOST, the numbers
-being those of the last stand-still. A write that the power cut leaves unfinished has a wrong checksum, and the record
+A record holds where all motors stand. It is written once they have stood for STILL_MS and no
+operation is under way, never in motion. The newest record with a right checksum counts.
+
+Before anything makes a record untrue (the first motion, RESET_POSITION) its mark is cleared. Flash
+can do that without erasing, in half a millisecond, and nothing moves meanwhile. So after a power cut
+or any reset the newest record says how it was: with the mark set the motors stood, and the positions
+are HELD; with the mark cleared they moved, and the positions are LOST, the numbers being those from
+before the motion. A record that a power cut leaves unfinished has a wrong checksum. Then the one
 before it counts, whose mark was cleared when the motion began.
 
-Wear. A block takes SLOTS records until it is erased, and the blocks take turns. With four blocks of 30 slots and
-flash good for 100 000 erasures that is 12 million stand-stills: 2000 a day for 16 years. The erasure (46 ms without
-interrupts) happens when a record is written, never before a motion.
+Wear. A block takes `slots` records until it is erased, and the blocks take turns. With four blocks
+of 30 slots, and flash good for 100 000 erasures, that is 12 million records: 2000 a day for 16
+years. A block is erased (46 ms without interrupts) when a record is written, never before a motion.
 
 Nothing allocates after construction.
 """
@@ -31,8 +33,8 @@ PAGE_BYTES = const(256)
 NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
-LOAD_POSITIONS = const(3)  # where the loads are (motors.axis)
-STEPS = const(15)  # and the motors: the difference is the play that is taken up
+LOAD_POSITIONS = const(3)  # where the loads are (motors/axis.py)
+STEPS = const(15)  # where the motors are: the difference is the play that is taken up
 CHECK = const(30)  # CRC-32 of the words before it
 MARK = const(31)  # -1 while the record is true
 _WORDS = const(32)
@@ -42,7 +44,7 @@ _CRC = const(-306674912)  # 0xEDB88320, the polynomial of CRC-32, reflected
 
 @micropython.viper
 def checksum(data: ptr8, count: int, out: ptr32, i: int):
-    """out[i] = CRC-32 of the first bytes, as in zlib. (As a number it would be an object.)"""
+    """out[i] = CRC-32 of the first `count` bytes, as in zlib. (A result would be an object.)"""
     crc = -1
     top = 1
     top <<= 30
@@ -63,7 +65,7 @@ def checksum(data: ptr8, count: int, out: ptr32, i: int):
 
 @micropython.viper
 def _fill(page: ptr32):
-    """As erased flash has it."""
+    """Make all bytes those of erased flash."""
     i = 0
     while i < PAGE_BYTES // 4:
         page[i + 0] = -1
@@ -99,7 +101,7 @@ def _erased(page: ptr32, at: int) -> bool:
 
 
 class PositionJournal:
-    """Keeps the positions of `axes` in a flash (framestep.hal says what that is). io/restore.py gives them back."""
+    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py brings them back."""
 
     def __init__(self, flash, axes):
         self.flash = flash
@@ -120,7 +122,7 @@ class PositionJournal:
     # ---------------------------------------------------------------- while it runs
 
     def invalidate(self):
-        """The record is about to become untrue. Nothing moves yet."""
+        """Clear the mark of the newest record, before anything moves."""
         self._still = False
         if self.working:
             _fill(self.page)
@@ -129,7 +131,10 @@ class PositionJournal:
             self.working = self.flash.program(self.block, at & ~(PAGE_BYTES - 1), self.page)
 
     def poll(self, now, busy):
-        """One pass. now: milliseconds modulo 2^29; busy: something moves, or an operation is prepared."""
+        """One pass: write a record when it is time.
+
+        now: milliseconds modulo 2^29. busy: something moves, or an operation is prepared.
+        """
         if self.positions.saved or not self.working:
             return
         if busy or not self._still:
@@ -142,7 +147,7 @@ class PositionJournal:
                 self.positions.saved = self.working
 
     def _has_known_position(self):
-        """Whether there is a position to be kept."""
+        """Whether any position is not lost."""
         states = self.positions.states
         for motor in range(self.axes.count):
             if states[motor] != LOST:
@@ -150,7 +155,7 @@ class PositionJournal:
         return False
 
     def _write(self):
-        """Write where the motors stand; False where the flash does not take it."""
+        """Write where the motors stand. False if the flash does not take it."""
         record = self.record
         axes = self.axes
         for i in range(_WORDS):
@@ -167,7 +172,7 @@ class PositionJournal:
                 record[LOST_ONES] |= 1 << motor
         checksum(self.bytes, 4 * CHECK, record, CHECK)
         record[MARK] = -1
-        for _ in range(2 * self.slots):  # a slot that is worn or half written is passed over
+        for _ in range(2 * self.slots):  # skips slots that are worn or half written
             if not self._advance():
                 return False
             at = self.slot * SLOT_BYTES
@@ -181,7 +186,7 @@ class PositionJournal:
         return False
 
     def _advance(self):
-        """Go to the next slot that is free; False where the flash does not erase."""
+        """Go to the next free slot. False if the flash does not erase."""
         while True:
             self.slot += 1
             if self.slot >= self.slots:

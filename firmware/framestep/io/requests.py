@@ -1,7 +1,8 @@
-"""Requests that are about lights, outputs, inputs and the camera, and the one report of them.
+"""Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
-The controller merges `handlers` into its own table; a handler returns the code to acknowledge
-with, or 0 where it has answered itself. Nothing allocates after construction.
+The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing allocates
+after construction.
 """
 
 from array import array
@@ -14,19 +15,21 @@ from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
-# What a pass has to look after, and where that is told: words of Safety, Inputs, Lights and Camera
+# What a pass has to do, from words of Safety, Inputs, Lights and Camera
 _SWITCHES = const(1)
 _INPUTS = const(2)
 _RAMPS = const(4)
 _LEVELS = const(8)
 _PULSE = const(16)
-NEWS = const(_SWITCHES | _INPUTS)  # poll(): a switch or an input is other than before,
-STOP = const(32)  # a stop input calls for action,
+# Bits that poll() returns
+NEWS = const(_SWITCHES | _INPUTS)  # a switch or an input has changed
+STOP = const(32)  # a stop input has become active
 GO = const(64)  # the input for GO has come on
 
 
 @micropython.viper
 def _due(table: ptr32, levels: int) -> int:
+    """What this pass has to do. table: the addresses of the words."""
     switches = ptr32(table[0])
     inputs = ptr32(table[1])
     lights = ptr32(table[2])
@@ -46,14 +49,14 @@ def _due(table: ptr32, levels: int) -> int:
 
 
 def send_stops(writer, safety, is_open):
-    """Send MSG_MOTOR_HARD_STOP for each stop input that has acted, as far as there is room (field note 8.4).
+    """Send MSG_MOTOR_HARD_STOP for each stop input that has acted, as far as there is room.
 
-    With the port closed a limit is forgotten, and the E-stop waits for a host.
+    See field note 8.4. With the port closed limits are not reported; the E-stop waits for a host.
     """
     if not is_open:
-        safety.forget_limits()
+        safety.drop_limit_reports()
         return
-    what = safety.untold()
+    what = safety.unreported()
     while what >= 0:
         writer.begin(m.MSG_MOTOR_HARD_STOP, None)
         if what == ESTOP:
@@ -66,12 +69,12 @@ def send_stops(writer, safety, is_open):
             writer.u8(what - LOWER + 1)
         if not writer.end():
             return
-        safety.told(what)
-        what = safety.untold()
+        safety.reported(what)
+        what = safety.unreported()
 
 
 class Io:
-    """What a rig has beside its motors: `lights`, `gio`, `camera`, and the stop inputs of `safety`."""
+    """What a rig has besides motors: `lights`, `gio`, `camera`, and the stop inputs of `safety`."""
 
     def __init__(self, hal, rig, reader, writer, safety):
         self.safety = safety
@@ -79,13 +82,13 @@ class Io:
         self.reader = reader
         self.writer = writer
         self.now = 0
-        self._look = hal.levels
+        self._read_levels = hal.levels
         self.lights = Lights(hal.dmx.channels, rig.dmx_ramp_ms)
         self.gio = Gio(hal, rig)
         self.camera = Camera(hal, rig)
-        looked_at = (safety.words, self.gio.inputs.words, self.lights.words, self.camera.pulsing)
-        self._table = array("i", [as_word(addressof(words)) for words in looked_at])
-        self.say_inputs = False  # GIO_IN is due
+        tables = (safety.words, self.gio.inputs.words, self.lights.words, self.camera.pulsing)
+        self._table = array("i", [as_word(addressof(words)) for words in tables])
+        self.inputs_due = False  # GIO_IN is due
         self._go_bit = 1 << rig.go_input - 1 if rig.go_input else 0
         self._go_was = self.gio.inputs.values & self._go_bit
         self.handlers = {
@@ -97,15 +100,15 @@ class Io:
             self.handlers[m.MSG_DMX] = self._dmx
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^29. Bits: NEWS, STOP (see Safety.poll), GO."""
+        """One pass. now: milliseconds modulo 2^29. Returns bits of NEWS, STOP and GO."""
         self.now = now
-        levels = self._look()
+        levels = self._read_levels()
         due = _due(self._table, levels)
         if due == 0:
             return 0
         news = due & NEWS
         if due & _INPUTS and self.gio.poll(now, levels):
-            self.say_inputs = True
+            self.inputs_due = True
             if self._go_bit:
                 was = self._go_was
                 self._go_was = self.gio.inputs.values & self._go_bit
@@ -122,17 +125,18 @@ class Io:
         return news
 
     def safe(self):
-        """Outputs to their safe levels; lights stay as they are."""
+        """Set the outputs to their safe levels. Lights stay as they are."""
         self.gio.safe()
         self.camera.safe()
 
     def report(self, is_open):
-        """Send what is due, as far as there is room; with the port closed it is forgotten."""
+        """Send what is due, as far as there is room. With the port closed it is dropped."""
         send_stops(self.writer, self.safety, is_open)
-        if self.say_inputs and (not is_open or self._send_inputs(None)):
-            self.say_inputs = False
+        if self.inputs_due and (not is_open or self._send_inputs(None)):
+            self.inputs_due = False
 
     def _send_inputs(self, reader):
+        """Send GIO_IN: the inputs that are on 0, one bit each. Returns whether there was room."""
         writer = self.writer
         writer.begin(m.MSG_GIO_IN, reader)
         writer.u32(self.gio.inputs.values)
@@ -141,7 +145,7 @@ class Io:
     # ---------------------------------------------------------------- requests
 
     def _dmx(self):
-        """spec: MSG_DMX. ramp 0, start channel 1, levels from 3 on."""
+        """MSG_DMX: ramp 0 (0 or 1), first channel 1, a level for each channel 3 (field note 8.1)."""
         reader = self.reader
         ramp = reader.u8(0)
         channel = reader.u16(1)
@@ -155,15 +159,20 @@ class Io:
         return m.OK
 
     def _gio_out(self):
-        # bits past the last output stand for nothing
+        """MSG_GIO_OUT: outputs that are to be on 0, one bit each (field note 8.3).
+
+        Bits past the last output mean nothing.
+        """
         self.gio.put(0xFFFF, self.reader.u16(0))
         return m.OK
 
     def _gio_in(self):
+        """MSG_GIO_IN: no payload. The answer says which inputs are on (field note 8.3)."""
         self._send_inputs(self.reader)
         return 0
 
     def _gio_cam(self):
+        """MSG_GIO_CAM: what is to be on 0, bits GIO_CAM_ (spec)."""
         flags = self.reader.u16(0)
         self.camera.set(flags & m.GIO_CAM_SHUTTER, flags & m.GIO_CAM_METER)
         return m.OK

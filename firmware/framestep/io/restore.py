@@ -1,4 +1,4 @@
-"""What io/position_journal.py has kept, given back to the motors. Needed once at power-up, so a module of its own."""
+"""Brings positions back from the journal. Needed once, at power-up, so a module of its own."""
 
 from framestep.io.position_journal import (
     CHECK,
@@ -18,7 +18,10 @@ from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
 
 
 def restore(journal):
-    """Find the newest record and take what it says: to be called before anything moves. Allocates."""
+    """Set the motors' positions from the newest record. To be called before anything moves.
+
+    journal: a PositionJournal. Allocates.
+    """
     record = journal.record
     newest = 0
     for block in range(journal.flash.blocks):
@@ -36,7 +39,7 @@ def restore(journal):
     journal.flash.read(journal.block, journal.slot * SLOT_BYTES, record)
     axes = journal.axes
     if record[FORM] != LAYOUT + axes.count:
-        return  # of another rig
+        return  # it is of a rig with other motors
     moved = record[MARK] != -1
     for motor in range(axes.count):
         axis = axes[motor]

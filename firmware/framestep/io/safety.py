@@ -1,13 +1,15 @@
 """Stop inputs: the E-stop button and the hardware limit switches (field notes 3.3 and 8.4).
 
-Every switch is one bit of the word that HAL.levels() gives. It counts as active at first sight, read
-again three times against spikes, and as released once it has been so for RELEASE_MS.
+Each switch is one bit of the word that Hal.levels() returns. A switch is active as soon as four
+readings in a row say so (this filters spikes), and released after RELEASE_MS of inactive readings.
 
-A limit acts on the motors that SET_LIMITS has given its set: on one that moves toward it. The E-stop
-acts on all, and while it is held nothing may move. It asks the motors to stop; it does not cut their power.
+A limit acts on the motors to which SET_LIMITS has assigned its set, and only if they move toward it.
+The E-stop acts on all motors, and nothing may move while it is held. It makes the motors stop; it
+does not cut their power.
 
-A change on a pin calls catch() in an interrupt, which makes motors slow down from the next tick on, all in
-the same one, whatever the main loop is busy with. poll() then ends what they were doing, and tells the host.
+A change of a pin calls on_switch_change() in an interrupt. From the next tick on the motors ramp
+down, all in the same tick, whatever the main loop is busy with. Later poll() ends what they were
+doing, and tells the host.
 
 Nothing allocates after construction.
 """
@@ -16,30 +18,29 @@ from array import array
 
 from framestep import results
 from framestep.clock import elapsed
-from framestep.motion.stepper import DOWN as MOVING_DOWN
-from framestep.motion.stepper import MODE, RUN, STOP, VELOCITY, halt_motors
+from framestep.motion.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt_motors
 from framestep.motors.axis import ACCELERATION_LIMIT, kernel_rate
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 RELEASE_MS = const(20)
-_LOOKS = const(3)
-ESTOP = const(24)  # of untold(): the E-stop has been pressed,
-LOWER = const(12)  # and motor 0 at its lower limit, as in the bits of _approaching
-_SLOWEST = const(4194)  # velocity that counts as motion: a step per second, Q22 steps per tick
+_READINGS = const(3)  # after the first one
+ESTOP = const(24)  # result of unreported(): the E-stop has been pressed;
+LOWER = const(12)  # motor 0 is at its lower limit, as in the bits of _approaching()
+_STANDSTILL = const(4194)  # a lower velocity counts as rest: a step per second, Q22 steps per tick
 
 # Words of Safety.words
 SWITCHES = const(0)  # pins of all switches
 REST = const(1)  # their levels while none is active
-_SEEN = const(2)  # those active at the last look
-ACTIVE = const(3)  # the same, held for RELEASE_MS
+_SEEN = const(2)  # switches active at the last reading
+ACTIVE = const(3)  # the same, and those active less than RELEASE_MS ago
 _SINCE = const(4)  # when _SEEN changed
-CAUGHT = const(5)  # those that an interrupt has found active
-_STRUCK = const(6)  # motors that it has stopped at a limit, as _approaching has them
+CAUGHT = const(5)  # switches that an interrupt has found active
+_AT_LIMIT = const(6)  # motors that it has stopped at a limit, as _approaching() returns them
 _COUNT = const(7)  # motors; for each of them three words follow:
 _MOTORS = const(8)
 _BLOCK = const(0)  # address of its state block
-_UP = const(1)  # pin of the limit switch at its upper end, or 0
-_DOWN = const(2)
+_UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
+_LOWER_PIN = const(2)
 _MOTOR_WORDS = const(3)
 
 _MOVES = const(RUN | STOP)  # modes
@@ -47,15 +48,15 @@ _MOVES = const(RUN | STOP)  # modes
 
 @micropython.viper
 def _update(w: ptr32, levels: int, now: int) -> int:
-    """Take in what has been seen and caught; the motors of _STRUCK. Interrupts are off."""
+    """Take in the levels and what interrupts have found. Returns _AT_LIMIT. Interrupts are off."""
     seen = (levels ^ w[REST]) & w[SWITCHES]
-    struck = w[_STRUCK]
+    struck = w[_AT_LIMIT]
     if (seen ^ w[_SEEN]) | w[CAUGHT]:
         w[_SEEN] = seen
         w[_SINCE] = now
     seen |= w[CAUGHT]
     w[CAUGHT] = 0
-    w[_STRUCK] = 0
+    w[_AT_LIMIT] = 0
     if elapsed(now, w[_SINCE]) >= RELEASE_MS:
         w[ACTIVE] = seen
     else:
@@ -65,7 +66,7 @@ def _update(w: ptr32, levels: int, now: int) -> int:
 
 @micropython.viper
 def _catch(w: ptr32, levels: int) -> int:
-    """Take in the levels seen in an interrupt: the switches active in them."""
+    """Take in the levels read in an interrupt. Returns the switches that are active."""
     seen = (levels ^ w[REST]) & w[SWITCHES]
     w[CAUGHT] = w[CAUGHT] | seen
     return seen
@@ -73,21 +74,24 @@ def _catch(w: ptr32, levels: int) -> int:
 
 @micropython.viper
 def _approaching(w: ptr32, active: int) -> int:
-    """Motors that move toward an active limit: bit 0 on for the upper end, bit LOWER on for the lower one."""
+    """The motors that move toward an active limit.
+
+    The upper ones count from bit 0, the lower ones from bit LOWER.
+    """
     bits = 0
     i = 0
     at = _MOTORS
     while i < w[_COUNT]:
-        if (w[at + _UP] | w[at + _DOWN]) & active:
+        if (w[at + _UPPER_PIN] | w[at + _LOWER_PIN]) & active:
             block = ptr32(w[at + _BLOCK])
             if block[MODE] & _MOVES:
-                # Both the velocity and the pulses: the end of a motion away may tremble within a step.
+                # Velocity and pulses both: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
-                if v > _SLOWEST:
-                    if w[at + _UP] & active and block[MOVING_DOWN] == 0:
+                if v > _STANDSTILL:
+                    if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
                         bits |= 1 << i
-                elif v < 0 - _SLOWEST:
-                    if w[at + _DOWN] & active and block[MOVING_DOWN]:
+                elif v < 0 - _STANDSTILL:
+                    if w[at + _LOWER_PIN] & active and block[DOWN]:
                         bits |= 1 << (i + LOWER)
         at += _MOTOR_WORDS
         i += 1
@@ -96,20 +100,20 @@ def _approaching(w: ptr32, active: int) -> int:
 
 @micropython.viper
 def _ends(w: ptr32, motor: int) -> int:
-    """Active limits of a motor: 1 the upper one, 2 the lower one."""
+    """The active limits of a motor: 1 the upper one, 2 the lower one."""
     at = _MOTORS + motor * _MOTOR_WORDS
     active = w[ACTIVE]
     ends = 0
-    if w[at + _UP] & active:
+    if w[at + _UPPER_PIN] & active:
         ends = 1
-    if w[at + _DOWN] & active:
+    if w[at + _LOWER_PIN] & active:
         ends |= 2
     return ends
 
 
 @micropython.viper
 def _way(target: ptr32, i: int, place: ptr32) -> int:
-    """The end that target[i] lies toward, as _ends has it; 0 where it is here."""
+    """The limit in the direction of target[i], as _ends() has it; 0 if that is `place`."""
     if target[i + 0] > place[0]:
         return 1
     if target[i + 0] < place[0]:
@@ -140,15 +144,15 @@ class Safety:
         self._steepest = kernel_rate(ACCELERATION_LIMIT)
         self._place = array("i", [0])
         self.tripped = False  # the E-stop is held
-        self.struck = 0  # motors that are being stopped at a limit, as _approaching has them
-        # what is to be told
-        self._say_estop = False
-        self._say_struck = 0
+        self.at_limit = 0  # motors being stopped at a limit, as _approaching() returns them
+        # what is still to be reported
+        self._report_estop = False
+        self._report_limits = 0
         if self.words[SWITCHES]:
-            hal.watch(self.words[SWITCHES], self.catch)
+            hal.watch(self.words[SWITCHES], self.on_switch_change)
 
     def _switch(self, pin, contact):
-        """Make a pin the input of a switch to ground; its bit."""
+        """Make a pin the input of a switch to ground. Returns its bit in Hal.levels()."""
         if pin < 0:
             return 0
         bit = self.hal.input(pin, "up")
@@ -157,8 +161,8 @@ class Safety:
             self.words[REST] |= bit
         return bit
 
-    def held(self, end):
-        """Limit sets whose switch at an end (0 the upper, 1 the lower) is active, one bit each."""
+    def active_sets(self, end):
+        """The limit sets whose switch at an end is active, one bit each. end: 0 upper, 1 lower."""
         bits = 0
         for i in range(len(self.sets)):
             if self.sets[i][end] & self.words[ACTIVE]:
@@ -166,11 +170,11 @@ class Safety:
         return bits
 
     def has(self, number):
-        """Whether there is a limit set of this number; 0 stands for none."""
+        """Whether a limit set of this number exists. 0 stands for none and always exists."""
         return number <= len(self.sets)
 
     def assign(self, motor, number, swapped):
-        """Give a motor (from 0) a limit set, or none (0). swapped: its two inputs change places."""
+        """Assign a limit set, or none (0), to a motor (from 0). swapped: exchange its two ends."""
         high = 0
         low = 0
         if number:
@@ -178,26 +182,29 @@ class Safety:
             if swapped:
                 high, low = low, high
         at = _MOTORS + motor * _MOTOR_WORDS
-        self.words[at + _UP] = high
-        self.words[at + _DOWN] = low
+        self.words[at + _UPPER_PIN] = high
+        self.words[at + _LOWER_PIN] = low
 
-    def bars(self, motor, target, i):
-        """OK, or why a motor (from 0) may not go to target[i] from where it is: ERR_HARD_UP or ERR_HARD_LOW."""
+    def limit_blocking(self, motor, target, i):
+        """Whether an active limit keeps a motor (from 0) from going to target[i].
+
+        Returns OK, ERR_HARD_UP or ERR_HARD_LOW.
+        """
         if self.words[ACTIVE] == 0:
             return results.OK
         self.axes[motor].position_to(self._place, 0)
-        ends = self.ends(motor) & _way(target, i, self._place)
+        ends = self.active_limits(motor) & _way(target, i, self._place)
         if ends == 0:
             return results.OK
         return results.ERR_HARD_UP if ends == 1 else results.ERR_HARD_LOW
 
     @property
     def active(self):
-        """Whether any switch is."""
+        """Whether any switch is active."""
         return self.words[ACTIVE] != 0
 
-    def ends(self, motor):
-        """Ends at which a motor (from 0) or one coupled to it stands in a limit: bit 0 the upper, bit 1 the lower."""
+    def active_limits(self, motor):
+        """The active limits of a motor (from 0) and of the one coupled to it: 1 upper, 2 lower."""
         axis = self.axes[motor]
         ends = _ends(self.words, motor)
         if axis.partner:
@@ -213,15 +220,18 @@ class Safety:
                 return i
 
     def _steady(self, levels):
-        """The levels, in which a switch is active only if it is so at each of some looks."""
+        """The levels, with only those switches active that are so in all of several readings."""
         rest = self.words[REST]
         levels ^= rest
-        for _ in range(_LOOKS):
+        for _ in range(_READINGS):
             levels &= self.hal.levels() ^ rest
         return levels ^ rest
 
-    def catch(self, _source):
-        """A switch has changed. From a hard interrupt, for which it takes long: some tenths of a millisecond."""
+    def on_switch_change(self, _source):
+        """A switch has changed: stop the motors that it concerns.
+
+        Called in a hard interrupt; it takes some tenths of a millisecond.
+        """
         words = self.words
         active = _catch(words, self._steady(self.hal.levels()))
         if active & self._estop:
@@ -229,14 +239,14 @@ class Safety:
         elif active:
             bits = _approaching(words, active)
             if bits:
-                words[_STRUCK] |= bits
+                words[_AT_LIMIT] |= bits
                 halt_motors(self.blocks, self._coupled(bits), self.factor, self._steepest)
 
     def poll(self, now, levels):
-        """Look at the switches, while one is or was active. Whether there is news.
+        """Read the switches. Only needed while one is active, or has been until now.
 
-        now: milliseconds modulo 2^29, levels: HAL.levels(). The news is for the caller to act on: `tripped` has
-        become True, or motors have come into `struck`.
+        now: milliseconds modulo 2^29. levels: Hal.levels(). Returns whether the caller has to act:
+        `tripped` has become True, or motors have been added to `at_limit`.
         """
         words = self.words
         levels = self._steady(levels)
@@ -246,23 +256,23 @@ class Safety:
         return self._judge(words, bits)
 
     def _judge(self, words, bits):
-        """What has changed with what is active now, and motors of _STRUCK. Whether there is news."""
+        """Update `tripped` and `at_limit`. bits: of _AT_LIMIT. Returns as poll()."""
         news = False
         held = words[ACTIVE] & self._estop != 0
         if held != self.tripped:
             self.tripped = held
-            self._say_estop = held
+            self._report_estop = held
             news = held
         bits |= _approaching(words, words[ACTIVE])
-        fresh = bits & ~self.struck
-        self.struck = bits
+        fresh = bits & ~self.at_limit
+        self.at_limit = bits
         if fresh:
-            self._say_struck |= fresh
+            self._report_limits |= fresh
             news = True
         return news
 
     def _coupled(self, bits):
-        """The motors of such bits and those coupled to them, one bit each."""
+        """The motors of bits as of _approaching() and those coupled to them, one bit each."""
         bits |= bits >> LOWER
         motors = 0
         for i in range(self.axes.count):
@@ -273,9 +283,9 @@ class Safety:
                     motors |= 1 << self._number(other)
         return motors
 
-    def struck_motors(self):
-        """Motors to be stopped at a limit, one bit each; of coupled ones the leader."""
-        bits = self.struck | self.struck >> LOWER
+    def motors_at_limit(self):
+        """The motors to be stopped at a limit, one bit each; of coupled motors the leader."""
+        bits = self.at_limit | self.at_limit >> LOWER
         motors = 0
         for i in range(self.axes.count):
             if bits >> i & 1:
@@ -283,25 +293,28 @@ class Safety:
                 motors |= 1 << (self._number(leader) if leader else i)
         return motors
 
-    def untold(self):
-        """What has stopped motors and has not been told, in turn: ESTOP, a motor (from 0) that has come to its upper
-        limit, LOWER and a motor that has come to its lower one; -1: nothing more."""
-        if self._say_estop:
+    def unreported(self):
+        """What has stopped motors and is still to be reported; -1: nothing.
+
+        ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has come
+        to its lower one.
+        """
+        if self._report_estop:
             return ESTOP
-        bits = self._say_struck
+        bits = self._report_limits
         if bits:
             for i in range(2 * LOWER):
                 if bits >> i & 1:
                     return i
         return -1
 
-    def told(self, what):
-        """What untold() has given has been told."""
+    def reported(self, what):
+        """What unreported() returned has been reported."""
         if what == ESTOP:
-            self._say_estop = False
+            self._report_estop = False
         else:
-            self._say_struck &= ~(1 << what)
+            self._report_limits &= ~(1 << what)
 
-    def forget_limits(self):
-        """What limits have stopped need not be told any more."""
-        self._say_struck = 0
+    def drop_limit_reports(self):
+        """Stops at limits need not be reported any more."""
+        self._report_limits = 0

@@ -125,9 +125,9 @@ class Drivers:
     """
 
     def __init__(self, hal, rig):
-        """hal.wire: the line; rig.drivers: for each motor its registers (io/tmc2209_setup.py) or None."""
-        self.wire = hal.wire
-        self.say = hal.say
+        """hal.driver_wire: the line; rig.drivers: for each motor its registers (io/tmc2209_setup.py) or None."""
+        self.wire = hal.driver_wire
+        self.report_driver = hal.report_driver
         self.motors = bytes([i for i in range(min(hal.motors, len(rig.drivers))) if rig.drivers[i]])
         self.tables = [rig.drivers[i] for i in self.motors]
         self.addresses = bytes([hal.board["drivers"]["address"][i] for i in self.motors])
@@ -158,7 +158,7 @@ class Drivers:
         self._confirmed = 0
         self._gstat = 0
         self._echo = False
-        self.wire.choose(self.motors[0])
+        self.wire.select(self.motors[0])
 
     # ---------------------------------------------------------------- the wire
 
@@ -251,7 +251,7 @@ class Drivers:
             n = 0
             self.ready = self.good  # all have been tried
         self._driver = n
-        self.wire.choose(self.motors[n])
+        self.wire.select(self.motors[n])
         self._tries = 0
         self._echo = False
         self._step = self._steps if self.states[n] == _WORKS else _BASE
@@ -318,17 +318,17 @@ class Drivers:
             for i in range(len(WORDS)):
                 if flags & WORDS[i][0]:
                     if worked or not told & WORDS[i][0]:
-                        self.say(motor + 1, WORDS[i][1])
+                        self.report_driver(motor + 1, WORDS[i][1])
                     told = WORDS[i][0]
                     break
         else:
             if told & _TROUBLE:
-                self.say(motor + 1, WORKS_WORDS)
+                self.report_driver(motor + 1, WORKS_WORDS)
                 told &= ~_TROUBLE
             if flags & HOT and not told & HOT:
-                self.say(motor + 1, HOT_WORDS)
+                self.report_driver(motor + 1, HOT_WORDS)
             if self.opens[n] == OPEN_CHECKS and not told & OPEN:
-                self.say(motor + 1, OPEN_WORDS)
+                self.report_driver(motor + 1, OPEN_WORDS)
                 told |= OPEN
             elif not flags & OPEN and self.opens[n] == 0:
                 told &= ~OPEN

@@ -144,9 +144,9 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        self.reader.word_to(1, self.words, 0)
+        self.reader.copy_i32_to(1, self.words, 0)
         code = self.move(motor)
-        if code != m.OK or self.rig.wide:
+        if code != m.OK or self.rig.dword_acks:
             return code
         writer = self.writer
         virtuals = self.controller.virtuals
@@ -166,7 +166,7 @@ class Motors:
         side = axis.outside(self.words, 0)
         if side:
             return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
-        code = controller.safety.bars(motor, self.words, 0)
+        code = controller.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code
         self.jogging &= ~(1 << motor)
@@ -182,7 +182,7 @@ class Motors:
         speed = self.reader.u16(1)
         if motor < 0 or speed < 1 or speed > FULL_SPEED:
             return m.ERR_RANGE
-        self.reader.word_to(3, self.words, 0)
+        self.reader.copy_i32_to(3, self.words, 0)
         return self.jog(motor, speed)
 
     def jog(self, motor, speed):
@@ -193,7 +193,7 @@ class Motors:
         controller = self.controller
         axis = self.axes[motor]
         axis.clamp(self.words, 0)
-        code = controller.safety.bars(motor, self.words, 0)
+        code = controller.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code
         bit = 1 << motor
@@ -250,7 +250,7 @@ class Motors:
         engaged = controller.operations.engaged | controller.virtuals.engaged
         if axis.moving or engaged >> self._leading(motor) & 1:
             return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
-        self.reader.word_to(1, self.words, 0)
+        self.reader.copy_i32_to(1, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
@@ -319,8 +319,8 @@ class Motors:
     def _set_speed(self):
         """MSG_MOTOR_SET_SPEED: motor 0, velocity 1 (steps/s), acceleration 5 (steps/s²; 0: half the velocity)."""
         motor = self._motor()
-        velocity = self.reader.count(1)
-        acceleration = self.reader.count(5)
+        velocity = self.reader.u30(1)
+        acceleration = self.reader.u30(5)
         if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
             return m.ERR_RANGE
         if acceleration < 0:
@@ -350,8 +350,8 @@ class Motors:
         switches = hw_set & m.HW_SET_MASK
         if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not controller.safety.has(switches):
             return m.ERR_RANGE
-        reader.word_to(2, self.words, 0)
-        reader.word_to(7, self.words, 1)
+        reader.copy_i32_to(2, self.words, 0)
+        reader.copy_i32_to(7, self.words, 1)
         if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
             return m.ERR_RANGE
         controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
@@ -377,15 +377,15 @@ class Motors:
         writer.begin(m.MSG_EXCEEDED, self.reader)
         writer.u8(exceeded[0])
         writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
-        writer.words_from(exceeded, 2, 1)
-        writer.words_from(exceeded, 3, 1)
+        writer.put_i32s_from(exceeded, 2, 1)
+        writer.put_i32s_from(exceeded, 3, 1)
         axis = self.axes[motor]
         safety = self.controller.safety
         writer.u8(motor + 1)
         writer.u32(axis.own_velocity)
         writer.u32(axis.own_acceleration)
-        writer.words_from(axis.limits, 0, 2)
-        bits = safety.ends(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
+        writer.put_i32s_from(axis.limits, 0, 2)
+        bits = safety.active_limits(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
         if axis.lower_enabled:
             bits |= m.SET_LOWER
         if axis.upper_enabled:
@@ -395,7 +395,7 @@ class Motors:
         if axis.leader:
             bits |= m.SET_LED
         writer.u8(bits)
-        writer.u16(safety.held(0))
-        writer.u16(safety.held(1))
+        writer.u16(safety.active_sets(0))
+        writer.u16(safety.active_sets(1))
         writer.end()
         return 0

@@ -276,7 +276,7 @@ class JogAll(Operation):
         safety = self.operations.safety
         step = 1 if to > at else -1
         for motor in range(self.player.count):
-            if (bits >> motor) & 1 and safety.ends(motor):
+            if (bits >> motor) & 1 and safety.active_limits(motor):
                 axis = self.player.axes[motor]
                 index = at
                 while index != to:
@@ -284,7 +284,7 @@ class JogAll(Operation):
                     self.store.position(motor, index, self.places, motor)
                     if not axis.stands_on(self.places, motor):
                         # the first frame that lies elsewhere tells which way it goes
-                        code = safety.bars(motor, self.places, motor)
+                        code = safety.limit_blocking(motor, self.places, motor)
                         if code != OK:
                             return code
                         break

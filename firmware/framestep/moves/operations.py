@@ -212,7 +212,7 @@ class OperationRunner:
         """OK, or the code of a limit switch in the way of one of these motors to places[motor]."""
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                code = self.safety.bars(motor, places, motor)
+                code = self.safety.limit_blocking(motor, places, motor)
                 if code != OK:
                     return code
         return OK
@@ -275,7 +275,7 @@ class OperationRunner:
         if self.safety.active:
             for motor in range(self.axes.count):
                 if (self.operation.bits >> motor) & 1:
-                    ends = self.safety.ends(motor)
+                    ends = self.safety.active_limits(motor)
                     way = self.operation.heading(motor) if ends else 0
                     if way > 0 and ends & 1:
                         return ERR_HARD_UP

@@ -11,7 +11,7 @@ from array import array
 from framestep.moves.jog import JogAll
 from framestep.moves.light_levels import LightLevels
 from framestep.moves.operations import READY, OperationRunner
-from framestep.moves.player import UNTOLD, WHAT
+from framestep.moves.player import UNREPORTED, WHAT
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import ShootFrame
@@ -130,7 +130,7 @@ class Moves:
         if self.operations.running:
             return m.ERR_MOVING
         reader = self.reader
-        reader.word_to(0, self.places, 0)
+        reader.copy_i32_to(0, self.places, 0)
         return self.triggers.store(self.places, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)
 
     def _end(self):
@@ -192,11 +192,11 @@ class Moves:
             opened = reader.u16(31)
             closed = reader.u16(33)
         code = self.run.prepare(
-            reader.count(0),
+            reader.u30(0),
             reader.i32(4),
             reader.i32(8),
-            reader.count(12),
-            reader.count(16),
+            reader.u30(12),
+            reader.u30(16),
             opened,
             closed,
         )
@@ -210,7 +210,7 @@ class Moves:
         Returns `code`.
         """
         if self.operations.player.exceeded[WHAT]:
-            self.controller.untold |= UNTOLD
+            self.controller.unreported |= UNREPORTED
         return code
 
     def _shoot_frame(self):
@@ -226,7 +226,7 @@ class Moves:
         if code == m.OK:
             backward = reader.u8(4) == 0
             listed = self._listed(11, backward)
-            code = self.shoot.prepare_blur(reader.i32(0), backward, reader.count(5), reader.u16(9), listed)
+            code = self.shoot.prepare_blur(reader.i32(0), backward, reader.u30(5), reader.u16(9), listed)
         if code == m.OK:
             self.controller.motors.moving_all(self.shoot.bits)
         return code
@@ -240,7 +240,7 @@ class Moves:
         code = self._may_begin()
         if code == m.OK:
             listed = self._listed(12, False)
-            code = self.shoot.prepare_angles(reader.i32(0), reader.count(4), reader.i16(8), reader.i16(10), listed)
+            code = self.shoot.prepare_angles(reader.i32(0), reader.u30(4), reader.i16(8), reader.i16(10), listed)
         if code == m.OK:
             self.controller.motors.moving_all(self.shoot.bits)
         return code
@@ -261,8 +261,8 @@ class Moves:
             if number < 1 or number > self.operations.axes.count:
                 return -1
             bits |= 1 << (number - 1)
-            reader.word_to(offset + 1, first, number - 1)
-            reader.word_to(offset + 5, last, number - 1)
+            reader.copy_i32_to(offset + 1, first, number - 1)
+            reader.copy_i32_to(offset + 5, last, number - 1)
             offset += 9
         return bits
 
@@ -318,7 +318,7 @@ class Moves:
         if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.jog.prepare(self.reader.count(0), self.reader.i32(4))
+            code = self.jog.prepare(self.reader.u30(0), self.reader.i32(4))
         if code == m.OK:
             self.controller.motors.moving_all(self.jog.bits)
         return self._tell(code)

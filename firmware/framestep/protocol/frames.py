@@ -150,7 +150,7 @@ class FrameReader:
         self.waiting = state[_FILL] - at
         return found
 
-    def abandon(self):
+    def drop_partial(self):
         """Give up the frame that has begun: skip its marker. poll() then looks at the bytes behind it."""
         state = self._state
         skipped = state[_FILL] - state[_NEXT]
@@ -183,7 +183,7 @@ class FrameReader:
         return ((buffer[i] | buffer[i + 1] << 8) ^ 0x8000) - 0x8000
 
     @micropython.viper
-    def count(self, i: int) -> int:
+    def u30(self, i: int) -> int:
         """The unsigned DWORD at payload offset `i`, or -1 from 2^30 on."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
@@ -213,7 +213,7 @@ class FrameReader:
         return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
 
     @micropython.viper
-    def word_to(self, i: int, words: object, index: int):
+    def copy_i32_to(self, i: int, words: object, index: int):
         """Put the DWORD at payload offset `i` into `words[index]`, an array('i'); any value."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
@@ -369,7 +369,7 @@ class FrameWriter:
         _put(self._buffer, self._state, value, 4)
 
     @micropython.viper
-    def words_from(self, words: object, index: int, count: int):
+    def put_i32s_from(self, words: object, index: int, count: int):
         """Append `count` elements of an array('i') from `words[index]` on as DWORDs; any values."""
         state = ptr32(self._state)
         at = state[_PUT]
@@ -396,12 +396,15 @@ class FrameWriter:
         return bool(_finish(self._buffer, self._state))
 
     @micropython.viper
-    def ack(self, reader, code: int, wide: int) -> bool:
-        """A whole acknowledgement of the frame in `reader`; `code` as a WORD, or a DWORD if `wide` (field note 1.4)."""
+    def ack(self, reader, code: int, dword_acks: int) -> bool:
+        """Write a whole acknowledgement of the frame in `reader`.
+
+        code: sent as a WORD, or as a DWORD if `dword_acks` (field note 1.4).
+        """
         buffer = self._buffer
         words = self._state
         _open(buffer, words, reader.buffer, reader.head, int(reader.type) | MSG_FLAG_ACK)
-        _put(buffer, words, code, 4 if wide else 2)
+        _put(buffer, words, code, 4 if dword_acks else 2)
         return bool(_finish(buffer, words))
 
     @micropython.viper

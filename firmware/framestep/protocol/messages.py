@@ -139,13 +139,13 @@ VIRT_MOTOR_PAN = const(4)
 VIRT_MOTOR_TILT = const(5)
 VIRT_MOTOR_ROLL = const(6)
 
-CONDITION_BROKEN = const(0x01)  # the rig file has a mistake, nothing moves
+CONDITION_RIG_FILE_INVALID = const(0x01)  # the rig file has a mistake, nothing moves
 CONDITION_ESTOP = const(0x02)  # the E-stop is held
-CONDITION_BARKED = const(0x04)  # the watchdog has started the board
+CONDITION_WATCHDOG_RESET = const(0x04)  # the watchdog has started the board
 CONDITION_DRIVER = const(0x08)  # a driver does not work, its motor does not move
-CONDITION_KEPT = const(0x10)  # positions are remembered as they are now
-CONDITION_UNKEPT = const(0x20)  # they will be once the motors stand
-CONDITION_FORGETFUL = const(0x40)  # they should be, but cannot
+CONDITION_POSITIONS_SAVED = const(0x10)  # positions are remembered as they are now
+CONDITION_POSITIONS_PENDING = const(0x20)  # they will be once the motors stand
+CONDITION_POSITIONS_UNSAVABLE = const(0x40)  # they should be, but cannot
 
 CONDITION_EXCEEDED = const(0x80)  # the last move asked a motor for more than it is set to: MSG_EXCEEDED
 

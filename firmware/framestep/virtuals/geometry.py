@@ -282,7 +282,7 @@ class Rig:
         for i in range(AXES):
             self.motor[i] = reader.u8(1 + 12 * i)
             self.number(reader, 5 + 12 * i, PER_UNIT + 2 * i, 1000)
-            reader.word_to(9 + 12 * self._carrier(i), self.told, i)
+            reader.copy_i32_to(9 + 12 * self._carrier(i), self.told, i)
         at = 1 + 12 * AXES
         if self.least > at + 12:
             self.number(reader, at, LENGTH, 1000)
@@ -354,7 +354,7 @@ class Rig:
     def number(self, reader, at, to, scale):
         """r[to] = the signed DWORD at `at`, divided by scale."""
         r = self.r
-        reader.word_to(at, _word, 0)
+        reader.copy_i32_to(at, _word, 0)
         reals.put_difference(r, to, _word, 0, _word, 1)
         reals.put(r, X, scale, 0)
         reals.divide(r, to, to, X)

@@ -547,7 +547,7 @@ class Motion:
             if motor < 0:
                 continue
             axis = self.axes[motor]
-            ends = self.safety.ends(motor)
+            ends = self.safety.active_limits(motor)
             k = 4 * i
             bounds[k + _CODE_LOW] = m.ERR_HARD_LOW if ends & 2 else m.ERR_SOFT_LOW
             bounds[k + _CODE_HIGH] = m.ERR_HARD_UP if ends & 1 else m.ERR_SOFT_UP

@@ -221,11 +221,11 @@ class Virtuals:
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(g.AXES):
             self.motion.rig.tell(self.word, 0, i)
-            writer.words_from(self.word, 0, 1)
+            writer.put_i32s_from(self.word, 0, 1)
         if self.capabilities & m.CAP_AIM_POINT:
             writer.u8(1 if self.motion.aiming else 0)
             for i in range(3):
-                writer.words_from(self.point, i, 1)
+                writer.put_i32s_from(self.point, i, 1)
         return writer.end()
 
     def _get_position(self):
@@ -282,7 +282,7 @@ class Virtuals:
             return code
         r = self.r
         axis = 2 * (number - 1)
-        self.reader.word_to(1, self.word, 0)
+        self.reader.copy_i32_to(1, self.word, 0)
         motion.rig.meant(_X, number - 1, self.word, 0)
         reals.subtract(r, v.END, _X, v.BASE + axis)
         way = reals.sign(r, v.END)
@@ -359,7 +359,7 @@ class Virtuals:
         main = motion.rig.main[number] - 1
         if not motion.motor[main]:
             return m.ERR_RANGE
-        reader.word_to(3, self.word, 0)
+        reader.copy_i32_to(3, self.word, 0)
         if motion.state:
             # the side on which the destination lies as seen from the start tells which way it is to go
             if not self.later and self._under_way(number, motion.side(main, self.word, 0), speed):
@@ -474,8 +474,8 @@ class Virtuals:
         writer.begin(m.MSG_VIRT_AIM_POINT, reader)
         writer.u8(enable)
         for i in range(3):
-            reader.word_to(1 + 4 * i, self.point, i)
-            writer.words_from(self.point, i, 1)
+            reader.copy_i32_to(1 + 4 * i, self.point, i)
+            writer.put_i32s_from(self.point, i, 1)
         writer.end()
         return 0
 
