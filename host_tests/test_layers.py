@@ -25,10 +25,10 @@ LAYERS = (
     ("reports",),
     ("controller",),
     ("faults",),
-    ("words",),
+    ("texts",),
     ("host_board", "runner"),
     ("boot",),
-    ("bench", "repl"),
+    ("repl_commands", "repl"),
 )
 
 # These take payloads apart, and should not.

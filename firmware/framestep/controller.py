@@ -26,7 +26,7 @@ _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledg
 STALL_MS = const(200)  # a frame that is not whole this long after its beginning is dropped,
 _QUIET_MS = const(10)  # unless bytes have just come in: the passes themselves may have been away
 
-# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in words.py
+# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in texts.py
 FAULT_LOST = const(0x10)
 FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
@@ -60,7 +60,7 @@ SECOND_STOP_MS = const(1000)  # field note 4.4
 
 def glow(light, beat):
     """The colour 0xRRGGBB of the LED in this one of 16 beats; 0: dark. light: one of LED_."""
-    return light[1] if light[0] >> beat & 1 else 0
+    return light[1] if (light[0] >> beat) & 1 else 0
 
 
 class Controller:
@@ -200,8 +200,8 @@ class Controller:
             self._check_pins()
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
                 self._on_host_lost()
-        if now >> 7 & 15 != self.beat:
-            self._light(now >> 7 & 15)
+        if (now >> 7) & 15 != self.beat:
+            self._light((now >> 7) & 15)
         look = stepper.look(self.header)
         if look or news:
             self.active_passes = _ACTIVE_PASSES
@@ -371,7 +371,7 @@ class Controller:
         if self.virtuals.engaged & bits:
             self.virtuals.halt()
         for motor in range(self.count):
-            if bits >> motor & 1:
+            if (bits >> motor) & 1:
                 if self.operations.takes(motor):
                     self.operations.stop(spared=self.virtuals.engaged)
                 self.axes[motor].stop(self.hal, factor)
@@ -485,7 +485,7 @@ class Controller:
         return 0
 
     def condition(self):
-        """The state of the board: CONDITION_ bits. framestep.words has the texts."""
+        """The state of the board: CONDITION_ bits. framestep.texts has the texts."""
         bits = 0
         if self.broken:
             bits |= m.CONDITION_RIG_FILE_INVALID

@@ -46,15 +46,15 @@ else:
                     count -= 16
             elif to_at & 1:
                 while count >= 8:
-                    ptr32(to)[0] = ptr8(to_at)[0] | ptr16(to_at + 1)[0] << 8 | ptr8(to_at)[3] << 24
-                    ptr32(to)[1] = ptr8(to_at)[4] | ptr16(to_at + 1)[2] << 8 | ptr8(to_at)[7] << 24
+                    ptr32(to)[0] = ptr8(to_at)[0] | (ptr16(to_at + 1)[0] << 8) | (ptr8(to_at)[3] << 24)
+                    ptr32(to)[1] = ptr8(to_at)[4] | (ptr16(to_at + 1)[2] << 8) | (ptr8(to_at)[7] << 24)
                     to = ptr8(int(to) + 8)
                     to_at += 8
                     count -= 8
             else:
                 while count >= 8:
-                    ptr32(to)[0] = ptr16(to_at)[0] | ptr16(to_at)[1] << 16
-                    ptr32(to)[1] = ptr16(to_at)[2] | ptr16(to_at)[3] << 16
+                    ptr32(to)[0] = ptr16(to_at)[0] | (ptr16(to_at)[1] << 16)
+                    ptr32(to)[1] = ptr16(to_at)[2] | (ptr16(to_at)[3] << 16)
                     to = ptr8(int(to) + 8)
                     to_at += 8
                     count -= 8
@@ -83,34 +83,34 @@ else:
                 count -= 4
         elif at == 1:
             while count >= 4:
-                words[0] = source[1] | ptr16(source)[1] << 8 | ptr32(source)[1] << 24
-                words[1] = source[5] | ptr16(source)[3] << 8 | ptr32(source)[2] << 24
-                words[2] = source[9] | ptr16(source)[5] << 8 | ptr32(source)[3] << 24
-                words[3] = source[13] | ptr16(source)[7] << 8 | ptr32(source)[4] << 24
+                words[0] = source[1] | (ptr16(source)[1] << 8) | (ptr32(source)[1] << 24)
+                words[1] = source[5] | (ptr16(source)[3] << 8) | (ptr32(source)[2] << 24)
+                words[2] = source[9] | (ptr16(source)[5] << 8) | (ptr32(source)[3] << 24)
+                words[3] = source[13] | (ptr16(source)[7] << 8) | (ptr32(source)[4] << 24)
                 words = ptr32(int(words) + 16)
                 source = ptr8(int(source) + 16)
                 count -= 4
         elif at == 2:
             while count >= 4:
-                words[0] = ptr16(source)[1] | ptr32(source)[1] << 16
-                words[1] = ptr16(source)[3] | ptr32(source)[2] << 16
-                words[2] = ptr16(source)[5] | ptr32(source)[3] << 16
-                words[3] = ptr16(source)[7] | ptr32(source)[4] << 16
+                words[0] = ptr16(source)[1] | (ptr32(source)[1] << 16)
+                words[1] = ptr16(source)[3] | (ptr32(source)[2] << 16)
+                words[2] = ptr16(source)[5] | (ptr32(source)[3] << 16)
+                words[3] = ptr16(source)[7] | (ptr32(source)[4] << 16)
                 words = ptr32(int(words) + 16)
                 source = ptr8(int(source) + 16)
                 count -= 4
         else:
             while count >= 4:
-                words[0] = source[3] | ptr32(source)[1] << 8
-                words[1] = source[7] | ptr32(source)[2] << 8
-                words[2] = source[11] | ptr32(source)[3] << 8
-                words[3] = source[15] | ptr32(source)[4] << 8
+                words[0] = source[3] | (ptr32(source)[1] << 8)
+                words[1] = source[7] | (ptr32(source)[2] << 8)
+                words[2] = source[11] | (ptr32(source)[3] << 8)
+                words[3] = source[15] | (ptr32(source)[4] << 8)
                 words = ptr32(int(words) + 16)
                 source = ptr8(int(source) + 16)
                 count -= 4
         source = ptr8(int(source) + at)
         while count > 0:
-            words[0] = source[0] | source[1] << 8 | source[2] << 16 | source[3] << 24
+            words[0] = source[0] | (source[1] << 8) | (source[2] << 16) | (source[3] << 24)
             words = ptr32(int(words) + 4)
             source = ptr8(int(source) + 4)
             count -= 1
@@ -135,8 +135,8 @@ else:
                 at += 4
                 count -= 1
         elif to > at:
-            to = int(words) + (to + count << 2)
-            at = int(words) + (at + count << 2)
+            to = int(words) + ((to + count) << 2)
+            at = int(words) + ((at + count) << 2)
             while count >= 4:
                 to -= 16
                 at -= 16
@@ -170,8 +170,8 @@ else:
                 at += 2
                 count -= 1
         elif to > at:
-            to = int(halves) + (to + count << 1)
-            at = int(halves) + (at + count << 1)
+            to = int(halves) + ((to + count) << 1)
+            at = int(halves) + ((at + count) << 1)
             while count >= 4:
                 to -= 8
                 at -= 8

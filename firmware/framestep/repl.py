@@ -1,4 +1,4 @@
-"""Short commands for the bench, on the REPL beside the protocol's port.
+"""Short commands for the REPL, which works beside the protocol's port.
 
     import framestep.repl
 
@@ -10,8 +10,9 @@
     timing()       what a tick costs, the worst lateness, the depth of the queues
     rig()          the settings of the rig file
 
-Whatever moves a motor is refused, in words, while an operation of Dragonframe waits or runs. The code of a command
-(framestep/bench) is loaded when it is called and goes again when it is done.
+While an operation of Dragonframe waits or runs, what would move a motor is refused with an
+explanation. The code of a command (framestep/repl_commands) is loaded for the call and dropped
+after it.
 """
 
 import gc
@@ -25,13 +26,14 @@ _COMMANDS = "status() move(1, 200) jog() stop() io() timing() rig()"
 
 def _call(module, name, *arguments):
     try:
-        found = __import__("framestep.bench." + module, None, None, (name,))
+        found = __import__("framestep.repl_commands." + module, None, None, (name,))
         return getattr(found, name)(*arguments)
     finally:
         if not CPYTHON:
-            for each in ("bench.state", "bench.motion", "bench.figures", "bench", "words"):
-                sys.modules.pop("framestep." + each, None)
-            for each in ("bench", "words"):
+            for each in (".state", ".motion", ".figures", ""):
+                sys.modules.pop("framestep.repl_commands" + each, None)
+            sys.modules.pop("framestep.texts", None)
+            for each in ("repl_commands", "texts"):
                 if hasattr(framestep, each):
                     delattr(framestep, each)
             gc.collect()

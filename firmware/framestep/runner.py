@@ -218,10 +218,10 @@ class Runner:
     def _tell_all(self):
         """When the protocol gives back the REPL's port: everything that could not be said there since the start."""
         try:
-            from framestep import words
+            from framestep import texts
 
             bits = self._controller.condition() & (CONDITION_WATCHDOG_RESET | CONDITION_POSITIONS_UNSAVABLE)
-            for line in words.conditions(bits):
+            for line in texts.conditions(bits):
                 print("framestep:", line)
         except MemoryError:
             pass

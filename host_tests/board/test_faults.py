@@ -280,7 +280,7 @@ def test_a_main_loop_that_hangs(rig):
     assert condition.bits == m.CONDITION_WATCHDOG_RESET | m.CONDITION_POSITIONS_PENDING
     assert set(condition.positions) == {Trust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
-        "from framestep import words; import framestep.boot as b\nprint(words.conditions(b.controller.condition()))"
+        "from framestep import texts; import framestep.boot as b\nprint(texts.conditions(b.controller.condition()))"
     )
 
 

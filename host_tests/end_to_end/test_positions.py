@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep import words
+from framestep import texts
 from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
@@ -143,11 +143,11 @@ def test_soft_limits_count_from_a_lost_position(moving):
 
 
 def test_the_repl_says_so_in_words(moving):
-    lines = words.positions(moving.board._board.controller)
+    lines = texts.positions(moving.board._board.controller)
     place = moving.position(1)
     assert lines[0] == f"motor 1: {place}, known: set by the host"
     assert lines[4] == "motor 5: 0, lost: not set since power-up"
-    assert lines[8] == words.LIMITS_COUNT and len(lines) == 9
+    assert lines[8] == texts.LIMITS_COUNT and len(lines) == 9
 
 
 @pytest.mark.inside

@@ -413,13 +413,13 @@ def stop_ignored(monkeypatch):
 
 
 def jogs_forgotten(monkeypatch):
-    original = Motors.moving_all
+    original = Motors.motors_sent
 
     def wrong(self, bits):
         self.jogging = 0
         original(self, bits)
 
-    monkeypatch.setattr(Motors, "moving_all", wrong)
+    monkeypatch.setattr(Motors, "motors_sent", wrong)
 
 
 def begins_in_motion(monkeypatch):

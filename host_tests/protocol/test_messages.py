@@ -1,8 +1,12 @@
 """Every message has a number, a name, its lengths and a handler. Where one is forgotten a test says what to add."""
 
+import ast
+import re
+
 from framestep.host_board import HostBoard
 from framestep.protocol import messages
 from framestep.protocol.messages import known, payload_fits
+from framestep_tools.files import sources
 
 SENT_ONLY = {messages.MSG_MOTOR_HARD_STOP, messages.MSG_RT_END}
 NAMES = {value: name for name, value in vars(messages).items() if name.startswith("MSG_") and name != "MSG_FLAG_ACK"}
@@ -93,3 +97,37 @@ def test_no_two_names_of_a_kind_share_a_number():
     for prefix in "MSG_", "ERR_", "CAP_", "MOTOR_", "RUN_", "VIRT_MOTOR_", "HARD_STOP_", "LINE_":
         values = [value for name, value in vars(messages).items() if name.startswith(prefix)]
         assert len(values) == len(set(values)) > 1
+
+
+def handlers():
+    """(module, message, docstring of its handler) for each handler of the tables in the sources."""
+    for path in ("controller", "motors/requests", "moves/requests", "io/requests", "virtuals/requests"):
+        tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())
+        found = {
+            node.name: ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        }
+        for node in ast.walk(tree):
+            match node:
+                case ast.Dict(keys=keys, values=values):
+                    pairs = list(zip(keys, values, strict=True))
+                case ast.Assign(targets=[ast.Subscript(slice=key)], value=value):
+                    pairs = [(key, value)]
+                case _:
+                    continue
+            for key, value in pairs:
+                match key, value:
+                    case ast.Attribute(attr=message), ast.Attribute(attr=name) if message in NAMES.values():
+                        yield path, message, found[name]
+
+
+def test_every_handler_says_what_it_is_about():
+    """Its docstring begins with the message and tells the payload, by offsets, and where it is specified."""
+    told = list(handlers())
+    assert {message for _, message, _ in told} == {NAMES[kind] for kind in LENGTHS}
+    for path, message, text in told:
+        where = f"{path}.py, the handler of {message}: "
+        assert text.startswith(message), f"{where}begin its docstring with {message}"
+        assert re.search(r"[Nn]o payload|\bpayload\b| \d", text), (
+            f"{where}say in its docstring what lies where in the payload"
+        )
+        assert re.search(r"note|spec|framestep's own", text), f"{where}cite the field note or the specification"

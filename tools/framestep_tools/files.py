@@ -63,11 +63,11 @@ _WHOLE = (
     "framestep/io/tmc2209_setup.mpy",
     "framestep/motion/reals.mpy",  # what fills the queues calls all of it
     "framestep/repl.mpy",  # asked for while motors run, when there is no time to look through memory
-    "framestep/words.mpy",
-    "framestep/bench/__init__.mpy",
-    "framestep/bench/figures.mpy",
-    "framestep/bench/motion.mpy",
-    "framestep/bench/state.mpy",
+    "framestep/texts.mpy",
+    "framestep/repl_commands/__init__.mpy",
+    "framestep/repl_commands/figures.mpy",
+    "framestep/repl_commands/motion.mpy",
+    "framestep/repl_commands/state.mpy",
 )
 
 # Functions of other modules that stay in RAM: what each pass of the main loop runs, and what fills the queues. From
@@ -89,7 +89,7 @@ _STAYS = {
 }  # fmt: skip
 
 _NAMED = {"framestep/native.py", *_HOST_ONLY}  # keep the names that framestep_tools.names takes from others
-_BY_HAND = ("framestep/repl.py", "framestep/bench/")  # called on the REPL, perhaps with parameters named
+_BY_HAND = ("framestep/repl.py", "framestep/repl_commands/")  # called on the REPL, perhaps with parameters named
 
 
 _P = ParamSpec("_P")

@@ -21,7 +21,7 @@ _ONLY_HERE = (
     "framestep.native",
     "framestep.rig",
     "framestep.repl",
-    "framestep.bench",
+    "framestep.repl_commands",
     "framestep.boot",
 )
 armed = False

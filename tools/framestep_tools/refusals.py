@@ -3,7 +3,7 @@
 The device is asked what it is set to (framestep's own messages); other devices' refusals keep the words of their code.
 """
 
-from framestep import words
+from framestep import texts
 from framestep.protocol.messages import (
     CONDITION_DRIVER,
     CONDITION_ESTOP,
@@ -165,7 +165,7 @@ def _run(client: Client, request: RtRunMove, code: Ack) -> str | None:
         )
     if code == Ack.ERR_RANGE:
         return f"frames {request.start_frame} to {request.end_frame} at {fps:g} frames/s are not all in the upload"
-    return "; ".join(words.exceeded(told.what, motor, frame, told.by)) or None
+    return "; ".join(texts.exceeded(told.what, motor, frame, told.by)) or None
 
 
 def _limit(value: int | None, bits: int | None, which: int) -> str:

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from framestep import words
+from framestep import texts
 from framestep.motors.positions import LOST
 from framestep.protocol.messages import (
     CONDITION_EXCEEDED,
@@ -94,7 +94,7 @@ def why_stopped(client: Client) -> str:
 def _trust(state: State) -> list[str]:
     if not state.condition:
         return [""] * len(state.positions)
-    found = [words.trust(each.state, each.reason) for each in state.condition.positions]
+    found = [texts.trust(each.state, each.reason) for each in state.condition.positions]
     return found + [""] * (len(state.positions) - len(found))
 
 
@@ -110,11 +110,11 @@ def _conditions(state: State) -> list[str]:
     """What there is to say of the device as a whole."""
     if state.condition is None:
         return [_NOT_TOLD]
-    found = words.conditions(state.condition.bits)
+    found = texts.conditions(state.condition.bits)
     if state.exceeded:
-        found += words.exceeded(state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by)
+        found += texts.exceeded(state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by)
     if any(each.state == LOST for each in state.condition.positions):
-        found.append(words.LIMITS_COUNT)
+        found.append(texts.LIMITS_COUNT)
     return found
 
 
@@ -147,8 +147,8 @@ def for_programs(state: State) -> dict[str, Any]:
         entry: dict[str, Any] = {"motor": motor, "position": steps, "moving": motor in state.moving}
         if state.condition and motor <= len(state.condition.positions):
             trust = state.condition.positions[motor - 1]
-            entry["trust"] = words.STATES.get(trust.state, str(trust.state))
-            entry["reason"] = words.REASONS.get(trust.reason, str(trust.reason))
+            entry["trust"] = texts.STATES.get(trust.state, str(trust.state))
+            entry["reason"] = texts.REASONS.get(trust.reason, str(trust.reason))
         motors.append(entry)
     info = state.info
     return {
@@ -161,6 +161,6 @@ def for_programs(state: State) -> dict[str, Any]:
         "limit_sets": info.limit_sets,
         "upload_frames": info.upload_frames,
         "capabilities": info.capabilities,
-        "conditions": words.conditions(state.condition.bits) if state.condition else None,
+        "conditions": texts.conditions(state.condition.bits) if state.condition else None,
         "exceeded": vars(state.exceeded) if state.exceeded else None,
     }

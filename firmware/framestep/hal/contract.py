@@ -11,20 +11,21 @@ What the tick has to know of the chip's pulse engine is in engine.py.
 class Hal:
     """A board. Made once, by boot, from the board's data and a rig file (framestep.rig.Rig); keeps the drivers off.
 
-    motors      how many there are
-    board       the board's data: boards/<board>/board.json as a dictionary, as it is with this rig file
-    kernel      motion.kernel.StepKernel; it ticks after start()
-    engine      a PulseEngine
-    port        the Port of the protocol
-    dmx         a Dmx
-    watchdog    a Watchdog
-    driver_wire the DriverWire, where Rig.drivers is not None
+    motors          how many there are
+    board           the board's data: boards/<board>/board.json as a dictionary, with what this rig
+                    file changes in it
+    kernel          motion.kernel.StepKernel; it ticks after start()
+    engine          a PulseEngine
+    port            the Port of the protocol
+    dmx             a Dmx
+    watchdog        a Watchdog
+    driver_wire     the DriverWire, where Rig.drivers is not None
     upload_bytes    bytes that the uploaded move may take, in one piece
-    inside      array of words; [PASS] is 1 while the main loop is in a pass
-    passes      machine.Timer, not started, whose callbacks come from MicroPython's scheduler, for runner.py
-    report_driver
-                report_driver(motor, text): prints what the driver of a motor (from 1) does on
-                the REPL; set by the runner
+    inside          array of words; [PASS] is 1 while the main loop is in a pass
+    passes          machine.Timer, not started, whose callbacks come from MicroPython's scheduler,
+                    for runner.py
+    report_driver   report_driver(motor, text) prints on the REPL what the driver of a motor (from 1)
+                    does; set by the runner
     """
 
     def start(self):

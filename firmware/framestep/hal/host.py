@@ -76,8 +76,8 @@ class PulseModel:
         start = max(now, self.free_at)
         self.waiting.append(start)
         level = int(command & engine.DIRECTION != 0)
-        pulses = command >> engine.PULSES & 0x1FF
-        gap = command >> engine.GAP & 0x3FFFF
+        pulses = (command >> engine.PULSES) & 0x1FF
+        gap = (command >> engine.GAP) & 0x3FFFF
         if level != self.level:
             self.level = level
             self.on_direction(start + 2, level)
@@ -287,7 +287,7 @@ class HostHal:
         pass
 
     def ticks_ms(self):
-        return self.now_ns // 1_000_000 & WIDE_WRAP
+        return (self.now_ns // 1_000_000) & WIDE_WRAP
 
     def enable(self, motor, on):
         if self.on_edge:
@@ -315,8 +315,8 @@ class HostHal:
         changed = (levels ^ self._levels) & self._outputs
         self._levels ^= changed
         for pin, name in self.names.items():
-            if changed >> pin & 1:
-                self.tell(name, levels >> pin & 1)
+            if (changed >> pin) & 1:
+                self.tell(name, (levels >> pin) & 1)
 
     def levels(self):
         return self._levels
@@ -327,10 +327,10 @@ class HostHal:
 
     def set_level(self, pin, level):
         """The world outside puts a pin to a level."""
-        if (self._levels >> pin & 1) != level:
+        if ((self._levels >> pin) & 1) != level:
             self._levels ^= 1 << pin
             self.tell(self.names.get(pin, "pin%d" % pin), level)
-            if self._watched >> pin & 1:
+            if (self._watched >> pin) & 1:
                 self._handler(None)
 
     def led(self, colour):
@@ -352,5 +352,5 @@ class HostHal:
 
     def tick(self):
         """One timer interrupt at the present moment."""
-        self._clock[0] = self.now_ns // 1000 & WIDE_WRAP
+        self._clock[0] = (self.now_ns // 1000) & WIDE_WRAP
         self.kernel.tick(None)

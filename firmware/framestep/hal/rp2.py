@@ -197,7 +197,7 @@ class Rp2Hal:
 
     def watch(self, bits, handler):
         for pin in range(30):
-            if bits >> pin & 1:
+            if (bits >> pin) & 1:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
 
     def take_lost_commands(self):
@@ -211,9 +211,9 @@ class Rp2Hal:
         enable = board["enable"]
         motors = 0
         for i in range(self.motors):
-            if (bits >> board["step"][i] | bits >> board["dir"][i]) & 1:
+            if ((bits >> board["step"][i]) | (bits >> board["dir"][i])) & 1:
                 motors |= 1 << i
-            if bits >> (enable if self._shared else enable[i]) & 1:
+            if (bits >> (enable if self._shared else enable[i])) & 1:
                 motors |= 1 << i
         return motors
 

@@ -40,7 +40,7 @@ def held_pin():
     """The pin that this chip's USB may take for a while after a bus reset, or -1."""
     from machine import mem32
 
-    return _HELD_PIN if not _RP2350 and (mem32[_CHIP_ID] >> 28 & 15) == 1 else -1
+    return _HELD_PIN if not _RP2350 and ((mem32[_CHIP_ID] >> 28) & 15) == 1 else -1
 
 
 @micropython.viper
@@ -51,7 +51,7 @@ def _compare(noted: ptr32, pins: int, io: int, pads: int, mask: int, put: int) -
     wrong = 0
     pin = 0
     while pins >> pin:
-        if pins >> pin & 1:
+        if (pins >> pin) & 1:
             k = pin << 1
             if (control[k] ^ noted[k]) & mask or pad[pin] != noted[k + 1]:
                 wrong |= 1 << pin

@@ -65,14 +65,14 @@ class Dmx:
         )
         uart = uarts[wiring["uart"]]
         mem32[uart + _UARTIMSC] = 0
-        mem32[_DMA + timers + 4 * _PACER] = 1 << 16 | hz // 1000000
+        mem32[_DMA + timers + 4 * _PACER] = (1 << 16) | (hz // 1000000)
         self._levels = (bytearray(CHANNELS + 1), bytearray(CHANNELS + 1))
         self._places = array("I", [addressof(levels) for levels in self._levels])  # below 2^30
         self._shown = 0
         self._wire = bytearray(CHANNELS + 1)
         control = pins + 8 * tx + 4
         normal = mem32[control]
-        self._overrides = array("I", [normal | _OUTOVER_LOW << outover, normal])
+        self._overrides = array("I", [normal | (_OUTOVER_LOW << outover), normal])
         self._idle = bytearray(4)
         self._control = rp2.DMA()
         self._data = rp2.DMA()

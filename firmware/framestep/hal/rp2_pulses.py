@@ -86,7 +86,7 @@ def lost_commands(motors: int) -> int:
         over = fdebug[_FDEBUG] & _TX_OVER
         if over:
             fdebug[_FDEBUG] = over
-            lost |= over >> 16 << bit
+            lost |= (over >> 16) << bit
         block += 0x100000
         bit += 4
         motors -= 4

@@ -50,4 +50,4 @@ class RgbLed:
         """Show 0xRRGGBB. One word for the state machine if that is new; allocates nothing."""
         if colour != self._shown:
             self._shown = colour
-            self._put((colour & 0xFF00) << 8 | colour >> 8 & 0xFF00 | colour & 0xFF, 8)
+            self._put(((colour & 0xFF00) << 8) | ((colour >> 8) & 0xFF00) | (colour & 0xFF), 8)

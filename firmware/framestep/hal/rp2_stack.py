@@ -25,7 +25,7 @@ def unchecked(*functions):
     Returns their types, which must be kept as long as the functions are.
     """
     known = mem32[id(functions[0])]
-    if mem32[known] != id(type) or mem32[known + 8] >> 16 & 0xFF != 1:
+    if mem32[known] != id(type) or (mem32[known + 8] >> 16) & 0xFF != 1:
         return None
     alike = [function for function in functions if mem32[id(function)] == known]
     kinds = array("I", bytearray(4 * (_SLOTS + 1) * len(alike)))

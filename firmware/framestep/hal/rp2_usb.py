@@ -49,7 +49,7 @@ def empty_packet(endpoint: int):
             begun = int(time.ticks_us())
             while (int(time.ticks_us()) - begun) & 0xFFFF < _TRANSACTION_US:
                 pass
-            if ptr32(page)[_BUFF_STATUS] >> at & 1 == 0:
+            if (ptr32(page)[_BUFF_STATUS] >> at) & 1 == 0:
                 word &= -1 - _LENGTH
                 control[at] = word & (-1 - _AVAILABLE)
                 wait = 4  # 12 cycles (RP2040 datasheet 4.1.2.5.1)

@@ -224,7 +224,7 @@ class StdinPort:
         if have < _HEADER:
             return int(self._give(reader, _HEAD, have))
         s[_NEED] = need
-        wanted = (need - _HEADER - 1 & _BLOCK - 1) + 1
+        wanted = ((need - _HEADER - 1) & (_BLOCK - 1)) + 1
         at = _BODY - wanted
         start = at - _HEADER
         view = self._starts[wanted]

@@ -81,14 +81,14 @@ def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) ->
                     break
                 command = ring[taken & (COMMANDS - 1)]
                 taken = (taken + 1) & WIDE_WRAP
-                wider = command >> WIDTH & 15
+                wider = (command >> WIDTH) & 15
                 high = wider + 1
                 motors[k + _HIGH] = high
                 wider = wider << WORD_BITS
                 if at + wider < 0:
                     at = 0 - wider  # there was nothing to do until now
-                left = command >> PULSES & 0x1FF
-                period = command >> GAP & 0x3FFFF
+                left = (command >> PULSES) & 0x1FF
+                period = (command >> GAP) & 0x3FFFF
                 if left == 0:
                     at += period
                     continue

@@ -34,8 +34,8 @@ def _pins(w: ptr32, mask: int, values: int) -> int:
     low = 0
     i = 0
     while i < n:
-        if mask >> i & 1:
-            if values >> i & 1:
+        if (mask >> i) & 1:
+            if (values >> i) & 1:
                 high |= w[_PINS + i]
             else:
                 low |= w[_PINS + i]

@@ -35,7 +35,7 @@ def _due(table: ptr32, levels: int) -> int:
     lights = ptr32(table[2])
     camera = ptr32(table[3])
     due = 0
-    if (levels ^ switches[REST]) & switches[SWITCHES] | switches[ACTIVE] | switches[CAUGHT]:
+    if ((levels ^ switches[REST]) & switches[SWITCHES]) | switches[ACTIVE] | switches[CAUGHT]:
         due = _SWITCHES
     if ((levels ^ inputs[STABLE]) | (levels ^ inputs[RAW])) & inputs[ALL_INPUTS]:
         due |= _INPUTS
@@ -89,7 +89,7 @@ class Io:
         tables = (safety.words, self.gio.inputs.words, self.lights.words, self.camera.pulsing)
         self._table = array("i", [as_word(addressof(words)) for words in tables])
         self.inputs_due = False  # GIO_IN is due
-        self._go_bit = 1 << rig.go_input - 1 if rig.go_input else 0
+        self._go_bit = 1 << (rig.go_input - 1) if rig.go_input else 0
         self._go_was = self.gio.inputs.values & self._go_bit
         self.handlers = {
             m.MSG_GIO_OUT: self._gio_out,

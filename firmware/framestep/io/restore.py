@@ -47,7 +47,7 @@ def restore(journal):
         copy_word(axis.block, stepper.POSITION, record, STEPS + motor)
         if moved:
             journal.positions.put(motor, LOST, BROKEN_OFF)
-        elif record[LOST_ONES] >> motor & 1:
+        elif (record[LOST_ONES] >> motor) & 1:
             journal.positions.put(motor, LOST, BEFORE)
         else:
             journal.positions.put(motor, HELD, RESTORED)

@@ -210,7 +210,7 @@ class Safety:
         if axis.partner:
             others = _ends(self.words, self._number(axis.partner))
             if axis.turned:
-                others = others >> 1 | (others & 1) << 1
+                others = (others >> 1) | ((others & 1) << 1)
             ends |= others
         return ends
 
@@ -276,7 +276,7 @@ class Safety:
         bits |= bits >> LOWER
         motors = 0
         for i in range(self.axes.count):
-            if bits >> i & 1:
+            if (bits >> i) & 1:
                 motors |= 1 << i
                 other = self.axes[i].leader or self.axes[i].partner
                 if other:
@@ -285,10 +285,10 @@ class Safety:
 
     def motors_at_limit(self):
         """The motors to be stopped at a limit, one bit each; of coupled motors the leader."""
-        bits = self.at_limit | self.at_limit >> LOWER
+        bits = self.at_limit | (self.at_limit >> LOWER)
         motors = 0
         for i in range(self.axes.count):
-            if bits >> i & 1:
+            if (bits >> i) & 1:
                 leader = self.axes[i].leader
                 motors |= 1 << (self._number(leader) if leader else i)
         return motors
@@ -304,7 +304,7 @@ class Safety:
         bits = self._report_limits
         if bits:
             for i in range(2 * LOWER):
-                if bits >> i & 1:
+                if (bits >> i) & 1:
                     return i
         return -1
 

@@ -88,9 +88,9 @@ def crc(data: ptr8, at: int, count: int) -> int:
         bit = 0
         while bit < 8:
             if (result >> 7) ^ (byte & 1):
-                result = (result << 1 ^ 0x07) & 0xFF
+                result = ((result << 1) ^ 0x07) & 0xFF
             else:
-                result = result << 1 & 0xFF
+                result = (result << 1) & 0xFF
             byte >>= 1
             bit += 1
         i += 1
@@ -270,7 +270,7 @@ class Drivers:
                 self.opens[self._driver] = 0
             elif self.opens[self._driver] < OPEN_CHECKS:
                 self.opens[self._driver] += 1
-            return self._finish(last | self._gstat << 8, now)
+            return self._finish(last | (self._gstat << 8), now)
         elif step == _BASE:
             self._confirmed = last
             self._step = 0

@@ -15,10 +15,10 @@ _IHOLD_IRUN, _TPOWERDOWN, _TPWMTHRS, _TCOOLTHRS, _VACTUAL, _COOLCONF = 0x10, 0x1
 _CHOPCONF, _PWMCONF = 0x6C, 0x70
 
 _SPREAD = 1 << 2  # GCONF
-_UART_RULES = 1 << 6 | 1 << 7 | 1 << 8  # pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
+_UART_RULES = (1 << 6) | (1 << 7) | (1 << 8)  # pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
 _SENDDELAY = 2 << 8  # 3·8 bit times before an answer: less is not allowed with several drivers on a wire
 _TOFF = 3
-_CHOPPER = 2 << 15 | 5 << 4  # TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
+_CHOPPER = (2 << 15) | (5 << 4)  # TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
 _VSENSE = 1 << 17
 _MRES = 24
 _INTPOL = 1 << 28
@@ -56,7 +56,7 @@ def registers(driver):
     mres = 8
     while 256 >> mres < driver["microsteps"]:
         mres -= 1
-    chopper = _CHOPPER | (_VSENSE if vsense else 0) | mres << _MRES | (_INTPOL if driver["interpolate"] else 0)
+    chopper = _CHOPPER | (_VSENSE if vsense else 0) | (mres << _MRES) | (_INTPOL if driver["interpolate"] else 0)
     delay = (driver["hold_delay_ms"] * (_CLOCK_HZ // 1000) + (1 << 17)) >> 18
     listed = (
         (_NODECONF, _SENDDELAY),
@@ -64,7 +64,7 @@ def registers(driver):
         (_GSTAT, 7),  # cleared by ones
         (_GCONF, _UART_RULES | (_SPREAD if driver["mode"] == "spread" else 0)),
         (_VACTUAL, 0),
-        (_IHOLD_IRUN, ihold | irun << 8 | _IHOLDDELAY),
+        (_IHOLD_IRUN, ihold | (irun << 8) | _IHOLDDELAY),
         (_TPOWERDOWN, min(delay, 255)),
         (_TPWMTHRS, 0),
         (_TCOOLTHRS, 0),

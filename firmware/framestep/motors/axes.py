@@ -113,13 +113,13 @@ class Axes:
     def release(self, bits):
         """Start the motors of these bits, all in the next tick. Interrupts are off."""
         for i in range(self.count):
-            if bits >> i & 1:
+            if (bits >> i) & 1:
                 self.axes[i].release()
 
     def discard(self, bits):
         """Drop what has been queued for the motors of these bits, which are at rest."""
         for i in range(self.count):
-            if bits >> i & 1 and self.axes[i].partner:
+            if (bits >> i) & 1 and self.axes[i].partner:
                 bits |= 2 << i
         irq = self.hal.irq_off()
         stepper.discard(self.kernel.state, bits)
@@ -129,5 +129,5 @@ class Axes:
         """Ramp all motors down but those of the bits `spared` and their partners; see Axis.stop()."""
         for i in range(self.count):
             axis = self.axes[i]
-            if axis.moving and not axis.leader and not spared >> i & 1:
+            if axis.moving and not axis.leader and not (spared >> i) & 1:
                 axis.stop(self.hal, factor, smooth)

@@ -7,7 +7,7 @@ LOST    Wrong or unknown: nobody has set it since power-up, steps were not made,
         firmware failed in motion. Soft limits still count from the number, so they do not protect.
 
 Only RESET_POSITION takes a motor out of LOST. Each state has a reason, for people
-(framestep.words has the texts).
+(framestep.texts has the texts).
 Nothing allocates after construction.
 """
 
@@ -68,7 +68,7 @@ class Positions:
         """The motors of these bits are no longer where their positions say."""
         self.about_to_change()
         for motor in range(self.count):
-            if bits >> motor & 1:
+            if (bits >> motor) & 1:
                 self.put(motor, LOST, reason)
 
     def power_cut(self, moving):

@@ -1,7 +1,8 @@
 """Requests about single motors: moves, jogs, stops, positions, settings.
 
-The controller merges `handlers` into its own table; a handler returns the code to acknowledge with,
-or 0 where it has answered itself. Here payloads are taken apart. Nothing allocates after construction.
+The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
+or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing allocates
+after construction.
 """
 
 from array import array
@@ -16,8 +17,10 @@ _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
 
 class Motors:
-    """What a host asks of single motors, and which of them may move. controller: for what is shared with other
-    requests."""
+    """Carries out requests about single motors, and knows which of them may move.
+
+    controller: for what is shared with other requests.
+    """
 
     def __init__(self, controller):
         self.controller = controller
@@ -27,15 +30,16 @@ class Motors:
         self.writer = controller.writer
         self.axes = controller.axes
         self.count = self.axes.count
-        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)  # as CONFIGURE has set them: messages.MOTOR_
-        # steps/s that a motor can do with its pulses
+        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)  # MOTOR_ bits, set by CONFIGURE
+        # steps/s that a motor's pulses allow
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
         self.fastest = array("i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
-        self.powered = 0  # bits of motors whose driver is on
-        self.pending_acceleration = 0  # bits of motors that wait for a lower acceleration
-        self.jogging = 0  # bits of motors that jog
-        self.jog_at = array("i", [0] * self.count)  # when a jog was asked for last, ms
+        # bits of motors
+        self.powered = 0  # whose driver is on
+        self.pending_acceleration = 0  # for which a lower acceleration waits
+        self.jogging = 0
+        self.jogged_at = array("i", [0] * self.count)  # when the last JOG came, ms
         self.words = array("i", [0] * 2)  # of the request: a target, or two limits
         for i in range(self.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
@@ -54,9 +58,9 @@ class Motors:
     # ---------------------------------------------------------------- which motors may move
 
     def enabled(self, motor):
-        """Whether the motor may be moved: it is enabled, led by no other, and so is the motor coupled to it.
+        """Whether a motor may be moved: it and its partner are enabled, and it follows no other.
 
-        Two coupled motors move one load: with one of them without power the other must not pull at it.
+        Two coupled motors move one load. While one has no power, the other must not pull at it.
         """
         axis = self.axes[motor]
         if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
@@ -64,38 +68,41 @@ class Motors:
         return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
 
     def may_move(self, motor):
-        """OK, or why the motor may not be moved on its own now."""
+        """OK, or the code that says why the motor may not be moved on its own now."""
         controller = self.controller
         if not controller.safe():
             return m.ERR_GENERAL
         virtuals = controller.virtuals
         if controller.operations.running and controller.operations.takes(motor):
             return m.ERR_MOVING
-        if virtuals.engaged >> motor & 1 and not virtuals.leads(motor):
+        if (virtuals.engaged >> motor) & 1 and not virtuals.leads(motor):
             return m.ERR_MOVING
         if not self.enabled(motor):
             return m.ERR_GENERAL
-        return m.OK if self._driven(1 << motor) else m.ERR_GENERAL
+        return m.OK if self._drivers_work(1 << motor) else m.ERR_GENERAL
 
     def may_move_all(self):
-        """OK, or why no motor may be moved now. An enabled motor whose driver does not work holds up all: a run
-        without it would be another run."""
-        if not self.controller.safe() or not self._driven(self._bits(m.MOTOR_ENABLED)):
+        """OK, or the code that says why no operation may move motors now.
+
+        It may not while the driver of any enabled motor does not work: without that motor it would
+        be another move.
+        """
+        if not self.controller.safe() or not self._drivers_work(self._bits(m.MOTOR_ENABLED)):
             return m.ERR_GENERAL
         return m.OK
 
-    def moving_all(self, bits):
-        """Motors of these bits have been sent somewhere together."""
-        self.jogging &= ~bits  # any other goes on, and is let go of in time
-        self._power(bits)
+    def motors_sent(self, bits):
+        """Motors of these bits have been sent somewhere by an operation or a virtual axis."""
+        self.jogging &= ~bits  # other motors go on jogging until their time is over
+        self.switch_on(bits)
 
-    def _driven(self, bits):
-        """Whether the drivers of these motors, and of those coupled to them, do what they are told."""
+    def _drivers_work(self, bits):
+        """Whether the drivers of these motors and of their partners work."""
         drivers = self.controller.drivers
         return not drivers or self._coupled(bits) & ~drivers.ready == 0
 
-    def _power(self, bits):
-        """Switch the drivers on of motors that are to move, and are enabled."""
+    def switch_on(self, bits):
+        """Switch on the drivers of those of these motors that are enabled: they are about to move."""
         self.controller.fault = 0
         bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
         if self.controller.drivers:
@@ -103,29 +110,29 @@ class Motors:
         if bits:
             self.powered |= bits
             for motor in range(self.count):
-                if bits >> motor & 1:
+                if (bits >> motor) & 1:
                     self.hal.enable(motor, True)
 
     def switch_off(self, bits):
-        """Take the power from motors of these bits."""
+        """Switch off the drivers of these motors."""
         self.powered &= ~bits
         for motor in range(self.count):
-            if bits >> motor & 1:
+            if (bits >> motor) & 1:
                 self.hal.enable(motor, False)
 
     def _coupled(self, bits):
-        """The motors of these bits, and those that they lead."""
+        """The motors of these bits and their partners."""
         for motor in range(self.count - 1):
-            if bits >> motor & 1 and self.axes[motor].partner:
+            if (bits >> motor) & 1 and self.axes[motor].partner:
                 bits |= 2 << motor
         return bits
 
     def _leading(self, motor):
-        """The motor that decides what this one does: itself, or the one that it follows."""
+        """The motor that this one follows, or itself."""
         return motor - 1 if self.axes[motor].leader else motor
 
     def _bits(self, flag):
-        """Motors configured with a flag, one bit each."""
+        """The motors that have a flag set, one bit each."""
         bits = 0
         for motor in range(self.count):
             if self.flags[motor] & flag:
@@ -135,12 +142,15 @@ class Motors:
     # ---------------------------------------------------------------- moves, jogs, stops
 
     def _motor(self):
-        """The motor of this request, from 0; -1 where there is no such motor."""
+        """The motor of this request, from 0; -1 if there is no such motor."""
         number = self.reader.u8(0)
         return number - 1 if 0 < number <= self.count else -1
 
     def _move(self):
-        """MSG_MOTOR_MOVE: motor 0, target step 1. The answer says whether it moves (field note 4.8)."""
+        """MSG_MOTOR_MOVE: motor 0, target in steps 1 (field notes 4.3 and 4.8).
+
+        The answer says whether it moves; in the dialect dmc-lite it is a code (field note 1.4).
+        """
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
@@ -157,7 +167,7 @@ class Motors:
         return 0
 
     def move(self, motor):
-        """Send a motor to the step words[0]. A code; nothing moves unless it is OK."""
+        """Send a motor to words[0]. Returns a code; nothing moves unless it is OK."""
         code = self.may_move(motor)
         if code != m.OK:
             return code
@@ -172,12 +182,12 @@ class Motors:
         self.jogging &= ~(1 << motor)
         if controller.virtuals.leads(motor):
             return controller.virtuals.drive(motor, self.words, 0)
-        self._power(1 << motor)
+        self.switch_on(1 << motor)
         axis.move_to(self.hal, self.words, 0)
         return m.OK
 
     def _jog(self):
-        """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target step 3 (field note 4.2)."""
+        """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target in steps 3 (field note 4.2)."""
         motor = self._motor()
         speed = self.reader.u16(1)
         if motor < 0 or speed < 1 or speed > FULL_SPEED:
@@ -186,7 +196,7 @@ class Motors:
         return self.jog(motor, speed)
 
     def jog(self, motor, speed):
-        """Jog a motor towards the step words[0], its soft limit at most. speed: 1 … 10000. A code, as above."""
+        """Jog a motor toward words[0], at most to its soft limit. speed: 1 … 10000. As move()."""
         code = self.may_move(motor)
         if code != m.OK:
             return code
@@ -199,15 +209,15 @@ class Motors:
         bit = 1 << motor
         if controller.virtuals.leads(motor):
             return controller.virtuals.drive(motor, self.words, 0, speed)
-        self.jog_at[motor] = controller.now
+        self.jogged_at[motor] = controller.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit
-            self._power(bit)
+            self.switch_on(bit)
             axis.move_to(self.hal, self.words, 0, speed)
         return m.OK
 
     def end_jogs(self):
-        """Let go of motors whose jog has not been asked for again (field note 4.2)."""
+        """Stop motors whose JOG has not been repeated in time (field note 4.2)."""
         limit = self.rig.jog_timeout_ms
         now = self.controller.now
         for motor in range(self.count):
@@ -216,12 +226,15 @@ class Motors:
                 axis = self.axes[motor]
                 if not axis.moving:
                     self.jogging &= ~bit
-                elif limit and elapsed(now, self.jog_at[motor]) >= limit:
+                elif limit and elapsed(now, self.jogged_at[motor]) >= limit:
                     axis.stop(self.hal, 1, True)
                     self.jogging &= ~bit
 
     def _stop(self):
-        """MSG_MOTOR_STOP: motor 0. In an operation, or on a virtual axis, all of its motors stop."""
+        """MSG_MOTOR_STOP: motor 0 (spec; field notes 1.8 and 6.11).
+
+        If it takes part in an operation or a virtual motion, all motors of that stop.
+        """
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
@@ -232,7 +245,7 @@ class Motors:
         taken = controller.operations.busy and controller.operations.takes(motor)
         if taken:
             controller.operations.stop(land=True, spared=engaged)
-        if engaged >> motor & 1:
+        if (engaged >> motor) & 1:
             controller.virtuals.stop()
         elif not taken:
             self.axes[motor].stop(self.hal, 1, True)
@@ -241,15 +254,15 @@ class Motors:
     # ---------------------------------------------------------------- settings
 
     def _reset_position(self):
-        """MSG_MOTOR_RESET_POSITION: motor 0, step 1 that it stands on from now on (field note 4.5)."""
+        """MSG_MOTOR_RESET_POSITION: motor 0, its position from now on in steps 1 (field note 4.5)."""
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
         controller = self.controller
         axis = self.axes[motor]
         engaged = controller.operations.engaged | controller.virtuals.engaged
-        if axis.moving or engaged >> self._leading(motor) & 1:
-            return m.ERR_MOVING  # field note 4.5; one that holds still in what runs is about to move
+        if axis.moving or (engaged >> self._leading(motor)) & 1:
+            return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
         self.reader.copy_i32_to(1, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
@@ -260,7 +273,7 @@ class Motors:
         return m.OK
 
     def _configure(self):
-        """MSG_MOTOR_CONFIGURE: motor 0, flags 1 (messages.MOTOR_; field notes 3.1 and 4.5)."""
+        """MSG_MOTOR_CONFIGURE: motor 0, flags 1: bits MOTOR_ (field notes 3.1 and 4.5)."""
         motor = self._motor()
         flags = self.reader.u8(1)
         if motor < 0:
@@ -273,9 +286,9 @@ class Motors:
             engaged = self._coupled(controller.operations.engaged)
             virtual = self._coupled(controller.virtuals.engaged)
             if coupling:
-                engaged |= engaged >> 1  # the next motor is meant as well
+                engaged |= engaged >> 1  # the next motor is concerned as well
                 virtual |= virtual >> 1
-            if engaged >> motor & 1 or (axis.moving or virtual >> motor & 1) and (coupling or not enabled):
+            if (engaged >> motor) & 1 or (axis.moving or (virtual >> motor) & 1) and (coupling or not enabled):
                 return m.ERR_MOVING
         if coupling:
             code = self._couple(motor, flags & _COUPLING)
@@ -285,16 +298,16 @@ class Motors:
         controller.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
         bit = 1 << motor
         if enabled:
-            self._power(bit)
+            self.switch_on(bit)
         else:
             self.switch_off(bit)
             self.axes.positions.driver_off(motor)
-        self._exclude()
+        self._update_excluded()
         controller.operations.settings_changed()
         return m.OK
 
     def _couple(self, motor, flags):
-        """Let the next motor do what this one does, or no longer (field note 3.1)."""
+        """Couple the next motor to this one, or end that (field note 3.1). Returns a code."""
         if motor + 1 >= self.count:
             return m.ERR_RANGE
         axis = self.axes[motor]
@@ -307,9 +320,11 @@ class Motors:
             return m.ERR_RANGE  # no chains
         return m.OK
 
-    def _exclude(self):
-        """Which motors take no part in uploaded moves: disabled, under live control, led by another, coupled to one
-        that is disabled."""
+    def _update_excluded(self):
+        """Say which motors take no part in uploaded moves.
+
+        They are disabled or under live control, follow another, or have a disabled partner.
+        """
         bits = 0
         for motor in range(self.count):
             if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
@@ -317,7 +332,10 @@ class Motors:
         self.controller.operations.player.excluded = bits
 
     def _set_speed(self):
-        """MSG_MOTOR_SET_SPEED: motor 0, velocity 1 (steps/s), acceleration 5 (steps/s²; 0: half the velocity)."""
+        """MSG_MOTOR_SET_SPEED: motor 0, velocity in steps/s 1, acceleration in steps/s² 5.
+
+        Acceleration 0 is half the velocity (field note 4.1).
+        """
         motor = self._motor()
         velocity = self.reader.u30(1)
         acceleration = self.reader.u30(5)
@@ -335,14 +353,17 @@ class Motors:
         return m.OK
 
     def apply_pending_acceleration(self):
-        """Motors that have come to rest take the lower acceleration that they were set to under way."""
+        """Motors that have come to rest take the lower acceleration that waits for them."""
         for i in range(self.count):
-            if self.pending_acceleration >> i & 1 and self.axes[i].apply_pending_acceleration():
+            if (self.pending_acceleration >> i) & 1 and self.axes[i].apply_pending_acceleration():
                 self.pending_acceleration ^= 1 << i
 
     def _set_limits(self):
-        """MSG_MOTOR_SET_LIMITS: motor 0, lower limit used 1 and its step 2, upper limit used 6 and its step 7, limit
-        switches 11 (field notes 3.3 and 4.3)."""
+        """MSG_MOTOR_SET_LIMITS (field notes 3.3 and 4.3).
+
+        Motor 0, whether there is a lower limit 1, its step 2, whether there is an upper limit 6, its
+        step 7, limit switches 11.
+        """
         reader = self.reader
         controller = self.controller
         motor = self._motor()
@@ -358,16 +379,18 @@ class Motors:
         controller.operations.settings_changed()
         motor = self._leading(motor)
         controller.virtuals.changed(motor)
-        if not (controller.operations.playing | controller.virtuals.engaged) >> motor & 1:
+        if not ((controller.operations.playing | controller.virtuals.engaged) >> motor) & 1:
             self.axes[motor].keep_to_limits(self.hal)
         return m.OK
 
     def _exceeded(self):
-        """framestep's own: EXCEEDED_ 0, motor 1, scene frame 2, by how much 6 (steps/s or steps/s²).
+        """MSG_EXCEEDED, framestep's own: no payload, or motor 0.
 
-        Then what is set for a motor, that one or the one that the request names: motor 10, velocity 11, acceleration
-        15, soft limits 19 (lower), 23 (upper), SET_ bits 27; and limit sets whose upper 28, whose lower switch 30 is
-        active, a bit each.
+        The answer says what the last move asked too much of: EXCEEDED_ 0, motor 1, scene frame 2,
+        by how much 6 (steps/s or steps/s²). Then what is set for that motor, or for the one of the
+        request: motor 10, velocity 11, acceleration 15, soft limits 19 (lower) and 23 (upper), SET_
+        bits 27. Then the limit sets whose upper switch 28 and whose lower switch 30 is active, one
+        bit each.
         """
         writer = self.writer
         exceeded = self.controller.operations.player.exceeded

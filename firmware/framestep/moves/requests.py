@@ -149,9 +149,9 @@ class Moves:
     # ---------------------------------------------------------------- operations
 
     def _position_frame(self):
-        """MSG_RT_POSITION_FRAME: frame 0.
+        """MSG_RT_POSITION_FRAME: frame 0 (field notes 4.6, 5.1 and 6.11).
 
-        Motors go there, lights and triggers are set as they are there.
+        The motors go there; lights and triggers are set as they are there.
         """
         code = self.controller.motors.may_move_all()
         if code == m.OK and (self.operations.running or self.controller.virtuals.engaged):
@@ -159,7 +159,7 @@ class Moves:
         if code == m.OK:
             code = self.operations.send_to_frame(self.reader.i32(0), self.places)
         if code == m.OK:
-            self.controller.motors.moving_all(self.operations.player.motors())
+            self.controller.motors.motors_sent(self.operations.player.motors())
             self.run_outputs.show_frame(self.reader.i32(0) - self.store.start)
         return code
 
@@ -201,7 +201,7 @@ class Moves:
             closed,
         )
         if code == m.OK:
-            self.controller.motors.moving_all(self.run.bits)
+            self.controller.motors.motors_sent(self.run.bits)
         return self._tell(code)
 
     def _tell(self, code):
@@ -228,7 +228,7 @@ class Moves:
             listed = self._listed(11, backward)
             code = self.shoot.prepare_blur(reader.i32(0), backward, reader.u30(5), reader.u16(9), listed)
         if code == m.OK:
-            self.controller.motors.moving_all(self.shoot.bits)
+            self.controller.motors.motors_sent(self.shoot.bits)
         return code
 
     def _shoot_frame2(self):
@@ -242,7 +242,7 @@ class Moves:
             listed = self._listed(12, False)
             code = self.shoot.prepare_angles(reader.i32(0), reader.u30(4), reader.i16(8), reader.i16(10), listed)
         if code == m.OK:
-            self.controller.motors.moving_all(self.shoot.bits)
+            self.controller.motors.motors_sent(self.shoot.bits)
         return code
 
     def _listed(self, offset, backward):
@@ -320,5 +320,5 @@ class Moves:
         if code == m.OK:
             code = self.jog.prepare(self.reader.u30(0), self.reader.i32(4))
         if code == m.OK:
-            self.controller.motors.moving_all(self.jog.bits)
+            self.controller.motors.motors_sent(self.jog.bits)
         return self._tell(code)

@@ -19,7 +19,7 @@ if CPYTHON:
     def fletcher16(buffer, start, count):
         """Both sums over `count` bytes from `start`, as (sum2 << 8) | sum1."""
         part = memoryview(buffer)[start : start + count]
-        return sum(accumulate(part)) % 255 << 8 | sum(part) % 255
+        return ((sum(accumulate(part)) % 255) << 8) | (sum(part) % 255)
 
 else:
     _BLOCK = const(256)
@@ -48,22 +48,22 @@ else:
                 sums += start
                 start += buffer[1]
                 sums += start
-                odd = (ptr32(buffer)[0] >> 8 & places) + odd
+                odd = ((ptr32(buffer)[0] >> 8) & places) + odd
                 start += buffer[2]
                 sums += start
                 start += buffer[3]
                 sums += start
-                odd = (ptr32(buffer)[1] >> 8 & places) + odd
+                odd = ((ptr32(buffer)[1] >> 8) & places) + odd
                 start += buffer[4]
                 sums += start
                 start += buffer[5]
                 sums += start
-                odd = (ptr32(buffer)[2] >> 8 & places) + odd
+                odd = ((ptr32(buffer)[2] >> 8) & places) + odd
                 start += buffer[6]
                 sums += start
                 start += buffer[7]
                 sums += start
-                odd = (ptr32(buffer)[3] >> 8 & places) + odd
+                odd = ((ptr32(buffer)[3] >> 8) & places) + odd
                 buffer = ptr16(int(buffer) + 16)
                 count -= 16
             sums = (sums << 1) - (odd & 0xFFFF) - (odd >> 16)
@@ -80,7 +80,7 @@ else:
             start = (start & 0xFF) + (start >> 8)
         while second > 255:
             second = (second & 0xFF) + (second >> 8)
-        return (second if second < 255 else 0) << 8 | (start if start < 255 else 0)
+        return ((second if second < 255 else 0) << 8) | (start if start < 255 else 0)
 
 
 @micropython.viper
@@ -94,4 +94,4 @@ def check_bytes(sums: int) -> int:
     second = low + first
     while second >= 255:
         second -= 255
-    return first | 255 - second << 8
+    return first | ((255 - second) << 8)

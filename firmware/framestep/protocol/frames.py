@@ -62,7 +62,7 @@ def _search(buffer: ptr8, state: ptr32) -> int:
             continue
         if fill - at < HEADER_BYTES:
             break
-        length = buffer[at + 8] | buffer[at + 9] << 8
+        length = buffer[at + 8] | (buffer[at + 9] << 8)
         if length > LARGEST_PAYLOAD:  # field note 1.6: skip the marker, no reply
             at += 2
             continue
@@ -70,7 +70,7 @@ def _search(buffer: ptr8, state: ptr32) -> int:
             break
         state[_NEXT] = at
         state[_HEAD] = at
-        state[_TYPE] = buffer[at + 6] | buffer[at + 7] << 8
+        state[_TYPE] = buffer[at + 6] | (buffer[at + 7] << 8)
         state[_LENGTH] = length
         return length + FRAME_OVERHEAD
     state[_NEXT] = at
@@ -86,7 +86,7 @@ class FrameReader:
     nothing: messages.payload_fits() has been asked before.
 
     `waiting` is the count of bytes held that poll() has not yet given: 0 after the last frame, and after NOTHING those
-    of a frame that has begun; its owner watches the clock and calls `abandon()` when the rest does not come.
+    of a frame that has begun; its owner watches the clock and calls `drop_partial()` when the rest does not come.
     """
 
     def __init__(self, size=LARGEST_FRAME + 44):
@@ -173,14 +173,14 @@ class FrameReader:
         """The WORD at payload offset `i`, 0 to 65535."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
-        return buffer[i] | buffer[i + 1] << 8
+        return buffer[i] | (buffer[i + 1] << 8)
 
     @micropython.viper
     def i16(self, i: int) -> int:
         """The signed WORD at payload offset `i`."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
-        return ((buffer[i] | buffer[i + 1] << 8) ^ 0x8000) - 0x8000
+        return ((buffer[i] | (buffer[i + 1] << 8)) ^ 0x8000) - 0x8000
 
     @micropython.viper
     def u30(self, i: int) -> int:
@@ -190,7 +190,7 @@ class FrameReader:
         high = buffer[i + 3]
         if high >= 0x40:
             return -1
-        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+        return buffer[i] | (buffer[i + 1] << 8) | (buffer[i + 2] << 16) | (high << 24)
 
     @micropython.viper
     def start_index(self, i: int) -> int:
@@ -200,7 +200,7 @@ class FrameReader:
         high = buffer[i + 3] & 0x7F
         if high >= 0x40:
             return -1
-        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+        return buffer[i] | (buffer[i + 1] << 8) | (buffer[i + 2] << 16) | (high << 24)
 
     @micropython.viper
     def i32(self, i: int) -> int:
@@ -210,7 +210,7 @@ class FrameReader:
         high = (buffer[i + 3] ^ 0x80) - 0x80
         if high < -0x40 or high >= 0x40:
             return NOT_SMALL
-        return buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | high << 24
+        return buffer[i] | (buffer[i + 1] << 8) | (buffer[i + 2] << 16) | (high << 24)
 
     @micropython.viper
     def copy_i32_to(self, i: int, words: object, index: int):
@@ -218,7 +218,9 @@ class FrameReader:
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         to = ptr32(words)
-        to[index + 0] = buffer[i] | buffer[i + 1] << 8 | buffer[i + 2] << 16 | ((buffer[i + 3] ^ 0x80) - 0x80) << 24
+        to[index + 0] = (
+            buffer[i] | (buffer[i + 1] << 8) | (buffer[i + 2] << 16) | (((buffer[i + 3] ^ 0x80) - 0x80) << 24)
+        )
 
 
 @micropython.viper
@@ -260,7 +262,7 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
         buffer[at + 4] = source[head + 4]
         buffer[at + 5] = source[head + 5]
     buffer[at + 6] = kind & 0xFF
-    buffer[at + 7] = kind >> 8 & 0xFF
+    buffer[at + 7] = (kind >> 8) & 0xFF
 
 
 @micropython.viper
@@ -288,8 +290,8 @@ def _finish(buffer, words) -> bool:
     if state[_FULL] or state[_LIMIT] - at < 2:
         return False
     size = at - start
-    to[start + 8] = size - HEADER_BYTES & 0xFF
-    to[start + 9] = size - HEADER_BYTES >> 8
+    to[start + 8] = (size - HEADER_BYTES) & 0xFF
+    to[start + 9] = (size - HEADER_BYTES) >> 8
     check = int(check_bytes(fletcher16(buffer, start, size)))
     to[at] = check & 0xFF
     to[at + 1] = check >> 8

@@ -146,7 +146,7 @@ class Virtuals:
     # ---------------------------------------------------------------- configuration
 
     def _config(self):
-        """spec: MSG_VIRT_CONFIG. type 0, then what the type's module says."""
+        """MSG_VIRT_CONFIG: type 0, then what the type's module says (field notes 9.2 and 9.3)."""
         reader = self.reader
         kind = reader.u8(0)
         if kind >= _TYPES:
@@ -229,6 +229,7 @@ class Virtuals:
         return writer.end()
 
     def _get_position(self):
+        """MSG_VIRT_GET_POSITION: no payload. Answered with the pose (field notes 9.2 and 9.8)."""
         if not self.configured:
             return m.ERR_GENERAL
         self.send_positions(self.reader)
@@ -263,11 +264,11 @@ class Virtuals:
         """Set out along the line that has been laid; bits: of the virtual axes that it is about."""
         self.moved = bits
         self.jog_at = -1
-        self.controller.motors.moving_all(self.motion.bits)
+        self.controller.motors.motors_sent(self.motion.bits)
         self.motion.begin()
 
     def _move(self):
-        """spec: MSG_VIRT_MOVE. virtual axis 0, position 1."""
+        """MSG_VIRT_MOVE: virtual axis 0, position 1 (field notes 9.1 and 9.5)."""
         code = self._may()
         if code != m.OK:
             return code
@@ -346,7 +347,7 @@ class Virtuals:
         return m.OK
 
     def _jog(self):
-        """spec: MSG_VIRT_JOG. virtual axis 0, speed 1, destination 3: a step of its main motor (field note 9.6)."""
+        """MSG_VIRT_JOG: virtual axis 0, speed 1, destination 3: a step of its main motor (field note 9.6)."""
         reader = self.reader
         code = self._may()
         if code != m.OK:
@@ -397,7 +398,7 @@ class Virtuals:
         return 1
 
     def _jog_on_line(self):
-        """spec: MSG_VIRT_JOG_ON_LINE. axis 0, speed 1. Until VIRT_STOP of the axis, or a limit (field note 9.6)."""
+        """MSG_VIRT_JOG_ON_LINE: axis 0, speed 1. Until VIRT_STOP of the axis, or a limit (field note 9.6)."""
         reader = self.reader
         code = self._may()
         if code != m.OK:
@@ -443,7 +444,7 @@ class Virtuals:
     # ---------------------------------------------------------------- the aim point
 
     def _aim_point(self):
-        """spec: MSG_VIRT_AIM_POINT. enable 0, x 1, y 5, z 9. Answered with the same (field note 9.7)."""
+        """MSG_VIRT_AIM_POINT: enable 0, x 1, y 5, z 9. Answered with the same (field note 9.7)."""
         if not self.configured:
             return m.ERR_GENERAL
         reader = self.reader
@@ -537,7 +538,7 @@ class Virtuals:
         return m.OK
 
     def _stop(self):
-        """spec: MSG_VIRT_STOP. virtual axis 0."""
+        """MSG_VIRT_STOP: virtual axis 0 (field notes 9.1 and 9.6)."""
         if not self.configured:
             return m.ERR_GENERAL
         number = self._number()

@@ -1,9 +1,9 @@
 """status(), io(), rig(): how things stand."""
 
-from framestep import boot, words
-from framestep.bench import between, dead, operation, refusal
+from framestep import boot, texts
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.protocol import messages as m
+from framestep.repl_commands import between, dead, operation, refusal
 from framestep.reports import VERSION
 
 
@@ -12,9 +12,9 @@ def _report():
     lines = ["framestep %d.%d.%d, %s" % (VERSION + (controller.rig.name.decode(),))]
     lines.append("the host is connected" if controller.was_open else "no host is connected")
     lines.append(dead() or operation(controller) or ("motors move" if controller.axes.moving else "nothing moves"))
-    lines += words.conditions(controller.condition()) + words.faults(controller.fault) + words.positions(controller)
+    lines += texts.conditions(controller.condition()) + texts.faults(controller.fault) + texts.positions(controller)
     told = controller.operations.player.exceeded
-    lines += words.exceeded(told[0], told[1] + 1, told[2], told[3])
+    lines += texts.exceeded(told[0], told[1] + 1, told[2], told[3])
     if controller.drivers:
         lines += controller.drivers.states_in_words()
     store = controller.moves.store
@@ -47,10 +47,10 @@ def _levels():
     inputs = controller.io.gio.inputs.values
 
     def high(entry):
-        return (levels >> entry["pin"] & 1) == (entry["on"] == "high")
+        return ((levels >> entry["pin"]) & 1) == (entry["on"] == "high")
 
     lines = ["output " + line for line in _pins(settings.outputs, lambda i: high(settings.outputs[i]))]
-    lines += ["input " + line for line in _pins(settings.inputs, lambda i: inputs >> i & 1)]
+    lines += ["input " + line for line in _pins(settings.inputs, lambda i: (inputs >> i) & 1)]
     for key in ("shutter", "meter"):
         if key in hal.board:
             lit = high({"pin": hal.board[key], "on": getattr(settings, key + "_on")})
@@ -60,7 +60,7 @@ def _levels():
     for i, entry in enumerate(settings.limits):
         for end in ("high", "low"):
             if entry[end] >= 0:
-                level = "high" if levels >> entry[end] & 1 else "low"
+                level = "high" if (levels >> entry[end]) & 1 else "low"
                 lines.append("limit set %d, %s end, pin %d: level %s" % (i + 1, end, entry[end], level))
     lit = sum(1 for level in controller.io.lights.levels if level)
     lines.append("lights: %d of %d channels are on" % (lit, controller.io.lights.count))

@@ -3,10 +3,10 @@
 from array import array
 
 from framestep import boot
-from framestep.bench import dead
 from framestep.clock import WIDE_WRAP, elapsed
 from framestep.motion.stepper import CLOCK, HEAD, LATEST, SEGMENTS, TAIL, TICKS, WORST_LATE
 from framestep.native import CPYTHON, const, micropython, ptr32
+from framestep.repl_commands import dead
 
 _QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
 _WINDOW_US = const(4000)  # at a time: passes wait meanwhile

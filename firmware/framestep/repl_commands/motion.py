@@ -3,9 +3,9 @@
 import sys
 
 from framestep import boot
-from framestep.bench import between, dead, locked, operation, refusal
 from framestep.native import const
 from framestep.protocol import messages as m
+from framestep.repl_commands import between, dead, locked, operation, refusal
 
 _FAR = const(2147483647)  # beyond any position
 

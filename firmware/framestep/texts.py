@@ -1,4 +1,4 @@
-"""Conditions in words: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
+"""Conditions as text: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
 
 from framestep.faults import FAULTS, outcome
 from framestep.motors.positions import (
