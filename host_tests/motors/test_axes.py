@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from framestep.hal.engine import LEAD
 from framestep.motion import reals, stepper
 from framestep.motors.axes import Axes
-from framestep.motors.axis import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, kernel_rate
+from framestep.motors.motor import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, kernel_rate
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 

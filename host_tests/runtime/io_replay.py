@@ -117,7 +117,6 @@ class Bench:
                 self.flags |= 1
             if self.safety.poll(self.now, level):
                 self.flags |= 2
-            self.camera.poll(self.now)
             self.lights.poll(self.now)
         send_stops(self.writer, self.safety, True)
 
@@ -142,8 +141,6 @@ class Bench:
             self.camera.safe()
         elif kind == "camera":
             self.camera.set(a, b)
-        elif kind == "pulse":
-            self.camera.pulse(self.now, a)
         elif kind == "assign":
             self.safety.assign(a, b & 0x7F, b & 0x80)
         elif kind == "bars":

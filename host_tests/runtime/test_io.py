@@ -27,7 +27,6 @@ STEPS = st.one_of(
     st.tuples(st.sampled_from(("put", "cue")), st.integers(0, 2**30 - 1), st.integers(0, 2**30 - 1)),
     st.tuples(st.just("safe"), st.just(0), st.just(0)),
     st.tuples(st.just("camera"), st.integers(0, 1), st.integers(0, 1)),
-    st.tuples(st.just("pulse"), st.integers(0, 100), st.just(0)),
     st.tuples(st.just("assign"), st.integers(0, 7), st.sampled_from((0, 1, 2, 0x81, 0x82))),
     st.tuples(st.just("moves"), st.integers(0, 7), st.integers(-(2**31), 2**31 - 1)),
     st.tuples(st.just("stands"), st.integers(0, 7), st.integers(-(2**31), 2**31 - 1)),

@@ -16,7 +16,7 @@ from framestep.protocol.messages import (
     EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
     SET_ENABLED,
-    SET_LED,
+    SET_FOLLOWS,
     SET_LOWER,
     SET_UPPER,
 )
@@ -96,7 +96,7 @@ def _general(client: Client, request: Payload, motor: int | None) -> str | None:
             return text
     if isinstance(motor, int):
         told = client.request(GetExceeded(motor)).bits or 0
-        if told & SET_LED:
+        if told & SET_FOLLOWS:
             return f"motor {motor} does what motor {motor - 1} does (they are coupled): move that one"
         if not told & SET_ENABLED:
             return f"motor {motor} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"

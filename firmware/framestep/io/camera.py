@@ -3,10 +3,6 @@
 Nothing allocates after construction.
 """
 
-from array import array
-
-from framestep.clock import elapsed
-
 
 class Camera:
     """The shutter and meter outputs. On a board without their pins nothing happens."""
@@ -18,9 +14,6 @@ class Camera:
         self._meter_high = rig.meter_on == "high"
         self._shutter_pin = self._pin("shutter", self._shutter_high)
         self._meter_pin = self._pin("meter", self._meter_high)
-        self.pulsing = array("i", [0])  # 1 during a pulse
-        self._begin = 0  # of the pulse, ms
-        self._length = 0
 
     def _pin(self, key, high):
         pin = self.hal.board.get(key)
@@ -47,22 +40,9 @@ class Camera:
         return high
 
     def set(self, shutter, meter):
-        """Switch both outputs at the same time. Ends a pulse."""
-        self.pulsing[0] = 0
+        """Switch both outputs at the same time."""
         high = self.pins(1, 1, shutter, meter)
         self.hal.drive(high, self.down)
-
-    def pulse(self, now, ms):
-        """Switch both outputs on for `ms` milliseconds from `now` (modulo 2^29); poll() ends it."""
-        self.set(True, True)
-        self._begin = now
-        self._length = ms
-        self.pulsing[0] = 1
-
-    def poll(self, now):
-        """End a pulse whose time is over. now: milliseconds modulo 2^29."""
-        if self.pulsing[0] and elapsed(now, self._begin) >= self._length:
-            self.set(False, False)
 
     def safe(self):
         """Switch both outputs off."""

@@ -15,12 +15,11 @@ from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
-# What a pass has to do, from words of Safety, Inputs, Lights and Camera
+# What a pass has to do, from words of Safety, Inputs and Lights
 _SWITCHES = const(1)
 _INPUTS = const(2)
 _RAMPS = const(4)
 _LEVELS = const(8)
-_PULSE = const(16)
 # Bits that poll() returns
 NEWS = const(_SWITCHES | _INPUTS)  # a switch or an input has changed
 STOP = const(32)  # a stop input has become active
@@ -33,7 +32,6 @@ def _due(table: ptr32, levels: int) -> int:
     switches = ptr32(table[0])
     inputs = ptr32(table[1])
     lights = ptr32(table[2])
-    camera = ptr32(table[3])
     due = 0
     if ((levels ^ switches[REST]) & switches[SWITCHES]) | switches[ACTIVE] | switches[CAUGHT]:
         due = _SWITCHES
@@ -43,8 +41,6 @@ def _due(table: ptr32, levels: int) -> int:
         due |= _RAMPS | _LEVELS
     elif lights[CHANGED]:
         due |= _LEVELS
-    if camera[0]:
-        due |= _PULSE
     return due
 
 
@@ -86,7 +82,7 @@ class Io:
         self.lights = Lights(hal.dmx.channels, rig.dmx_ramp_ms)
         self.gio = Gio(hal, rig)
         self.camera = Camera(hal, rig)
-        tables = (safety.words, self.gio.inputs.words, self.lights.words, self.camera.pulsing)
+        tables = (safety.words, self.gio.inputs.words, self.lights.words)
         self._table = array("i", [as_word(addressof(words)) for words in tables])
         self.inputs_due = False  # GIO_IN is due
         self._go_bit = 1 << (rig.go_input - 1) if rig.go_input else 0
@@ -114,8 +110,6 @@ class Io:
                 self._go_was = self.gio.inputs.values & self._go_bit
                 if self._go_was and not was:
                     news |= GO
-        if due & _PULSE:
-            self.camera.poll(now)
         if due & _RAMPS:
             self.lights.poll(now)
         if due & _LEVELS:

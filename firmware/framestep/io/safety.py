@@ -19,7 +19,7 @@ from array import array
 from framestep import results
 from framestep.clock import elapsed
 from framestep.motion.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt_motors
-from framestep.motors.axis import ACCELERATION_LIMIT, kernel_rate
+from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 RELEASE_MS = const(20)

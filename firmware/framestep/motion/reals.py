@@ -334,16 +334,6 @@ def copy_word(to, i: int, source, j: int):
 
 
 @micropython.viper
-def copy_words(to: ptr32, source: ptr32, j: int, count: int):
-    """to[0] … = source[j] …, of array('i') elements of any size."""
-    i = 0
-    while i < count:
-        to[i] = source[j + 0]
-        i += 1
-        j += 1
-
-
-@micropython.viper
 def add_word(to, i: int, source, j: int, small: int):
     """to[i] = source[j] + small, of array('i') elements of any size."""
     t = ptr32(to)

@@ -1,12 +1,9 @@
-"""One motor: its settings, and how a request or a played move becomes segments in its queue.
+"""The motion of one motor: how a request or a played move becomes segments in its queue.
 
 An axis has a list of phases (ramps.py). It cuts them into segments, which it puts into the tick
 kernel's queue some tenths of a second ahead. Everything that moves a motor goes through here.
 
-The position of the load is what hosts ask for and are told; the motor's own position differs from
-it by the backlash (backlash.py). `way` is a direction: 1 up, -1 down, 0 either. Positions are
-steps, int32. They are handed over as (array, index), since a large one would be an object on the
-heap. Nothing allocates after construction.
+Positions and directions (`way`) are those of motor.py. Nothing allocates after construction.
 """
 
 from array import array
@@ -14,16 +11,11 @@ from array import array
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds, feeder
-from framestep.motors.backlash import drag, motor_step, offset, replan_from, same_side, take_up, taken_up
+from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
 from framestep.motors.feeder import set_cubic
+from framestep.motors.motor import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, Motor, kernel_rate
 from framestep.native import addressof, as_word, const
 
-TICKS_PER_SECOND = const(1000)
-VELOCITY_FLOOR = const(10)  # steps/s: a lower setting is taken as this (field note 4.1)
-VELOCITY_LIMIT = const(500000)  # steps/s: what the kernel's numbers hold
-ACCELERATION_LIMIT = const(4000000)  # steps/s²: the same; a higher setting is taken as this
-DEFAULT_VELOCITY = const(5000)  # field note 4.1
-DEFAULT_ACCELERATION = const(20000)
 FULL_SPEED = const(10000)  # a jog's speed is in ten-thousandths of velocity and acceleration
 SPEED_FLOOR = const(100)  # a jog's least speed (field note 4.2)
 
@@ -32,11 +24,8 @@ FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be 
 SPLICE_TICKS = const(12)  # from a request to where the new plan takes over
 SLOW_SPLICE_TICKS = const(32)  # the same with a jerk limit: an RP2040 plans it in up to 20 ms
 
-# Numbers of an axis, registers of `numbers`
-MAX_VELOCITY = const(0)  # steps per tick
-MAX_ACCELERATION = const(2)  # steps per tick²
-MAX_JERK = const(4)  # steps per tick³, 0 for no limit
-MOTION_VELOCITY = const(6)  # the same for the motion under way, which has a speed of its own
+# Registers of `numbers`, after those of motor.py
+MOTION_VELOCITY = const(6)  # greatest velocity of the motion under way, which has a speed of its own
 MOTION_ACCELERATION = const(8)
 _X = const(12)
 _Y = const(14)
@@ -45,31 +34,19 @@ _Y = const(14)
 TARGET = const(2)
 
 _UNLIMITED = const(0x3FFFFFFF)
-_RUNS = const(stepper.RUN | stepper.STOP)
 
 
-def kernel_rate(acceleration):
-    """The kernel's deceleration, Q22 steps per tick², 1 or more.
-
-    acceleration: steps/s², ACCELERATION_LIMIT at most.
-    """
-    rate = acceleration * 4 + acceleration * 199 // 1024  # 2^22 / 10^6 = 4.194304
-    return rate if rate else 1
-
-
-class Axis:
+class Axis(Motor):
     """One motor.
 
     kernel: the StepKernel. motor: from 0. positions: the Positions of all motors.
     """
 
     def __init__(self, kernel, motor, positions):
+        super().__init__(kernel.blocks[motor])
         self.positions = positions
-        self.block = kernel.blocks[motor]
         self.state = array("i", [0] * 5)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
-        self.numbers = array("i", [0] * 16)
-        self.limits = array("i", [0] * 4)
         self.phases = ramps.Phases()
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
@@ -87,128 +64,22 @@ class Axis:
             self.phases.words,
             ramps.scratch,
         )
-        self.lower_enabled = False
-        self.upper_enabled = False
-        self.bounds = array("i", [0] * 3)  # how far the load may go: see motors/bounds.py
-        self.own_velocity = 0  # as set_speed() has set it, steps/s
-        self.own_acceleration = 0  # steps/s²
-        self.own_jerk = 0  # 1000 steps/s³
-        self.velocity = 0  # in force: no more than a coupled motor can do as well
-        self.acceleration = 0
-        self.pending_acceleration = False  # a lower acceleration waits until the motor stands
         self.speed = 0  # of the motion under way, in ten-thousandths
-        self.rates_outdated = True  # MOTION_VELOCITY and MOTION_ACCELERATION are to be computed anew
-        self.backlash = 0  # steps of play that the motor takes up before the load moves
-        # where the load is, counting all that has been queued to the engine
-        self.load_position = array("i", [0])
-        self.block[stepper.PLACE] = as_word(addressof(self.load_position))
-        self.planned = array("i", [0] * 3)  # where the phases lead to: see motors/backlash.py
         self.way = 0  # the direction for which the play is to be taken up at TARGET
         self.stopping_smoothly = False  # a stop within the jerk limit is under way
-        self.partner = None  # the motor that does what this one does
-        self.leader = None  # the motor that this one follows
-        self.turned = 0  # 1: the partner turns in the opposite sense
-        # from this motor's steps to the partner's: their difference, or turned their sum
-        self.base = array("i", [0])
-        self.word = array("i", [0] * 3)
-        bounds.update(self)
-        self.set_speed(DEFAULT_VELOCITY, DEFAULT_ACCELERATION)
 
-    # ---------------------------------------------------------------- settings
+    # ---------------------------------------------------------------- state
 
-    def set_speed(self, velocity, acceleration):
-        """Set the greatest velocity and acceleration.
+    @property
+    def stopping(self):
+        """Whether the kernel ramps it down."""
+        return self.block[stepper.MODE] & stepper.STOP != 0
 
-        velocity: steps/s, 1 … VELOCITY_LIMIT. acceleration: steps/s²; 0: half the velocity.
-
-        Of coupled motors the stricter setting counts. An acceleration lower than that of the motion
-        under way is not taken before the motor stands, as the motor could no longer stop in time,
-        for example at a soft limit: `pending_acceleration` is True until then.
-        """
-        if velocity < VELOCITY_FLOOR:
-            velocity = VELOCITY_FLOOR
-        if acceleration == 0:
-            acceleration = max(velocity // 2, 1)
-        if acceleration > ACCELERATION_LIMIT:
-            acceleration = ACCELERATION_LIMIT
-        self.own_velocity = velocity
-        self.own_acceleration = acceleration
-        (self.leader or self)._apply()
-
-    def _apply(self):
-        """Bring the settings into force: the stricter ones of this motor and its partner."""
-        velocity = self.own_velocity
-        acceleration = self.own_acceleration
-        jerk = self.own_jerk
-        partner = self.partner
-        if partner:
-            velocity = min(velocity, partner.own_velocity)
-            acceleration = min(acceleration, partner.own_acceleration)
-            if not jerk or 0 < partner.own_jerk < jerk:
-                jerk = partner.own_jerk
-        self.pending_acceleration = False
-        if acceleration < self.acceleration and not self.stands:
-            self.pending_acceleration = True
-            acceleration = self.acceleration
-        self.velocity = velocity
-        self.acceleration = acceleration
-        self.rates_outdated = True
-        r = self.numbers
-        reals.put(r, _Y, TICKS_PER_SECOND, 0)
-        reals.put(r, MAX_VELOCITY, velocity, 0)
-        reals.divide(r, MAX_VELOCITY, MAX_VELOCITY, _Y)
-        reals.put(r, MAX_ACCELERATION, acceleration, 0)
-        reals.divide(r, MAX_ACCELERATION, MAX_ACCELERATION, _Y)
-        reals.divide(r, MAX_ACCELERATION, MAX_ACCELERATION, _Y)
-        reals.put(r, MAX_JERK, jerk, 0)
-        reals.divide(r, MAX_JERK, MAX_JERK, _Y)
-        reals.divide(r, MAX_JERK, MAX_JERK, _Y)
-        self.block[stepper.BRAKE] = kernel_rate(acceleration)
-        if partner:
-            partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]  # one ramp for both, whoever stops them
-
-    def apply_pending_acceleration(self):
-        """Take the lower acceleration that waits, once the motor stands. False while it moves."""
-        if self.leader:
-            return self.leader.apply_pending_acceleration()
-        if not self.stands:
-            return False
-        if self.pending_acceleration:
-            self._apply()
-        return True
-
-    def set_jerk(self, jerk):
-        """Set the greatest jerk in 1000 steps/s³, 2^30 - 1 at most; 0: no limit. Only at rest."""
-        self.own_jerk = jerk
-        (self.leader or self)._apply()
-
-    def set_limits(self, lower_enabled, upper_enabled, source, i):
-        """Set the soft limits to source[i] and source[i + 1], in steps.
-
-        False, and nothing is set, if they cross.
-        """
-        if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
-            return False
-        reals.copy_word(self.limits, bounds.LOWER, source, i)
-        reals.copy_word(self.limits, bounds.UPPER, source, i + 1)
-        self.lower_enabled = lower_enabled
-        self.upper_enabled = upper_enabled
-        bounds.update(self.leader or self)
-        return True
-
-    def clamp(self, target, i):
-        """Bring target[i] within `bounds`; for a motor past one of them at most to where it is."""
-        side = self.outside(target, i)
-        if side:
-            end = 1 if side > 0 else 0
-            reals.copy_word(target, i, self.bounds, end)
-            if self.outside(target, i) or order_words(self.load_position, 0, self.bounds, end) == side:
-                reals.copy_word(target, i, self.load_position, 0)
-
-    def keep_to_limits(self, hal):
-        """After set_limits(): end a motion of move_to() at the new limit if it leads past that."""
-        if self.moving and not self.stopping and not self.stopping_smoothly and self.outside(self.limits, TARGET):
-            self.move_to(hal, self.limits, TARGET, self.speed, self.way)
+    def heading(self):
+        """The direction for which the play is taken up where the phases end; 0 without play."""
+        if not self.backlash:
+            return 0
+        return -1 if self.planned[backlash.OFFSET] else 1
 
     def heads_for(self, target, i, speed):
         """Whether the motion under way is the one that move_to() would plan."""
@@ -219,109 +90,12 @@ class Axis:
             and order_words(target, i, self.limits, TARGET) == 0
         )
 
-    def outside(self, target, i):
-        """Whether target[i] is out of bounds: 1 above, -1 below, 0 not.
-
-        A motor that is past a bound already may move toward the allowed range (field note 4.3).
-        """
-        self.refresh()
-        side = self.beyond(target, i)
-        if side and order_words(self.load_position, 0, self.bounds, 1 if side > 0 else 0) == side:
-            if order_words(target, i, self.load_position, 0) != side:
-                return 0
-        return side
-
-    def beyond(self, target, i):
-        """As outside(), wherever the motor is now."""
-        if order_words(target, i, self.bounds, 1) > 0:
-            return 1
-        if order_words(target, i, self.bounds, 0) < 0:
-            return -1
-        return 0
-
-    # ---------------------------------------------------------------- state
-
-    @property
-    def moving(self):
-        """Whether it moves: from the request for a motion until its last pulse is out."""
-        block = (self.leader or self).block
-        return (block[stepper.PLANNED] | block[stepper.MODE]) != 0
-
-    @property
-    def stands(self):
-        """Whether no motion is queued; the last pulses may still be on their way out."""
-        return not self.block[stepper.MODE] & _RUNS and not self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
-
-    @property
-    def stopping(self):
-        """Whether the kernel ramps it down."""
-        return self.block[stepper.MODE] & stepper.STOP != 0
-
-    def position_to(self, target, i):
-        """target[i] = the position of the load, in steps."""
-        self.refresh()
-        reals.copy_word(target, i, self.load_position, 0)
-
-    def set_position(self, source, i):
-        """Make source[i] the position of the load. Only at rest.
-
-        False, and nothing has changed, if the motor's own position, which is off by the play, would
-        lie outside the range of positions, or differ from the coupled motor's by more than an int32
-        holds.
-        """
-        self.refresh()
-        word = self.word
-        word[2] = self.backlash
-        if not add_words(word, 1, source, i, word, 2, 1):
-            return False
-        word[2] = offset(self.load_position, self.block)
-        add_words(word, 1, source, i, word, 2, 0)
-        leader = self.leader or self
-        if leader.partner:
-            other = leader.block if self.leader else leader.partner.block
-            if leader.turned:
-                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 0)
-            elif self.leader:
-                fits = add_words(word, 0, word, 1, other, stepper.POSITION, 1)
-            else:
-                fits = add_words(word, 0, other, stepper.POSITION, word, 1, 1)
-            if not fits:
-                return False
-            reals.copy_word(leader.base, 0, word, 0)
-        reals.copy_word(self.block, stepper.POSITION, word, 1)
-        reals.copy_word(self.load_position, 0, source, i)
-        bounds.update(leader)
-        return True
-
-    def refresh(self):
-        """Bring `load_position` up to date: before it is read, and often enough to see each turn."""
-        drag(self.load_position, self.block, self.backlash)
-
-    def stands_on(self, source, i, way=0):
-        """Whether it stands on source[i] with its play taken up for a motion in direction `way`."""
-        return not self.moving and self._is_on(source, i, way)
-
-    def _is_on(self, source, i, way):
-        self.refresh()
-        return (
-            reals.equal_words(self.load_position, 0, source, i) != 0
-            and taken_up(self.load_position, self.block, self.backlash, way) != 0
-        )
-
-    def heading(self):
-        """The direction for which the play is taken up where the phases end; 0 without play."""
-        if not self.backlash:
-            return 0
-        return -1 if self.planned[backlash.OFFSET] else 1
-
-    def set_backlash(self, steps):
-        """Set the play in steps, 0 … 10000. Only at rest."""
-        self.backlash = steps
-        self.planned[backlash.PLAY] = steps
-        bounds.update(self)
-        self.block[stepper.PLAY] = steps
-
     # ---------------------------------------------------------------- motion
+
+    def keep_to_limits(self, hal):
+        """After set_limits(): end a motion of move_to() at the new limit if it leads past that."""
+        if self.moving and not self.stopping and not self.stopping_smoothly and self.outside(self.limits, TARGET):
+            self.move_to(hal, self.limits, TARGET, self.speed, self.way)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
         """Drop what was planned and make the cubic the state from which a new plan starts.
@@ -512,6 +286,8 @@ class Axis:
         if self.partner:
             self.partner.release()
 
+    # ---------------------------------------------------------------- coupling
+
     def couple(self, partner, turned):
         """Make another motor do what this one does, if `turned` in the opposite sense.
 
@@ -546,6 +322,8 @@ class Axis:
             bounds.update(partner)
             self._apply()
             bounds.update(self)
+
+    # ---------------------------------------------------------------- stopping, feeding
 
     def stop(self, hal, factor=1, smooth=False):
         """Ramp down from the next tick on, with `factor` times the acceleration that is set.
@@ -588,8 +366,6 @@ class Axis:
         self.feed(MOST_SEGMENTS, FIRST_TICKS)
         self.start(hal)
         return True
-
-    # ---------------------------------------------------------------- feeding the queue
 
     def feed(self, most=MOST_SEGMENTS, enough=_UNLIMITED):
         """Cut phases into segments until `most` are queued, or `enough` ticks more than before."""

@@ -9,7 +9,8 @@ from array import array
 
 from framestep.clock import elapsed
 from framestep.motion import stepper
-from framestep.motors.axis import ACCELERATION_LIMIT, FULL_SPEED, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.motors.axis import FULL_SPEED
+from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.native import const
 from framestep.protocol import messages as m
 
@@ -408,7 +409,7 @@ class Motors:
         writer.u32(axis.own_velocity)
         writer.u32(axis.own_acceleration)
         writer.put_i32s_from(axis.limits, 0, 2)
-        bits = safety.active_limits(motor) << 4  # SET_AT_UPPER, SET_AT_LOWER
+        bits = safety.active_limits(motor) * m.SET_AT_UPPER  # and SET_AT_LOWER, the next bit
         if axis.lower_enabled:
             bits |= m.SET_LOWER
         if axis.upper_enabled:
@@ -416,7 +417,7 @@ class Motors:
         if self.flags[motor] & m.MOTOR_ENABLED:
             bits |= m.SET_ENABLED
         if axis.leader:
-            bits |= m.SET_LED
+            bits |= m.SET_FOLLOWS
         writer.u8(bits)
         writer.u16(safety.active_sets(0))
         writer.u16(safety.active_sets(1))

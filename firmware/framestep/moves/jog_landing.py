@@ -6,8 +6,9 @@ can be reached, or, where that takes long, at a frame per second. Nothing alloca
 
 from framestep.motion import reals
 from framestep.motion.segments import G1, WHOLE, velocity
-from framestep.motors.axis import FIRST_TICKS, MAX_ACCELERATION, MAX_VELOCITY, MOST_SEGMENTS
+from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.backlash import PHYSICAL, motor_step
+from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves.jog_phases import HERE, HERE_RATE, INDEX, LIMIT, NEXT, RATE, TOP, TWICE, WAY, P, Q
 from framestep.moves.player import HALF, THOUSAND, T, X, Y, frame_velocity
 from framestep.native import const

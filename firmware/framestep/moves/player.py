@@ -8,8 +8,8 @@ from array import array
 
 from framestep.motion import ramps, reals, stepper
 from framestep.motion.ramps import put_aim
-from framestep.motors.axis import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.motors.backlash import PHYSICAL, motor_step
+from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves import path
 from framestep.native import const, micropython, ptr32
 from framestep.results import (

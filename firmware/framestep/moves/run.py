@@ -21,7 +21,7 @@ from array import array
 
 from framestep.clock import HALF, after, elapsed, reached
 from framestep.motion import reals, stepper
-from framestep.motors.axis import MAX_ACCELERATION
+from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.operation import Operation
 from framestep.moves.player import FASTEST_FPS, THOUSAND, ZERO, X, Y, frame_velocity

@@ -283,7 +283,7 @@ class RunOutputs:
         levels = plan is not None and self.shown <= plan.frames
         changed = levels and self._levels(plan.frames, ticks, self.level_clock)
         if self.bloop:
-            changed |= self._bloop(ticks, elapsed(ticks, self.bloop_from))
+            changed |= self._bloop(elapsed(ticks, self.bloop_from))
         if changed:
             self.dmx.show(self.lights)
         if self.stopping and reached(ticks, self.stop_until):
@@ -306,7 +306,7 @@ class RunOutputs:
             clock.advance()
         return changed
 
-    def _bloop(self, ticks, since):
+    def _bloop(self, since):
         """Do what the bloop needs, `since` ticks after the run's first frame.
 
         Returns whether a light has been set.

@@ -24,7 +24,7 @@ from array import array
 from framestep.clock import after, reached
 from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
-from framestep.motors.axis import MAX_VELOCITY
+from framestep.motors.motor import MAX_VELOCITY
 from framestep.moves import path
 from framestep.moves.operation import Operation
 from framestep.moves.player import HALF, ZERO, T, X, Y, frame_velocity

@@ -11,7 +11,6 @@ from framestep.native import const
 
 MARKER = b"DF"
 HEADER_BYTES = const(10)
-CHECK_BYTES = const(2)
 FRAME_OVERHEAD = const(12)
 LARGEST_FRAME = const(1048)  # field note 1.6, header and check bytes included
 LARGEST_PAYLOAD = const(1036)
@@ -99,16 +98,12 @@ CAP_CAMERA = const(0x0400)
 GIO_CAM_SHUTTER = const(0x0001)
 GIO_CAM_METER = const(0x0002)
 
-STOP_ALL_SILENT = const(0x01)
-
 MOTOR_ENABLED = const(0x01)
 MOTOR_BLUR = const(0x02)
-MOTOR_VIRTUAL = const(0x04)  # this and below: field note 3.1
-MOTOR_LIVE = const(0x08)
+MOTOR_LIVE = const(0x08)  # this and below: field note 3.1
 MOTOR_COUPLE = const(0x10)
 MOTOR_COUPLE_REVERSED = const(0x20)
 
-LIMIT_ENABLED = const(0x01)
 HW_SET_SWAP = const(0x80)  # field note 3.3: high and low limit inputs swapped
 HW_SET_MASK = const(0x7F)
 
@@ -162,7 +157,7 @@ EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
 SET_LOWER = const(0x01)  # of MSG_EXCEEDED, what is set for a motor: a lower soft limit,
 SET_UPPER = const(0x02)  # an upper one;
 SET_ENABLED = const(0x04)  # it is enabled;
-SET_LED = const(0x08)  # it does what another one does;
+SET_FOLLOWS = const(0x08)  # it follows another one;
 SET_AT_UPPER = const(0x10)  # its upper limit switch is active,
 SET_AT_LOWER = const(0x20)  # its lower one
 
@@ -172,16 +167,7 @@ LINE_Z = const(2)
 LINE_PAN = const(3)
 LINE_TILT = const(4)
 
-# -- Payload bytes of what the device sends (field note 2)
-
-HI_REPLY_BYTES = const(51)
-HI_NAME_BYTES = const(32)
-GIO_IN_REPLY_BYTES = const(4)
-STATUS_REPLY_BYTES = const(5)
-POSITION_REPLY_BYTES = const(4)  # and 4 for each motor
-VIRT_POSITION_REPLY_BYTES = const(24)
-VIRT_POSITION_AIM_REPLY_BYTES = const(37)
-AIM_POINT_REPLY_BYTES = const(13)
+HI_NAME_BYTES = const(32)  # of MSG_HI's answer (field note 2)
 
 # -- Payload bytes of requests (field note 2): of the shortest form, and of each further entry (0: a fixed layout).
 #    What a host may send and nothing else: a type that is not here is unknown (field note 1.7).

@@ -28,7 +28,7 @@ from framestep.clock import HALF as _HALF
 from framestep.clock import WRAP as _WRAP
 from framestep.motion import reals, stepper
 from framestep.motion.reals import combine, multiply, order_words, put
-from framestep.motors import axis as motion
+from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.native import const, micropython, ptr32
 from framestep.virtuals import aim
 from framestep.virtuals.geometry import AXES, JOINT, PER_UNIT, POSE, REGISTERS
@@ -728,7 +728,7 @@ class Motion:
             if motor >= 0:
                 numbers = self.axes[motor].numbers
                 reals.put(r, _P, curve[2 * i], -_SIXTEENTHS)
-                reals.fetch(r, _X, numbers, motion.MAX_VELOCITY)
+                reals.fetch(r, _X, numbers, MAX_VELOCITY)
                 reals.divide(r, _X, _X, _P)
                 if first or reals.compare(r, _X, TOP) < 0:
                     reals.copy(r, TOP, _X)
@@ -736,7 +736,7 @@ class Motion:
                 if curve[2 * i + 1]:
                     # v² = A / 2G
                     reals.put(r, _P, curve[2 * i + 1], 1 - _SIXTEENTHS)
-                    reals.fetch(r, _X, numbers, motion.MAX_ACCELERATION)
+                    reals.fetch(r, _X, numbers, MAX_ACCELERATION)
                     reals.divide(r, _X, _X, _P)
                     if not bent or reals.compare(r, _X, _Q) < 0:
                         reals.copy(r, _Q, _X)
@@ -758,7 +758,7 @@ class Motion:
             motor = self.motor[i] - 1
             if motor >= 0:
                 # a = (A - G·v²) / F
-                reals.fetch(r, _X, self.axes[motor].numbers, motion.MAX_ACCELERATION)
+                reals.fetch(r, _X, self.axes[motor].numbers, MAX_ACCELERATION)
                 reals.put(r, _P, curve[2 * i + 1], -_SIXTEENTHS)
                 reals.multiply(r, _P, _P, _Q)
                 reals.subtract(r, _X, _X, _P)
