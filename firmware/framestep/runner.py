@@ -57,7 +57,7 @@ class Runner:
 
     def __init__(self, hal, background):
         self._hal = hal
-        hal.report_driver = self.say
+        hal.report_driver = self.report_driver
         self.background = background
         self._inside = hal.inside
         self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
