@@ -64,7 +64,7 @@ class Runner:
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
         # Made now, as there may be no memory for them later
-        self._pass_callback = self._pass
+        self._pass_callback = hal.whole_stack(self._pass)
         self._blink_callback = self._blink
         self._beat = 0
         self._controller = None

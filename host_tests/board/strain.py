@@ -10,6 +10,7 @@ queues last; how often it came, and why, is told.
 
 import argparse
 import collections
+import contextlib
 import importlib
 import random
 import struct
@@ -18,6 +19,7 @@ import time
 from pathlib import Path
 
 from framestep.protocol import messages as m
+from framestep_emulator import ReplError
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.wire import FrameDecoder, encode
 
@@ -103,6 +105,7 @@ class Strain:
         self.decoder = FrameDecoder()
         self.waiting: dict[int, tuple[int, int]] = {}  # ID -> when it was sent (ns), its type
         self.left: set[int] = set()
+        self.damaged: set[int] = set()
         self.number = 0
         self.counts: collections.Counter[str] = collections.Counter()
         self.slowest = 0
@@ -140,6 +143,8 @@ class Strain:
             if frame.type == m.MSG_MOTOR_HARD_STOP:
                 self.counts[f"HARD_STOP {frame.payload[0]}"] += 1
             return
+        if frame.id in self.damaged:
+            return  # what is wrong with it may be told late
         if frame.id in self.left:
             raise self.broken(f"an answer for the client before, type 0x{frame.type:X}")
         sent = self.waiting.pop(frame.id, None)
@@ -237,6 +242,7 @@ class Strain:
     def damage(self, data):
         """What comes back for it counts nothing; a while later all is as before."""
         self.counts["damaged"] += 1
+        self.damaged.add(int.from_bytes(data[2:6], "little"))
         self.board.protocol.receive(data)
         self.board.run_until(self.board.now_ns + 250_000_000)
         self.decoder = FrameDecoder()
@@ -349,12 +355,13 @@ class Strain:
                          f"{time.monotonic() - begun:.0f} s")  # fmt: skip
         self.calm()
         self.check()
-        if self.repl.eval("(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)") != (
-            True,
-            None,
-        ):
-            raise self.broken("the firmware is not alive")
-        return self
+        alive = "(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)"
+        for _ in range(5):
+            with contextlib.suppress(ReplError):  # what had filled the memory may not be found free at once
+                if self.repl.eval(alive) != (True, None):
+                    raise self.broken("the firmware is not alive")
+                return self
+        raise self.broken("the REPL finds no memory")
 
     def report(self):
         for name, count in sorted(self.counts.items()):

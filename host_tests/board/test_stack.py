@@ -1,8 +1,10 @@
-"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on."""
+"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on, and the
+heap below the stack stays as it is.
+"""
 
 import pytest
 
-from framestep.hal import DEEPEST, STACK
+from framestep.hal import DEEPEST, REPL_STACK, STACK
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import HardStop, MotorMove, MotorStopAll, RtEnd, RtGo
 from host_tests.board.test_end_to_end import assert_played, load, move
@@ -11,6 +13,8 @@ from host_tests.end_to_end.session import Session, assert_within
 VELOCITY, ACCELERATION = 10_000, 50_000
 STEPS = 12_000
 BOTTOM, TOP = 0x2004_0000, 0x2004_2000
+SPARE = 200  # bytes of the stack that nothing has come to
+ESTOP = 19
 # Calls itself until the stack is full, again and again
 RUNAWAY = """
 def runaway(n):
@@ -27,6 +31,8 @@ from machine import mem32
 def fill():
     for at in range({BOTTOM}, {TOP} - 3500, 4):
         mem32[at] = 0x5A5A1234
+def below():
+    return [mem32[at] for at in range({BOTTOM} - 1024, {BOTTOM}, 4)]
 def low():
     at = {BOTTOM}
     while mem32[at] == 0x5A5A1234:
@@ -38,7 +44,8 @@ fill()
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard({"dmx": False}) as board:
+    with EmulatedBoard({"dmx": False, "estop": "nc"}) as board:
+        board.wire_switches()
         session = Session(board, reply_s=0.1)
         session.repl = board.emulator.repl()
         yield session
@@ -64,12 +71,37 @@ def test_what_the_largest_pass_takes(session):
 
 def test_a_runaway_recursion_while_a_motor_moves(session):
     session.speed(8, VELOCITY, ACCELERATION)
+    session.repl.exec(LOW)
+    below = session.repl.eval("below()")
     session.forget()
     begin = session.position(8)
     session.accept(MotorMove(8, begin + STEPS))
     session.repl.start(RUNAWAY)
     session.wait_idle(20)
+    session.repl.finish()
     assert session.events(HardStop) == []
     assert session.made(8) == session.position(8) - begin == STEPS
     assert_within(*session.steps(8), VELOCITY * 1.001, ACCELERATION * 1.05)
     assert session.repl.eval("__import__('framestep.boot').boot.runner.alive") is True
+    assert REPL_STACK < session.repl.eval("low()") <= TOP - BOTTOM - SPARE
+    assert session.repl.eval("below()") == below
+
+
+def test_the_estop_acts_in_a_runaway_recursion(session):
+    """Pressed at any depth: its interrupt runs to its end, where MicroPython's limit would end it."""
+    session.speed(8, VELOCITY, ACCELERATION)
+    session.repl.exec(LOW)
+    for turn in range(6):
+        session.forget()
+        begin = session.position(8)
+        session.accept(MotorMove(8, begin + STEPS))
+        session.repl.start(RUNAWAY)
+        session.run(0.15 + turn * 0.0013)
+        session.board.emulator.set_pin(ESTOP, 1)
+        session.wait_idle(20)
+        session.board.emulator.set_pin(ESTOP, 0)
+        session.repl.finish()
+        session.run(0.1)
+        assert [stop.reason for _, stop in session.events(HardStop)] == [0]
+        assert session.made(8) == session.position(8) - begin < STEPS
+    assert session.repl.eval("low()") <= TOP - BOTTOM - SPARE

@@ -4,10 +4,11 @@ from framestep.native import const
 
 PASS = const(0)  # word of Hal.inside
 
-# Bytes of the stack that a program may have in use where a pass begins on top of it. MicroPython
-# raises RuntimeError where more than STACK would be used; the largest pass takes 5000, with the
-# interrupts that come in it.
+# Bytes of the stack. MicroPython's own limit is STACK; a program on the REPL has REPL_STACK, so that
+# interrupts, which take up to 1500 bytes, fit beyond it in any case. A pass begins where no more than
+# DEEPEST is in use: the largest one takes 5000, with the interrupts that come in it.
 STACK = const(7936)
+REPL_STACK = const(6400)
 DEEPEST = const(2800)
 
 CHANNELS = const(512)  # of DMX

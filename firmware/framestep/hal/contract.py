@@ -68,6 +68,11 @@ class Hal:
         """Bits of the pins that are high, outputs as well."""
         raise NotImplementedError
 
+    def whole_stack(self, work):
+        """A function of one argument that calls work with all of the stack, whatever a program on the
+        REPL has taken of it. For callbacks; allocates."""
+        return work
+
     def watch(self, bits, handler):
         """Call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot."""
         raise NotImplementedError

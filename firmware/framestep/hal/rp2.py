@@ -13,6 +13,7 @@ from framestep.hal.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
+from framestep.hal.rp2_stack import WholeStack, lower_limit, unchecked
 from framestep.hal.rp2_usb import addressed
 from framestep.motion.kernel import StepKernel
 from framestep.motion.stepper import halt_motors
@@ -36,6 +37,7 @@ class Rp2Hal:
 
     def __init__(self, board, rig):
         self.board = board
+        self._stack = lower_limit()
         self.motors = len(board["step"])
         hz = machine.freq()
         while hz > FASTEST_HZ:
@@ -152,9 +154,7 @@ class Rp2Hal:
         return size
 
     def start(self):
-        from framestep.hal.rp2_stack import unchecked
-
-        self._kinds = unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard)
+        self._kinds = unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard, WholeStack.call)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:
@@ -195,7 +195,11 @@ class Rp2Hal:
                 Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
         return 1 << pin
 
+    def whole_stack(self, work):
+        return WholeStack(self._stack, work).callback
+
     def watch(self, bits, handler):
+        handler = self.whole_stack(handler)
         for pin in range(30):
             if (bits >> pin) & 1:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
