@@ -1,5 +1,6 @@
 // The name that the REPL shows, and what framestep's image leaves of the flash for files
-#define MICROPY_HW_BOARD_NAME "Raspberry Pi Pico with framestep"
+#include "../framestep.h"
+#define MICROPY_HW_BOARD_NAME FRAMESTEP_BOARD("Raspberry Pi Pico")
 #define MICROPY_HW_FLASH_STORAGE_BYTES (1408 * 1024)
 
 // Bytes of the cache that tells where a name was found last, one for a name

@@ -82,6 +82,7 @@ def test_second_port_and_its_name(usb):
     emu, repl, port = usb
     event = [e for e in emu.events() if e["type"] == "usb-configured"][-1]
     assert event["names"] == ["Board CDC", "framestep DMC"]
+    assert event["product"] == "framestep"
     assert event["serial"] == repl.eval("__import__('machine').unique_id().hex()")
     port.close()
     for _ in range(2):

@@ -98,7 +98,7 @@ def test_folder_is_complete(name):
     assert line in cmake, f"boards/{name}/mpconfigboard.cmake needs this line, by the chip in board.json: {line}"
     assert "${MICROPY_BOARD_DIR}/manifest.py" in cmake
     header = (folder / "mpconfigboard.h").read_text()
-    line = f'#define MICROPY_HW_BOARD_NAME "{board_data(name)["name"]} with framestep"'
+    line = f'#define MICROPY_HW_BOARD_NAME FRAMESTEP_BOARD("{board_data(name)["name"]}")'
     assert line in header, f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
     assert "MICROPY_HW_FLASH_STORAGE_BYTES" in header
     assert (folder / "manifest.py").read_text() == 'include("../manifest.py")\n'

@@ -88,7 +88,9 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     """What tells whether an image is of the present sources."""
     folder = ROOT / "boards" / board
     recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
-    definition = {path.name: path.read_bytes() for path in (*folder.glob("mpconfig*"), folder / "manifest.py", *recipe)}
+    common = [folder.parent / name for name in ("framestep.cmake", "framestep.h", "manifest.py")]
+    own = (*folder.glob("mpconfig*"), folder / "manifest.py")
+    definition = {str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)}
     return hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
 
 

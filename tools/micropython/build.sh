@@ -14,6 +14,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
 
 MICROPYTHON_SUITE=sid       MICROPYTHON_VERSION='1.26.1+ds-1'
+TESTED='1.26.1 1.28.0'      # what Debian may have instead, once it no longer has that one
 PICO_SDK_SUITE=trixie       # 2.1.1, what MicroPython 1.26 itself pins
 TINYUSB_SUITE=trixie        # 0.18.0
 MBEDTLS_SUITE=trixie        # 3.6.x
@@ -57,8 +58,11 @@ mirror() {
     VERSION_CODENAME=$(. /etc/os-release 2>/dev/null && printf '%s' "${VERSION_CODENAME:-}")
     [ "$id" != debian ] || url=$(apt_sources | awk -v release="$VERSION_CODENAME" '
         / main( |$)/ && ($2 == release || $1 ~ /\/debian(\.list)?\/?$/) { sub(/\/*$/, "", $1); print $1; exit }')
-    [ -n "$url" ] || die "The sources of MicroPython come from Debian's archive and this system's apt names no Debian mirror" \
-        "(${id:-unknown system}): set FRAMESTEP_DEBIAN_MIRROR to the address of one that carries trixie and sid."
+    # Ubuntu's apt names no Debian mirror; debootstrap knows the usual one
+    [ -n "$url" ] || url=$(sed -n 's/^DEF_MIRROR="\(.*\)"$/\1/p' /usr/sbin/debootstrap 2>/dev/null | head -n 1)
+    [ -n "$url" ] || die "The sources of MicroPython come from Debian's archive, and this system's apt names no mirror of it" \
+        "(${id:-unknown system}): sudo apt-get install debootstrap, which knows one; or set FRAMESTEP_DEBIAN_MIRROR to" \
+        "the address of one that carries trixie and sid."
     printf '%s\n' "$url"
 }
 
@@ -71,6 +75,8 @@ APT_OPTS=(-o "Dir::Etc::sourcelist=$APT_DIR/sources.list" -o Dir::Etc::sourcepar
 # Package lists not older than a day: sid moves on.
 apt_setup() {
     local url keyring=/usr/share/keyrings/debian-archive-keyring.gpg suite
+    [ "$(. /etc/os-release 2>/dev/null && printf '%s' "${ID:-}")" = debian ] || [ -n "${FRAMESTEP_DEBIAN_MIRROR:-}" ] ||
+        need_packages "find Debian's archive, where the sources of MicroPython are" debootstrap
     url=$(mirror)
     if [ "$(cat "$APT_DIR/.updated" 2>/dev/null)" = "$url" ] && [ -n "$(find "$APT_DIR/.updated" -mmin -1440)" ]; then return; fi
     need_packages "fetch the sources of MicroPython" dpkg-dev debian-archive-keyring
@@ -85,15 +91,20 @@ apt_setup() {
     printf '%s\n' "$url" >"$APT_DIR/.updated"
 }
 
-# Sid holds one version at a time, and moves on.
-check_version() {
-    local there
+# Sid holds one version at a time, and moves on: the pinned one, else the newest of those that are tested.
+choose_version() {
+    local there version upstream found=
     there=$(apt-cache "${APT_OPTS[@]}" showsrc micropython 2>/dev/null | awk '$1 == "Version:" { print $2 }' | sort -u | tr '\n' ' ')
     case " $there" in
-        *" $MICROPYTHON_VERSION "*) ;;
-        *) die "Debian no longer has micropython $MICROPYTHON_VERSION (it has: ${there:-none}): put the new version into" \
-            "MICROPYTHON_VERSION in tools/micropython/build.sh, or set FRAMESTEP_DEBIAN_MIRROR to an archive of older days." ;;
+        *" $MICROPYTHON_VERSION "*) return ;;
     esac
+    for version in $there; do
+        upstream=${version%%+*}
+        case " $TESTED " in *" ${upstream%%-*} "*) MICROPYTHON_VERSION=$version; found=1 ;; esac
+    done
+    [ -n "${found:-}" ] || die "Debian no longer has micropython $MICROPYTHON_VERSION, and what it has is not tested" \
+        "(${there:-none}): give a checkout of v1.26.1 (make image MICROPYTHON=path), put a new version into" \
+        "MICROPYTHON_VERSION in tools/micropython/build.sh, or set FRAMESTEP_DEBIAN_MIRROR to an archive of older days."
 }
 
 # fetch_source NAME SPEC -> unpacks the source package into $CACHE/src/NAME
@@ -101,7 +112,10 @@ fetch_source() {
     local name=$1 spec=$2 dir=$CACHE/src/$1 tree
     [ -e "$dir/.complete" ] && return
     apt_setup
-    [ "$name" != micropython ] || check_version
+    if [ "$name" = micropython ]; then
+        choose_version
+        spec="micropython=$MICROPYTHON_VERSION"
+    fi
     rm -rf "$CACHE/dl/$name" "$dir"
     mkdir -p "$CACHE/dl/$name" "$CACHE/src"
     # dpkg-source checks the checksums that the signed index vouches for
@@ -162,14 +176,33 @@ mend_freezing() {
         sed -i "s/$small/-0x40000000 <= i <= 0x3FFFFFFF/" "$1/tools/mpy-tool.py"
 }
 
+# The version of the MicroPython in a tree, as its banner shows it: v1.26.1
+version_of() {
+    awk '$2 ~ /^MICROPY_VERSION_(MAJOR|MINOR|MICRO|PRERELEASE)$/ && !seen[$2]++ { number[$2] = $3 }
+        END { m = "MICROPY_VERSION_"; printf "v%d.%d.%d%s\n", number[m "MAJOR"], number[m "MINOR"], number[m "MICRO"],
+            number[m "PRERELEASE"] ? "-preview" : "" }' "$1/py/mpconfig.h"
+}
+
+# When Debian's package of a tree was made, by its changelog, or the last commit of the checkout that it came from
+date_of() {
+    local told
+    told=$(sed -n 's/^ -- .*>  \(.*\)$/\1/p' "$1/debian/changelog" 2>/dev/null | head -n 1)
+    if [ -n "$told" ]; then date -d "$told" +%s
+    else git -C "$2" log -1 --format=%ct 2>/dev/null || echo 0; fi
+}
+
 # rp2_build DIR TREE TITLE [cmake options...]
 rp2_build() {
     local dir=$1 tree=$2 title=$3
     shift 3
     need_packages "build the firmware of the board" \
         build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
-    export MICROPY_MPYCROSS
+    export MICROPY_MPYCROSS MICROPY_GIT_TAG SOURCE_DATE_EPOCH
     MICROPY_MPYCROSS=$(mpy_cross)
+    # What the banner and a UF2 file tell: MicroPython's version, not that of the git repository around it. Its date is that
+    # of MicroPython's sources, so that the same sources give the same bytes.
+    MICROPY_GIT_TAG=$(version_of "$tree")
+    SOURCE_DATE_EPOCH=$(date_of "$tree" "${MICROPYTHON:-$tree}")
     mkdir -p "$dir"
     # CMake refuses a build whose tree has moved
     grep -qsxF "CMAKE_HOME_DIRECTORY:INTERNAL=$tree/ports/rp2" "$dir/CMakeCache.txt" || rm -f "$dir"/{CMakeCache.txt,Makefile}

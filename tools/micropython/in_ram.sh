@@ -19,7 +19,7 @@ FUNCTIONS=(
     # arrays
     array_get_buffer array_subscr mp_get_buffer mp_binary_get_size mp_get_index mp_obj_subscr
     # from the timer's interrupt to the tick
-    alarm_pool_irq_handler alarm_callback mp_sched_schedule
+    alarm_pool_irq_handler alarm_callback mp_sched_schedule mp_irq_dispatch
     # refuses at once while the heap is locked, as it is in a pass
     gc_alloc
 )

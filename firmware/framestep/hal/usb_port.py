@@ -42,8 +42,10 @@ else:
     _one = array("i", [1])
     ADDRESS_REGISTER = addressof(_one)
 
+_PRODUCT_NAME = "framestep"  # what Windows and macOS show, to which the names of ports are nothing
 _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
+_PRODUCT = const(2)  # the index of the product's name in MicroPython's device descriptor (USBD_STR_PRODUCT)
 _ADDRESS = const(0x7F)  # bits of that register, 0 from a bus reset on until the host has given a new one
 _PACKET = const(64)  # full-speed bulk endpoint
 _PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
@@ -230,12 +232,14 @@ def _descriptor(builtin):
 
 
 class _Strings:
-    """String descriptors: the port's name, and None for those that MicroPython has itself. Raises for no index."""
+    """String descriptors: the port's name, the device's; None for those that MicroPython has. Raises for no index."""
 
     def __init__(self, index):
         self.index = index
 
     def __getitem__(self, index):
+        if index == _PRODUCT:
+            return _PRODUCT_NAME
         return _NAME if index == self.index else None
 
 

@@ -1,0 +1,8 @@
+# What the images of all boards have in common; for MicroPython's build of the rp2 port
+# Their names tell framestep's version
+file(STRINGS ${CMAKE_CURRENT_LIST_DIR}/../firmware/framestep/reports.py FRAMESTEP_VERSION REGEX "^VERSION = ")
+string(REGEX REPLACE "^VERSION = .([0-9]+), ([0-9]+), ([0-9]+).*" "\\1.\\2.\\3" FRAMESTEP_VERSION "${FRAMESTEP_VERSION}")
+if(NOT FRAMESTEP_VERSION)
+    message(FATAL_ERROR "firmware/framestep/reports.py has no VERSION")
+endif()
+list(APPEND MICROPY_DEF_BOARD FRAMESTEP_VERSION=${FRAMESTEP_VERSION})

@@ -1,0 +1,68 @@
+"""Onto an emulated board without a compiler: a stock MicroPython's UF2 file joined with framestep's files, dropped onto
+a folder that stands for the board's drive; then a move, all by the command `framestep`."""
+
+import socket
+import threading
+import time
+
+import pytest
+
+from framestep_emulator import Emulator
+from framestep_tools import cli, uf2
+from framestep_tools.move_file import CAMERA_MOVE
+from host_tests.tools.test_install import drive_in
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def bare_board(tmp_path):
+    """A board with BOOTSEL held: its drive, and where its protocol port will be once a UF2 file has come."""
+    drive, port = drive_in(tmp_path / "RPI-RP2"), free_port()
+    stop, started = threading.Event(), []
+
+    def start():
+        while not stop.is_set():
+            for path in drive.glob("*.uf2"):
+                flash = tmp_path / "flash.bin"
+                flash.write_bytes(uf2.parse(path.read_bytes(), path.name).flash())
+                for file in drive.iterdir():
+                    file.unlink()
+                started.append(Emulator(flash, lockstep=False, tcp=(0, port)).start())
+                return
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=start)
+    thread.start()
+    yield drive, f"socket://127.0.0.1:{port}"
+    stop.set()
+    thread.join()
+    for emulator in started:
+        emulator.close()
+
+
+def test_from_a_stock_micropython_to_a_move_in_one_file(bare_board, paths, tmp_path, capsys):
+    drive, port = bare_board
+    stock, joined, rig = tmp_path / "stock.uf2", tmp_path / "joined.uf2", tmp_path / "rig.json"
+    stock.write_bytes(uf2.from_flash(paths.rp2_firmware.read_bytes(), uf2.RP2040).packed())
+    rig.write_text('{"name": "joined rig"}')
+
+    def framestep(*args):
+        status = cli.app.status(list(map(str, args)))
+        out, err = capsys.readouterr()
+        assert status == 0, err
+        return out
+
+    framestep("uf2", "--micropython", stock, "--rig", rig, "-o", joined)
+    assert f"joined rig on {port}, firmware 0.1.0: 8 motors" in framestep(
+        "install", "--drive", drive, "--image", joined, "--device", port
+    )
+    for motor in range(1, 5):
+        framestep("move", port, motor, 0, "--velocity", 20_000, "--acceleration", 100_000)
+    framestep("upload", port, CAMERA_MOVE)
+    assert "frames 1 to 12 played" in framestep("run", port, 1, 12)
+    assert "motor 1: " in framestep("status", port)
