@@ -28,8 +28,12 @@ def bare_board(tmp_path):
     def start():
         while not stop.is_set():
             for path in drive.glob("*.uf2"):
+                try:
+                    image = uf2.parse(path.read_bytes(), path.name)
+                except uf2.Uf2Error:  # the rest is still to come
+                    break
                 flash = tmp_path / "flash.bin"
-                flash.write_bytes(uf2.parse(path.read_bytes(), path.name).flash())
+                flash.write_bytes(image.flash())
                 for file in drive.iterdir():
                     file.unlink()
                 started.append(Emulator(flash, lockstep=False, tcp=(0, port)).start())

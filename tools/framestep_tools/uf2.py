@@ -125,25 +125,32 @@ class Image:
 
 
 def parse(content: bytes, name: str) -> Image:
-    """The image in a UF2 file's content; Uf2Error if it is none, or for several chips at once."""
+    """The image in a UF2 file's content; Uf2Error if it is none, is cut short, or is for several chips at once."""
     if not content or len(content) % _BLOCK.size:
         raise Uf2Error(f"{name} is no UF2 file: it has {len(content)} bytes, expected a multiple of {_BLOCK.size}")
     images: dict[int, Image] = {}
     raw: list[tuple[int, bytes]] = []
+    blocks: dict[int, set[int]] = {}
+    totals: dict[int, int] = {}
     for at in range(0, len(content), _BLOCK.size):
         block = content[at : at + _BLOCK.size]
-        magic, magic2, flags, address, size, _, _, family, data, end = _BLOCK.unpack(block)
+        magic, magic2, flags, address, size, number, total, family, data, end = _BLOCK.unpack(block)
         if (magic, magic2, end) != _MAGIC or size > len(data):
             raise Uf2Error(f"{name} is no UF2 file: block {at // _BLOCK.size} is not one of UF2")
         raw.append((family, block))
         if flags & _NOT_FOR_FLASH or not flags & _HAS_FAMILY:
             continue
         images.setdefault(family, Image(family)).pages[address] = data[:size]
+        blocks.setdefault(family, set()).add(number)
+        totals[family] = max(total, totals.get(family, 0))
     mine = [family for family in images if family in CHIPS]
     if len(mine) != 1:
         found = ", ".join(f"0x{family:08X}" for family in images) or "none"
         raise Uf2Error(f"{name}: expected a UF2 file for RP2040 or RP2350 (ARM), found families {found}")
     image = images[mine[0]]
+    there, wanted = len(blocks[image.family]), totals[image.family]
+    if there < wanted:
+        raise Uf2Error(f"{name} is cut short: it has {there} of {wanted} blocks; download or copy it again")
     image.others = [block for family, block in raw if family != image.family]  # errata's block of an RP2350
     return image
 
