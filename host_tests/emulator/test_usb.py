@@ -1,5 +1,7 @@
 """A second USB serial port, made with machine.USBDevice."""
 
+import subprocess
+
 from framestep_emulator import device_file
 
 
@@ -57,3 +59,11 @@ def test_what_a_host_sees_of_it(emulator):
         repl.exec(f"port.write({data!r})")
         emu.advance(5)
         assert len(second.read_all()) == seen
+
+
+def test_double_buffered_endpoints(paths):
+    """The controller's side of what newer drivers do: buffers that take turns, a buffer that is taken back."""
+    script = paths.root / "tools/emulator/board/test/usb.mjs"
+    result = subprocess.run(["node", script], capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert int(result.stdout.split()[0]) >= 8
