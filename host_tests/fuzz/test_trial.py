@@ -20,7 +20,9 @@ from framestep.moves.operations import OperationRunner
 from framestep.moves.requests import Moves
 from framestep.protocol import messages as m
 from framestep.reports import Reports
-from framestep.virtuals.jog import Guide
+from framestep.virtuals import move
+from framestep.virtuals.lookahead import LookAhead
+from framestep.virtuals.registers import MAX_A
 from framestep_tools.script import Script, parse
 
 from . import fuzz
@@ -166,21 +168,21 @@ def ends_without_play(monkeypatch):
 
 def limit_forgotten(monkeypatch):
     """A virtual jog that is stopped does not know any more what lies ahead."""
-    look = Guide.look
+    load_limits, advance = LookAhead.load_limits, move.advance
+    now = {"stopping": False}
 
     def forgetful(self):
-        known = look(self)
-        if self.motion.stopping:
-            self.motion.r[motion_steep()] = self.motion.r[motion_steep()] >> 3
+        known = load_limits(self)
+        if now["stopping"]:
+            self.r[MAX_A] = self.r[MAX_A] >> 3
         return known
 
-    monkeypatch.setattr(Guide, "look", forgetful)
+    def noted(r, survey, ahead, stopping):
+        now["stopping"] = stopping
+        return advance(r, survey, ahead, stopping)
 
-
-def motion_steep():
-    from framestep.virtuals import motion as virtual
-
-    return virtual.STEEP
+    monkeypatch.setattr(LookAhead, "load_limits", forgetful)
+    monkeypatch.setattr(move, "advance", noted)
 
 
 def play_in_the_ramp(monkeypatch):

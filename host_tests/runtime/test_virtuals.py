@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages
-from framestep_tools import wire
-from framestep_tools.virtual_precision import BANDS, RIGS, cases, errors, put
+from framestep_tools.virtual_precision import BANDS, RIGS, cases, errors, put, read
 from host_tests.runtime import virtuals_replay
 
 REPLAY = Path(__file__).parent / "virtuals_replay.py"
@@ -38,8 +37,10 @@ def script(rig, count):
     """Every rig's pose to place and back, out of reach too, and aim points all around."""
     random = np.random.default_rng(3)
     steps = [0] * 8
-    payload = wire.encode(messages.MSG_VIRT_CONFIG, rig.payload()).hex()
-    lines = [f"CONFIG {rig.kind} {payload} " + " ".join(map(str, steps))]
+    found = read(rig)
+    numbers = [*found.motors, *found.steps_per_unit, *found.positions, *found.lengths]
+    table = bytes(found.table[found.table_at :][: 4 * 121]).hex() if found.table_at >= 0 else ""
+    lines = [f"CONFIG {rig.kind} {' '.join(map(str, numbers))} x{table} {' '.join(map(str, steps))}"]
     for n, (stand, pose, _) in enumerate(cases(rig, count, BANDS[-1])):
         for motor, step in stand.items():
             steps[motor - 1] = step

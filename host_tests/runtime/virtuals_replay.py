@@ -2,7 +2,7 @@
 
 Lines on standard input, each answered by one line of numbers, a code first:
 
-    CONFIG kind payload-in-hex eight-steps      the pose where the rig stands
+    CONFIG kind configuration table-in-hex eight-steps      the pose where the rig stands; configuration: 24 words
     LOCATE eight-steps                          the same
     POSE twelve-words                           inverse(): the joints, and the places of the motors
     AIM six-words twelve-words                  aim point and pose: pan and tilt, and the camera's three axes
@@ -11,9 +11,9 @@ Lines on standard input, each answered by one line of numbers, a code first:
 import sys
 from array import array
 
-from framestep.protocol.frames import FrameReader
 from framestep.virtuals import aim, boom_swing_track, swing_pan, x_y_z, y_swing_track
-from framestep.virtuals import geometry as g
+from framestep.virtuals.kinematics import Configuration, camera_axis
+from framestep.virtuals.registers import AIM_X, DIRECTION_PAN, JOINT, NEAR_PAN, REGISTERS, V_PAN
 
 try:
     from micropython import heap_lock, heap_unlock
@@ -24,17 +24,18 @@ except ImportError:
 
     heap_unlock = heap_lock
 
-r = array("i", [0] * (g.REGISTERS + 18))
-OWN = g.REGISTERS
+r = array("i", [0] * (REGISTERS + 18))
+OWN = REGISTERS
 rigs = [None, boom_swing_track, swing_pan, y_swing_track, x_y_z]
 rigs = [module and module.Geometry(r) for module in rigs]
 present = array("i", [0] * 8)
 places = array("i", [0] * 12)
+configuration = Configuration()
 
 
-def configured(rig, reader):
+def configured(rig):
     heap_lock()
-    code = rig.configure(reader, present)
+    code = rig.configure(configuration, present)
     heap_unlock()
     return code
 
@@ -50,16 +51,19 @@ def reached(rig):
     heap_lock()
     code = rig.inverse()
     if code == 0:
-        code = rig.places(places, 0)
+        code = rig.motor_steps(places, 0)
     heap_unlock()
     return code
 
 
 def aimed():
     heap_lock()
-    code = aim.direction(r, g.POSE + 6, g.POSE + 8)
+    r[NEAR_PAN], r[NEAR_PAN + 1] = r[V_PAN], r[V_PAN + 1]
+    code = aim.direction(r)
+    for k in range(4):
+        r[V_PAN + k] = r[DIRECTION_PAN + k]
     for axis in range(3):
-        g.camera_axis(r, axis, OWN + 6 * axis)
+        camera_axis(r, axis, OWN + 6 * axis)
     heap_unlock()
     return code
 
@@ -72,13 +76,15 @@ def play(lines):
         code = 0
         out = []
         if what == "CONFIG":
-            reader = FrameReader()
-            data = bytes.fromhex(words[2])
-            reader.feed(data, 0, len(data))
-            reader.poll()
+            c = configuration
+            for k, numbers in enumerate((c.motors, c.steps_per_unit, c.positions, c.lengths)):
+                for i in range(6):
+                    numbers[i] = int(words[2 + 6 * k + i])
+            c.table = bytes.fromhex(words[26][1:])
+            c.table_at = 0 if c.table else -1
             for i in range(8):
-                present[i] = int(words[3 + i])
-            code = configured(rigs[int(words[1])], reader)
+                present[i] = int(words[27 + i])
+            code = configured(rigs[int(words[1])])
             if code == 0:
                 rig = rigs[int(words[1])]
             out = list(r[:12])
@@ -92,10 +98,10 @@ def play(lines):
                 r[i] = int(words[1 + i])
             code = reached(rig)
             if code == 0:
-                out = list(r[g.JOINT : g.JOINT + 12]) + list(places)
+                out = list(r[JOINT : JOINT + 12]) + list(places)
         elif what == "AIM":
             for i in range(6):
-                r[g.AIM + i] = int(words[1 + i])
+                r[AIM_X + i] = int(words[1 + i])
             for i in range(12):
                 r[i] = int(words[7 + i])
             code = aimed()

@@ -8,24 +8,35 @@ from hypothesis import strategies as st
 from framestep.motion import reals
 from framestep.protocol import messages
 from framestep.virtuals import aim
-from framestep.virtuals import geometry as g
+from framestep.virtuals.kinematics import camera_axis
+from framestep.virtuals.registers import (
+    AIM_X,
+    DIRECTION_PAN,
+    DIRECTION_TILT,
+    NEAR_PAN,
+    SAFE,
+    SCRATCH,
+    V_EW,
+    V_NS,
+    V_PAN,
+    V_TRACK,
+)
 from framestep_tools import virtual_reference as reference
 from framestep_tools.virtual_precision import Firmware, put
 
 ANGLE = st.floats(-1000, 1000)
 PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)
-PAN, TILT = g.POSE + 6, g.POSE + 8
 
 
 def aimed(place, point, pan=0.0, safe=0.0):
     """Code, pan and tilt from a place to a point, both X, Y, Z."""
     r = Firmware(4).r
-    for at, value in ((g.POSE + 2, place[0]), (g.POSE + 4, place[1]), (g.POSE, place[2]), (PAN, pan), (g.SAFE, safe)):
+    for at, value in ((V_EW, place[0]), (V_NS, place[1]), (V_TRACK, place[2]), (NEAR_PAN, pan), (SAFE, safe)):
         put(r, at, value)
     for i in range(3):
-        put(r, g.AIM + 2 * i, point[i])
-    code = aim.direction(r, PAN, TILT)
-    return code, reals.value(r, PAN), reals.value(r, TILT)
+        put(r, AIM_X + 2 * i, point[i])
+    code = aim.direction(r)
+    return code, reals.value(r, DIRECTION_PAN), reals.value(r, DIRECTION_TILT)
 
 
 @pytest.mark.parametrize(
@@ -74,9 +85,9 @@ def test_safe_distance_is_a_cylinder(point, inside):
 def test_camera_axes(angles, axis):
     r = Firmware(4).r
     for i, angle in enumerate(angles):
-        put(r, PAN + 2 * i, angle)
-    g.camera_axis(r, axis, g.T)
-    got = [reals.value(r, g.T + i) for i in (0, 2, 4)]
+        put(r, V_PAN + 2 * i, angle)
+    camera_axis(r, axis, SCRATCH)
+    got = [reals.value(r, SCRATCH + i) for i in (0, 2, 4)]
     x, y, z = reference.line_direction(axis, *angles)
     np.testing.assert_allclose(got, [z, x, y], rtol=0, atol=3e-8)
 

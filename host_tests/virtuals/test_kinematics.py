@@ -10,7 +10,8 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from framestep.protocol import messages
-from framestep.virtuals import geometry
+from framestep.virtuals import kinematics
+from framestep.virtuals.registers import NODAL_RIGHT, SAFE, WRIST_EW
 from framestep_tools import virtual_reference as reference
 from framestep_tools.virtual_precision import Firmware, Refused
 from framestep_tools.virtual_reference import Axis, Rig, Unreachable
@@ -87,7 +88,7 @@ def arms(draw):
 
 
 _ROUNDING = 2.0**-29  # of a number's size: how far a result of `reals` may be off (motion/reals.py)
-_ANGLE = 1e-6  # degrees: the arc tangent (virtuals/formulas.py), and what the steps of an angle round to
+_ANGLE = 1e-6  # degrees: the arc tangent (motion/compute.py), and what the steps of an angle round to
 
 
 def conditioning(rig, joints):
@@ -329,6 +330,9 @@ def word(payload, at, value):
     return payload[:at] + value.to_bytes(4, "little", signed=True) + payload[at + 4 :]
 
 
+KEPT = WRIST_EW  # registers below this one are kept from one request to another
+
+
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_refused_configurations_change_nothing(kind):
     firmware = Firmware.of(FULL[kind])
@@ -337,7 +341,7 @@ def test_refused_configurations_change_nothing(kind):
 
     def held():
         table = firmware.geometry.table.tolist() if kind == 1 else None
-        return firmware.r[:60].tolist(), bytes(firmware.geometry.motor), firmware.geometry.start.tolist(), table
+        return firmware.r[:KEPT].tolist(), bytes(firmware.geometry.motor), firmware.geometry.start.tolist(), table
 
     before = held()
     bad = [
@@ -383,23 +387,22 @@ def test_what_follows_is_ignored(kind):
                 firmware.configure(payload + b"\xfe" * more)
                 wanted = Firmware(kind)
                 wanted.configure(payload)
-                assert firmware.r[:60] == wanted.r[:60] and firmware.geometry.motor == wanted.geometry.motor
+                assert firmware.r[:KEPT] == wanted.r[:KEPT] and firmware.geometry.motor == wanted.geometry.motor
                 if kind == 1:
                     assert firmware.geometry.table == wanted.geometry.table
-                    assert firmware.geometry._tabled == (table is not None)
+                    assert firmware.geometry._has_table == (table is not None)
 
 
 def test_each_length_is_read_as_what_it_is():
     from framestep.motion import reals
-    from framestep.virtuals import geometry as g
 
     for kind in (1, 3, 4):
         for table in (None, FULL[kind].table):
             for safe in (None, 123.25):
                 rig = Rig(kind, FULL[kind].axes, 500, 100, (1, 2, 3), table, safe)
                 firmware = Firmware.of(rig)
-                assert reals.value(firmware.r, g.SAFE) == (safe or 0)
-                assert [reals.value(firmware.r, g.NODAL + i) for i in (0, 2, 4)] == [1, 2, 3]
+                assert reals.value(firmware.r, SAFE) == (safe or 0)
+                assert [reals.value(firmware.r, NODAL_RIGHT + i) for i in (0, 2, 4)] == [1, 2, 3]
                 firmware.inverse(rig.forward([10, 20, 30, 40, 50, 60]))
                 near(firmware.steps(), rig.steps([10, 20, 30, 40, 50, 60]), 0.01)
 
@@ -413,10 +416,10 @@ def test_each_length_is_read_as_what_it_is():
 @example(2**31 - 1, 2**30 - 1, -1, 2)
 def test_what_is_told_is_held_within_32_bits(told, mantissa, sign, exponent):
     firmware = Firmware(4)
-    firmware.geometry.told[0] = told
+    firmware.geometry.host_pose[0] = told
     firmware.r[0], firmware.r[1] = sign * mantissa, exponent
     out = array("i", [0])
-    geometry._sum_to_word(out, 0, firmware.r, 0, firmware.geometry.told, 0)
+    kinematics._sum_to_word(out, 0, firmware.r, 0, firmware.geometry.host_pose, 0)
     exact = told + math.floor(Fraction(sign * mantissa) * Fraction(2) ** exponent + Fraction(1, 2))
     assert out[0] == min(max(exact, -(2**31)), 2**31 - 1)
 

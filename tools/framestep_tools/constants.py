@@ -5,6 +5,7 @@ look-ups in dictionaries, and each constant is a name and a dictionary entry in 
 `fold` does for all modules together what the compiler does for one, and hides the constants from it (a name with
 an underscore, which it keeps nowhere). Lines stay where they are, so that tracebacks are right. Where they are put
 together to bytes, `bytes((A, 1) + (B, 2))`, that becomes a literal too: the board would keep the tuples beside it.
+So do formulas, which framestep.motion.formula compiles: `formula(registers, "...")`.
 
 Only names that a module gives once, at its top level, as `NAME = const(...)`, are constants.
 """
@@ -15,6 +16,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
+
+from framestep.motion.formula import FormulaError, formula
+
+_FORMULA = "framestep.motion.formula"
 
 _OPERATORS: dict[type, Callable[..., int]] = {
     ast.Add: operator.add,
@@ -176,7 +181,12 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     hidden = _hidden(module) if hide else {}
     targets = {id(target) for _, _, target in _definitions(module)}
     attributes = set()  # the X of X.name, where name is a constant
+    for call in _calls_of_formula(module):
+        edits.replace(call, repr(_compiled(module, modules, call)))
+        attributes.update(id(n) for n in ast.walk(call))
     for node in ast.walk(module.tree):
+        if id(node) in attributes:
+            continue
         match node:
             case ast.Attribute(value=ast.Name(id=name) as base, attr=attribute) if name in folded:
                 constants = modules[module.modules[name]].public
@@ -191,8 +201,36 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
     _refuse_other_meanings(module, {*foreign, *hidden, *folded}, targets)
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
-            shorten(edits, node, {*foreign, *(folded - needed)})
+            gone = {"formula"} if node.module == _FORMULA else set()
+            shorten(edits, node, {*foreign, *(folded - needed), *gone})
     return _with_bytes(edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()})
+
+
+def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
+    for node in ast.walk(module.tree):
+        match node:
+            case ast.Call(func=ast.Name(id="formula")) if _imports_formula(module):
+                yield node
+
+
+def _imports_formula(module: _Module) -> bool:
+    return any(isinstance(node, ast.ImportFrom) and node.module == _FORMULA for node in ast.walk(module.tree))
+
+
+def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
+    """What a call of formula() gives; its registers are constants of a module, or with globals() of this one."""
+    names: dict[str, int]
+    match call.args:
+        case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:
+            names = modules[module.modules[name]].public
+        case [ast.Call(func=ast.Name(id="globals"), args=[]), ast.Constant(value=str(text)) as node]:
+            names = module.constants
+        case _:
+            raise FoldError(f"{module.path}, line {call.lineno}: formula() takes a module, or globals(), and a text")
+    try:
+        return formula(names, text)
+    except FormulaError as error:
+        raise FoldError(f"{module.path}, line {node.lineno + error.line - 1}: {error.reason}") from None
 
 
 def _with_bytes(text: str, constants: Mapping[str, int]) -> str:

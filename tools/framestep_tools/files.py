@@ -42,7 +42,9 @@ _HOST_ONLY = {
     "framestep/hal/engine.py",  # constants alone, as
     "framestep/results.py",
     _CLOCK,
+    "framestep/virtuals/registers.py",
 }
+_COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
 _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
 
@@ -155,7 +157,9 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
 
 def sources() -> dict[str, Path]:
     """The core's modules: {"framestep/motion/segments.py": path on this computer}."""
-    return {p.relative_to(FIRMWARE).as_posix(): p for p in sorted((FIRMWARE / "framestep").rglob("*.py"))}
+    found = {p.relative_to(FIRMWARE).as_posix(): p for p in sorted((FIRMWARE / "framestep").rglob("*.py"))}
+    del found[_COMPILER]
+    return found
 
 
 def compiled(name: str, source: bytes, march: str) -> bytes:

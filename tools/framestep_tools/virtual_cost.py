@@ -8,29 +8,29 @@ and places(), the steps of the six motors, with a boom table. The time is that w
 
 from collections.abc import Callable
 
-from framestep.protocol import messages
-from framestep.virtuals import geometry as g
+from framestep.virtuals.registers import REGISTERS
 
-from . import wire
-from .virtual_precision import RIGS
+from .virtual_precision import RIGS, read
 
 UPDATES = 50
 _BOARD = """
 import micropython, time
 from array import array
-from framestep.protocol.frames import FrameReader
 from framestep.virtuals import boom_swing_track
+from framestep.virtuals.kinematics import Configuration
 rig = boom_swing_track.Geometry(array("i", [0] * {registers}))
-reader = FrameReader()
-data = {data}
-reader.feed(data, 0, len(data))
-reader.poll()
-print(rig.configure(reader, array("i", [20000, 60000, 1000000, 0, 20000, 0, 0, 0])))
+found = Configuration()
+for to, numbers in zip((found.motors, found.steps_per_unit, found.positions, found.lengths), {numbers}):
+    for i, number in enumerate(numbers):
+        to[i] = number
+found.table = {table}
+found.table_at = 0
+print(rig.configure(found, array("i", [20000, 60000, 1000000, 0, 20000, 0, 0, 0])))
 out = array("i", [0] * 12)
 def what(n):
     for _ in range(n):
         rig.inverse()
-        rig.places(out, 0)
+        rig.motor_steps(out, 0)
 micropython.heap_lock()
 t = time.ticks_us()
 what({updates})
@@ -43,8 +43,10 @@ print(out)
 
 def virtual_update_us(run: Callable[[str], str]) -> float:
     """Microseconds of an update; run: runs code on the board's REPL and gives back what it has printed."""
-    data = wire.encode(messages.MSG_VIRT_CONFIG, RIGS["the same, boom table"].payload())
-    code = _BOARD.format(registers=g.REGISTERS, data=data, updates=UPDATES)
+    found = read(RIGS["the same, boom table"])
+    numbers = [list(n) for n in (found.motors, found.steps_per_unit, found.positions, found.lengths)]
+    table = bytes(found.table[found.table_at :][: 4 * 121])
+    code = _BOARD.format(registers=REGISTERS, numbers=numbers, table=table, updates=UPDATES)
     answers = run(code).split()
     if answers[:2] != ["0", "0"]:
         raise ValueError(f"the board did not take the rig: {' '.join(answers)}")
@@ -59,7 +61,8 @@ def free():
 from framestep.protocol import frames
 from framestep.motion import reals
 a = free()
-from framestep.virtuals import formulas, geometry
+from framestep.motion import compute
+from framestep.virtuals import kinematics
 b = free()
 print("shared", a - b)
 for name in ("aim", "x_y_z", "swing_pan", "y_swing_track", "boom_swing_track"):

@@ -18,7 +18,10 @@ from rich.table import Table
 from framestep.motion import reals
 from framestep.protocol import messages
 from framestep.protocol.frames import FRAME, FrameReader
-from framestep.virtuals import geometry as g
+from framestep.results import ERR_RANGE
+from framestep.virtuals.kinematics import Configuration
+from framestep.virtuals.registers import JOINT, POSE, REGISTERS
+from framestep.virtuals.requests import read_configuration
 
 from . import wire
 from .virtual_reference import BOOM_SWING_TRACK, NAMES, SWING_PAN, X_Y_Z, Y_SWING_TRACK, Axis, Numbers, Rig
@@ -71,13 +74,23 @@ def frame(payload: bytes) -> FrameReader:
     return reader
 
 
+def read(rig: Rig) -> Configuration:
+    """What the firmware reads from the VIRT_CONFIG of a rig."""
+    found = Configuration()
+    if not read_configuration(frame(rig.payload()), rig.kind, MOTORS, found):
+        raise Refused(ERR_RANGE)
+    return found
+
+
 class Firmware:
     """The firmware's Geometry of a type, with double-precision numbers in and out. Refused where it gives a code."""
 
     def __init__(self, kind: int):
-        self.r = array("i", [0] * g.REGISTERS)
+        self.r = array("i", [0] * REGISTERS)
         module = importlib.import_module(f"framestep.virtuals.{MODULES[kind]}")
         self.geometry = module.Geometry(self.r)
+        self.kind = kind
+        self.configuration = Configuration()
         self.present = array("i", [0] * MOTORS)
 
     @classmethod
@@ -100,32 +113,34 @@ class Firmware:
 
     def configure(self, payload: bytes) -> None:
         """As by VIRT_CONFIG."""
-        self._check(self.geometry.configure(frame(payload), self.present))
+        if not read_configuration(frame(payload), self.kind, MOTORS, self.configuration):
+            raise Refused(ERR_RANGE)
+        self._check(self.geometry.configure(self.configuration, self.present))
 
     def pose(self) -> list[float]:
         """vTrack, vEW, vNS, vPan, vTilt, vRoll."""
-        return self._six(g.POSE)
+        return self._six(POSE)
 
     def told(self) -> list[float]:
         """The same as the host counts it."""
         out = array("i", [0] * 6)
         for i in range(6):
-            self.geometry.tell(out, i, i)
+            self.geometry.to_host(out, i, i)
         return [number / 100000 for number in out]
 
     def forward(self, joints: Numbers) -> list[float]:
         """The pose for joints."""
         for i, joint in enumerate(joints):
-            put(self.r, g.JOINT + 2 * i, float(joint))
+            put(self.r, JOINT + 2 * i, float(joint))
         self._check(self.geometry.forward())
         return self.pose()
 
     def inverse(self, pose: Numbers) -> list[float]:
         """The joints for a pose."""
         for i, number in enumerate(pose):
-            put(self.r, g.POSE + 2 * i, float(number))
+            put(self.r, POSE + 2 * i, float(number))
         self._check(self.geometry.inverse())
-        return self._six(g.JOINT)
+        return self._six(JOINT)
 
     def locate(self, steps: dict[int, int]) -> list[float]:
         """The pose where motors stand; steps: {motor: step}."""
@@ -137,7 +152,7 @@ class Firmware:
     def steps(self) -> list[float]:
         """Where the motors of the six axes have to stand, as real numbers."""
         out = array("i", [0] * 12)
-        self._check(self.geometry.places(out, 0))
+        self._check(self.geometry.motor_steps(out, 0))
         return [out[k] + out[k + 1] / 65536 for k in range(0, 12, 2)]
 
 

@@ -76,7 +76,7 @@ class Motors:
         virtuals = controller.virtuals
         if controller.operations.running and controller.operations.takes(motor):
             return m.ERR_MOVING
-        if (virtuals.engaged >> motor) & 1 and not virtuals.leads(motor):
+        if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
             return m.ERR_MOVING
         if not self.enabled(motor):
             return m.ERR_GENERAL
@@ -162,7 +162,7 @@ class Motors:
         writer = self.writer
         virtuals = self.controller.virtuals
         writer.begin(m.MSG_MOTOR_MOVE, self.reader)
-        moving = self.axes[motor].moving or virtuals.engaged and virtuals.leads(motor)
+        moving = self.axes[motor].moving or virtuals.engaged and virtuals.moves_camera(motor)
         writer.u8(1 if moving else 0)
         writer.end()
         return 0
@@ -181,8 +181,8 @@ class Motors:
         if code != m.OK:
             return code
         self.jogging &= ~(1 << motor)
-        if controller.virtuals.leads(motor):
-            return controller.virtuals.drive(motor, self.words, 0)
+        if controller.virtuals.moves_camera(motor):
+            return controller.virtuals.move_keeping_aim(motor, self.words, 0)
         self.switch_on(1 << motor)
         axis.move_to(self.hal, self.words, 0)
         return m.OK
@@ -208,8 +208,8 @@ class Motors:
         if code != m.OK:
             return code
         bit = 1 << motor
-        if controller.virtuals.leads(motor):
-            return controller.virtuals.drive(motor, self.words, 0, speed)
+        if controller.virtuals.moves_camera(motor):
+            return controller.virtuals.move_keeping_aim(motor, self.words, 0, speed)
         self.jogged_at[motor] = controller.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit

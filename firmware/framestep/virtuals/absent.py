@@ -14,7 +14,7 @@ class NoVirtuals:
     def poll(self, now):
         return False
 
-    def leads(self, motor):
+    def moves_camera(self, motor):
         return False
 
     def changed(self, motor):

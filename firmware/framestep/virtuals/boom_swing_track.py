@@ -1,41 +1,47 @@
 """Type 1, Boom-Swing-Track: a boom that goes up and down and swings about a column on a track.
 
-Axes: BOOM, SWING, TRACK, PAN, TILT, ROLL; boom angle 0 is level. height = length·sin(boom), reach = length·cos(boom)
-+ extension (the extension stays level), vNS = height (field note 9.4), the rest as arm.py says. The boom is on the side
-of the column that it points to: it goes to 88.2 degrees up and down, and its reach stays above 0.
+Axes: BOOM, SWING, TRACK, PAN, TILT, ROLL; boom angle 0 is level. height = length·sin(boom), reach =
+length·cos(boom) + extension (the extension stays level), vNS = height (field note 9.4), the rest as
+arm.py says. The boom is on the side of the column that it points to: it goes to 88.2 degrees up and
+down, and its reach stays above 0.
 
-The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's steps per degree of the
-boom are not used then.
+The boom table gives the motor's own steps for -60 to 60 degrees (field note 9.2); the message's
+steps per degree of the boom are not used then.
 """
 
 from array import array
 
-from framestep import results
 from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.native import const, micropython, ptr8, ptr32
-from framestep.virtuals import arm
-from framestep.virtuals import geometry as g
-from framestep.virtuals.formulas import ABOVE, ADD, ANGLE, END, MULTIPLY, ROOT, SINES, SUBTRACT
+from framestep.results import ERR_RANGE
+from framestep.virtuals import registers
+from framestep.virtuals.arm import SWING_IN, SWING_OUT, TRACK_AXIS, Arm
+from framestep.virtuals.kinematics import ANGLES, FROM_POSE, to_steps
+from framestep.virtuals.registers import BOOM, PER_UNIT, X, Y
 
-_BOOM = const(g.JOINT)
-_LEVEL = const(g.T + 6)  # length·cos(boom)
-
-_LENGTH_AT = const(73)  # in the payload
-_TABLE_AT = const(93)
 _ENTRIES = const(121)
-_TABLE_BYTES = const(484)
+_LAST = const(120)
 _LOWEST = const(60)  # degrees below level of the first
-_ROUNDING = const(-17)  # 2^-17 degrees: so far beyond the table's ends an angle from inverse() may be
+_ROUNDING = const(-17)  # tolerance at the ends of the table, 2^-17 degrees: rounding in inverse()
+
+# From the motor's steps `x` past an entry and `y` between it and the next, to the boom.
+_BOOM_OF_TABLE = formula(registers, "BOOM = X / Y + BOOM")
 
 
 @micropython.viper
 def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
-    """1 if the DWORDs from buffer[at] on rise throughout or fall throughout, else 0; keep: they go to the table."""
+    """1 if the DWORDs from buffer[at] on rise throughout or fall throughout, else 0.
+
+    keep: whether they go to the table.
+    """
     order = 0
     last = 0
     k = 0
     while k < _ENTRIES:
-        value = buffer[at] | buffer[at + 1] << 8 | buffer[at + 2] << 16 | ((buffer[at + 3] ^ 0x80) - 0x80) << 24
+        value = buffer[at] | (buffer[at + 1] << 8) | (buffer[at + 2] << 16)
+        value = value | (((buffer[at + 3] ^ 0x80) - 0x80) << 24)
         if k:
             way = 0
             if value > last:
@@ -53,111 +59,106 @@ def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
     return 1
 
 
-class Geometry(arm.Arm):
-    straight = 1 << arm.TRACK_AXIS
+class Geometry(Arm):
+    straight = 1 << TRACK_AXIS
     _inverse = (
-        g.FROM_POSE
-        + bytes(
-            # √(length² − NS²)
-            (SUBTRACT, _LEVEL, g.LENGTH, g.PLACE + 2)
-            + (ADD, g.X, g.LENGTH, g.PLACE + 2)
-            + (MULTIPLY, _LEVEL, _LEVEL, g.X)
-            + (ROOT, _LEVEL, _LEVEL, 0)
-            + (MULTIPLY, g.X, g.LENGTH, arm.NARROW)
-            + (ABOVE, 0, _LEVEL, g.X)
-            + (ANGLE, _BOOM, g.PLACE + 2, _LEVEL)
-            + (ADD, arm.REACH, _LEVEL, g.EXTENSION)
-            + (ABOVE, 0, arm.REACH, g.ZERO)
+        FROM_POSE
+        + formula(
+            registers,
+            """
+            level = sqrt((LENGTH - WRIST_NS) * (LENGTH + WRIST_NS))  # the boom as seen from above
+            assert level > LENGTH * NARROW
+            BOOM = angle(WRIST_NS, level)
+            REACH = level + EXTENSION
+            assert REACH > ZERO
+            ...
+            """,
         )
-        + arm.SWUNG
+        + SWING_IN
     )
     _forward = (
-        g.ANGLES
-        + bytes(
-            (SINES, g.X, _BOOM, g.Y)
-            + (MULTIPLY, g.PLACE + 2, g.LENGTH, g.X)
-            + (MULTIPLY, _LEVEL, g.LENGTH, g.Y)
-            + (ADD, arm.REACH, _LEVEL, g.EXTENSION)
+        ANGLES
+        + formula(
+            registers,
+            """
+            boom_sine, BOOM_COSINE = sincos(BOOM)
+            WRIST_NS = LENGTH * boom_sine
+            REACH = LENGTH * BOOM_COSINE + EXTENSION
+            ...
+            """,
         )
-        + arm.SWING_OUT
-        + bytes(
-            (ABOVE, 0, g.Y, arm.NARROW)  #
-            + (ABOVE, 0, arm.REACH, g.ZERO)
-            + (END, 0, 0, 0)
+        + SWING_OUT
+        + formula(
+            registers,
+            """
+            assert BOOM_COSINE > NARROW
+            assert REACH > ZERO
+            """,
         )
     )
 
-    def __init__(self, r):
-        super().__init__(r)
+    def __init__(self, r, other=None):
+        super().__init__(r, other)
         self.table = array("i", [0] * _ENTRIES)
-        self._tabled = False
+        self._has_table = False
 
-    def _check(self, reader, present):
-        self.number(reader, _LENGTH_AT, g.T, 1000)
-        if reals.sign(self.r, g.T) <= 0:
-            return results.ERR_RANGE
-        if reader.length >= _TABLE_AT + _TABLE_BYTES and not self._read(reader, 0):
-            return results.ERR_RANGE
-        return super()._check(reader, present)
+    def _possible(self, configuration):
+        self.load(Y, configuration.lengths, 0)
+        if reals.sign(self.r, Y) <= 0:
+            return False
+        at = configuration.table_at
+        return at < 0 or _entries(configuration.table, at, self.table, 0)
 
-    def _adopt(self, reader):
-        self._tabled = reader.length >= _TABLE_AT + _TABLE_BYTES
-        if not self._tabled:
-            return 0
-        if self.motor[0]:
-            self._read(reader, 1)
-            reals.put(self.r, g.PER_UNIT, 0, 0)  # so that they cannot be too many steps
-        else:
-            self._tabled = False
-        return _TABLE_BYTES
+    def _adopt(self, configuration):
+        at = configuration.table_at
+        self._has_table = at >= 0 and self.motor[0] != 0
+        if self._has_table:
+            _entries(configuration.table, at, self.table, 1)
+            reals.put(self.r, PER_UNIT, 0, 0)  # so that they cannot be too many steps
 
-    def _read(self, reader, keep):
-        return _entries(reader.buffer, reader.payload + _TABLE_AT, self.table, keep)
-
-    def _bend(self, out, j):
-        """The boom's place by its table."""
-        if not self._tabled:
+    def _correct(self, out, j):
+        """Put the boom where its table has it."""
+        if not self._has_table:
             return 0
         r = self.r
-        reals.put(r, g.X, _LOWEST, 0)
-        reals.add(r, g.X, _BOOM, g.X)
-        k = reals.floor(r, g.X, _ENTRIES)
-        if k < 0 or k > 119:
-            reals.put(r, g.Y, 0 if k < 0 else 120, 0)
-            reals.subtract(r, g.Y, g.X, g.Y)
-            if reals.sign(r, g.Y) and r[g.Y + 1] + 30 > _ROUNDING:
-                return results.ERR_RANGE
-            k = 0 if k < 0 else 119
-        reals.put(r, g.Y, k, 0)
-        reals.subtract(r, g.X, g.X, g.Y)
-        reals.put_difference(r, g.Y, self.table, k + 1, self.table, k)
-        reals.multiply(r, g.X, g.X, g.Y)
-        return 0 if g.places(r, g.X, self.table, k, out, j, 1) else results.ERR_RANGE
+        reals.put(r, X, _LOWEST, 0)
+        reals.add(r, X, BOOM, X)
+        k = reals.floor(r, X, _ENTRIES)
+        if k < 0 or k >= _LAST:
+            reals.put(r, Y, 0 if k < 0 else _LAST, 0)
+            reals.subtract(r, Y, X, Y)
+            if reals.sign(r, Y) and r[Y + 1] + 30 > _ROUNDING:
+                return ERR_RANGE
+            k = 0 if k < 0 else _LAST - 1
+        reals.put(r, Y, k, 0)
+        reals.subtract(r, X, X, Y)
+        reals.put_difference(r, Y, self.table, k + 1, self.table, k)
+        reals.multiply(r, X, X, Y)
+        return 0 if to_steps(r, X, self.table, k, out, j, 1) else ERR_RANGE
 
     def joint(self, i, steps, j):
-        if i or not self._tabled:
+        if i or not self._has_table:
             return super().joint(i, steps, j)
         r = self.r
         table = self.table
         code = 0
-        reals.put_difference(r, g.Y, table, 120, table, 0)
-        rising = reals.sign(r, g.Y)
-        for k in range(0, 121, 120):
-            reals.put_difference(r, g.X, steps, j, table, k)
-            if reals.sign(r, g.X) * rising == (-1 if k == 0 else 1):
-                code = results.ERR_RANGE
-        # the greatest k whose entry is not beyond, 119 at most
+        reals.put_difference(r, Y, table, _LAST, table, 0)
+        rising = reals.sign(r, Y)
+        for k in range(0, _ENTRIES, _LAST):
+            reals.put_difference(r, X, steps, j, table, k)
+            if reals.sign(r, X) * rising == (-1 if k == 0 else 1):
+                code = ERR_RANGE
+        # the greatest k whose entry is not beyond, but not the last
         k = 0
         step = 64
         while step:
-            if k + step < 120:
-                reals.put_difference(r, g.X, steps, j, table, k + step)
-                if reals.sign(r, g.X) * rising >= 0:
+            if k + step < _LAST:
+                reals.put_difference(r, X, steps, j, table, k + step)
+                if reals.sign(r, X) * rising >= 0:
                     k += step
             step >>= 1
-        reals.put_difference(r, g.X, steps, j, table, k)
-        reals.put_difference(r, g.Y, table, k + 1, table, k)
-        reals.divide(r, g.X, g.X, g.Y)
-        reals.put(r, g.Y, k - _LOWEST, 0)
-        reals.add(r, _BOOM, g.X, g.Y)
+        reals.put_difference(r, X, steps, j, table, k)
+        reals.put_difference(r, Y, table, k + 1, table, k)
+        reals.put(r, BOOM, k - _LOWEST, 0)
+        compute(0, 0, r, _BOOM_OF_TABLE)
         return code

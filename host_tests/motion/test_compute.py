@@ -1,14 +1,15 @@
-"""Formulas: each operation against the functions of `reals`, bit by bit, and angles against double precision."""
+"""What formulas are made of: each operation against `reals`, bit by bit, angles against double precision."""
 
 import math
 from array import array
+from fractions import Fraction
 
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from framestep.motion import compute as f
 from framestep.motion import reals
-from framestep.virtuals import formulas as f
 from framestep_tools.virtual_precision import put
 
 A, B, C, D = 0, 2, 4, 6
@@ -41,7 +42,10 @@ def test_the_same_bits_as_reals(a, b):
         (f.ADD, reals.add),
         (f.SUBTRACT, reals.subtract),
         (f.MULTIPLY, reals.multiply),
+        (f.DIVIDE, reals.divide),
     ):
+        if function is reals.divide and not b[0]:
+            continue
         function(r, D, A, B)
         assert computed(r, what, C, A, B) == 1
         assert r[C : C + 2] == r[D : D + 2], what
@@ -52,7 +56,37 @@ def test_the_same_bits_as_reals(a, b):
     assert r[:C] == array("i", [*a, *b])
     computed(r, f.SUBTRACT, A, A, B)
     reals.subtract(r, D, C, B)  # a register may be operand and result at once
-    assert computed(registers(a, b), f.ABOVE, 0, A, B) == (reals.compare(registers(a, b), A, B) > 0)
+    order = reals.compare(registers(a, b), A, B)
+    assert computed(registers(a, b), f.ABOVE, 0, A, B) == (order > 0)
+    assert computed(registers(a, b), f.AT_LEAST, 0, A, B) == (order >= 0)
+    for what, chosen in ((f.LESSER, a if order <= 0 else b), (f.GREATER, b if order <= 0 else a)):
+        computed(r := registers(a, b), what, C, A, B)
+        assert tuple(r[C : C + 2]) == chosen
+
+
+@given(numbers(), st.integers(-128, 127))
+def test_scaled_by_a_power_of_two(a, power):
+    r = registers(a)
+    reals.double(r, D, A, power)
+    assert computed(r, f.SCALE, C, A, A, power + 128, 0, 0, 0) == 1
+    assert r[C : C + 2] == r[D : D + 2]
+
+
+@given(st.integers(0, 0xFFFF), st.integers(-128, 127))
+def test_a_number(mantissa, exponent):
+    r = registers((1, 1))
+    reals.put(r, D, mantissa, exponent)
+    assert computed(r, f.NUMBER, C, C, C, mantissa & 0xFF, mantissa >> 8, exponent + 128, 0) == 1
+    assert r[C : C + 2] == r[D : D + 2]
+
+
+@given(numbers())
+@example((-(2**29), -29))
+@example((2**29 + 1, -1))
+@example((-1 - 2**29, -75))
+def test_floor(a):
+    computed(r := registers(a), f.FLOOR, C, A, A)
+    assert Fraction(r[C]) * Fraction(2) ** r[C + 1] == math.floor(Fraction(a[0]) * Fraction(2) ** a[1])
 
 
 def test_what_does_not_hold_ends_the_formula():

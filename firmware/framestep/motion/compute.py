@@ -1,9 +1,10 @@
-"""Formulas of `reals`: a list of operations on registers that one call of a kernel works through.
+"""Works through formulas: lists of operations on registers of `reals`, in one call of a kernel.
 
-A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a formula is written
-down as bytes, four for each operation: what, the register of the result, the registers of two operands. Results are,
-bit by bit, those of the functions in `reals`. Angles are degrees. Sine and cosine are right to 2^-28, angles to 4e-7
-degrees. Nothing allocates.
+A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a formula is compiled
+from its text (formula.py, on the computer that builds the firmware) to bytes, four for each operation: what, the
+register of the result, the registers of two operands. SCALE and NUMBER have four bytes more. Results are, bit by bit,
+those of the functions in `reals`. Angles are degrees. Sine and cosine are right to 2^-28, angles to 4e-7 degrees.
+Nothing allocates.
 """
 
 from array import array
@@ -13,13 +14,22 @@ from framestep.native import const, micropython, ptr8, ptr32
 END = const(0)
 ADD = const(1)  # to = a + b
 SUBTRACT = const(2)  # to = a - b
-ABOVE = const(3)  # unless a > b the formula ends here, and compute() gives back 0
-MULTIPLY = const(4)  # to = a · b
-COPY = const(5)  # to = a
-NEGATE = const(6)  # to = -a
-ROOT = const(7)  # to = √a, 0 for a negative number
-ANGLE = const(8)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
-SINES = const(9)  # to, b = sine and cosine of a, |a| < 2^27
+ABOVE = const(3)  # unless a > b the formula ends here, and compute() returns 0
+AT_LEAST = const(4)  # the same unless a >= b
+LESSER = const(5)  # to = the lesser of a and b
+GREATER = const(6)  # to = the greater of a and b
+MULTIPLY = const(7)  # to = a · b
+DIVIDE = const(8)  # to = a / b, b not 0
+ROOT = const(9)  # to = √a, 0 for a negative number
+NEGATE = const(10)  # to = -a
+SCALE = const(11)  # to = a · 2^(c - 128), c in the byte that follows; three bytes are unused
+NUMBER = const(12)  # to = c · 2^(d - 128), c in the two bytes that follow, d in the third; one is unused
+FLOOR = const(13)  # to = the greatest whole number that is not above a
+COPY = const(14)  # to = a
+ANGLE = const(15)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
+SINES = const(16)  # to, b = sine and cosine of a, |a| < 2^27
+
+_BIAS = const(128)  # of exponents in a formula
 
 # Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six do for 45 degrees); then, from
 # _ARCS on, the arc tangents of k / 16 in degrees, Q24
@@ -34,11 +44,90 @@ _TABLES = array(
 
 
 @micropython.viper
-def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
-    """Work through a formula on r; 1, or 0 where an ABOVE does not hold: then the rest is not computed.
+def _angle(r: ptr32, to: int, a: int, b: int):
+    """r[to] = the angle of the point (x r[b], y r[a]). Apart, since a function in flash has to fit a page."""
+    m = r[a + 0]
+    n = r[b + 0]
+    shift = r[b + 1] - r[a + 1]
+    s = m >> 31
+    behind = n >> 31
+    m = (m ^ s) - s
+    n = (n ^ behind) - behind
+    steep = 0
+    if m and (n == 0 or shift < 0 or (shift == 0 and m > n)):
+        steep = 1
+        m = m ^ n
+        n = m ^ n
+        m = m ^ n
+        shift = 0 - shift
+    if m == 0 or n == 0 or shift > 30:
+        m = 0
+        n = 1
+        shift = 30
+    # low = m / n, Q30
+    low = 0
+    shift = 30 - shift
+    while True:
+        if m >= n:
+            m = m - n
+            low += 1
+        if shift == 0:
+            break
+        low = low + low
+        m = m + m
+        shift -= 1
+    # the nearest sixteenth k, and u = (low - k) / (1 + low · k), whose arc tangent is the rest
+    k = (low + 0x2000000) >> 26
+    m = low - (k << 26)
+    f = m >> 31
+    m = (m ^ f) - f
+    if k:
+        n = 0x20000000 + (low >> 5) * k
+        low = 0
+        shift = 29
+        while shift:
+            low = low + low
+            m = m + m
+            if m >= n:
+                m = m - n
+                low += 1
+            shift -= 1
+        m = low
+    # u - u³/3 + u⁵/5, Q30; u is at most 1/32
+    n = (m >> 15) * (m >> 15) + (((m >> 15) * (m & 0x7FFF)) >> 14)
+    n = (n >> 5) * (10923 - (n * 3 >> 19)) >> 10
+    m = m - ((n >> 4) * (m >> 10) + 0x8000 >> 16)
+    # degrees Q24: 180 / π / 64 is 0.895
+    m = (m >> 15) * 29335 + (((m >> 15) * 14389 + (m & 0x7FFF) * 29335 + 0x4000) >> 15)
+    m = ptr32(_TABLES)[k + _ARCS] + ((m ^ f) - f)
+    e = -24
+    n = 0x2D000000  # 45 degrees
+    if steep:
+        m = n - m + n
+    if behind:
+        m = n - (m >> 1) + n
+        e = -23
+    m = (m ^ s) - s
+    while m > 0x3FFFFFFF or m < -0x3FFFFFFF:
+        m = (m + 1) >> 1
+        e += 1
+    if m:
+        while m < 0x20000000 and m > -0x20000000:
+            m = m << 1
+            e -= 1
+    else:
+        e = 0
+    r[to] = m
+    r[to + 1] = e
+
+
+@micropython.viper
+def compute(m: int, n: int, registers, formula: ptr8) -> int:
+    """Work through a formula; 1, or 0 where an ABOVE or AT_LEAST does not hold: the rest is not computed then.
 
     m and n are parameters because viper keeps the first two in registers on ARM; what is passed does not matter.
     """
+    r = ptr32(registers)
     at = 0
     while True:
         what = formula[at + 0]
@@ -50,7 +139,7 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
         e = r[a + 1]
         n = r[b + 0]
         f = r[b + 1]
-        if what <= ABOVE:
+        if what <= GREATER:
             if what == END:
                 return 1
             if what > ADD:
@@ -73,10 +162,21 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
                     m = m + ((n + (1 << (shift - 1))) >> shift)
                 else:
                     m = m + n
-            if what == ABOVE:
-                if m <= 0:
-                    return 0
-                continue
+            if what > SUBTRACT:
+                if what == ABOVE:
+                    if m <= 0:
+                        return 0
+                    continue
+                if what == AT_LEAST:
+                    if m < 0:
+                        return 0
+                    continue
+                if what == GREATER:
+                    m = 0 - m
+                if m > 0:
+                    a = b
+                m = r[a + 0]
+                e = r[a + 1]
         elif what == MULTIPLY:
             e = e + f + 29
             high = m >> 15
@@ -84,6 +184,29 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
             top = n >> 15
             n = n & 0x7FFF
             m = ((high * top) << 1) + ((high * n + low * top + (low * n >> 15) + 0x2000) >> 14)
+        elif what == DIVIDE:
+            s = (m ^ n) >> 31
+            if m < 0:
+                m = 0 - m
+            if n < 0:
+                n = 0 - n
+            e = e - f - 29
+            if m < n:
+                m = m + m
+                e -= 1
+            # 1 <= m / n < 2: 30 binary digits of it, and the one that rounds
+            low = 0
+            k = 30
+            while k:
+                low = low + low
+                if m >= n:
+                    m = m - n
+                    low += 1
+                m = m + m
+                k -= 1
+            if m >= n:
+                low += 1
+            m = (low ^ s) - s
         elif what == ROOT:
             if m < 0:
                 m = 0
@@ -120,67 +243,22 @@ def compute(m: int, n: int, r: ptr32, formula: ptr8) -> int:
                     m -= 1
         elif what == NEGATE:
             m = 0 - m
+        elif what == SCALE:
+            e = e + formula[at + 0] - _BIAS
+            at += 4
+        elif what == NUMBER:
+            m = formula[at + 0] + (formula[at + 1] << 8)
+            e = formula[at + 2] - _BIAS
+            at += 4
+        elif what == FLOOR:
+            if e < 0:
+                if e < -31:
+                    e = -31
+                m = m >> (0 - e)
+                e = 0
         elif what == ANGLE:
-            shift = f - e
-            s = m >> 31
-            behind = n >> 31
-            m = (m ^ s) - s
-            n = (n ^ behind) - behind
-            steep = 0
-            if m and (n == 0 or shift < 0 or (shift == 0 and m > n)):
-                steep = 1
-                m = m ^ n
-                n = m ^ n
-                m = m ^ n
-                shift = 0 - shift
-            if m == 0 or n == 0 or shift > 30:
-                m = 0
-                n = 1
-                shift = 30
-            # low = m / n, Q30
-            low = 0
-            shift = 30 - shift
-            while True:
-                if m >= n:
-                    m = m - n
-                    low += 1
-                if shift == 0:
-                    break
-                low = low + low
-                m = m + m
-                shift -= 1
-            # the nearest sixteenth k, and u = (low - k) / (1 + low · k), whose arc tangent is the rest
-            k = (low + 0x2000000) >> 26
-            m = low - (k << 26)
-            f = m >> 31
-            m = (m ^ f) - f
-            if k:
-                n = 0x20000000 + (low >> 5) * k
-                low = 0
-                shift = 29
-                while shift:
-                    low = low + low
-                    m = m + m
-                    if m >= n:
-                        m = m - n
-                        low += 1
-                    shift -= 1
-                m = low
-            # u - u³/3 + u⁵/5, Q30; u is at most 1/32
-            n = (m >> 15) * (m >> 15) + (((m >> 15) * (m & 0x7FFF)) >> 14)
-            n = (n >> 5) * (10923 - (n * 3 >> 19)) >> 10
-            m = m - ((n >> 4) * (m >> 10) + 0x8000 >> 16)
-            # degrees Q24: 180 / π / 64 is 0.895
-            m = (m >> 15) * 29335 + (((m >> 15) * 14389 + (m & 0x7FFF) * 29335 + 0x4000) >> 15)
-            m = ptr32(_TABLES)[k + _ARCS] + ((m ^ f) - f)
-            e = -24
-            n = 0x2D000000  # 45 degrees
-            if steep:
-                m = n - m + n
-            if behind:
-                m = n - (m >> 1) + n
-                e = -23
-            m = (m ^ s) - s
+            _angle(registers, to, a, b)
+            continue
         elif what == SINES:
             s = m >> 31
             m = (m ^ s) - s

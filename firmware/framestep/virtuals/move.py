@@ -1,0 +1,358 @@
+"""A move or jog along a line: all motors of a rig at once, as one point that runs along it.
+
+Every `span` ticks is a knot. Between two knots every motor follows a cubic (AIM phases,
+motion/ramps.py) with the exact positions at both ends; its velocity there is the point's velocity
+times the slope of the motor's step over s, from the knots on either side.
+
+Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the same
+knot and planned anew from there: that is how a point in motion is stopped on its line.
+
+Time in ticks, positions of motors in steps. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.clock import HALF, WRAP, after, elapsed
+from framestep.motion import reals, stepper
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.native import const
+from framestep.virtuals import registers
+from framestep.virtuals.line import ROW
+from framestep.virtuals.point import advance, last_step, nearest_step, next_step, set_lead, velocity
+from framestep.virtuals.registers import (
+    AFTER_RATE,
+    AXES,
+    BEFORE_RATE,
+    FROM_V,
+    PHASE_TICKS,
+    S_AFTER,
+    S_BEFORE,
+    S_HERE,
+    TICKS,
+    TO_V,
+    V_HERE,
+    ZERO,
+    S,
+    V,
+    X,
+)
+
+# States
+IDLE = const(0)
+STARTING = const(1)  # the first knots are being planned
+MOVING = const(2)
+HALTED = const(3)  # the motors ramp down by themselves
+TAKING_UP = const(4)  # play is made for the direction in which each motor is to start
+SETTLING = const(5)  # at the end of the line: motors that have turned take up their play
+
+_BEGIN = const(4)  # knots queued before anything moves
+_AHEAD_TICKS = const(256)  # to plan ahead
+_SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
+_NOTICE = const(40)  # ticks from a request to the first knot that it may change
+_KNOTS = const(16)  # remembered
+
+# The point's velocity · the slope at S_HERE of the parabola through the three: what a motor's steps
+# before and after that knot count for its velocity there.
+_RATES = formula(
+    registers,
+    """
+    BEFORE_RATE = 0
+    AFTER_RATE = 0
+    before = S_HERE - S_BEFORE
+    after = S_AFTER - S_HERE
+    assert before > ZERO
+    assert after > ZERO
+    rate = V_HERE / (before + after)
+    BEFORE_RATE = rate * (after / before)
+    AFTER_RATE = rate * (before / after)
+    """,
+)
+
+
+class LinearMove:
+    """Runs along one line at a time, which has been laid and surveyed."""
+
+    def __init__(self, line, survey):
+        self.line = line
+        self.survey = survey
+        self.axes = line.axes
+        self.r = line.r
+        self.motor = line.motor
+        self.rows = line.rows
+        self.ahead = None  # of a jog: the LookAhead that surveys the line ahead of the point
+        self.state = IDLE
+        self.speeds = array("i", [0] * (ROW * _KNOTS))  # of the motors at each knot: reals
+        self.marks = array("i", [0] * (4 * _KNOTS))  # s and velocity of the point at each knot: reals
+        self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
+        self.leads = array("i", [0] * AXES)  # of each motor's path at the last knot queued (point.py)
+        self.word = array("i", [0] * 2)
+        self.knot = 0  # the last knot that has been placed
+        self.queued = 0  # the last one that a phase leads to
+        self.tick = 0  # in which the motion has begun
+        self.closed = True  # no further knots come
+        self.stopping = False
+
+    @property
+    def engaged(self):
+        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
+        return self.line.bits if self.state else 0
+
+    # ---------------------------------------------------------------- start and end
+
+    def begin(self, ahead=None):
+        """Start along the line, for a jog with its LookAhead: first the play is made up for."""
+        line = self.line
+        line.forget_end()
+        self.ahead = ahead
+        self.state = TAKING_UP
+        ways = self.survey.ways
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, ways[i]):
+                self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, ways[i])
+
+    def _set_out(self):
+        """Begin to plan, all motors being at rest where the line begins."""
+        hal = self.axes.hal
+        line = self.line
+        r = self.r
+        line.place(ZERO, 0)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                axis = self.axes[motor]
+                axis.begin_plan(hal)
+                axis.set_more_to_come(True)
+                axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+                set_lead(self.leads, i, line.present, motor, 0, self.rows, 2 * i)
+                reals.fetch(self.speeds, 2 * i, r, ZERO)
+        reals.put(r, S, 0, 0)
+        reals.put(r, V, 0, 0)
+        self._note(0)
+        self.times[0] = 0
+        self.knot = 0
+        self.queued = 0
+        self.closed = False
+        self.stopping = False
+        self.state = STARTING
+
+    def _release(self):
+        """All motors start in the same tick."""
+        axes = self.axes
+        irq = axes.hal.irq_off()
+        self.tick = after(axes.kernel.state[stepper.TICKS], 1)
+        axes.release(self.line.bits)
+        axes.hal.irq_on(irq)
+        self.state = MOVING
+
+    def _settle(self):
+        """At rest at the end of the line: a motor that has turned under way is behind by its play.
+
+        It follows now. Whether there was such a motor.
+        """
+        row = ROW * (self.knot % _KNOTS)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
+                axis = self.axes[motor]
+                if not axis.stands_on(self.word, 0):
+                    axis.move_to(self.axes.hal, self.word, 0)
+                    self.state = SETTLING
+        return self.state == SETTLING
+
+    def stop(self):
+        """Slow down along the line, as steeply as its motors allow."""
+        if self.state == STARTING or self.state == TAKING_UP:
+            self.halt()
+        elif self.state == MOVING and not self.stopping:
+            if self._cut():
+                self.stopping = True
+                if self.ahead and not self.ahead.back():
+                    self.halt()
+            elif not self.closed:
+                self.halt()
+
+    def halt(self, factor=1):
+        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        if self.state:
+            for i in range(AXES):
+                if self.motor[i]:
+                    self.axes[self.motor[i] - 1].stop(self.axes.hal, factor)
+            self.state = HALTED
+            self.closed = True
+
+    def slow_down(self):
+        """Motors may be slower now than the motion under way has counted on.
+
+        A move keeps to that from its next knot on, a jog where it has not been surveyed yet.
+        """
+        if self.state and not self.ahead:
+            self.survey.slow_down()
+
+    # ---------------------------------------------------------------- passes of the main loop
+
+    def poll(self):
+        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at once."""
+        state = self.state
+        if state == IDLE:
+            return False
+        if state == TAKING_UP:
+            if self.axes.moving_bits() & self.line.bits:
+                return False
+            self._set_out()
+            return True
+        if state == STARTING:
+            if self.closed or self.queued >= _BEGIN:
+                if self.axes.filled:
+                    self._release()
+                return False
+            if self.ahead and self.ahead.extend():
+                return True
+            self._plan()
+            if not self.closed and self.ahead and not self.ahead.count:
+                self.halt()  # no way to go
+            return True
+        if state == MOVING and not self.closed:
+            left = self._ticks_to(self.queued)
+            if self.ahead and left > _SCARCE_TICKS and self.ahead.extend():
+                return True
+            if left < _AHEAD_TICKS:
+                self._plan()
+                return True
+        elif not self.axes.moving_bits() & self.line.bits:
+            if state == MOVING and self._settle():
+                return True
+            if state != HALTED:
+                self.line.remember_end()
+            self.state = IDLE
+        return False
+
+    def _ticks_to(self, knot):
+        """Ticks until a knot, below 0 once it has been passed."""
+        done = self.axes.kernel.state[stepper.TICKS] - self.tick + 1
+        return ((self.times[knot % _KNOTS] - done + HALF) & WRAP) - HALF
+
+    # ---------------------------------------------------------------- knots
+
+    def _note(self, knot):
+        """Remember s and velocity of a knot."""
+        k = 4 * (knot % _KNOTS)
+        reals.fetch(self.marks, k, self.r, S)
+        reals.fetch(self.marks, k + 2, self.r, V)
+
+    def _plan(self):
+        """Place the next knot, or queue the phases to the one before it.
+
+        The velocity of a motor at a knot is known only with the knot after it.
+        """
+        knot = self.knot
+        r = self.r
+        if self.queued < knot - 1:
+            self._queue(knot - 1)
+        elif self.queued < knot and reals.sign(r, V) == 0:
+            self._finish(knot)
+        elif advance(r, self.survey, self.ahead, self.stopping):
+            knot += 1
+            if self.line.place(S, ROW * (knot % _KNOTS)):
+                self.halt()  # the survey has said that it can be reached
+                return
+            self._note(knot)
+            ticks = reals.floor(r, TICKS, HALF)
+            self.times[knot % _KNOTS] = after(self.times[(knot - 1) % _KNOTS], ticks)
+            self.knot = knot
+
+    def _queue(self, knot):
+        """Append the phase to a knot that has one on either side."""
+        r = self.r
+        marks = self.marks
+        rows = self.rows
+        before = (knot - 1) % _KNOTS
+        here = knot % _KNOTS
+        ahead = (knot + 1) % _KNOTS
+        reals.fetch(r, S_BEFORE, marks, 4 * before)
+        reals.fetch(r, S_HERE, marks, 4 * here)
+        reals.fetch(r, S_AFTER, marks, 4 * ahead)
+        reals.fetch(r, V_HERE, marks, 4 * here + 2)
+        compute(0, 0, r, _RATES)
+        reals.put(r, PHASE_TICKS, elapsed(self.times[here], self.times[before]), 0)
+        a = ROW * before
+        b = ROW * here
+        c = ROW * ahead
+        word = self.word
+        speeds = self.speeds
+        for i in range(AXES):
+            motor = self.motor[i]
+            if motor:
+                velocity(r, TO_V, rows, a, b, c, BEFORE_RATE, AFTER_RATE, X)
+                part = next_step(word, rows, a, b, c, self.leads, i, self.line.bounds)
+                reals.fetch(r, FROM_V, speeds, a)
+                reals.fetch(speeds, b, r, TO_V)
+                self.axes[motor - 1].append_coasting_phase(PHASE_TICKS, FROM_V, TO_V, r, word, 0, part)
+            a += 2
+            b += 2
+            c += 2
+        self.queued = knot
+
+    def _finish(self, knot):
+        """Append the phase to the knot at which everything comes to rest."""
+        line = self.line
+        r = self.r
+        rows = self.rows
+        word = self.word
+        a = ROW * ((knot - 1) % _KNOTS)
+        b = ROW * (knot % _KNOTS)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                axis = self.axes[motor]
+                reals.fetch(r, FROM_V, self.speeds, a)
+                part = next_step(word, rows, a, b, b, self.leads, i, line.bounds)
+                part = last_step(word, part, rows, b, line.present, motor, self.leads[i] > 0)
+                axis.append_coasting_phase(TICKS, FROM_V, ZERO, r, word, 0, part)
+                axis.set_more_to_come(False)
+            a += 2
+            b += 2
+        self.queued = knot
+        self.closed = True
+
+    # ---------------------------------------------------------------- changing the plan
+
+    def _cut(self):
+        """Forget what is planned from the first knot on that is far enough ahead. False: there is none."""
+        axes = self.axes
+        for i in range(AXES):
+            if self.motor[i]:
+                axes[self.motor[i] - 1].feed()
+        last = self.knot - 1 if self.closed else self.queued
+        knot = max(self.knot - _KNOTS + 2, 1)
+        irq = axes.hal.irq_off()
+        while knot <= last and self._ticks_to(knot) < _NOTICE:
+            knot += 1
+        found = knot <= last
+        if found and not (knot == self.queued and not self.closed):
+            ticks = self._ticks_to(knot)
+            for i in range(AXES):
+                if self.motor[i] and not axes[self.motor[i] - 1].cut_at_phase_end(ticks, 0):
+                    found = False
+            if found:
+                for i in range(AXES):
+                    if self.motor[i]:
+                        axes[self.motor[i] - 1].cut_at_phase_end(ticks, 1)
+        axes.hal.irq_on(irq)
+        if not found:
+            return False
+        r = self.r
+        reals.fetch(r, S, self.marks, 4 * (knot % _KNOTS))
+        reals.fetch(r, V, self.marks, 4 * (knot % _KNOTS) + 2)
+        if knot != self.queued or self.closed:
+            for i in range(AXES):
+                if self.motor[i]:
+                    row = ROW * (knot % _KNOTS) + 2 * i
+                    part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)
+                    set_lead(self.leads, i, self.word, 0, part, self.rows, row)
+        self.knot = knot
+        self.queued = knot
+        self.closed = False
+        return True
