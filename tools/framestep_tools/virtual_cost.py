@@ -14,7 +14,8 @@ from .virtual_precision import RIGS, read
 
 UPDATES = 50
 _BOARD = """
-import micropython, time
+import gc, micropython, time
+gc.collect()
 from array import array
 from framestep.virtuals import boom_swing_track
 from framestep.virtuals.kinematics import Configuration
