@@ -32,6 +32,7 @@ def what(n):
     for _ in range(n):
         rig.inverse()
         rig.motor_steps(out, 0)
+t = what(1)
 micropython.heap_lock()
 t = time.ticks_us()
 what({updates})

@@ -44,10 +44,11 @@ _TABLES = array(
 
 
 @micropython.viper
-def _angle(r: ptr32, to: int, a: int, b: int):
-    """r[to] = the angle of the point (x r[b], y r[a]). Apart, since a function in flash has to fit a page."""
-    m = r[a + 0]
-    n = r[b + 0]
+def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
+    """r[to] = the angle of the point (x r[b], y r[a]), whose mantissas are n and m.
+
+    Apart, since a function in flash has to fit a page.
+    """
     shift = r[b + 1] - r[a + 1]
     s = m >> 31
     behind = n >> 31
@@ -257,7 +258,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                 m = m >> (0 - e)
                 e = 0
         elif what == ANGLE:
-            _angle(registers, to, a, b)
+            _angle(m, n, registers, to, a, b)
             continue
         elif what == SINES:
             s = m >> 31
