@@ -125,7 +125,8 @@ def test_a_bus_reset_in_motion(rig, late):
             emulator.advance(0.5)
         assert held
         comes_back(rig)
-        assert not rig.moving and trust(rig)[6] == (KNOWN, SET)
+        assert not rig.moving
+        assert trust(rig)[6] == (KNOWN, SET)
         assert rig.position(7) == place + rig.made(7), after_ms
         assert rig.steps(7)[0][-1] * 1e9 < begun + 9e6, after_ms
 
@@ -138,12 +139,14 @@ def test_a_pin_that_something_else_takes(rig):
     rig.refuse(m.ERR_GENERAL, MotorMove(7, 50))
     rig.run(0.2)
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
-    assert trust(rig)[6] == (LOST, STEPS) and trust(rig)[0] == (KNOWN, SET)
+    assert trust(rig)[6] == (LOST, STEPS)
+    assert trust(rig)[0] == (KNOWN, SET)
     assert emulator.pins()[DIRECTION]["function"] == 7
     rig.forget()
     rig.accept(MotorResetPosition(7, 0), MotorMove(7, 50))
     rig.wait_idle()
-    assert rig.position(7) == 50 and rig.made(7) == 50
+    assert rig.position(7) == 50
+    assert rig.made(7) == 50
 
 
 def test_a_bus_reset_in_motion_with_one_port():
@@ -160,5 +163,7 @@ def test_a_bus_reset_in_motion_with_one_port():
         found.board.run_until(emulator.ns + 300_000_000)
         found.client.events.clear()
         assert found.steps(7)[0][-1] * 1e9 - failed < 130e6
-        assert found.position(7) == found.made(7) and not found.moving
-        assert not found.events(HardStop) and trust(found)[6] == (KNOWN, SET)
+        assert found.position(7) == found.made(7)
+        assert not found.moving
+        assert not found.events(HardStop)
+        assert trust(found)[6] == (KNOWN, SET)

@@ -73,16 +73,19 @@ def test_it_runs_from_flash_with_room_for_a_long_move(board):
     emulator.wait_usb(10_000, ports=2)
     with Client(emulator.serial(1)) as client:
         info = client.request(Hi())
-        assert info.upload_frames >= 5000 and info.motors == 8
+        assert info.upload_frames >= 5000
+        assert info.motors == 8
         assert info.capabilities & 0x7C, "virtual axes"
         client.request(MotorMove(1, 500))
         client.wait_idle()
         assert client.request(MotorGetPosition()).steps[0] == 500
         repl = emulator.repl()
         names = re.search(r"n_qstr=(\d+)", repl.exec("import micropython\nmicropython.qstr_info()"))
-        assert names and int(names[1]) < MOST_NAMES
+        assert names
+        assert int(names[1]) < MOST_NAMES
         left, in_flash = map(int, repl.exec(LOOK, timeout=60).splitlines()[-1].split())
-        assert left == 0 and in_flash > 400
+        assert left == 0
+        assert in_flash > 400
         tick = "id(__import__('framestep.motion.tick', None, None, ('Header',)).Header.tick)"
         code = repl.eval(f"__import__('machine').mem32[{tick} + {CODE_OF_A_FUNCTION}]")
         assert RAM <= code < RAM + RAM_SIZE, "the tick runs from RAM, not through the flash cache"
@@ -166,7 +169,8 @@ def test_a_code_file_that_is_not_right(emulator, files, spoil, said):
     serial.timeout = 2
     serial.write(b"\r\n")
     text = serial.read_until(b">>> \r\n>>> ").decode()
-    assert said in text and "run make flash again" in text, text
+    assert said in text, text
+    assert "run make flash again" in text, text
     assert emu.repl().eval("1 + 1") == 2
     assert not emu.halted
 

@@ -104,17 +104,22 @@ def test_set_up_then_enabled(talk):
     assert board.said().count("works again") == 4
     assert talk.ask(GetCondition()).bits & m.CONDITION_DRIVER == 0
     for motor, driver in enumerate(board.chips, 1):
-        assert driver.damaged == 0 and len(driver.writes) == 12 and driver.gstat == 0
+        assert driver.damaged == 0
+        assert len(driver.writes) == 12
+        assert driver.gstat == 0
         assert driver.microsteps == 2**motor
         assert 300 * motor - 55 < driver.run_ma() <= 300 * motor  # 1/32 of 1740 mA
         assert driver.registers[chip.CHOPCONF] & 0xF == 3
-        assert driver.registers[chip.GCONF] == 0x1C0 and driver.registers[chip.NODECONF] == 0x200
+        assert driver.registers[chip.GCONF] == 0x1C0
+        assert driver.registers[chip.NODECONF] == 0x200
     starts = np.array([at for at, _ in board.bytes])
     within = np.diff(starts)[np.diff(starts) < 2 * BYTE_NS]
-    assert within.size > 100 and within == pytest.approx(BYTE_NS, rel=0.01)  # 115200 baud
+    assert within.size > 100
+    assert within == pytest.approx(BYTE_NS, rel=0.01)
     talk.accept(MotorMove(1, 100))
     talk.run(0.3)
-    assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 0)] and talk.made(1) == 100
+    assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 0)]
+    assert talk.made(1) == 100
 
 
 def test_watching_delays_neither_tick_nor_reply(moving):
@@ -134,7 +139,8 @@ def test_watching_delays_neither_tick_nor_reply(moving):
         took.append(talk.now - before)
         talk.run(0.003)
     talk.run(0.05)
-    assert len(took) > 30 and max(took) < 0.010
+    assert len(took) > 30
+    assert max(took) < 0.010
     assert len(talk.board.bytes) - asked >= 8 * 8  # bytes of a check
     for motor in (2, 3):
         times, _ = talk.steps(motor)
@@ -167,18 +173,22 @@ def test_a_fault_in_motion(moving):
     assert deceleration(times, signs, times[-1] - 0.09) == pytest.approx(100_000, rel=0.1)
     assert [(motor, level) for motor, level, t in enables(talk) if t > at] == [(2, 1)]
     trust = [(each.state, each.reason) for each in talk.ask(GetCondition()).positions]
-    assert trust[1] == (positions.LOST, positions.DRIVER) and trust[2] == (positions.KNOWN, positions.SET)
+    assert trust[1] == (positions.LOST, positions.DRIVER)
+    assert trust[2] == (positions.KNOWN, positions.SET)
     assert talk.position(3) == talk.made(3)
     talk.refuse(m.ERR_GENERAL, MotorMove(2, 0))
     # cooled down: set up again, and not moved until it is asked to
     talk.forget()
     board.chips[1].status &= ~0x02
     talk.run(1.5)
-    assert board.chips[1].gstat == 0 and len(board.chips[1].writes) >= 24
-    assert not enables(talk) and not talk.made(2)
+    assert board.chips[1].gstat == 0
+    assert len(board.chips[1].writes) >= 24
+    assert not enables(talk)
+    assert not talk.made(2)
     talk.accept(MotorMove(2, talk.position(2) + 10))
     talk.run(0.2)
-    assert talk.made(2) == 10 and [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
+    assert talk.made(2) == 10
+    assert [(motor, level) for motor, level, _ in enables(talk)] == [(2, 0)]
 
 
 def test_one_port_tells_it_with_ctrl_c():
@@ -204,5 +214,7 @@ def test_one_port_tells_it_with_ctrl_c():
         assert "framestep: a driver failed; the motors were ramped down\r\n" in said
         told = [line for line in said.splitlines() if line.startswith("framestep: driver of motor")]
         motors = [int(line.split()[4]) for line in told]
-        assert motors[:4] == sorted(motors[4:8]) == [1, 2, 3, 4] and motors[8:] == [2], said
-        assert told[-1].endswith("has switched off, too hot") and said.endswith(">>> ")
+        assert motors[:4] == sorted(motors[4:8]) == [1, 2, 3, 4], said
+        assert motors[8:] == [2], said
+        assert told[-1].endswith("has switched off, too hot")
+        assert said.endswith(">>> ")

@@ -54,14 +54,17 @@ def assert_form(session, wide):
     ok = int(Ack.OK).to_bytes(4 if wide else 2, "little")
     for kind, payload in ((m.MSG_MOTOR_STOP, b"\1"), (m.MSG_MOTOR_STOP_ALL, b""), (m.MSG_MOTOR_CONFIGURE, b"\1\1")):
         answer = session.answer_to(kind, payload)
-        assert answer.is_ack and answer.payload == ok
+        assert answer.is_ack
+        assert answer.payload == ok
     answer = session.answer_to(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 2, 2**31 - 1))
     assert (answer.is_ack, answer.payload) == ((True, ok) if wide else (False, b"\1"))
     for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 36)):
         answer = session.answer_to(kind)
-        assert not answer.is_ack and len(answer.payload) == size
+        assert not answer.is_ack
+        assert len(answer.payload) == size
     answer = session.answer_to(m.MSG_RT_GO)
-    assert answer.is_ack and answer.payload == int(Ack.ERR_GENERAL).to_bytes(len(ok), "little")
+    assert answer.is_ack
+    assert answer.payload == int(Ack.ERR_GENERAL).to_bytes(len(ok), "little")
 
 
 def test_form_of_the_answers(session):
@@ -71,7 +74,8 @@ def test_form_of_the_answers(session):
     session.board.run_until(session.board.now_ns + 10**9)
     session.come_back()
     hello = [f for f in session.bytes_for(b"", 0.1) if f.type == m.MSG_HI]
-    assert len(hello) == 1 and DeviceInfo.unpack(hello[0].payload).name == "framestep"
+    assert len(hello) == 1
+    assert DeviceInfo.unpack(hello[0].payload).name == "framestep"
     assert session.moving == []
 
 
@@ -157,7 +161,9 @@ def test_one_port():
         assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
         typed(b"import framestep.boot as b; b.controller.moves.poll = None\r")
         said = typed(b"b.runner.run(b.controller)\r")
-        assert b'File "framestep.controller", line' in said and b"TypeError" in said and said.endswith(b">>> ")
+        assert b'File "framestep.controller", line' in said
+        assert b"TypeError" in said
+        assert said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"
 
 

@@ -145,7 +145,9 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     rig.client.wait_event(DeviceInfo)
     rig.run(0.3)
     assert [rig.position(1), rig.position(2)] == stands
-    assert len(rig.steps(1)[0]) == edges and not rig.events(RtEnd) and not rig.moving
+    assert len(rig.steps(1)[0]) == edges
+    assert not rig.events(RtEnd)
+    assert not rig.moving
     assert trust(rig)[:4] == [(KNOWN, SET)] * 3 + [(LOST, UNSET)]
 
 
@@ -159,14 +161,16 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     failed = rig.now
     rig.run(1)
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
-    assert levels(rig) == [0, 1, 0] and not rig.moving
+    assert levels(rig) == [0, 1, 0]
+    assert not rig.moving
     for motor in (1, 2):
         assert ramped_down(rig, motor, before, failed, 0.8) == rig.position(motor)
     assert repl.exec(watched) == "0\n"
     repl.exec("del b.controller.axes.feed")
     rig.forget()
     rig.run(0.3)
-    assert not rig.made(1) and not rig.made(2)
+    assert not rig.made(1)
+    assert not rig.made(2)
     assert trust(rig)[:3] == [(KNOWN, SET)] * 3
 
 
@@ -199,7 +203,8 @@ def test_a_host_that_takes_nothing(rig):
         ramped_down(rig, motor, before, failed, HOST_UNREAD_MS / 1000 + 1)
         assert rig.steps(motor)[0][-1] - failed > HOST_UNREAD_MS / 1000
     rig.run(0.5)
-    assert not rig.moving and trust(rig)[:2] == [(KNOWN, SET)] * 2
+    assert not rig.moving
+    assert trust(rig)[:2] == [(KNOWN, SET)] * 2
 
 
 def test_positions_outlive_the_power(rig):
@@ -272,7 +277,8 @@ def test_a_main_loop_that_hangs(rig):
     starts_again(rig)
     rig.run(0.5)
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
-    assert levels(rig) == [0, 1, 0] and emulator.pin(ENABLE) == 1
+    assert levels(rig) == [0, 1, 0]
+    assert emulator.pin(ENABLE) == 1
     for motor in (1, 2):
         ramped_down(rig, motor, before, failed, 0.8)
     assert np.all(rig.steps(1)[0] < reset)
@@ -313,7 +319,9 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
     took = (rig.board.emulator.ns - begun) / 1e6
     with capsys.disabled():
         print("\nthe main loop may be away for, ms:", found, f"; sum(range(60000)) takes {took:.0f}")
-    assert found["24 frames/s"] >= 100 and found["60 frames/s"] >= 50 and found["constant velocity"] >= 300
+    assert found["24 frames/s"] >= 100
+    assert found["60 frames/s"] >= 50
+    assert found["constant velocity"] >= 300
 
 
 def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
@@ -334,7 +342,8 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     rig.run(0.1)
     assert not [event for event in emulator.events() if event["type"] == "reset"]
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
-    assert levels(rig) == [0, 1, 0] and emulator.pin(ENABLE) == 0
+    assert levels(rig) == [0, 1, 0]
+    assert emulator.pin(ENABLE) == 0
     for motor in (1, 2):
         assert ramped_down(rig, motor, before, failed, 1) == rig.position(motor)
     assert trust(rig)[:2] == [(KNOWN, SET)] * 2

@@ -32,7 +32,8 @@ def firmware(tmp_path_factory):
         block = uf2[number * BLOCK : (number + 1) * BLOCK]
         magic, second, flags, address, size, index, blocks, family = struct.unpack_from("<8I", block)
         assert (magic, second, struct.unpack_from("<I", block, BLOCK - 4)[0]) == (0x0A324655, 0x9E5D5157, 0x0AB16F30)
-        assert flags == 0x2000 and family == RP2040, "the boot ROM takes only blocks of its own family"
+        assert flags == 0x2000, "the boot ROM takes only blocks of its own family"
+        assert family == RP2040, "the boot ROM takes only blocks of its own family"
         assert (address, size, index, blocks) == (FLASH + len(image), 256, number, count)
         image += block[32 : 32 + size]
     path = tmp_path_factory.mktemp("image") / "firmware.bin"

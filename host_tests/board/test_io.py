@@ -73,7 +73,8 @@ class Wire:
             samples = start + BIT_NS * np.arange(0.5, 11)
             index = np.searchsorted(times, samples, side="right") - 1
             bits = levels[index]
-            assert bits[0] == 0 and bits[9] == bits[10] == 1, "no start or stop bit"
+            assert bits[0] == 0, "no start or stop bit"
+            assert bits[9] == bits[10] == 1, "no start or stop bit"
             slots.append(int(np.packbits(bits[1:9], bitorder="little")[0]))
             at = int(np.searchsorted(times, start + 10 * BIT_NS))
         return bytes(slots), longest
@@ -110,7 +111,8 @@ def test_dmx_on_the_wire():
         frames = wire.frames(wire.emulator.trace_read())
         check_timing(frames)
         assert len(frames) >= 22
-        assert status[0].dmx == 1 and status[-1].dmx == 0
+        assert status[0].dmx == 1
+        assert status[-1].dmx == 0
         for start, _, _, slots, _ in frames:
             assert slots[0] == 0
             line = 250 * min(1.0, max(0.0, (start * 1e-9 - begin) / 0.5))
@@ -178,7 +180,8 @@ def test_pins():
         emulator.set_pin(28, 0)
         board_session.run(0.1)
         ((told, message),) = board_session.events(InputLevels)
-        assert message.levels == 2 and told - pressed - 0.030 < 0.030
+        assert message.levels == 2
+        assert told - pressed - 0.030 < 0.030
         emulator.set_pin(28, None)
         board_session.run(0.05)
         assert board_session.events(InputLevels)[-1][1].levels == 0
@@ -240,7 +243,8 @@ def pull(board_session, board):
     board.emulator.set_pin(ESTOP_PIN, 1)
     board_session.run(0.5)
     ((told, message),) = board_session.events(HardStop)
-    assert message == HardStop(0) and told - pressed < 0.03
+    assert message == HardStop(0)
+    assert told - pressed < 0.03
     assert not board_session.moving
     return pressed
 
@@ -306,4 +310,5 @@ def test_an_exception():
             assert times[-1] - failed < 0.25
         board_session.forget()
         board_session.run(0.3)
-        assert not board_session.made(1) and not board_session.made(2)
+        assert not board_session.made(1)
+        assert not board_session.made(2)

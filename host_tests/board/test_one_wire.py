@@ -26,7 +26,8 @@ def decode(times, levels, until):
             continue
         samples = np.searchsorted(times, start + BIT_NS * np.arange(0.5, 10), side="right") - 1
         bits = levels[samples]
-        assert bits[0] == 0 and bits[9] == 1, "no start or stop bit"
+        assert bits[0] == 0, "no start or stop bit"
+        assert bits[9] == 1, "no start or stop bit"
         found.append((start, int(np.packbits(bits[1:9], bitorder="little")[0])))
         at = int(np.searchsorted(times, start + 9.5 * BIT_NS))
     return found
@@ -95,7 +96,9 @@ def test_set_up_over_one_pin_each():
         assert talk.ask(Hi()).motors == 2
         talk.run(2.0)
         for driver, run_ma in zip(board.chips, (800, 300), strict=True):
-            assert driver.damaged == 0 and len(driver.writes) == 12 and driver.gstat == 0
+            assert driver.damaged == 0
+            assert len(driver.writes) == 12
+            assert driver.gstat == 0
             assert run_ma - 55 < driver.run_ma() <= run_ma
         assert abs(np.mean(board.bit_lengths) / BIT_NS - 1) < 0.01
         talk.forget()

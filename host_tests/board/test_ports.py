@@ -96,7 +96,8 @@ def test_second_port_and_its_name(usb):
         repl = start_port(emu, repl)
         with emu.serial(1) as port:
             run(repl)
-            assert answered(port, frame(64, 1)) and answered(port, frame(40, 2))
+            assert answered(port, frame(64, 1))
+            assert answered(port, frame(40, 2))
             stop(repl)
 
 
@@ -188,7 +189,8 @@ def test_latency_and_cost(usb, capsys):
     times.sort()
     with capsys.disabled():
         print(f"\nUSB port, µs: idle poll {idle:.0f}, 12-byte frame to answer {times[0]:.0f} to {times[-1]:.0f}")
-    assert times[len(times) // 2] < 600 and times[-1] < 1000
+    assert times[len(times) // 2] < 600
+    assert times[-1] < 1000
 
 
 def test_nothing_allocates(usb):
@@ -230,7 +232,8 @@ def test_reader_that_takes_nothing(usb):
     for at in range(0, len(data), 200):
         port.write(data[at : at + 200])
     emu.advance(100)
-    assert port.out_waiting > 0 and port.in_waiting == 0
+    assert port.out_waiting > 0
+    assert port.in_waiting == 0
     stop(repl)
     run(
         repl,
@@ -551,7 +554,8 @@ def test_single_port_throughput(stdin, capsys):
             f"\nsingle-port mode: in {rate_in:.0f} kB/s, out {rate_out:.0f} kB/s, idle poll {idle:.0f} µs, "
             f"12-byte frame to answer {min(times):.0f} to {max(times):.0f} µs"
         )
-    assert rate_in > 80 and rate_out > 80
+    assert rate_in > 80
+    assert rate_out > 80
     assert max(times) < 5000
 
 
@@ -680,7 +684,8 @@ def test_single_port_host_that_does_not_read(stdin):
     port.hold(False)
     emu.advance(30)
     old = port.read_all()
-    assert old and old == b"".join(frame(150, n) for n in range(60))[: len(old)]
+    assert old
+    assert old == b"".join(frame(150, n) for n in range(60))[: len(old)]
     assert answered(port, frame(100, 7), ms=60)
     leave_single_port(repl)
     assert repl.eval("seen") == [(True, 1), (False, 1), (True, 2)]

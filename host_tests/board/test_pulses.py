@@ -219,7 +219,8 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
     assert np.array_equal(np.diff(rises), np.diff(model.rises) * NS)
     # The model has direction pins change a cycle late; the first change belongs to the start, timed by the clock.
     there, here = (times[times > first] - first for times, first in ((turns, rises[0]), (model_turns, model.rises[0])))
-    assert len(there) == len(here) and np.abs(there - here * NS).max(initial=0) <= NS
+    assert len(there) == len(here)
+    assert np.abs(there - here * NS).max(initial=0) <= NS
     assert board.place == profile.end
 
 

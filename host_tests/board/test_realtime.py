@@ -111,10 +111,12 @@ def test_loop_bloop_video_and_two_stops(session):
     again = session.now
     session.client.wait_event(RtEnd, 5)
     session.run(0.3)
-    assert not session.events(RtEnd) and not session.moving
+    assert not session.events(RtEnd)
+    assert not session.moving
     # both passes go over their frames
     first, second = passes_told(session)[:2]
-    assert [frame for _, frame in first] == list(range(2, 10)) and second[0][1] == 2
+    assert [frame for _, frame in first] == list(range(2, 10))
+    assert second[0][1] == 2
     begin = first[0][0] - 1 / FPS
     positions = {m: steps[:9] for m, steps in MOVE.items()}
     verdict = judge_pass(session, begin - 0.25, first[-1][0] + 0.25, before, positions, FPS)
@@ -131,8 +133,10 @@ def test_loop_bloop_video_and_two_stops(session):
     assert (on, off, level) == (pytest.approx(starts, abs=0.001), pytest.approx(starts + 0.12, abs=0.001), 0)
     lights = levels_sent(session, 5)
     (lit, dark) = [t for (_, old), (t, new) in itertools.pairwise(lights) if old != new]
-    assert {level for _, level in lights} == {33, 255} and lights[-1][1] == 33
-    assert starts - 0.001 < lit < starts + 0.06 and starts + 0.12 - 0.001 < dark < starts + 0.18
+    assert {level for _, level in lights} == {33, 255}
+    assert lights[-1][1] == 33
+    assert starts - 0.001 < lit < starts + 0.06
+    assert starts + 0.12 - 0.001 < dark < starts + 0.18
     # a pulse of 100 ms of both lines at GO, before the pre-roll, and another after the stop
     for signal in ("shutter", "meter"):
         pulses = changes(session, signal)
@@ -155,11 +159,13 @@ def test_ping_pong(session):
     session.accept(RtStopLoop())
     session.client.wait_event(RtEnd, 5)
     session.run(0.3)
-    assert not session.events(RtEnd) and not session.moving
+    assert not session.events(RtEnd)
+    assert not session.moving
     told = passes_told(session)
     assert [(p[0][1], p[-1][1]) for p in told] == [(2, 9), (8, 1), (2, 9)]
     openings = [t for t, v in changes(session, "shutter") if v]
-    assert len(openings) == 27 and changes(session, "shutter")[-1][1] == 0
+    assert len(openings) == 27
+    assert changes(session, "shutter")[-1][1] == 0
     for i, p in enumerate(told):
         frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
@@ -183,8 +189,10 @@ def test_jog_all(session):
     session.wait_idle()
     times, signs = session.steps(1)
     frame = 3 + signs.sum() / 60
-    assert frame == round(frame) and 6 < frame < 20
-    assert session.positions[1] == MOVE[1][round(frame) - 1] and session.positions[2] == MOVE[2][round(frame) - 1]
+    assert frame == round(frame)
+    assert 6 < frame < 20
+    assert session.positions[1] == MOVE[1][round(frame) - 1]
+    assert session.positions[2] == MOVE[2][round(frame) - 1]
     # the other motor is where the path has it whenever this one is on a frame
     at, turned = session.steps(2)
     places = MOVE[2][2] + np.concatenate(([0], np.cumsum(turned)))

@@ -54,11 +54,15 @@ def test_bench_commands_beside_a_run(session):
     assert_played(session, stands, positions)
     assert before - repl.eval("(gc.collect(), gc.mem_free())[1]") < 3000, "bytes"
     tick = [int(word) for word in figures[0].replace(",", "").split() if word.isdigit()]
-    assert figures[0].startswith("interrupts: ") and 10 < tick[0] < 120 and tick[0] <= tick[2] < 400
+    assert figures[0].startswith("interrupts: ")
+    assert 10 < tick[0] < 120
+    assert tick[0] <= tick[2] < 400
     late = int(figures[1].split(": ")[1].split()[0])
     assert late < 100
     assert [line.split(":")[0] for line in figures[2:]] == [f"motor {i}" for i in positions]
-    assert "lost" in lines[3] and repl.exec("rig()").count("\n") > 15 and "output 1, pin 22: off" in repl.exec("io()")
+    assert "lost" in lines[3]
+    assert repl.exec("rig()").count("\n") > 15
+    assert "output 1, pin 22: off" in repl.exec("io()")
     # afterwards they do move something
     assert repl.exec("move(8, 200)") == ""
     session.wait_idle()
@@ -132,13 +136,15 @@ def test_faults_in_words(session):
     # a file is written, which holds off interrupts
     text = repl.exec("with open('/x', 'w') as f: f.write('x' * 600)\ntime.sleep_ms(800)")
     assert "framestep: the interrupt came too late, so pulses broke off; the motors were ramped down" in text
-    assert "motor 1" in repl.exec("status()") and not session.moving
+    assert "motor 1" in repl.exec("status()")
+    assert not session.moving
     assert shows(FAULT, led(board))
     assert {message for _, message in session.events(HardStop)} == {HardStop(100)}
     session.forget()
     text = repl.exec("b.controller.moves.poll = None\ntime.sleep_ms(200)")
     assert "framestep: stopped by a fault in the firmware; a reset starts it again" in text
-    assert 'File "framestep.controller", line' in text and "TypeError" in text
+    assert 'File "framestep.controller", line' in text
+    assert "TypeError" in text
     assert shows(FAULT, led(board)), "although nothing looks after it any more"
     session.run(0.05)
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]

@@ -49,5 +49,6 @@ def test_pins():
         emulator.set_pin(ESTOP, 1)
         session.run(0.3)
         assert [message for _, message in session.events(HardStop)] == [HardStop(0)]
-        assert not session.moving and levels(20, 21, 23, 17) == [0, 0, 0, 0]
+        assert not session.moving
+        assert levels(20, 21, 23, 17) == [0, 0, 0, 0]
         assert session.made(3) == session.position(3)

@@ -170,7 +170,8 @@ def test_dma_and_pio_irq(emulator):
     emu.trace_start([6])
     repl.exec("d.active(1); sm.active(1); time.sleep_ms(3); sm.active(0)")
     gaps = np.diff(edge_times(emu.trace_stop(), 6)[1:])
-    assert len(gaps) >= 1020 and (gaps == 1000).all(), f"DMA to PIO: {np.unique(gaps, return_counts=True)}"
+    assert len(gaps) >= 1020, f"DMA to PIO: {np.unique(gaps, return_counts=True)}"
+    assert (gaps == 1000).all(), f"DMA to PIO: {np.unique(gaps, return_counts=True)}"
     repl.exec(
         "machine.mem32[0x50000420] = (1 << 16) | 12500\n"  # DMA timer 0: clk_sys / 12500 = 10 kHz
         "machine.Pin(7, machine.Pin.OUT)\n"
@@ -181,7 +182,8 @@ def test_dma_and_pio_irq(emulator):
     emu.trace_start([7])
     repl.exec("e.active(1); time.sleep_ms(5)")
     gaps = np.diff(edge_times(emu.trace_stop(), 7)[1:])
-    assert len(gaps) == 39 and (gaps == 100_000).all(), f"timer-paced DMA: {gaps}"
+    assert len(gaps) == 39, f"timer-paced DMA: {gaps}"
+    assert (gaps == 100_000).all(), f"timer-paced DMA: {gaps}"
 
     repl.exec(
         "import micropython\n"
@@ -203,6 +205,8 @@ def test_dma_and_pio_irq(emulator):
     with emu.measure() as m:
         repl.exec("tick.active(1); time.sleep_ms(50); tick.active(0)")
     gaps = np.diff(edge_times(emu.trace_stop(), 8)[2:])
-    assert len(gaps) > 40 and abs(gaps - np.median(gaps)).max() < 5000, f"PIO irq: {gaps}"
+    assert len(gaps) > 40, f"PIO irq: {gaps}"
+    assert abs(gaps - np.median(gaps)).max() < 5000, f"PIO irq: {gaps}"
     irq = m["exceptions"]["irq9"]
-    assert irq["count"] >= len(gaps) and 600 < irq["cycles"] / irq["count"] < 1200, irq
+    assert irq["count"] >= len(gaps), irq
+    assert 600 < irq["cycles"] / irq["count"] < 1200, irq

@@ -101,4 +101,6 @@ def test_readinto_with_a_time_limit(emulator):
     )
     repl.serial.write(b"0123456789")
     count, us, data = ast.literal_eval(repl.finish(3))
-    assert count == 10 and us < 40_000 and data == b"0123456789\0\0", f"{count} {us} {data}"
+    assert count == 10, f"{count} {us} {data}"
+    assert us < 40_000, f"{count} {us} {data}"
+    assert data == b"0123456789\0\0", f"{count} {us} {data}"

@@ -46,7 +46,8 @@ def test_what_a_host_sees_of_it(emulator):
     emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
     repl = emu.repl()
     event = next(e for e in emu.events() if e["type"] == "usb-configured")
-    assert event["names"] == ["Board CDC"] and event["product"] == "Board in FS mode"
+    assert event["names"] == ["Board CDC"]
+    assert event["product"] == "Board in FS mode"
     assert event["serial"] == repl.eval("__import__('machine').unique_id().hex()")
     repl.exec("import cdc2\nport = cdc2.CDC2(lambda p, n: None)")
     start = emu.ns

@@ -90,13 +90,15 @@ class Session:
         decoder = FrameDecoder()
         self.port.timeout = 0
         frames = decoder.feed(self.port.read(100_000))
-        assert decoder.skipped == 0 and decoder.pending == 0, "something else than frames came"
+        assert decoder.skipped == 0, "something else than frames came"
+        assert decoder.pending == 0, "something else than frames came"
         return frames
 
     def answer_to(self, kind, payload=b"", id=77):
         """The one frame that answers a request."""
         answers = [f for f in self.bytes_for(encode(kind, payload, id), self.reply_s) if f.id == id]
-        assert len(answers) == 1 and answers[0].request_type == kind, answers
+        assert len(answers) == 1, answers
+        assert answers[0].request_type == kind, answers
         return answers[0]
 
     def wait_idle(self, timeout_s=60):

@@ -50,7 +50,8 @@ def test_every_rate(fps):
     verdict = played(simulated(), positions, fps)
     assert verdict.good, verdict.complaints
     steady = {m.motor: m.worst_time_us for m in verdict.motors}
-    assert steady[5] < 1 and steady[8] < 2  # without a turn, where an edge next to it may be late for next to nothing
+    assert steady[5] < 1
+    assert steady[8] < 2
 
 
 def test_the_camera_move():

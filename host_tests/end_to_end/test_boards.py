@@ -70,7 +70,8 @@ def test_twelve_motors():
     talk.run(0.3)
     board._board.set_input("estop", 1)
     talk.run(0.5)
-    assert not talk.moving and [message for _, message in talk.events(HardStop)] == [HardStop(0)]
+    assert not talk.moving
+    assert [message for _, message in talk.events(HardStop)] == [HardStop(0)]
 
 
 def test_limit_of_the_twelfth_motor():
@@ -101,7 +102,8 @@ def test_example_rig_file(name):
     assert tuple(talk.moving) == motors
     board._board.set_input("estop", 1)
     talk.run(1.0)
-    assert not talk.moving and [message for _, message in talk.events(HardStop)] == [HardStop(0)]
+    assert not talk.moving
+    assert [message for _, message in talk.events(HardStop)] == [HardStop(0)]
 
 
 def test_outputs_of_the_skr_pico():
@@ -111,7 +113,9 @@ def test_outputs_of_the_skr_pico():
     talk.forget()
     talk.accept(GioOut(5))
     levels = talk.trace().signals
-    assert "out1" in levels and "out3" in levels and "out2" not in levels
+    assert "out1" in levels
+    assert "out3" in levels
+    assert "out2" not in levels
 
 
 def test_a_motor_that_is_not_there():

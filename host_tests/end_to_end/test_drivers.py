@@ -62,7 +62,8 @@ def test_enabled_only_once_set_up():
     talk.accept(*(MotorMove(motor, 100) for motor in (1, 3)))
     talk.wait_idle()
     assert [(motor, level) for motor, level, _ in enables(talk)] == [(1, 1), (3, 1)]
-    assert talk.made(1) == talk.made(3) == 100 and not said(board)
+    assert talk.made(1) == talk.made(3) == 100
+    assert not said(board)
 
 
 def test_a_dead_driver_holds_up_its_motor_and_every_run():
@@ -82,7 +83,8 @@ def test_a_dead_driver_holds_up_its_motor_and_every_run():
     talk.accept(MotorConfigure(2, m.MOTOR_ENABLED))
     board.chips[1].powered = True
     talk.run(1.5)
-    assert said(board)[1:] == ["driver of motor 2 works again"] and talk.ask(GetCondition()).bits == 0
+    assert said(board)[1:] == ["driver of motor 2 works again"]
+    assert talk.ask(GetCondition()).bits == 0
     talk.accept(MotorMove(2, 100))
     talk.wait_idle()
     assert talk.made(2) == 100
@@ -136,7 +138,8 @@ def test_too_hot_in_motion():
     assert trust(talk, 1) == (positions.LOST, positions.DRIVER)
     talk.accept(MotorResetPosition(1, 0), MotorMove(1, 50))
     talk.wait_idle()
-    assert trust(talk, 1) == (positions.KNOWN, positions.SET) and talk.position(1) == 50
+    assert trust(talk, 1) == (positions.KNOWN, positions.SET)
+    assert talk.position(1) == 50
 
 
 def test_reset_in_motion():
@@ -165,7 +168,8 @@ def test_a_fault_of_a_driver_that_is_off_stops_nothing():
     board.chips[3].reset()
     talk.run(0.5)
     assert said(board) == ["driver of motor 4 was reset: its supply broke down"]
-    assert tuple(talk.moving) == (1, 2) and not talk.events(HardStop)
+    assert tuple(talk.moving) == (1, 2)
+    assert not talk.events(HardStop)
     assert trust(talk, 4) == (positions.KNOWN, positions.SET)
 
 
@@ -175,7 +179,8 @@ def test_a_warning_stops_nothing():
     board.chips[0].status |= 1
     talk.run(0.5)
     assert said(board) == ["driver of motor 1 is hot, close to switching off"]
-    assert tuple(talk.moving) == (1, 2) and not talk.events(HardStop)
+    assert tuple(talk.moving) == (1, 2)
+    assert not talk.events(HardStop)
 
 
 def test_drivers_of_a_pico():
@@ -183,5 +188,7 @@ def test_drivers_of_a_pico():
     talk, board = session({"motors": [{"driver": DRIVER}, {}]}, name="pico")
     talk.refuse(m.ERR_GENERAL, MotorMove(1, 10), MotorMove(2, 10))  # until the first round is done
     talk.run(SET_UP_S)
-    assert len(board.chips[0].writes) == 12 and not board.chips[1].writes
-    assert talk.ask(MotorMove(1, 10)).moving and talk.ask(MotorMove(2, 10)).moving
+    assert len(board.chips[0].writes) == 12
+    assert not board.chips[1].writes
+    assert talk.ask(MotorMove(1, 10)).moving
+    assert talk.ask(MotorMove(2, 10)).moving

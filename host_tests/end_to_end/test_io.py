@@ -102,7 +102,8 @@ def test_a_ramp_is_a_straight_line_of_half_a_second():
     for channel, first, last in ((1, 0, 255), (2, 200, 50)):
         times, levels = map(np.array, zip(*shown(session, f"dmx{channel}"), strict=True))
         line = first + (last - first) * (times - begin) / 0.5
-        assert levels[-1] == last and times[-1] - begin == pytest.approx(0.5, abs=0.012)
+        assert levels[-1] == last
+        assert times[-1] - begin == pytest.approx(0.5, abs=0.012)
         assert np.abs(levels - line).max() <= abs(last - first) * 0.012 / 0.5 + 1
     session.forget()
     session.run(0.6)
@@ -117,7 +118,8 @@ def test_lights_that_are_not_there(payload):
     session = simulated()
     ramp, channel, levels = payload
     answer = session.answer_to(m.MSG_DMX, struct.pack("<BH", ramp, channel) + levels)
-    assert answer.is_ack and answer.payload == struct.pack("<H", m.ERR_RANGE)
+    assert answer.is_ack
+    assert answer.payload == struct.pack("<H", m.ERR_RANGE)
     session.run(0.6)
     assert not any(signal.startswith("dmx") for signal in session.trace().signals)
 
@@ -146,10 +148,12 @@ def test_inputs_are_told_once_per_change():
     set_input(session, "gio3", 0)
     pressed = session.now
     session.run(0.015)
-    assert inputs(session) == 0 and not session.events(InputLevels)
+    assert inputs(session) == 0
+    assert not session.events(InputLevels)
     session.run(0.1)
     ((told, message),) = session.events(InputLevels)
-    assert message.levels == 1 and 0.020 <= told - pressed <= 0.023
+    assert message.levels == 1
+    assert 0.020 <= told - pressed <= 0.023
     assert inputs(session) == 1
     session.forget()
     for _ in range(9):  # bounces
@@ -267,7 +271,8 @@ def test_estop(motion, factor):
     session.run(1)
     assert not session.moving
     ((told, message),) = session.events(HardStop)
-    assert message == HardStop(0) and told - pressed <= 0.002
+    assert message == HardStop(0)
+    assert told - pressed <= 0.002
     for motor in motors:
         times, signs = session.steps(motor)
         late = times[times > pressed]
@@ -284,7 +289,8 @@ def test_estop(motion, factor):
     set_input(session, "estop", 0)
     session.run(1)
     assert not session.moving
-    assert not session.events(HardStop) and not session.events(RtEnd)
+    assert not session.events(HardStop)
+    assert not session.events(RtEnd)
     assert not [signal for signal in session.trace().signals if signal.startswith("m")]  # nothing starts by itself
     session.refuse(m.ERR_GENERAL, RtGo())
     session.accept(MotorJog(3, 10000, 500))
@@ -295,7 +301,8 @@ def test_requests_that_move_nothing_are_answered_while_the_estop_is_held():
     set_input(session, "estop", 0)
     session.run(0.01)
     session.accept(GioOut(1), Dmx(1, 1, [5]), MotorSetLimits(1, 0, 0, 0, 0, 0), MotorConfigure(1, 1))
-    assert inputs(session) == 0 and session.ask(Hi()).motors == 8
+    assert inputs(session) == 0
+    assert session.ask(Hi()).motors == 8
 
 
 # ---------------------------------------------------------------- limits
@@ -314,7 +321,8 @@ def test_limit(direction, swap):
     session.run(0.2)
     set_input(session, 48 - pin, 0)
     session.run(0.05)
-    assert tuple(session.moving) == (4, 5) and not session.events(HardStop)
+    assert tuple(session.moving) == (4, 5)
+    assert not session.events(HardStop)
     set_input(session, pin, 1)
     hit = session.now
     session.run(0.3)
@@ -335,7 +343,8 @@ def test_limit(direction, swap):
     assert not session.steps(4)[0].size
     session.accept(MotorMove(4, here - 100 * direction))
     session.wait_idle()
-    assert session.position(4) == here - 100 * direction and not session.events(HardStop)
+    assert session.position(4) == here - 100 * direction
+    assert not session.events(HardStop)
     set_input(session, pin, 0)
     session.run(0.05)
     session.accept(MotorMove(4, here))
@@ -356,8 +365,10 @@ def test_a_limit_during_a_run_ends_it():
     session.client.wait_event(RtEnd)
     session.run(0.5)
     assert [message for _, message in session.events(HardStop)] == [HardStop(1, 1)]
-    assert not session.events(RtEnd) and not session.moving
-    assert session.position(1) < PATH[-1] and session.position(2) < PATH[-1]
+    assert not session.events(RtEnd)
+    assert not session.moving
+    assert session.position(1) < PATH[-1]
+    assert session.position(2) < PATH[-1]
 
 
 def test_sets_that_are_not_there():
@@ -412,10 +423,12 @@ def test_go_from_an_input(dialect):
     press()  # nothing waits
     session.accept(run_request(24, 1, 25, 300, 300))
     press(0.021)
-    assert not session.events(RtGo) and not session.events(RtEnd)
+    assert not session.events(RtGo)
+    assert not session.events(RtEnd)
     session.wait_idle()
     press(0.01)  # too short to count
-    assert not session.events(RtGo) and not session.moving
+    assert not session.events(RtGo)
+    assert not session.moving
     session.forget()
     pressed = session.now
     press(0.2)
@@ -424,7 +437,8 @@ def test_go_from_an_input(dialect):
     press()  # under way: nothing
     session.client.wait_event(RtEnd, 10)
     session.wait_idle()
-    assert len(session.events(RtGo)) == 1 and not session.events(RtEnd)
+    assert len(session.events(RtGo)) == 1
+    assert not session.events(RtEnd)
     assert session.steps(1)[0][0] >= pressed + 0.02
     assert session.position(1) == 480
 
@@ -466,4 +480,5 @@ def test_no_go_from_an_input_by_default():
     session.ready(run_request(24, 1, 25, 300, 300))
     board.set_input(board.controller.rig.inputs[0]["pin"], 0)
     session.run(0.3)
-    assert not session.events(RtGo) and not session.moving
+    assert not session.events(RtGo)
+    assert not session.moving

@@ -59,7 +59,8 @@ def assert_followed(session, start, fps):
 
 
 def assert_on_frame(session, index):
-    assert indices(session) == index and session.position(2) == PATH[2][index]
+    assert indices(session) == index
+    assert session.position(2) == PATH[2][index]
     assert session.ask_positions().move_time == (index + 1) * 1000
 
 
@@ -177,7 +178,8 @@ def test_stop_lands_on_a_frame(standing, fps, after, request_):
     standing.client.wait_idle(30, 0.02)
     times, signs = standing.steps(1)
     at = indices(standing)
-    assert at == round(at) and at >= 121
+    assert at == round(at)
+    assert at >= 121
     assert_on_frame(standing, round(at))
     assert_followed(standing, 120, max(fps, 1))
     # 0.05 s pass until it acts; what a queued ramp up still adds is little
@@ -235,7 +237,8 @@ def test_refused(standing):
     """Numbers out of range, not on a frame, in a run; nothing moves."""
     standing.refuse(Ack.ERR_RANGE, RtJogAll(24000, 0), RtJogAll(24000, FRAMES + 1), RtJogAll(0, 5))
     standing.refuse(Ack.ERR_RANGE, RtJogAll(200001, 5), RtJogAll(2**32 - 1, 5), RtJogAll(24000, -(2**31)))
-    assert standing.ask(MotorMove(2, standing.position(2) + 1)) and standing.wait_idle() is None
+    assert standing.ask(MotorMove(2, standing.position(2) + 1))
+    assert standing.wait_idle() is None
     standing.forget()
     standing.refuse(Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 121))
     standing.run(0.2)
@@ -275,7 +278,8 @@ def test_there_already(standing):
     standing.accept(RtJogAll(24000, 121))
     assert not standing.moving
     standing.run(0.2)
-    assert not standing.trace().motors and not standing.events(RtEnd)
+    assert not standing.trace().motors
+    assert not standing.events(RtEnd)
 
 
 def test_limits(standing):
@@ -454,7 +458,8 @@ def test_what_slows_it_down_is_told(standing):
     standing.accept(RtJogAll(12000, 200))
     standing.run(2)
     told = standing.client.request(GetExceeded())
-    assert (told.what, told.motor) == (EXCEEDED_SLOWED, 2) and told.by == pytest.approx(6000, rel=0.02)
+    assert (told.what, told.motor) == (EXCEEDED_SLOWED, 2)
+    assert told.by == pytest.approx(6000, rel=0.02)
     assert abs(PATH[2][told.frame - 1] - PATH[2][told.frame - 2]) == pytest.approx(150, abs=2)
 
 
@@ -482,7 +487,8 @@ def test_limit_switches():
     session.wait_idle()
     session.accept(RtJogAll(9000, 20))
     session.wait_idle()
-    assert session.position(1) == 1900 and session.made(3) == 0
+    assert session.position(1) == 1900
+    assert session.made(3) == 0
     session.accept(MotorSetLimits(3, 0, 0, 0, 0, 0x81))
     session.accept(RtJogAll(9000, 155))
     session.wait_idle()

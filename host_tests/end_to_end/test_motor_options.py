@@ -68,7 +68,8 @@ def test_partner_makes_the_same_steps_at_the_same_time(flag, sense):
     assert all(a[1] == sense * b[1] for a, b in zip(one, two, strict=True))
     # rounding falls the other way where the sign is turned
     assert max(abs(a[0] - b[0]) for a, b in zip(one, two, strict=True)) < 1000
-    assert position(client, 1) == 333 and position(client, 2) == 500 + sense * 333
+    assert position(client, 1) == 333
+    assert position(client, 2) == 500 + sense * 333
 
 
 def test_partner_cannot_be_asked_and_the_last_motor_has_none():
@@ -83,7 +84,8 @@ def test_partner_cannot_be_asked_and_the_last_motor_has_none():
     client.pump(0.1)
     client.code(MotorStop(4))  # stops both
     client.wait_idle()
-    assert 0 < position(client, 3) < 1000 and position(client, 3) == position(client, 4)
+    assert 0 < position(client, 3) < 1000
+    assert position(client, 3) == position(client, 4)
     assert client.code(MotorConfigure(3, 1)) == Ack.OK
     client.request(MotorMove(4, 10))
     client.wait_idle()

@@ -51,9 +51,12 @@ def is_ack(session, frame, code=Ack.OK):
 
 def test_hi(both):
     answer = both.answer_to(m.MSG_HI)
-    assert not answer.is_ack and len(answer.payload) == 51
+    assert not answer.is_ack
+    assert len(answer.payload) == 51
     info = DeviceInfo.unpack(answer.payload)
-    assert info.name == "framestep" and info.motors == 8 and info.protocol_version == 2
+    assert info.name == "framestep"
+    assert info.motors == 8
+    assert info.protocol_version == 2
     assert info.capabilities & 0x0683 == 0x0683, "real-time moves, both go-motions, loops, camera"
     assert info.upload_frames >= 10_000
     assert both.ask(Hi()) == info
@@ -104,11 +107,14 @@ def test_form_of_every_answer(both):
     both.wait_idle()
     for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8)):
         answer = both.answer_to(kind)
-        assert not answer.is_ack and answer.id == 77 and len(answer.payload) == size
+        assert not answer.is_ack
+        assert answer.id == 77
+        assert len(answer.payload) == size
     assert is_ack(both, both.answer_to(0x0300), Ack.ERR_UNSUPPORTED)
     damaged = bytes.fromhex("4446000000000102000000 00".replace(" ", ""))
     frames = both.bytes_for(damaged)
-    assert [(f.id, f.type) for f in frames] == [(0, 0x8201)] and is_ack(both, frames[0], Ack.ERR_CHECKSUM)
+    assert [(f.id, f.type) for f in frames] == [(0, 0x8201)]
+    assert is_ack(both, frames[0], Ack.ERR_CHECKSUM)
 
 
 def test_answer_to_a_move(both):
@@ -117,7 +123,8 @@ def test_answer_to_a_move(both):
     if both.wide:
         assert is_ack(both, answer)
     else:
-        assert not answer.is_ack and answer.payload == b"\x01"
+        assert not answer.is_ack
+        assert answer.payload == b"\x01"
     both.wait_idle()
     answer = both.answer_to(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 2, 100))
     assert is_ack(both, answer) if both.wide else answer.payload == b"\x00"
@@ -165,7 +172,8 @@ def test_no_distance(both):
     assert both.code(MotorMove(1, -77)) == Ack.OK
     assert both.moving == []
     both.run(0.5)
-    assert both.position(1) == -77 and both.made(1) == 0
+    assert both.position(1) == -77
+    assert both.made(1) == 0
     assert both.events(Positions) == []
 
 
@@ -286,7 +294,8 @@ def test_moving_bit_until_the_last_edge(rig):
         seen.append((rig.now, rig.moving == [2]))
         rig.run(0.001)
     times, _ = rig.steps(2)
-    assert len(times) == 120 and times[-1] <= seen[-1][0]
+    assert len(times) == 120
+    assert times[-1] <= seen[-1][0]
 
 
 @pytest.mark.parametrize("report_ms", [100, 30])
@@ -331,7 +340,8 @@ def test_stop(rig):
     times, signs = rig.steps(1)
     assert deceleration(times, signs, asked) == pytest.approx(30000, rel=0.01)
     assert times[-1] - asked == pytest.approx(6000 / 30000, abs=0.008)
-    assert rig.position(1) == signs.sum() and rig.position(2) == 6000
+    assert rig.position(1) == signs.sum()
+    assert rig.position(2) == 6000
     rig.accept(MotorStop(1))
     rig.ask(MotorMove(1, 0))
     rig.wait_idle()
@@ -407,13 +417,16 @@ def test_reset_position(both):
         both.accept(MotorResetPosition(4, value))
         both.run(0.05)
         ((_, message),) = both.events(Positions)
-        assert message.steps[3] == value and both.position(4) == value
+        assert message.steps[3] == value
+        assert both.position(4) == value
     assert both.made(4) == 0
     both.code(MotorMove(4, 12345 + 2000))
     both.refuse(Ack.ERR_MOVING, MotorResetPosition(4, 0))
     both.accept(MotorResetPosition(5, 99))
     both.wait_idle()
-    assert both.position(4) == 14345 and both.made(4) == 2000 and both.position(5) == 99
+    assert both.position(4) == 14345
+    assert both.made(4) == 2000
+    assert both.position(5) == 99
     both.code(MotorMove(4, 12345))
     both.wait_idle()
     assert both.made(4) == 0
@@ -522,7 +535,8 @@ def test_jog_is_held_by_soft_limits(both):
         assert both.position(1) == ends
         assert both.made(1) == ends
     highest = np.cumsum(both.steps(1)[1])
-    assert highest.max() == 1500 and highest.min() == -1200
+    assert highest.max() == 1500
+    assert highest.min() == -1200
 
 
 GENTLER = {
@@ -630,7 +644,8 @@ def test_jog_refused(both):
     both.refuse(Ack.ERR_RANGE, MotorJog(1, 0, 100), MotorJog(1, 10001, 100), MotorJog(1, 65535, 100))
     both.refuse(Ack.ERR_RANGE, MotorJog(0, 100, 100), MotorJog(9, 100, 100), MotorJog(255, 100, 100))
     both.run(0.2)
-    assert both.moving == [] and both.made(1) == 0
+    assert both.moving == []
+    assert both.made(1) == 0
 
 
 def test_refused_jog_does_not_prolong(rig):
@@ -660,7 +675,8 @@ def test_configure(both):
     both.accept(MotorConfigure(2, m.MOTOR_ENABLED | m.MOTOR_BLUR), MotorConfigure(3, 0))
     both.refuse(Ack.ERR_GENERAL, MotorMove(3, 100), MotorJog(3, 100, 100))
     both.run(0.1)
-    assert both.made(3) == 0 and both.moving == []
+    assert both.made(3) == 0
+    assert both.moving == []
     both.accept(MotorConfigure(3, m.MOTOR_ENABLED))
     assert both.code(MotorMove(3, 100)) == Ack.OK
     both.refuse(Ack.ERR_MOVING, MotorConfigure(3, 0))
@@ -692,9 +708,8 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig.ask(MotorMove(1, way))
     rig.wait_idle()
     times, _ = rig.steps(1)
-    assert len(times) == way and 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(
-        fastest, rel=0.01
-    )
+    assert len(times) == way
+    assert 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(fastest, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -737,7 +752,8 @@ def test_soft_limits(both):
         both.refuse(code, MotorMove(1, target))
     both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, LOWEST))
     both.run(0.1)
-    assert both.moving == [] and both.made(1) == 0
+    assert both.moving == []
+    assert both.made(1) == 0
     for target in (800, -500, 0):
         assert both.code(MotorMove(1, target)) == Ack.OK
         both.wait_idle()

@@ -147,7 +147,8 @@ def test_the_repl_says_so_in_words(moving):
     place = moving.position(1)
     assert lines[0] == f"motor 1: {place}, known: set by the host"
     assert lines[4] == "motor 5: 0, lost: not set since power-up"
-    assert lines[8] == texts.LIMITS_COUNT and len(lines) == 9
+    assert lines[8] == texts.LIMITS_COUNT
+    assert len(lines) == 9
 
 
 @pytest.mark.inside

@@ -134,7 +134,9 @@ def test_a_stop_while_the_beginning_is_planned(cause, ms):
         session.run(0.1)
     session.refuse(Ack.ERR_GENERAL, RtGo())
     session.run(0.5)
-    assert session.positions == before and not session.moving and not session.trace().motors
+    assert session.positions == before
+    assert not session.moving
+    assert not session.trace().motors
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.forget()
     session.accept(RtGo())
@@ -214,7 +216,8 @@ def test_stop_loop(after, ping_pong, loop, flags):
     # and it is forgotten: the next loop is one again
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(3.5)
-    assert not session.events(RtEnd) and len(passes_told(session)) >= 2
+    assert not session.events(RtEnd)
+    assert len(passes_told(session)) >= 2
     session.accept(MotorStopAll())
     to_the_end(session)
 
@@ -231,8 +234,10 @@ def test_stop_loop_late_in_a_pass(after, flags):
     ended = to_the_end(session)
     assert 1.99 < ended - begun < 2.06
     session.wait_idle()
-    assert session.position(1) == MOVE[1][-1] and session.position(2) == MOVE[2][-1]
-    assert passes_told(session)[-1][-1][1] == FRAMES and len(passes_told(session)) == 1
+    assert session.position(1) == MOVE[1][-1]
+    assert session.position(2) == MOVE[2][-1]
+    assert passes_told(session)[-1][-1][1] == FRAMES
+    assert len(passes_told(session)) == 1
     for motor in MOVE:
         assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
 
@@ -478,7 +483,8 @@ def test_bloop(sync, flags):
             assert session.client.take_event(RtEnd)
         zero = frame_times(judged(session, before, roll=0.2)[0], 24)[0]
         on, off = edges(session, "gio4")
-        assert on == (pytest.approx(zero, abs=0.001), 1) and off == (pytest.approx(zero + 0.12, abs=0.001), 0)
+        assert on == (pytest.approx(zero, abs=0.001), 1)
+        assert off == (pytest.approx(zero + 0.12, abs=0.001), 0)
         if sync and not flags:
             assert_triggers(session, frame_times(judged(session, before, roll=0.2)[0], 24), range(FRAMES))
         levels = [e for e in changes(session, f"dmx{channel}") if e[0] < zero + 0.13]
@@ -491,7 +497,8 @@ def test_bloop_of_no_time():
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_outputs=1, bloop_channel=40, bloop_ms=0))
     to_the_end(session)
-    assert not edges(session, "gio1") and not edges(session, "dmx40")
+    assert not edges(session, "gio1")
+    assert not edges(session, "dmx40")
 
 
 BLOOP = {"bloop_outputs": 0b1001, "bloop_channel": 40}
@@ -538,7 +545,8 @@ def test_bloop_outlives_a_stop(after, ms):
     session.run(4)
     assert len(session.events(RtEnd)) == 1
     if after < 0.3:
-        assert not edges(session, "gio1") and not edges(session, "dmx40")
+        assert not edges(session, "gio1")
+        assert not edges(session, "dmx40")
     else:
         assert_bloop(session, changes(session, "gio1")[0][0], ms)
 
@@ -563,7 +571,9 @@ def test_bloop_and_another_run():
     session.run(5)
     on = [time for time, level in changes(session, "gio1") if level]
     off = [time for time, level in changes(session, "gio1") if not level]
-    assert len(on) == len(off) == 2 and off[0] < on[1] and off[1] - on[1] == pytest.approx(4.0, abs=0.001)
+    assert len(on) == len(off) == 2
+    assert off[0] < on[1]
+    assert off[1] - on[1] == pytest.approx(4.0, abs=0.001)
     assert [level for _, level in changes(session, "dmx40")] == [255, 0x22, 255, 0x22]
 
 
@@ -593,7 +603,8 @@ def test_bloop_and_safe_levels(how, after):
     session.board.run_until(session.board.now_ns + 10**7)
     happened = session.now
     session.board.run_until(session.board.now_ns + 6 * 10**9)
-    assert level_now(session, "gio1") == 0 and level_now(session, "gio4") == 1
+    assert level_now(session, "gio1") == 0
+    assert level_now(session, "gio4") == 1
     for name in ("gio1", "gio4", "dmx40"):
         assert not [time for time, _ in changes(session, name) if time > happened], name
     assert changes(session, "dmx40")[-1][1] == 0x22
@@ -624,8 +635,10 @@ def test_video(flags, reverse):
     ended = to_the_end(session)
     begins = min(session.steps(motor)[0][0] for motor in MOVE)
     (on, off), (on_again, off_again) = camera(session)
-    assert 0 <= on - went < 0.006 and on <= begins
-    assert off - on == pytest.approx(0.1, abs=1e-4) and off_again - on_again == pytest.approx(0.1, abs=1e-4)
+    assert 0 <= on - went < 0.006
+    assert on <= begins
+    assert off - on == pytest.approx(0.1, abs=1e-4)
+    assert off_again - on_again == pytest.approx(0.1, abs=1e-4)
     assert on_again == pytest.approx(ended, abs=0.006)
     rest = max(times[times < ended][-1] for times in (session.steps(motor)[0] for motor in MOVE))
     assert on_again >= rest, "the whole move is on the recording"
@@ -667,7 +680,9 @@ def test_video_and_the_next_operation():
         session.run(1)
         shutter = changes(session, "shutter")
         on, off = shutter[2:4]
-        assert on[1] == 1 and off[1] == 0 and off[0] - on[0] == pytest.approx(0.1, abs=1e-4)
+        assert on[1] == 1
+        assert off[1] == 0
+        assert off[0] - on[0] == pytest.approx(0.1, abs=1e-4)
         assert level_now(session, "shutter") == level_now(session, "meter") == 0
 
 
@@ -678,7 +693,8 @@ def test_video_of_few_frames():
         go(session, run_request(24, 3, last, 50, 0, flags=VIDEO))
         to_the_end(session)
         (_, first_off), (on, off) = camera(session)
-        assert on - first_off >= 0.0999 and off - on == pytest.approx(0.1, abs=1e-4)
+        assert on - first_off >= 0.0999
+        assert off - on == pytest.approx(0.1, abs=1e-4)
 
 
 def test_video_stop_loop_after_the_last_frame():
@@ -821,8 +837,10 @@ def test_refused_before_motion(case, flags):
     session.refuse(Ack.ERR_GENERAL, RtGo())
     session.run(0.3)
     trace = session.trace()
-    assert not trace.motors and not trace.signals, "something has changed"
-    assert not session.moving and not session.events(RtEnd)
+    assert not trace.motors, "something has changed"
+    assert not trace.signals, "something has changed"
+    assert not session.moving
+    assert not session.events(RtEnd)
 
 
 def test_refused_keeps_what_waits():
@@ -962,7 +980,8 @@ def test_stopped_at_any_moment(name, how):
         # whatever it was, the rig works on
         session.accept(RtPositionFrame(3))
         session.wait_idle()
-        assert session.positions[1] == MOVE[1][2] and session.positions[2] == MOVE[2][2]
+        assert session.positions[1] == MOVE[1][2]
+        assert session.positions[2] == MOVE[2][2]
 
 
 def test_lost_host_while_it_waits():
@@ -976,7 +995,8 @@ def test_lost_host_while_it_waits():
             session.run(0.6)
             session.come_back()
             session.run(0.1)
-            assert not session.moving and not session.events(RtEnd)
+            assert not session.moving
+            assert not session.events(RtEnd)
             session.refuse(Ack.ERR_GENERAL, RtGo())
             assert session.ask(MotorGetPosition())
 
@@ -994,7 +1014,8 @@ def test_lost_host_that_comes_back_at_once():
     session.come_back()
     assert session.moving
     session.run(1)
-    assert not session.events(RtEnd) and not session.moving
+    assert not session.events(RtEnd)
+    assert not session.moving
     # the next run is told of as ever
     go(session, run_request(12, 1, FRAMES))
     to_the_end(session)

@@ -175,7 +175,8 @@ def test_longer_than_known(dialect, more):
             rig.run(1.1)  # apart from the STOP_ALL before
             rig.wait_idle()
             frame = rig.answer_to(request.TYPE, request.pack() + tail[:more])
-            assert frame.is_ack and Ack.unpack(frame.payload) == code, request
+            assert frame.is_ack, request
+            assert Ack.unpack(frame.payload) == code, request
         rig.wait_idle()
     assert answers[:4] == answers[4:]
     assert longer.positions == plain.positions
@@ -428,7 +429,8 @@ def session_with(refusals):
 def test_refusals_leave_no_trace_on_the_pins():
     """Edge by edge and report by report the session is the same with and without two hundred refused requests in it."""
     edges, said = session_with(refusals=False)
-    assert len(edges["m1"][0]) > 5000 and len(edges["m2"][0]) > 5000
+    assert len(edges["m1"][0]) > 5000
+    assert len(edges["m2"][0]) > 5000
     assert sum(isinstance(message, RtEnd) for _, message in said) == 1
     bothered_edges, bothered_said = session_with(refusals=True)
     assert bothered_edges == edges

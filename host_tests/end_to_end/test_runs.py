@@ -94,8 +94,10 @@ def test_upload_message_by_message(both):
         both.accept(RtPositionFrame(frame))
         both.wait_idle()
         positions = both.ask_positions()
-        assert positions.steps[1:3] == (expected, -5) and positions.move_time == frame * 1000
-    assert both.made(2) == 20 and both.made(1) == 0
+        assert positions.steps[1:3] == (expected, -5)
+        assert positions.move_time == frame * 1000
+    assert both.made(2) == 20
+    assert both.made(1) == 0
 
 
 def test_upload_refused(both):
@@ -165,7 +167,8 @@ def test_negative_frames_and_far_positions(rig):
     rig.upload(positions, start_frame=-10)
     rig.accept(RtPositionFrame(-10))
     rig.wait_idle()
-    assert rig.position(1) == positions[1][0] and rig.position(2) == positions[2][0]
+    assert rig.position(1) == positions[1][0]
+    assert rig.position(2) == positions[2][0]
     # run-ups and run-outs would leave the range of 32 bits; from -5 to 9 they do not
     before = rig.play(run_request(24, -5, 9, 100, 100))
     assert_played(rig, before, {m: s[5:20] for m, s in positions.items()}, 24)
@@ -212,7 +215,8 @@ def test_run_told(loaded):
             rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
             assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2
     last_edge = max(loaded.steps(motor)[0][loaded.steps(motor)[0] < end][-1] for motor in MOVE)
-    assert 0 <= end - last_edge <= 0.01 and end - times[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
+    assert 0 <= end - last_edge <= 0.01
+    assert end - times[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
     assert loaded.moving == []
 
 
@@ -301,7 +305,8 @@ def test_no_roll_at_rest(rig):
     positions = {1: steps, 2: steps + 3}
     rig.upload(positions)
     before = rig.play(run_request(24, 1, 30, 0, 0))
-    assert before[1] == 0 and before[2] == 3
+    assert before[1] == 0
+    assert before[2] == 3
     assert_played(rig, before, positions, 24)
     assert rig.position(1) == 0
 
@@ -323,7 +328,8 @@ def test_motors_without_a_part_hold_still(loaded):
     loaded.accept(MotorResetPosition(2, 77), MotorResetPosition(4, -3))
     loaded.ready(run_request(24, 1, FRAMES))
     before = loaded.positions
-    assert before[2] == 77 and before[4] == -3
+    assert before[2] == 77
+    assert before[4] == -3
     loaded.forget()
     loaded.accept(RtGo())
     loaded.run(0.2)
@@ -333,7 +339,8 @@ def test_motors_without_a_part_hold_still(loaded):
     loaded.client.wait_event(RtEnd, 10)
     loaded.run(0.5)
     trace = loaded.trace()
-    assert 2 not in trace.motors and 4 in trace.motors
+    assert 2 not in trace.motors
+    assert 4 in trace.motors
     del trace.signals["m4"]
     assert judge(trace, {1: MOVE[1]}, 24000, before).good
 
@@ -476,7 +483,8 @@ def test_corners_are_played_as_uploaded(rig, acceleration):
     assert_played(rig, before, positions, 24)
     told = rig.ask(GetExceeded())
     if acceleration < 28_800:
-        assert (told.what, told.motor) == (2, 1) and told.frame in (13, 16)
+        assert (told.what, told.motor) == (2, 1)
+        assert told.frame in (13, 16)
         assert told.by == 28_800 - acceleration
     else:
         assert told.what == 0
@@ -540,7 +548,8 @@ def test_the_sharpest_corners_that_the_board_can_make(rig, fps, shape):
         # at a turning point the last step may be missing
         assert verdict.motors[0].worst_position <= (shape == "zigzag"), (size, verdict.complaints)
         assert rig.position(1) == size * unit[-1]
-    assert taken and refused
+    assert taken
+    assert refused
 
 
 def test_limits_in_the_way(loaded):
@@ -582,7 +591,8 @@ def test_position_frame_past_a_limit(loaded):
     loaded.refuse(Ack.ERR_SOFT_UP, RtPositionFrame(25))
     loaded.refuse(Ack.ERR_SOFT_LOW, RtPositionFrame(1))
     loaded.run(0.1)
-    assert loaded.moving == [] and not loaded.trace().motors
+    assert loaded.moving == []
+    assert not loaded.trace().motors
     loaded.accept(RtPositionFrame(10))
     loaded.wait_idle()
     assert loaded.position(1) == 640
@@ -642,10 +652,12 @@ def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
     reached = (verdict.origin_ns + frame_times_ns(abs(last - first) + 1, round(fps * 1000))[-1]) * 1e-9
     times, signs = loaded.steps(1)
     inside = (times > reached + 1e-5) & (times < reached + period)
-    assert abs(inside.sum() - 60) <= 1 and len(set(signs[inside])) == 1
+    assert abs(inside.sum() - 60) <= 1
+    assert len(set(signs[inside])) == 1
     assert np.abs(np.diff(times[inside]) * 60 * fps - 1).max() < 0.01, "constant velocity"
     behind = (times > reached + period) & (times < end)
-    assert len(set(signs[behind])) == 1 and np.diff(times[behind])[-1] > 2 * np.diff(times[inside])[-1]
+    assert len(set(signs[behind])) == 1
+    assert np.diff(times[behind])[-1] > 2 * np.diff(times[inside])[-1]
     rest = max(t[t < end][-1] for t in (loaded.steps(motor)[0] for motor in MOVE))
     assert 0 <= end - rest < 0.02
     if post:
@@ -679,7 +691,8 @@ def test_the_way_back_is_a_position_frame(loaded):
     loaded.run(0.1)
     loaded.accept(RtPositionFrame(20))
     loaded.wait_idle()
-    assert loaded.position(1) == MOVE[1][19] and loaded.ask_positions().move_time == 20_000
+    assert loaded.position(1) == MOVE[1][19]
+    assert loaded.ask_positions().move_time == 20_000
     # stopped
     played_to(loaded, run)
     loaded.run(0.15)
@@ -699,7 +712,8 @@ def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
     if request_:
         loaded.client.request(request_)
     loaded.run(2)
-    assert not loaded.moving and not loaded.events(RtEnd)
+    assert not loaded.moving
+    assert not loaded.events(RtEnd)
     found = {motor: loaded.position(motor) for motor in MOVE}
     expected = {motor: steps[19 if request_ == RtPositionFrame(20) else 24] for motor, steps in MOVE.items()}
     if request_ == MotorMove(4, 4321):
@@ -724,7 +738,8 @@ def test_no_way_back_after_a_stop(loaded):
         loaded.client.wait_event(RtEnd, 5)
         end = loaded.now
         loaded.run(0.5)
-        assert not loaded.moving and not [t for m in MOVE for t in loaded.steps(m)[0] if t > end]
+        assert not loaded.moving
+        assert not [t for m in MOVE for t in loaded.steps(m)[0] if t > end]
 
 
 def test_only_motors_of_the_run_go_back(loaded):
@@ -799,7 +814,8 @@ def test_stop_of_one_motor_ends_the_run(loaded):
     loaded.run(0.8)
     loaded.accept(MotorStop(4))
     loaded.run(0.6)
-    assert len(loaded.events(RtEnd)) == 1 and loaded.moving == []
+    assert len(loaded.events(RtEnd)) == 1
+    assert loaded.moving == []
 
 
 def test_stop_all_before_go(loaded):
@@ -831,7 +847,8 @@ def test_port_closed_in_a_run(loaded):
     loaded.come_back()
     loaded.run(0.2)
     assert loaded.events(RtEnd) == []
-    assert loaded.moving == [] and loaded.position(1) == before[1] + signs.sum()
+    assert loaded.moving == []
+    assert loaded.position(1) == before[1] + signs.sum()
     loaded.refuse(Ack.ERR_GENERAL, RtGo())
     before = loaded.play(run_request(24, 1, FRAMES))
     assert_played(loaded, before, MOVE, 24)

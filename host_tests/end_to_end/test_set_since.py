@@ -71,7 +71,8 @@ def test_before_go(change, code, pause):
     if code != Ack.OK:
         session.refuse(code, RtGo())
         session.run(0.2)
-        assert not session.trace().motors and not session.moving
+        assert not session.trace().motors
+        assert not session.moving
         session.refuse(code, RtGo())
         session.accept(*BACK)
         session.run(pause)

@@ -44,11 +44,13 @@ def shoot(session, request, start_s=0.005):
     session.client.wait_event(RtEnd, 70)
     ended = session.now
     session.run(0.3)
-    assert not session.events(RtEnd) and not session.moving
+    assert not session.events(RtEnd)
+    assert not session.moving
     (opened, on), (closed, off) = edges(session, "shutter")
     (metered, meter_on), (unmetered, meter_off) = edges(session, "meter")
     assert (on, off, meter_on, meter_off) == (1, 0, 1, 0)
-    assert -0.005 < metered - went < start_s and unmetered == closed, "meter from GO to the end of the exposure"
+    assert -0.005 < metered - went < start_s, "meter from GO to the end of the exposure"
+    assert unmetered == closed, "meter from GO to the end of the exposure"
     if isinstance(request, RtShootFrame):
         assert ended >= closed + 0.999
     else:
@@ -65,10 +67,12 @@ def assert_window(session, motor, before, opened, closed, at_open, at_close, exa
     position = before[motor] + np.cumsum(signs)
     inside = (times > opened + 1e-6) & (times < closed + 1e-6)
     way = at_close - at_open
-    assert abs(inside.sum() - abs(way)) <= 1 and np.all(np.sign(signs[inside]) == np.sign(way))
+    assert abs(inside.sum() - abs(way)) <= 1
+    assert np.all(np.sign(signs[inside]) == np.sign(way))
     if inside.sum() > 2:
         gaps = np.diff(times[inside])
-        assert abs(gaps.max() / gaps.mean() - 1) < 0.005 and abs(gaps.min() / gaps.mean() - 1) < 0.005
+        assert abs(gaps.max() / gaps.mean() - 1) < 0.005
+        assert abs(gaps.min() / gaps.mean() - 1) < 0.005
         assert gaps.mean() == pytest.approx((closed - opened) / abs(way), rel=0.005 + 1 / abs(way))
         # where the motion is at the shutter's edges, to fractions of a step
         speed = np.sign(way) / gaps.mean()
@@ -100,9 +104,8 @@ def test_whole_window(ready, exposure, direction, pair):
     times, _ = ready.steps(1)
     assert times[-1] - closed <= 1.0 + 1e-4
     velocity = (b - a) / exposure * 1000
-    assert before[1] == pytest.approx(a - velocity / 2, abs=1) and ready.position(1) == pytest.approx(
-        b + velocity / 2, abs=1
-    )
+    assert before[1] == pytest.approx(a - velocity / 2, abs=1)
+    assert ready.position(1) == pytest.approx(b + velocity / 2, abs=1)
 
 
 @pytest.mark.parametrize("blur", [1, 10, 333, 500, 999, 1000])
@@ -156,10 +159,12 @@ def test_without_motors(ready):
     """No motor to move: the shutter opens all the same."""
     ready.accept(MotorConfigure(1, 1), MotorConfigure(2, 1))
     _, went, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 250, 500))
-    assert opened - went == pytest.approx(1.0, abs=0.006) and closed - opened == pytest.approx(0.25, abs=2e-5)
+    assert opened - went == pytest.approx(1.0, abs=0.006)
+    assert closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
     _, went, opened, closed = shoot(ready, RtShootFrame2(FRAME, 250, 90, 180))
-    assert opened - went == pytest.approx(0.25, abs=0.006) and closed - opened == pytest.approx(0.25, abs=2e-5)
+    assert opened - went == pytest.approx(0.25, abs=0.006)
+    assert closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
 
 
@@ -177,10 +182,14 @@ def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
     times, signs = session.steps(motor)
     degree = (closed - opened) / (closes - opens)
     zero = opened - opens * degree
-    assert before[motor] == a and session.position(motor) == b and a + signs.sum() == b
+    assert before[motor] == a
+    assert session.position(motor) == b
+    assert a + signs.sum() == b
     way = b - a
-    assert len(times) == abs(way) and np.all(signs == np.sign(way))
-    assert times[0] > zero - 1e-4 and times[-1] < zero + 360 * degree + 1e-4
+    assert len(times) == abs(way)
+    assert np.all(signs == np.sign(way))
+    assert times[0] > zero - 1e-4
+    assert times[-1] < zero + 360 * degree + 1e-4
     turns = (times - zero) / (360 * degree)
     # where the path is at each edge against the step made there; ramps begin and end on whole steps
     off = np.abs(ideal(turns) * abs(way) - np.arange(1, len(times) + 1))
@@ -316,7 +325,8 @@ def test_refused_for_its_numbers(ready, request_, code):
     ready.forget()
     ready.refuse(code, request_)
     ready.run(0.2)
-    assert not ready.trace().signals and not ready.moving
+    assert not ready.trace().signals
+    assert not ready.moving
     ready.refuse(Ack.ERR_GENERAL, RtGo())
 
 
@@ -334,10 +344,12 @@ def test_limits_in_the_way(ready):
         ready.forget()
         ready.refuse(code, request)
         ready.run(0.1)
-        assert not ready.trace().signals and not ready.moving
+        assert not ready.trace().signals
+        assert not ready.moving
     ready.accept(MotorSetLimits(1, 1, -400, 1, 800))
     before, *_ = shoot(ready, request)
-    assert before[1] == -400 and ready.position(1) == 800
+    assert before[1] == -400
+    assert ready.position(1) == 800
 
 
 @pytest.mark.parametrize("angles", [(0, 360), (-90, 270), (90, 450)])
@@ -354,10 +366,12 @@ def test_limits_and_angles(ready, angles):
         ready.forget()
         ready.refuse(code, request)
         ready.run(0.1)
-        assert not ready.trace().signals and not ready.moving
+        assert not ready.trace().signals
+        assert not ready.moving
     ready.accept(MotorSetLimits(1, 1, 0, 1, 400))
     before, *_ = shoot(ready, request)
-    assert before[1] == 0 and ready.position(1) == 400
+    assert before[1] == 0
+    assert ready.position(1) == 400
 
 
 def test_too_steep(ready):

@@ -93,7 +93,8 @@ def test_in_a_run(fps, way, ask):
     told = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
     for index in range(FRAMES)[1:-1]:
         exact = [m for _, m in told if m.move_time == (index + 1) * 1000]
-        assert exact and all(m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact)
+        assert exact
+        assert all(m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact)
     # between frames MOVE TIME is the play head: motor 1 has a constant speed
     parts = [m for _, m in messages if m.move_time % 1000]
     assert len(parts) > 30 or (fps == 60 and not ask)  # each frame is told, and comes before the next report is due
@@ -102,7 +103,8 @@ def test_in_a_run(fps, way, ask):
     unasked = [m.move_time * way for _, m in session.events(Positions)]
     assert unasked == sorted(unasked)
     begin = [m.move_time for time, m in messages if time < messages[0][0] + 0.3]
-    assert set(begin) == {first * 1000} and unasked[-1] == last * 1000 * way
+    assert set(begin) == {first * 1000}
+    assert unasked[-1] == last * 1000 * way
 
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])

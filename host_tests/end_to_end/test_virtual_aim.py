@@ -106,8 +106,10 @@ def test_a_jog_that_is_asked_for_while_one_stops(back):
     assert np.abs(beside(NODAL_FINE, track, POINT)).max() < 0.01
     times, signs = session.steps(3)
     rests = np.flatnonzero(np.diff(times) > 0.02)
-    assert len(rests) == 1 and len(times) - rests[0] > 100
-    assert np.all(signs[: rests[0]] == signs[0]) and np.all(signs[rests[0] + 1 :] == (-1 if back else 1) * signs[0])
+    assert len(rests) == 1
+    assert len(times) - rests[0] > 100
+    assert np.all(signs[: rests[0]] == signs[0])
+    assert np.all(signs[rests[0] + 1 :] == (-1 if back else 1) * signs[0])
 
 
 def test_enabling_does_not_jump_and_keeps_the_offset():
@@ -191,7 +193,8 @@ def test_answers():
     session.refuse(Ack.ERR_GENERAL, SetVirtAimPoint(1, 1, 2, 3))
     session = configured(XYZ)
     answer = session.answer_to(m.MSG_VIRT_AIM_POINT, SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack())
-    assert not answer.is_ack and answer.payload == SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
+    assert not answer.is_ack
+    assert answer.payload == SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
     p = session.ask(VirtGetPosition())
     assert (p.aim_enabled, p.aim_x, p.aim_y, p.aim_z) == (1, 5, -(2**31), 2**31 - 1)
     session.refuse(Ack.ERR_RANGE, SetVirtAimPoint(2, 0, 0, 0))

@@ -72,7 +72,8 @@ def code_of(payload):
 def test_refused_from_the_acknowledgement_on(rig, start, operation):
     """Field notes 4.7 and 6.1: while MOTOR_STATUS has a bit, 0x12; the virtual motion has begun with its answer."""
     begun, status, refused = at_once(rig, start, MotorStatus(), operation)
-    assert code_of(begun) == m.OK and status[0] == 0b1111
+    assert code_of(begun) == m.OK
+    assert status[0] == 0b1111
     assert code_of(refused) == m.ERR_MOVING
 
 
@@ -81,7 +82,8 @@ def test_go_while_the_motors_set_out(rig, start):
     """Field note 6.1: they are not where the run begins any more."""
     rig.ready(RUN)
     begun, refused = at_once(rig, start, RtGo())
-    assert code_of(begun) == m.OK and code_of(refused) == m.ERR_NOT_IN_POSITION
+    assert code_of(begun) == m.OK
+    assert code_of(refused) == m.ERR_NOT_IN_POSITION
 
 
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
@@ -102,7 +104,8 @@ def test_stopped_while_a_run_waits(rig, start, stop, ms):
     else:
         rig.accept(stop)
         rig.run(1.0)
-    assert not rig.moving and not rig.events(HardStop)
+    assert not rig.moving
+    assert not rig.events(HardStop)
     assert len(rig.events(RtEnd)) == (stop != "close")
     times, signs = rig.steps(1)
     if len(times) > 2:
@@ -120,7 +123,8 @@ def test_stop_of_a_motor_beside_the_line_while_a_run_waits(rig):
     rig.run(0.5)
     rig.accept(MotorStop(6))
     rig.run(0.5)
-    assert 1 in rig.moving and len(rig.events(RtEnd)) == 1
+    assert 1 in rig.moving
+    assert len(rig.events(RtEnd)) == 1
     rig.accept(STARTS[1], VirtStop(m.VIRT_MOTOR_EW))
     rig.run(1.0)
     assert not rig.moving

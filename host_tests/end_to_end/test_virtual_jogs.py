@@ -82,7 +82,8 @@ def test_a_jog_ends_at_a_soft_limit():
     # there it stays, without an error, as a motor's jog does; the other way it goes
     session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR))
     session.run(0.3)
-    assert session.moving == [] and session.position(3) == pytest.approx(-9000, abs=1)
+    assert session.moving == []
+    assert session.position(3) == pytest.approx(-9000, abs=1)
     session.accept(VirtJog(m.VIRT_MOTOR_EW, 10_000, -FAR))
     session.run(0.2)
     assert session.moving
@@ -215,7 +216,8 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
     track = Track(session, session.positions)
     track.limits(20_000, 50_000)
     times, signs = session.steps(1)
-    assert (np.diff(signs) != 0).sum() == 1 and signs[0] > 0 > signs[-1]
+    assert (np.diff(signs) != 0).sum() == 1
+    assert signs[0] > 0 > signs[-1]
     assert session.steps(2)[0][0] > times[-1], "never both"
     assert session.made(2) > 5000
     # line jogs need no repetition; a stop forgets what was to follow
@@ -263,11 +265,13 @@ def test_a_stop_keeps_the_limit_that_a_jog_brakes_for(rig, motor, limits, kind):
         session.forget()
         end_of_a_jog(kind, session, 0.7 + 0.14 * k)
         track = Track(session, before)
-        assert limits[0] <= track.places[:, motor - 1].min() and track.places[:, motor - 1].max() <= limits[1]
+        assert limits[0] <= track.places[:, motor - 1].min()
+        assert track.places[:, motor - 1].max() <= limits[1]
         track.limits(10_000, 20_000 * (4 if kind == "two STOP_ALL" else 1))
         if kind == "host lost":
             session.come_back()
-        assert not session.events(HardStop) and session.moving == []
+        assert not session.events(HardStop)
+        assert session.moving == []
 
 
 @pytest.mark.parametrize("timeout_ms", range(300, 900, 75))
@@ -294,10 +298,12 @@ def test_limits_set_under_way_are_kept(jog):
     limit = session.position(1) + 4000
     session.accept(MotorSetLimits(1, 1, -100, 1, limit, 0))
     session.wait_idle()
-    assert limit - 4000 < session.position(1) < limit and max(np.cumsum(session.steps(1)[1])) < limit
+    assert limit - 4000 < session.position(1) < limit
+    assert max(np.cumsum(session.steps(1)[1])) < limit
     hold(session, jog, 5)
     assert session.position(1) == pytest.approx(limit, abs=1)
-    assert max(np.cumsum(session.steps(1)[1])) <= limit and not session.events(HardStop)
+    assert max(np.cumsum(session.steps(1)[1])) <= limit
+    assert not session.events(HardStop)
 
 
 COARSE = Rig(4, tuple(Axis(i + 1, n, 0.0) for i, n in enumerate((10.0,) * 3 + (100.0,) * 3)), nodal=(20.0, -35.5, 20.0))
@@ -351,7 +357,8 @@ def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
     times, signs = session.steps(1)
     assert_within(times, signs, 20_000, 40_000)
     late = times[times > since + 1.2]
-    assert 3000 < len(late) <= 3700 and np.diff(late).min() > 1 / 2000
+    assert 3000 < len(late) <= 3700
+    assert np.diff(late).min() > 1 / 2000
     # the velocity before does not come back by itself, nor is it kept from coming back
     session.speed(1, 20_000, 40_000)
     session.accept(VirtStop(m.VIRT_MOTOR_EW))
@@ -375,7 +382,8 @@ def test_a_lower_acceleration_set_under_way_counts_for_the_next_motion(jog):
     assert session.moving == []
     times, signs = session.steps(1)
     assert_within(times, signs, 20_000, 40_000)
-    assert max(np.cumsum(signs)) == pytest.approx(15_000, abs=1) and max(np.cumsum(signs)) <= 15_000
+    assert max(np.cumsum(signs)) == pytest.approx(15_000, abs=1)
+    assert max(np.cumsum(signs)) <= 15_000
     session.forget()
     session.accept(VirtMove(m.VIRT_MOTOR_EW, 10 * 100000))
     session.wait_idle()
@@ -399,7 +407,8 @@ def test_a_jog_asked_for_again_while_it_stops_begins_anew(stop, delay_s):
             if isinstance(jog, VirtJog):
                 session.accept(jog)
         session.run(0.25)
-        assert len(session.steps(1)[0]) > 100 and min(session.steps(1)[1]) == 1
+        assert len(session.steps(1)[0]) > 100
+        assert min(session.steps(1)[1]) == 1
         session.accept(VirtStop(m.VIRT_MOTOR_EW))
         session.wait_idle()
         session.run(1)  # no second STOP_ALL

@@ -197,7 +197,8 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
     stands = session.positions
     now = rig.told(rig.forward(joints(rig, np.array([stands[n] for n in sorted(stands)]))))
     np.testing.assert_allclose(pose(session), now, atol=1e-4)
-    assert np.abs(now - wanted).max() > 0.5 and begun != stands
+    assert np.abs(now - wanted).max() > 0.5
+    assert begun != stands
     # all positions 0: it reads 0 at once
     if rig.kind != 2:
         zero = Rig(
@@ -236,7 +237,8 @@ def test_a_refused_configuration_leaves_the_old_one():
         (Ack.ERR_RANGE, changed(5, 0)),
     ]:
         answer = session.answer_to(m.MSG_VIRT_CONFIG, payload)
-        assert answer.is_ack and Ack.unpack(answer.payload) == code, payload.hex()
+        assert answer.is_ack, payload.hex()
+        assert Ack.unpack(answer.payload) == code, payload.hex()
         assert session.ask(VirtGetPosition()) == old
     session.accept(MotorConfigure(7, 0))
     answer = session.answer_to(m.MSG_VIRT_CONFIG, changed(1, 7))
@@ -283,7 +285,8 @@ def test_soft_limits_on_the_way():
     # turning the camera by its nodal point moves the carriage to one side and back
     session.refuse(Ack.ERR_SOFT_UP, VirtMove(4, round((pose(session)[3] + 180) * 100000)))
     session.run(0.5)
-    assert session.made(1) == 0 and session.moving == []
+    assert session.made(1) == 0
+    assert session.moving == []
     session.accept(limits(-500, -200))
     session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 0.01) * 100000)))
     session.accept(VirtMove(2, round((pose(session)[1] - 0.1) * 100000)))
@@ -431,7 +434,8 @@ def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, ta
     session = configured(rig)
     session.refuse(Ack.ERR_RANGE, VirtMove(number, round(target * 100000)))
     session.run(0.3)
-    assert session.moving == [] and all(session.made(motor) == 0 for motor in range(1, 7))
+    assert session.moving == []
+    assert all(session.made(motor) == 0 for motor in range(1, 7))
 
 
 def test_a_limit_switch_or_the_e_stop_in_a_move():
@@ -450,7 +454,8 @@ def test_a_limit_switch_or_the_e_stop_in_a_move():
         struck = session.now
         board.set_input(pin, high)
         session.run(1.0)
-        assert session.moving == [] and len(session.events(HardStop)) == 1
+        assert session.moving == []
+        assert len(session.events(HardStop)) == 1
         assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / factor + 0.02
         session.refuse(Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000))
         board.set_input(pin, low)

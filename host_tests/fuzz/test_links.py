@@ -64,7 +64,8 @@ def interrupted(host, at, away):
     host.rest()
     host.wait(300)
     host.rest()
-    assert trial.last_status == 0 and not trial.open
+    assert trial.last_status == 0
+    assert not trial.open
 
 
 @pytest.mark.parametrize("at", range(BYTES + 1))

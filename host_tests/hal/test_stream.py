@@ -46,11 +46,11 @@ def check_steps(found, lines):
         assert np.array_equal(found.ways(motor), ways), f"motor {motor}"
         early = times - (rises * WORD_US - LAG)
         if len(rises):
-            assert early.min() >= -SHOWN and early.max() <= WORD_US + SHOWN, (
-                f"motor {motor}: {early.min()}, {early.max()}"
-            )
+            assert early.min() >= -SHOWN, f"motor {motor}: {early.min()}, {early.max()}"
+            assert early.max() <= WORD_US + SHOWN, f"motor {motor}: {early.min()}, {early.max()}"
         assert found.positions[motor] == ways.sum()
-    assert not found.lost and not any(found.faults)
+    assert not found.lost
+    assert not any(found.faults)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -78,7 +78,8 @@ def test_pulses_are_as_wide_as_set(painted, width):
             after = rises[rises >= turn]
             assert not len(after) or after[0] - turn >= 2
         assert found.ways(motor).sum() == found.positions[motor]
-    assert not found.lost and not any(found.faults)
+    assert not found.lost
+    assert not any(found.faults)
 
 
 def test_batches_make_no_difference(painted):
@@ -116,8 +117,10 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
     before = painted(lines)
     lines += [f"miss {ticks}"] + ["batch 20"] * 20
     found = painted(lines)
-    assert found.faults == [stepper.FAULT_LATE, 0] and found.modes == [stepper.IDLE, stepper.IDLE]
-    assert found.ways(0).sum() == found.positions[0] and found.positions[1] == 0
+    assert found.faults == [stepper.FAULT_LATE, 0]
+    assert found.modes == [stepper.IDLE, stepper.IDLE]
+    assert found.ways(0).sum() == found.positions[0]
+    assert found.positions[1] == 0
     rises = found.rises(0)
     owed = rises[(rises >= len(before.words)) & (rises < len(before.words) + WORDS)]
     assert len(before.rises(0)) + len(owed) == before.positions[0]
@@ -125,7 +128,8 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
     if ticks == 400:
         assert not len(later), "the load has come to rest long since"
     else:
-        assert len(later) > 1000 and (np.diff(np.diff(later)) >= -1).all(), "slower from step to step"
+        assert len(later) > 1000, "slower from step to step"
+        assert (np.diff(np.diff(later)) >= -1).all(), "slower from step to step"
     assert not found.lost
 
 

@@ -181,7 +181,9 @@ def test_moving_from_the_request_to_the_last_pulse():
     rig = Rig(2)
     assert not rig.axes.moving
     assert rig.move_to(1, 300)
-    assert rig[1].moving and rig.axes.moving and rig.axes.moving_bits() == 2
+    assert rig[1].moving
+    assert rig.axes.moving
+    assert rig.axes.moving_bits() == 2
     rig.to_rest()
     assert rig.axes.moving_bits() == 0
     last = rig.bench.engines[1].rises[-1]

@@ -30,7 +30,8 @@ def bench(monkeypatch, capsys):
 def test_status(bench):
     session, says = bench
     lines = says(repl.status)
-    assert lines[0].startswith("framestep ") and lines[0].endswith(", crane")
+    assert lines[0].startswith("framestep ")
+    assert lines[0].endswith(", crane")
     assert lines[1:3] == ["the host is connected", "nothing moves"]
     assert [line.split(":")[0] for line in lines if line.startswith("motor")] == [f"motor {i}" for i in range(1, 9)]
     assert any(line.startswith("uploaded: 25 frames, room for ") for line in lines)
@@ -81,7 +82,8 @@ def test_move(bench):
     assert says(repl.move, 8, 200) == []
     assert "motors move" in says(repl.status)
     session.wait_idle()
-    assert session.position(8) == 200 and session.made(8) == 200
+    assert session.position(8) == 200
+    assert session.made(8) == 200
     assert (
         says(repl.move, 9, 1)
         == says(repl.move, 0, 1)
@@ -154,7 +156,8 @@ def test_io(bench):
     says(repl.io, 2, False)
     assert session.trace().signals["gio2"][1].tolist() == [1, 0]
     assert says(repl.io, 5, True) == ["refused: there is no such motor or value"]
-    assert "E-stop, pin 19: free" in lines and "lights: 0 of 512 channels are on" in lines
+    assert "E-stop, pin 19: free" in lines
+    assert "lights: 0 of 512 channels are on" in lines
     session.board._board.set_input("estop", 0)
     session.run(0.05)
     assert "E-stop, pin 19: held" in says(repl.io)
@@ -172,7 +175,8 @@ def test_timing(bench):
 def test_rig(bench):
     _, says = bench
     lines = says(repl.rig)
-    assert "name = crane" in lines and "jog_timeout_ms = 500" in lines
+    assert "name = crane" in lines
+    assert "jog_timeout_ms = 500" in lines
     assert any(line.startswith("motors 1 {") and "'backlash': 3" in line for line in lines)
     assert any(line.startswith("outputs 1 {'pin': 22") for line in lines)
 

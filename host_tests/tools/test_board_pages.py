@@ -108,7 +108,8 @@ def test_folder_is_complete(name):
 def test_example_rig_file_is_valid(name):
     settings = read(ROOT / "boards" / name / "rig.json")
     rig = Rig(settings, board_data(name))
-    assert rig.name.decode() == settings["name"] and rig.estop == "nc"
+    assert rig.name.decode() == settings["name"]
+    assert rig.estop == "nc"
 
 
 def test_firmware_compiles_for_the_rp2350():
@@ -132,10 +133,12 @@ def test_motors_free_pins():
     pico2, pico = board_data("pico2"), board_data("pico")
     assert not {"dmx", "shutter", "meter", "gio"} & set(fitted(pico2))
     ten = fitted(pico2, 10)
-    assert (ten["shutter"], ten["meter"], ten["dmx"]["tx"]) == (20, 21, 0) and "gio" not in ten
+    assert (ten["shutter"], ten["meter"], ten["dmx"]["tx"]) == (20, 21, 0)
+    assert "gio" not in ten
     for drivers in (False, True):
         eight, wanted = fitted(pico2, 8, drivers), fitted(pico, 8, drivers)
         same = wanted.keys() - {"name", "chip", "page"}
         assert {key: eight[key] for key in same} == {key: wanted[key] for key in same}
     # the UART's pins step motor 11
-    assert "drivers" not in fitted(pico2, 11, True) and "drivers" in fitted(pico2, 10, True)
+    assert "drivers" not in fitted(pico2, 11, True)
+    assert "drivers" in fitted(pico2, 10, True)

@@ -253,5 +253,6 @@ def test_what_spreadsheets_make_of_a_move(tmp_path, content):
     path = tmp_path / "move.csv"
     path.write_bytes(content)
     move = read_move(path)
-    assert move.start_frame == -1 and [name.lower() for name in move.names.values()] == ["track", "pan"]
+    assert move.start_frame == -1
+    assert [name.lower() for name in move.names.values()] == ["track", "pan"]
     assert {motor: list(steps) for motor, steps in move.positions.items()} == {1: [5, 7], 2: [-6, 8]}

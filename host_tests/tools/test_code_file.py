@@ -32,7 +32,8 @@ def test_names_and_arguments():
     module = parse(compiled("names.py", source, "armv6m"))
     function, made = module.body.children
     assert [module.names[body.name_index] for body in (function, made, made.children[0])] == ["f", "C", "method"]
-    assert function.argument_count == 5 and made.children[0].argument_count == 1
+    assert function.argument_count == 5
+    assert made.children[0].argument_count == 1
     assert [len(body.children) for body in (function, made)] == [1, 1]
 
 
@@ -110,18 +111,23 @@ def test_placeholders():
     whole = parse(compiled("s.py", SOURCE.encode(), "armv6m"))
     code = CodeFile()
     made = parse(code.take("s.py", SOURCE, compiled("s.py", SOURCE.encode(), "armv6m")))
-    assert made.head == whole.head and made.body.code == whole.body.code
+    assert made.head == whole.head
+    assert made.body.code == whole.body.code
     changed = {}
     for old, new in zip(whole.body.walk(), made.body.walk(), strict=True):
         assert (old.kind, old.extra, len(old.children)) == (new.kind, new.extra, len(new.children))
         if old.code != new.code:
             mark, key = struct.unpack_from("<II", new.code, MARK_AT)
-            assert mark == MARK and code.bodies[key] == old.code and len(new.code) < len(old.code)
+            assert mark == MARK
+            assert code.bodies[key] == old.code
+            assert len(new.code) < len(old.code)
             if old.kind == Kind.BYTECODE:
-                assert new.signature == old.signature and new.argument_count == old.argument_count
+                assert new.signature == old.signature
+                assert new.argument_count == old.argument_count
             name = whole.names[old.name_index] if old.kind == Kind.BYTECODE else "kernel"
             changed[name] = old
-    assert {"later", "nested", "kernel"} <= changed.keys() and not {"called", "short"} & changed.keys()
+    assert {"later", "nested", "kernel"} <= changed.keys()
+    assert not {"called", "short"} & changed.keys()
     assert CodeFile().take("t.py", "x = 1", compiled("t.py", b"x = 1", "armv6m")) is None
 
 
@@ -167,7 +173,8 @@ def test_every_function_lies_whole_in_a_block_of_flash():
     assert check == zlib.crc32(b"".join(page[HEAD:] for page in pages))
     for key, body in code.bodies.items():
         at = find(pages, count, key)
-        assert at.startswith(body) and len(at) % 4 == 0
+        assert at.startswith(body)
+        assert len(at) % 4 == 0
 
 
 def test_what_a_board_gets(modules):
@@ -191,7 +198,8 @@ def test_what_a_board_gets(modules):
 def test_bodies_that_are_the_same_are_there_once_and_no_key_stands_for_two():
     code = CodeFile()
     first = code.add(b"x" * 40)
-    assert code.add(b"x" * 40) == first and len(code.bodies) == 1
+    assert code.add(b"x" * 40) == first
+    assert len(code.bodies) == 1
     code.bodies[first] = b"another that has the key"
     assert code.add(b"x" * 40) == first + 1
     assert Body(Kind.BYTECODE, b"", b"", []).children == []

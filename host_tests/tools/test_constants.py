@@ -63,7 +63,9 @@ def test_lines_stay_where_they_are():
 
 def test_constants_lose_their_public_name_unless_they_are_to_stay():
     hidden = fold({"a/codes.py": CODES})["a/codes.py"]
-    assert "_OK = const(0x10)" in hidden and "{_OK: " in hidden and "code == _OK + _OWN" in hidden
+    assert "_OK = const(0x10)" in hidden
+    assert "{_OK: " in hidden
+    assert "code == _OK + _OWN" in hidden
     assert fold({"a/codes.py": CODES}, hide=False)["a/codes.py"] == CODES
 
 

@@ -116,7 +116,8 @@ def test_interrupted_anywhere_the_board_is_never_half_new_and_the_next_run_repai
             assert board.own() in (OLD, NEW), f"half new after {step} steps"
         board.steps = 1000
         install(board, NEW, "pico", lambda line: None)
-        assert board.own() == NEW and {n: board.content[n] for n in USERS} == USERS, f"after {step} steps"
+        assert board.own() == NEW, f"after {step} steps"
+        assert {n: board.content[n] for n in USERS} == USERS, f"after {step} steps"
         assert sorted(json.loads(board.content[LIST])["files"]) == sorted(NEW)
     assert step >= 10, "there was nothing to interrupt"
 

@@ -119,7 +119,8 @@ def test_it_copies_the_image_and_asks_the_board_who_it_is(board_behind, tmp_path
     said = capsys.readouterr().out
     assert f"copying 6 kB for the Raspberry Pi Pico onto {folder}\n  100 %\nthe board starts\n" in said
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
-    assert got[0].name == "framestep-pico.uf2" and got[0].read_bytes() == image.read_bytes()
+    assert got[0].name == "framestep-pico.uf2"
+    assert got[0].read_bytes() == image.read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -134,7 +135,8 @@ def test_what_does_not_fit_changes_nothing(tmp_path, args, complaint, capsys):
     folder = drive_in(tmp_path / "drive")
     assert cli.app.status(["install", "--drive", str(folder), *args]) != 0
     err = capsys.readouterr().err
-    assert complaint in err and len(err.splitlines()) == 1
+    assert complaint in err
+    assert len(err.splitlines()) == 1
     assert [path.name for path in folder.iterdir()] == ["INFO_UF2.TXT"]
 
 

@@ -95,8 +95,10 @@ def test_a_second_program_goes_through_the_first(device, capsys):
     assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
     capsys.readouterr()
     out, err = first.communicate(timeout=PATIENCE_S)
-    assert first.returncode == REFUSED and not out
-    assert "short of 200000: another program or a soft limit stopped it" in err and len(err.splitlines()) == 1
+    assert first.returncode == REFUSED
+    assert not out
+    assert "short of 200000: another program or a soft limit stopped it" in err
+    assert len(err.splitlines()) == 1
     assert positions(device, capsys).err == "", "the port is free again"
 
 
@@ -106,7 +108,8 @@ def test_ctrl_c_stops_the_motors(device, capsys):
     until(lambda: ", moving" in positions(device, capsys).out)
     first.send_signal(signal.SIGINT)
     out, err = first.communicate(timeout=PATIENCE_S)
-    assert first.returncode == INTERRUPTED and not out
+    assert first.returncode == INTERRUPTED
+    assert not out
     assert err == "stopping; Ctrl-C once more stops harder\n"
     assert ", moving" not in positions(device, capsys).out
 
@@ -172,7 +175,8 @@ def test_a_repl_is_left_as_it_was(terminal, capsys):
     assert terminal.got == greeting + b"\x03"
     # Ctrl-A on a line that is not empty moves the cursor; a REPL skips zeros
     assert greeting[:6].isalpha() or greeting[:6] == b"DF    "
-    assert not set(greeting) & set(range(2, 32)) and greeting.index(1) > 0
+    assert not set(greeting) & set(range(2, 32))
+    assert greeting.index(1) > 0
 
 
 def test_another_programs_bytes(terminal, capsys):
@@ -215,7 +219,8 @@ def test_whatever_comes_ends_in_a_sentence():
         try:
             client.greet()
         except ToolError as error:
-            assert "\n" not in str(error) and error.status in (NO_CONTROLLER, REFUSED)
+            assert "\n" not in str(error)
+            assert error.status in (NO_CONTROLLER, REFUSED)
 
 
 @pytest.mark.parametrize(
@@ -232,7 +237,8 @@ def test_what_windows_says(text, kind, words):
     import serial
 
     found = opening._why("COM5", serial.SerialException(text))
-    assert type(found) is kind and words in str(found)
+    assert type(found) is kind
+    assert words in str(found)
     assert found.status == (PORT_BUSY if kind is PortBusy else NO_PORT)
 
 

@@ -162,4 +162,5 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
 def test_what_an_extra_brings_is_named_when_it_is_missing(installed):
     result = installed.start([sys.executable, "-c", "from framestep_tools.cli import app; app()", "demo"])
     assert result.returncode == 1
-    assert "pip install framestep[plots]" in result.stderr and len(result.stderr.splitlines()) == 1
+    assert "pip install framestep[plots]" in result.stderr
+    assert len(result.stderr.splitlines()) == 1

@@ -77,7 +77,9 @@ def test_the_only_board(there, system):
     wrong = next(r.device for r in BOARDS[system] if r.device != right)
     assert ports.protocol_port() == right
     assert ports.repl_port() == wrong
-    assert ports.protocol_of(wrong) == right and ports.is_repl(wrong) and not ports.is_repl(right)
+    assert ports.protocol_of(wrong) == right
+    assert ports.is_repl(wrong)
+    assert not ports.is_repl(right)
 
 
 def test_several_boards(there):
@@ -105,7 +107,8 @@ def test_no_board(there):
         ports.protocol_port()
     with pytest.raises(PortError, match="no board with MicroPython is on USB"):
         ports.repl_port()
-    assert ports.protocol_of("/dev/ttyUSB0") is None and not ports.is_repl("/dev/ttyUSB0")
+    assert ports.protocol_of("/dev/ttyUSB0") is None
+    assert not ports.is_repl("/dev/ttyUSB0")
 
 
 def test_another_makers_board(there):
@@ -121,17 +124,21 @@ def test_a_link_to_a_port(there, tmp_path):
     real.touch()
     link.symlink_to(real)
     there += [linux(str(real), 0), linux("/dev/x2", 2)]
-    assert ports.protocol_of(str(link)) == "/dev/x2" and ports.is_repl(str(link))
+    assert ports.protocol_of(str(link)) == "/dev/x2"
+    assert ports.is_repl(str(link))
 
 
 def test_the_list(there, capsys):
     there += [*OTHERS, *BOARDS["Windows"]]
     assert cli.app.status(["ports"]) == 0
     first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith("COM4  MicroPython's REPL") and second.startswith("COM5  framestep DMC: the port for")
+    assert first.startswith("COM4  MicroPython's REPL")
+    assert second.startswith("COM5  framestep DMC: the port for")
     assert cli.app.status(["ports", "--json", "--all"]) == 0
     said = capsys.readouterr().out
-    assert f'"port": "COM5", "use": "{PROTOCOL}"' in said and f'"use": "{REPL}"' in said and "FT232R" in said
+    assert f'"port": "COM5", "use": "{PROTOCOL}"' in said
+    assert f'"use": "{REPL}"' in said
+    assert "FT232R" in said
     there.clear()
     assert cli.app.status(["ports"]) == 0
     assert "no board" in capsys.readouterr().out

@@ -138,7 +138,8 @@ def test_what_is_copied_out_of_the_comments(tmp_path):
     new = rig_file.edit_until_right(
         file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda mistake: told.append(mistake)
     )
-    assert new == b'{\n"ports": 1,\n"dmx": false}' and not told
+    assert new == b'{\n"ports": 1,\n"dmx": false}'
+    assert not told
     lines[2] = '{\n"ports" 1}'
     with pytest.raises(RigFileError, match="line 4, column 9"):
         rig_file.edit_until_right(file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False)

@@ -29,7 +29,8 @@ def test_the_schema_knows_every_setting():
     found = rig_schema.schema()["properties"]
     assert set(found) == set(rig_table.rig.SETTINGS)
     motor = found["motors"]["items"]
-    assert set(motor["properties"]) == set(rig_table.rig.MOTOR_SETTINGS) and not motor["additionalProperties"]
+    assert set(motor["properties"]) == set(rig_table.rig.MOTOR_SETTINGS)
+    assert not motor["additionalProperties"]
     assert motor["properties"]["driver"]["required"] == ["run_ma"]
     assert motor["properties"]["pulse_us"]["minimum"] == 0.25
     assert found["outputs"]["items"]["required"] == ["pin"]

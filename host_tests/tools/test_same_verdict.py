@@ -72,7 +72,9 @@ def test_every_source_of_chance_has_a_seed():
 def test_no_test_leaves_the_profile():
     """Examples are drawn from a fixed seed; none is remembered; a slow computer is no failure."""
     profile = hypothesis.settings()
-    assert profile.derandomize and profile.database is None and profile.deadline is None
+    assert profile.derandomize
+    assert profile.database is None
+    assert profile.deadline is None
     assert hypothesis.HealthCheck.too_slow in profile.suppress_health_check
     for path, tree in sources().items():
         for node in ast.walk(tree):

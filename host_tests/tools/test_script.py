@@ -45,8 +45,11 @@ def frames(player):
 def test_read_and_written():
     script = parse(TEXT.splitlines())
     assert "\n".join(script.lines()) + "\n" == TEXT
-    assert script.events[1] == (10, "rx", MOVE) and script.events[4] == (70, "pin", (19, 1))
-    assert script.end == 500 and script.motors == 3 and script.flash == {1: b"\x00\xff"}
+    assert script.events[1] == (10, "rx", MOVE)
+    assert script.events[4] == (70, "pin", (19, 1))
+    assert script.end == 500
+    assert script.motors == 3
+    assert script.flash == {1: b"\x00\xff"}
 
 
 @pytest.mark.parametrize("line", ["12 fly", "x open", "12 rx 4g", "12 pin estop", "5 open", "12"])
@@ -75,14 +78,16 @@ def test_the_main_loop_is_away():
 def test_missed_ticks_come_late_and_are_a_fault():
     player, edges = play(f"0 open\n10 rx {MOVE.hex()}\n60 skip 3\n800 end")
     stops = [ms for ms, f in frames(player) if f.type == m.MSG_MOTOR_HARD_STOP]
-    assert len(stops) == 1 and 63 <= stops[0] <= 67
+    assert len(stops) == 1
+    assert 63 <= stops[0] <= 67
     assert 0 < sum(value for _, signal, value in edges if signal == "m1") < 300
 
 
 def test_back_pressure_keeps_what_is_to_be_sent():
     player, _ = play(f"0 open\n9 full\n10 rx {MOVE.hex()}\n200 drain\n300 end")
     sent = [ms for ms, _ in player.sent]
-    assert not [ms for ms in sent if 9 <= ms < 200] and 200 in sent
+    assert not [ms for ms in sent if 9 <= ms < 200]
+    assert 200 in sent
     assert sum(f.id == 5 for _, f in frames(player)) == 1
 
 
