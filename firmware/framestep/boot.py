@@ -1,11 +1,12 @@
 """From power-on to a running controller.
 
-The uploaded move gets what memory is left when everything else has been loaded and made, in one piece. So the heap is
-collected often while modules are loaded, which leave holes otherwise, the code that reads the rig file goes again,
-and the move's memory is taken last.
+The uploaded move gets, in one piece, the memory that is left once all else is loaded. So the heap is
+collected often while modules load, as loading leaves holes; the code that reads the rig file is
+dropped after use; and the move's memory is allocated last.
 
-What the REPL and a user's own code need is set aside first of all, at the low end of the heap. MicroPython looks for
-free memory from there, and looks often, as larger call frames come from the heap: behind the move a search took 0.1 ms.
+Memory for the REPL and for a user's own code is set aside first of all, at the low end of the heap.
+MicroPython searches for free memory from there, and it does so often, as larger call frames come
+from the heap. Behind the move, a search took 0.1 ms.
 """
 
 import gc
@@ -15,8 +16,8 @@ from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
-# Bytes for the REPL and for what a user's own code needs, in one piece; commands of the bench that are copied files
-# take more of it than those in an image
+# Bytes for the REPL and a user's own code, in one piece; framestep's commands take more of it as
+# copied files than in an image
 _LEFT_BY_FILES = const(11 * 1024)
 _LEFT_BY_IMAGE = const(10 * 1024)
 
@@ -26,13 +27,13 @@ runner = None
 
 
 class Settings:
-    """What framestep.rig has read, without the code that did: it is needed once and would keep 9 kB."""
+    """What framestep.rig has read, without its code, which is needed once and takes 9 kB."""
 
     def __init__(self, rig, motors):
         self.motors = []
         for i in range(motors):
             found = rig.motor(i)
-            for same in self.motors:  # motors that are alike share what is kept
+            for same in self.motors:  # motors with equal settings share them
                 if same == found:
                     found = same
             self.motors.append(found)
@@ -62,7 +63,7 @@ def _settings(board):
 
 
 def _load_into_ram():
-    """The modules of a frozen image that are to run from RAM; copied files do anyway."""
+    """Load those modules of a frozen image that run from RAM; copied files do so anyway."""
     try:
         from framestep.ram_files import FILES
     except ImportError:
@@ -74,7 +75,7 @@ def _load_into_ram():
 
 
 def _held(board):
-    """What keeps framestep from starting, in words, or None: BOOTSEL, or a jumper from its pin to ground."""
+    """What keeps framestep from starting, as text: BOOTSEL, or the jumper to ground; or None."""
     import rp2
     from machine import Pin
 
@@ -85,7 +86,10 @@ def _held(board):
 
 
 def start():
-    """Bring the board up. A wrong rig file is told on the REPL; then the board answers, but moves nothing."""
+    """Bring the board up.
+
+    A mistake in the rig file is printed on the REPL; then the board answers, but moves nothing.
+    """
     global hal, controller, runner
     spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD

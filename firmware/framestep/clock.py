@@ -1,11 +1,12 @@
-"""Counters that run round.
+"""Counters that wrap.
 
-Ticks and milliseconds are counted modulo 2^29: a small integer of the board ends at 2^30 - 1, and a larger one is an
-allocation, which ends the main loop. So the sum of two readings, or of a reading and a span, stays below 2^30 before
-it is taken modulo. Spans up to HALF, three days, can be told from spans into the past.
+Ticks and milliseconds are counted modulo 2^29. The board's small integers end at 2^30 - 1, and a
+larger number is an allocation, which ends the main loop. With 2^29 the sum of two readings, or of a
+reading and a span, stays small. A span of up to HALF, three days, is told apart from one into the
+past.
 
-The functions are for readings of these counters. On a board there is none of them: the build puts what they compute
-in the place of each call (framestep_tools.inlining).
+The functions below are for readings of these counters. They do not exist on a board: the build puts
+what they compute in the place of each call (framestep_tools.inlining).
 """
 
 from framestep.native import const
@@ -13,7 +14,8 @@ from framestep.native import const
 WRAP = const(0x1FFFFFFF)
 HALF = const(0x10000000)
 
-# Of counters that nothing is added to: microseconds, MicroPython's own milliseconds, places in a queue. Modulo 2^30.
+# For counters to which nothing is added: microseconds, MicroPython's own milliseconds, places in a
+# queue. Modulo 2^30.
 WIDE_WRAP = const(0x3FFFFFFF)
 WIDE_HALF = const(0x20000000)
 
@@ -29,5 +31,5 @@ def elapsed(now, then):
 
 
 def reached(now, then):
-    """Whether the counter, which shows `now`, has come to the reading `then`."""
+    """Whether the counter, which reads `now`, has reached `then`."""
     return (now - then) & WRAP < HALF

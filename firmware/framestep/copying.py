@@ -1,4 +1,4 @@
-"""Copies bytes and words as fast as the runtime can: by words where both places allow it. Nothing allocates."""
+"""Copies bytes and words fast: by words where source and target allow it. Nothing allocates."""
 
 from array import array
 

@@ -1,4 +1,4 @@
-"""Why motors were stopped, in words. Always there: the code that tells it may neither import nor allocate."""
+"""Why motors were stopped, as text. Always loaded: what prints it may neither import nor allocate."""
 
 from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
@@ -18,5 +18,5 @@ _ONE = "; its motor was ramped down"
 
 
 def outcome(bit):
-    """What a fault has led to: the end of its line."""
+    """The end of a fault's line: what it has led to."""
     return _ONE if bit == FAULT_LIMIT else _ALL

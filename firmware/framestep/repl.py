@@ -40,12 +40,12 @@ def _call(module, name, *arguments):
 
 
 def status():
-    """What the controller does, where its motors are and how far that can be trusted, what an upload may have."""
+    """Print what the controller does, where its motors are, and how many frames fit."""
     _call("state", "status")
 
 
 def move(motor, step):
-    """Move a motor (1 …) to a step, with its speed and inside its limits. Says why, where that is refused."""
+    """Move a motor (1 …) to a step at its speed, within its limits. Prints why if it is refused."""
     _call("motion", "move", motor, step)
 
 
@@ -58,22 +58,22 @@ def jog(motor=1, speed=1000):
 
 
 def stop():
-    """All motors come to rest, by ramps; once more within a second: harder. A run of Dragonframe's ends as well."""
+    """Ramp all motors down; within a second of another one the hard stop. Ends Dragonframe's run."""
     _call("motion", "stop")
 
 
 def io(output=None, on=None):
-    """How outputs, inputs and switches are; io(1, True) switches output 1 on."""
+    """Print the state of outputs, inputs and switches. io(1, True) switches output 1 on."""
     _call("state", "io", output, on)
 
 
 def timing():
-    """What a tick costs, how late it has been, and how many segments wait for each motor that moves."""
+    """Print how long a tick takes, how late it has been, and each moving motor's queue."""
     _call("figures", "timing")
 
 
 def rig():
-    """The settings of the rig file, with those that it does not mention."""
+    """Print the settings of the rig file, including those that it leaves at their defaults."""
     _call("state", "rig")
 
 

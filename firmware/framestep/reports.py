@@ -9,15 +9,17 @@ CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP 
 
 
 class Reports:
-    """What is due to be sent, kept until the writer has room. controller: for what is told. Nothing allocates after
-    construction."""
+    """Keeps what is due to be sent until the writer has room.
+
+    controller: for what is reported. Nothing allocates after construction.
+    """
 
     def __init__(self, controller):
         self.controller = controller
         self.writer = controller.writer
         self.hi = False
         self.position = False
-        self.frame = False  # that is the position of the frame reached last
+        self.frame = False  # `position` is that of the frame reached last
         self.virtual = False
         self.end = False
         self.go = False
@@ -26,7 +28,7 @@ class Reports:
         self.sent_at = 0  # when positions were, ms
 
     def nobody_listens(self):
-        """The port is closed: only what stopped the motors waits for the next session."""
+        """The port is closed: drop all but what stopped the motors, which the next host gets."""
         self.hi = self.position = self.frame = self.virtual = self.end = self.go = False
 
     def send(self):
@@ -62,7 +64,7 @@ class Reports:
         if self.position and self.send_positions(None, self.frame):
             self.position = self.frame = False
             self.sent_at = controller.now
-            self.virtual = virtuals.configured  # a pass later, since they are to be calculated
+            self.virtual = virtuals.configured  # in the next pass, as they take some computing
         if self.go:
             writer.begin(m.MSG_RT_GO, None)
             if writer.end():
@@ -73,7 +75,10 @@ class Reports:
                 self.end = False
 
     def send_hi(self, reader):
-        """HI: what the device is and has (field note 1.5). Whether there was room. reader: its request, or None."""
+        """Send HI: what the device is and has (field note 1.5).
+
+        reader: of the request, or None. Returns whether there was room.
+        """
         controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
@@ -92,9 +97,10 @@ class Reports:
         return writer.end()
 
     def send_positions(self, reader, frame=False):
-        """MOTOR_GET_POSITION: MOVE TIME and positions of one moment, that of the pins (field note 4.6).
+        """Send MOTOR_GET_POSITION: MOVE TIME and positions, at the same time on the pins.
 
-        frame: of the frame that has been reached last. Whether there was room.
+        reader: of the request, or None. frame: those of the frame reached last (field note 4.6).
+        Returns whether there was room.
         """
         controller = self.controller
         writer = self.writer

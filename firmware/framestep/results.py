@@ -1,6 +1,7 @@
-"""What came of a request, or of a move: OK, or why not. Known to everything; the protocol takes its codes from here.
+"""The result of a request or of a move: OK, or why not. All layers may use it.
 
-Each has the number that goes out as its response code, so that nothing has to be looked up to answer.
+The numbers are the protocol's response codes, which takes them from here, so that no table is needed
+to answer.
 """
 
 from framestep.native import const

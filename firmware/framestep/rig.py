@@ -1,7 +1,8 @@
 """The user's rig file, rig.json: every setting with its type, range, default and meaning in one table.
 
-A file is read whole or not at all: a mistake is told with the key, what was found and what is
-allowed, and the defaults stay. Runs once at boot (and on the host, to check a file); allocates.
+A file counts as a whole or not at all. For a mistake the error text has the key, what was found and
+what is allowed, and all settings stay at their defaults. Runs once at boot, and on a computer to
+check a file. Allocates.
 """
 
 # name: (type, lowest or choices, highest or length, default, unit, meaning)
@@ -136,7 +137,7 @@ LIMIT_SETTINGS = {
     "contact": (str, ("nc", "no"), None, "nc", "", "the switches are closed (nc) or open (no) away from the end"),
 }
 
-# keys of a board's data whose pins are taken whatever the rig file says
+# keys of a board's data whose pins are in use whatever the rig file says
 _BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper")
 
 
@@ -199,16 +200,16 @@ def _read_list(settings, found, where):
 
 
 def _pins(value):
-    """The pins in an entry of a board's data: one, a list, or those of a serial line."""
+    """The pins in an entry of a board's data, which is a pin, a list, or a serial line."""
     if isinstance(value, dict):
         return [value["tx"], value["rx"]]
     return value if isinstance(value, list) else [value]
 
 
 def fitted(board, count=0, drivers=False):
-    """The board's data for `count` motors (0: all), and for `drivers` that are set up over their serial line.
+    """The board's data for `count` motors (0: all), with or without `drivers` on their serial line.
 
-    What is `freed` or comes `with_drivers` is in force where no motor in use has its pins.
+    Entries of `freed` and `with_drivers` count if no motor in use has their pins.
     """
     board = dict(board)
     freed = board.pop("freed", {})
@@ -232,7 +233,7 @@ def fitted(board, count=0, drivers=False):
 
 
 def _board_pins(board, dmx):
-    """{pin: what the board has it for}."""
+    """{pin: what it is for on this board}."""
     taken = {}
     for key in _BOARD_PINS:
         pins = board.get(key, [])
@@ -247,12 +248,16 @@ def _board_pins(board, dmx):
 
 
 class Rig:
-    """The settings in force. `motor(i)` gives those of motor i (from 0) as a dictionary; `outputs`, `inputs` and
-    `limits` are lists of such, with the board's pins where the file does not say which. `board` is the board's data
-    as these settings have it (see fitted), `drivers` None, or for each motor the registers of its TMC2209 or None."""
+    """The settings in force.
+
+    motor(i) has those of motor i (from 0) as a dictionary. `outputs`, `inputs` and `limits` are lists
+    of dictionaries, with the board's pins unless the file has others. `board` is the board's data
+    for these settings, see fitted(). `drivers` is None, or a list of the registers of each motor's
+    TMC2209, with None for a motor without one.
+    """
 
     def __init__(self, found=None, board=None):
-        """From what the file holds (parsed JSON) for the board with this data; RigError for a mistake."""
+        """found: what the file holds (parsed JSON). board: the board's data. RigError for a mistake."""
         settings = _read(SETTINGS, {} if found is None else found, "")
         self.motors = _read_list(MOTOR_SETTINGS, settings["motors"], "motors")
         driven = [motor for motor in self.motors if motor["driver"] is not None]
@@ -289,7 +294,7 @@ class Rig:
             raise RigError("motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count))
 
     def _read_drivers(self):
-        """For each motor what its driver is told (io/tmc2209_setup.py), or None."""
+        """The registers of each motor's driver (io/tmc2209_setup.py), None for a motor without."""
         from framestep.io import tmc2209_setup
 
         found = []
@@ -317,7 +322,7 @@ class Rig:
         return found
 
     def _assign_pins(self, settings, board):
-        """Which pin is for what; each for one thing only."""
+        """Assign pins to outputs, inputs and limits. Each pin can be used once."""
         taken = _board_pins(board, settings["dmx"])
 
         highest = board.get("pins", 48) - 1
@@ -365,7 +370,7 @@ class Rig:
 
 
 def load(path="/rig.json", board=None):
-    """The rig of a file and the mistake in it, or None: (Rig, None) or (Rig with defaults, text)."""
+    """Read a rig file. Returns (Rig, None), or (Rig with defaults, text of the mistake)."""
     import json
 
     try:

@@ -1,12 +1,13 @@
 """Runs a controller beside MicroPython's REPL.
 
-With two ports the controller runs in the background, called by a timer from MicroPython's scheduler,
-and the REPL stays what it is. With one port it runs in the foreground, as the port is the REPL's.
+With two ports the controller runs in the background: a timer calls it from MicroPython's scheduler,
+and the REPL works as ever. With one port, which is the REPL's, it runs in the foreground.
 
-A pass runs with the heap locked: it needs none, and MicroPython then puts call frames of more than eleven words
-on the stack, for which it would otherwise search the whole heap, and collect it where it is full: 30 ms for each
-frame. What runs outside the lock has smaller frames (a test counts them), or may take long. A program on the REPL
-may have taken all memory: then everything goes on, and what needs no memory is told.
+A pass runs with the heap locked. It needs no heap, and MicroPython then puts call frames of more
+than eleven words on the stack. Otherwise it would search the whole heap for room, and collect it if
+it is full, which takes 30 ms for each frame. What runs outside the lock has smaller frames (a test
+counts them), or may take long. If a program on the REPL has taken all memory, everything goes on,
+and all reports that need no memory are made.
 """
 
 import io
@@ -46,7 +47,7 @@ class _CtrlC(io.IOBase):
 
 @micropython.viper
 def _interrupt(terminal, notify, ctrl_c):
-    """Let a KeyboardInterrupt strike as soon as MicroPython goes on with what this has interrupted."""
+    """Raise a KeyboardInterrupt in what this has interrupted, as soon as that goes on."""
     before = terminal(ctrl_c)
     notify(None)
     terminal(before)
@@ -60,7 +61,7 @@ class Runner:
         hal.report_driver = self.report_driver
         self.background = background
         self._inside = hal.inside
-        self._sayings = 0  # how often drivers have been said to do something since it was told; the last are kept
+        self._sayings = 0  # lines about drivers since the last were printed; only the newest are kept
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
         # Made now, as there may be no memory for them later
@@ -73,13 +74,16 @@ class Runner:
         self.task = None  # what framestep.repl wants done between two passes
         self._traceback_task = self._traceback
         self._failing = False  # a pass was broken off: the next one stops the motors
-        self._failed = False  # that is to be told
-        self._news = False  # that or something of drivers is
-        self._struck = False  # Ctrl-C came in a pass: it is passed on to whom it was for
+        self._failed = False  # that is to be printed
+        self._news = False  # that, or lines about drivers, are to be printed
+        self._struck = False  # Ctrl-C came in a pass: it is passed on to the program on the REPL
         self._ctrl_c = _CtrlC()
 
     def report_driver(self, motor, text):
-        """Tell on the REPL what the driver of a motor (from 1) does, as soon as nothing moves. Allocates nothing."""
+        """Print on the REPL what the driver of a motor (from 1) does, once nothing moves.
+
+        Allocates nothing.
+        """
         place = self._sayings % _SAYINGS
         self._saying_motors[place] = motor
         self._saying_texts[place] = text
@@ -87,7 +91,7 @@ class Runner:
         self._news = True
 
     def run(self, controller):
-        """Run it: in the background, and return at once, or until a Ctrl-C on its own port."""
+        """Run the controller: in the background, and return at once; or until Ctrl-C on its port."""
         self._controller = controller
         self.alive = True
         if self.background:
@@ -134,12 +138,15 @@ class Runner:
             _interrupt(dupterm, dupterm_notify, self._ctrl_c)
 
     def _turn(self):
-        """One pass in the background, whatever strikes in it. Ctrl-C is meant for a program that runs on the REPL."""
+        """Do one pass in the background, whatever is raised in it.
+
+        A Ctrl-C is meant for a program that runs on the REPL.
+        """
         controller = self._controller
         try:
             if not self.alive or stack_use() > DEEPEST:
-                # It waited in the scheduler when passes ended; or a program is deep in calls: a pass would end for want
-                # of stack in the middle of its work. The next one comes in a millisecond.
+                # The passes ended while this one waited in the scheduler. Or a program is deep in
+                # calls, so that the stack might not do for a pass; the next one comes in 1 ms.
                 return
         except KeyboardInterrupt:
             self._struck = True  # where nothing is half done
@@ -162,9 +169,9 @@ class Runner:
             self._tell()
 
     def _after(self):
-        """What a pass may not do itself, as it allocates."""
+        """Do what allocates, and so is not for a pass."""
         if self._failing and self.alive:
-            return  # what the pass was at is half done
+            return  # the pass has left its work half done
         task = self.task
         self.task = None
         try:
@@ -180,7 +187,7 @@ class Runner:
         self._controller.crash_stop()
 
     def _broken(self):
-        """The same in the foreground."""
+        """An exception has ended the passes in the foreground."""
         heap_lock()
         try:
             self._end()
@@ -194,8 +201,11 @@ class Runner:
         sys.print_exception(self.failure)  # type: ignore[attr-defined]
 
     def _tell(self):
-        """Say why motors were stopped, and what drivers do. Not on the protocol's own port, nor while motors move, as
-        the REPL's host may let the board wait. Allocates nothing."""
+        """Print why motors were stopped, and what drivers do. Allocates nothing.
+
+        Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
+        waiting.
+        """
         unreported = self._controller.unreported
         self._controller.unreported = 0
         for bit, text in FAULTS:
@@ -216,7 +226,7 @@ class Runner:
             print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
 
     def _tell_all(self):
-        """When the protocol gives back the REPL's port: everything that could not be said there since the start."""
+        """After the protocol has given the port back to the REPL: print all that had to wait."""
         try:
             from framestep import texts
 
@@ -228,12 +238,12 @@ class Runner:
         self._tell()
 
     def _blink(self, _timer):
-        """The LED, when no passes do it any more."""
+        """Flash the LED after the passes have ended."""
         self._beat = (self._beat + 1) & 15
         self._hal.led(glow(LED_FAULT, self._beat))
 
     def stop(self):
-        """End the passes; the motors ramp down. The REPL is left as it was, and no watchdog strikes it."""
+        """End the passes: the motors ramp down, the watchdog is off, the REPL works as before."""
         self.alive = False
         self._hal.passes.deinit()
         heap_lock()

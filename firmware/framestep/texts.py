@@ -77,7 +77,10 @@ EXCEEDED = {
 
 
 def exceeded(what, motor, frame, by):
-    """A line about what the last move exceeds, or none. what: EXCEEDED_; motor from 1; by: see moves/player.py."""
+    """A line about what the last move exceeds, or none.
+
+    what: EXCEEDED_. motor: from 1. by: see moves/player.py.
+    """
     if what not in EXCEEDED:
         return []
     return ["the last move exceeds, at frame %d of motor %d, " % (frame, motor) + EXCEEDED[what].replace("%d", str(by))]
@@ -94,8 +97,10 @@ def faults(bits):
 
 
 def positions(controller):
-    """A line per motor: where its pulses have taken it, as the host is told, and how far that can be trusted; one more
-    where that is not far."""
+    """A line for each motor: its position as reported to the host, and how far that can be trusted.
+
+    One more line if some position is lost.
+    """
     found = controller.positions
     axes = controller.axes
     axes.choose_sample()

@@ -1,15 +1,15 @@
-"""What framestep asks of a chip: the classes that a HAL is made of. docs/new-chip.md says how to write one.
+"""What framestep needs of a chip: the classes of a HAL. docs/new-chip.md says how to write one.
 
-This module is not put on a board, so a HAL does not inherit from it. host_tests/hal/test_contract.py holds every HAL to
-these names and parameters, and what is above the HAL to using nothing else. A method that need not do anything says
-what it returns then. After Hal.start() nothing allocates.
+This module is not put on a board, so a HAL does not inherit from it. host_tests/hal/test_contract.py
+checks that every HAL has these names and parameters, and that nothing above the HAL uses others.
+After Hal.start() nothing allocates.
 
 What the tick has to know of the chip's pulse engine is in engine.py.
 """
 
 
 class Hal:
-    """A board. Made once, by boot, from the board's data and a rig file (framestep.rig.Rig); keeps the drivers off.
+    """A board, made once, by boot, from its data and a framestep.rig.Rig. The drivers are off at first.
 
     motors          how many there are
     board           the board's data: boards/<board>/board.json as a dictionary, with what this rig
@@ -29,43 +29,46 @@ class Hal:
     """
 
     def start(self):
-        """Begin to tick, and claim the protocol's port. Called once."""
+        """Start the tick, and claim the protocol's port. Called once."""
         raise NotImplementedError
 
     def irq_off(self):
-        """Keep the tick away for some microseconds; what irq_on() wants."""
+        """Hold the tick off for some microseconds. Returns what irq_on() needs."""
         raise NotImplementedError
 
     def irq_on(self, state):
-        """Let the tick come again."""
+        """Let the tick come again. state: what irq_off() has returned."""
         raise NotImplementedError
 
     def idle(self):
-        """Nothing to do: wait for the next interrupt."""
+        """Wait for the next interrupt: there is nothing to do."""
         raise NotImplementedError
 
     def enable(self, motor, on):
-        """Switch a motor's driver on or off; drivers that share a pin are on while one of them is."""
+        """Switch a motor's driver on or off. Drivers that share a pin are on while any of them is."""
         raise NotImplementedError
 
     def led(self, colour):
-        """Light the board's LED in a colour 0xRRGGBB, as far as there is one and it has colours; 0: off."""
+        """Light the board's LED, if it has one, in a colour 0xRRGGBB, if it has colours; 0: off."""
         raise NotImplementedError
 
     def output(self, pin, level):
-        """Make a pin an output, at boot; the bit that stands for it in drive(), below 2^30."""
+        """Make a pin an output, at boot. Returns its bit for drive(), below 2^30."""
         raise NotImplementedError
 
     def input(self, pin, pull):
-        """Make a pin an input with pull "up", "down" or "none", at boot; its bit in levels(), below 2^30."""
+        """Make a pin an input, at boot. Returns its bit in levels(), below 2^30.
+
+        pull: "up", "down" or "none".
+        """
         raise NotImplementedError
 
     def drive(self, high, low):
-        """Drive the pins of these bits high and low, all at once; from interrupt handlers too."""
+        """Drive the pins of these bits high and low, all at once. Interrupt handlers may call it."""
         raise NotImplementedError
 
     def levels(self):
-        """Bits of the pins that are high, outputs as well."""
+        """The pins that are high, one bit each, outputs included."""
         raise NotImplementedError
 
     def whole_stack(self, work):
@@ -78,13 +81,16 @@ class Hal:
         raise NotImplementedError
 
     def take_lost_commands(self):
-        """Motors of which a pulse command was lost since the last call, so steps are missing: a bit each."""
+        """The motors of which commands were lost since the last call, so that steps are missing.
+
+        One bit each.
+        """
         raise NotImplementedError
 
     def reclaim(self):
-        """Give pins that something else has taken their function again.
+        """Take back pins that something else, such as a program on the REPL, has set up anew.
 
-        -1 where none was taken, else the motors that may have missed pulses by it: a bit each.
+        Returns -1 if there were none, else the motors that may have missed pulses, one bit each.
         """
         raise NotImplementedError
 
@@ -96,26 +102,27 @@ class Hal:
         raise NotImplementedError
 
     def flash(self):
-        """A Flash, at boot; OSError where there is none."""
+        """A Flash, at boot. OSError if there is none."""
         raise NotImplementedError
 
 
 class PulseEngine:
-    """Makes edges of the commands of the tick; engine.py says what they are and how long they take.
+    """Turns the tick's commands into edges; engine.py says what they are and how long they take.
 
-    What it cannot do in time it tells by Hal.take_lost_commands(), and it never makes up for it by a burst.
+    What it cannot do in time it reports by Hal.take_lost_commands(). It never makes up for it by a
+    burst of pulses.
     """
 
     def fifo(self, motor):
-        """Address that takes a motor's commands, or of its ring: see engine.RING."""
+        """The address to which a motor's commands are written, or of its ring: see engine.RING."""
         raise NotImplementedError
 
 
 class Port:
     """The protocol's port.
 
-    open        whether the host has it open (DTR); True where that cannot be seen
-    openings    how often it has been opened; a change means a new host
+    open        whether the host has it open (DTR); True if that cannot be seen
+    openings    how often it has been opened: a change means a new host
     """
 
     def start(self):
@@ -123,17 +130,17 @@ class Port:
         raise NotImplementedError
 
     def stop(self):
-        """Give it back to the REPL; only of a port that is the REPL's."""
+        """Give the port back to the REPL, if it is the REPL's."""
         raise NotImplementedError
 
     def poll(self, reader):
-        """Move received bytes into reader.feed(buffer, start, count); how many were moved."""
+        """Move received bytes into reader.feed(buffer, start, count). Returns how many."""
         raise NotImplementedError
 
     def send(self, writer):
-        """Begin to send what writer.take(buffer, limit) hands out; never waits.
+        """Begin to send what writer.take(buffer, limit) hands out. Never waits.
 
-        Something true where something else is still under way: ask again in the next pass.
+        Returns something true if it is still busy sending: to be called again in the next pass.
         """
         raise NotImplementedError
 
@@ -141,34 +148,34 @@ class Port:
 class Dmx:
     """Puts light levels on a wire.
 
-    channels    how many, 512, or 0 where there is no DMX
+    channels    512, or 0 if there is no DMX
     """
 
     def show(self, lights):
-        """Send the levels of an io.lights.Lights on if any has changed. Once a pass at most."""
+        """Send the levels of an io.lights.Lights if any has changed. At most once a pass."""
         raise NotImplementedError
 
 
 class Watchdog:
-    """Starts the board again when it is not fed.
+    """Restarts the board unless it is fed.
 
-    caused_reset      whether it has started the board this time
+    caused_reset    whether it has started the board this time
     """
 
     def arm(self, ms):
-        """From now on it is to be fed within so many milliseconds.
+        """Start it: from now on it has to be fed within so many milliseconds.
 
-        While something else than a pass holds up the main loop, and the tick has brought all motors to rest, it feeds
-        itself.
+        It feeds itself while something other than a pass holds up the main loop, once the tick has
+        brought all motors to rest.
         """
         raise NotImplementedError
 
     def feed(self):
-        """Keep it quiet; only while it is armed."""
+        """Feed it. Only while it is armed."""
         raise NotImplementedError
 
     def disarm(self):
-        """It need not be fed any more."""
+        """Stop it: it need not be fed any more."""
         raise NotImplementedError
 
 
@@ -176,15 +183,18 @@ class DriverWire:
     """The UART of the motors' drivers."""
 
     def select(self, motor):
-        """The driver of this motor (from 0) is to be talked to; where each has a line of its own."""
+        """Select the driver of a motor (from 0), if each has a line of its own."""
         raise NotImplementedError
 
     def send(self, buffer, count):
-        """Put up to 8 bytes on the line; never waits."""
+        """Send up to 8 bytes. Never waits."""
         raise NotImplementedError
 
     def receive(self, buffer, at, limit):
-        """Bytes that have come since, at most `limit`, into buffer[at:]; how many. What was sent comes back as well."""
+        """Put received bytes, at most `limit`, into buffer[at:]. Returns how many.
+
+        What was sent is received as well.
+        """
         raise NotImplementedError
 
 
@@ -196,13 +206,16 @@ class Flash:
     """
 
     def read(self, block, at, buffer):
-        """Fill the buffer from a place in a block."""
+        """Fill the buffer from offset `at` of a block."""
         raise NotImplementedError
 
     def program(self, block, at, page):
-        """Clear the bits that are 0 in these 256 bytes, `at` being a multiple; False where that is not possible."""
+        """Clear the bits that are 0 in the 256 bytes of `page`. False if that is not possible.
+
+        at: offset in the block, a multiple of 256.
+        """
         raise NotImplementedError
 
     def erase(self, block, page):
-        """Set all bits of a block, with 256 bytes to work with; False where that is not possible."""
+        """Set all bits of a block. False if that is not possible. page: 256 bytes to work with."""
         raise NotImplementedError

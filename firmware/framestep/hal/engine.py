@@ -1,13 +1,13 @@
-"""The engine that makes edges of the tick's commands: what the tick and the planner have to know of it.
+"""What the tick and the planner have to know of the engine that turns commands into edges.
 
-This is the engine of the RP2040 and RP2350, a PIO state machine for each motor (rp2_pulses.py). A chip with another
-engine has a module of the same names, which the build puts in this one's place: see boards/chips.json and
-docs/new-chip.md. As the build folds imported constants, they cost nothing, and neither do the branches of the tick
-that are for another kind of engine.
+This is the engine of the RP2040 and RP2350, a PIO state machine for each motor (rp2_pulses.py). A
+chip with another engine has a module with the same names, which the build puts in this one's place:
+see boards/chips.json and docs/new-chip.md. The build folds imported constants and drops the branches
+of the tick that are for another kind of engine, so both cost nothing.
 
-A command is a 32-bit word with the fields below: the direction, how many pulses, the gap before each, how wide they
-are. The engine executes one after another on its own clock of some cycles a tick, from where the last one has
-ended. With n pulses, the last rising edge comes
+A command is a 32-bit word with the fields below: the direction, how many pulses, the gap before
+each, how wide they are. The engine executes one after the other on its own clock. With n pulses, the
+last rising edge comes
 
     COMMAND_CYCLES + n·(gap + PERIOD_CYCLES + width·WIDTH_CYCLES)
 
@@ -28,7 +28,7 @@ WIDTHS = const(16)
 FASTEST_HZ = const(131000000)  # of the engine's clock: a gap has to hold two ticks
 COMMAND_CYCLES = const(4)
 WAIT_CYCLES = const(9)
-LONGEST_WAIT = const(200000)  # of one command
+LONGEST_WAIT = const(200000)  # that one command can make
 PERIOD_CYCLES = const(40)
 HIGH_CYCLES = const(34)
 WIDTH_CYCLES = const(32)
@@ -40,7 +40,7 @@ SPARE_CYCLES = const(16)
 LEAD = const(2)  # ticks from the tick that commands pulses to these pulses, less SHORT_US
 SHORT_US = const(100)
 TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
-CUE_DELAY_US = const(12)  # how far into its tick a change of outputs takes effect
+CUE_DELAY_US = const(12)  # from the beginning of a tick to its change of outputs
 COMMANDS = const(8)  # that can wait for each motor
 BATCH = const(1)  # ticks done at a time, at most
 

@@ -50,7 +50,7 @@ def _number(channel):
 
 
 class Dmx:
-    """See framestep.hal. Takes one UART, two DMA channels and a DMA timer."""
+    """See hal/contract.py. Takes one UART, two DMA channels and a DMA timer."""
 
     channels = CHANNELS
 

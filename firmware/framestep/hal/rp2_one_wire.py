@@ -81,7 +81,7 @@ def _receive(machine: int, data: ptr8, at: int, limit: int) -> int:
 
 
 class OneWire:
-    """See framestep.hal, `wire`."""
+    """See hal/contract.py, DriverWire."""
 
     def __init__(self, pins, motors):
         """pins: one per motor from the first on. Takes the state machines behind the PIO block of the last motor."""

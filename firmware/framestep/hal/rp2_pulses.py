@@ -1,7 +1,7 @@
 """Pulse engine of the RP2040 and RP2350: one PIO state machine per motor.
 
-The program executes the commands of motion/stepper.py at the full system clock. Its cycle counts
-are the constants in that file's head comment:
+The program executes the commands of engine.py at the full system clock. These are its cycle counts,
+from which the constants there come:
 
     command to first rising edge   gap + 8
     rising edge to rising edge     gap + 4 + H,  H = 4 + 32·(width + 1)
@@ -70,13 +70,13 @@ class PulseEngine:
             self.machines.append(machine)
 
     def fifo(self, motor):
-        """Address that takes the motor's commands."""
+        """The address to which the motor's commands are written."""
         return _PIO_BASE[motor >> 2] + _TXF + 4 * (motor & 3)
 
 
 @micropython.viper
 def lost_commands(motors: int) -> int:
-    """Motors of which a command has found its FIFO full since the last call, one bit each."""
+    """The motors of which a command has found a full FIFO since the last call, one bit each."""
     lost = 0
     bit = 0
     block = 0x502

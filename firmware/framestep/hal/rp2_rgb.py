@@ -36,7 +36,7 @@ def colour_bits():
 
 
 class RgbLed:
-    """See framestep.hal, `led`. Dark at first, whatever it showed before a reset of the board."""
+    """See hal/contract.py, Hal.led(). Dark at first, whatever it showed before a reset of the board."""
 
     def __init__(self, pin, number):
         """number: of the state machine that it takes."""

@@ -1,4 +1,4 @@
-"""What the USB controller of the RP2040 and RP2350 knows and MicroPython does not tell.
+"""Facts about the USB bus that the controller of the RP2040 and RP2350 has, and MicroPython has not.
 
 Addresses: RP2040 datasheet 4.1.2.5.4 (buffer control: a word for IN and one for OUT of each endpoint) and 4.1.4.
 Nothing here allocates.
@@ -32,10 +32,10 @@ def packet_waits(endpoint: int) -> bool:
 
 @micropython.viper
 def empty_packet(endpoint: int):
-    """Make the packet that waits at an IN endpoint an empty one. It keeps its place in the order of packets (toggle).
+    """Make the packet that waits at an IN endpoint an empty one, with the same toggle bit.
 
-    The host may be collecting it: that is let come to its end, interrupts being off so that the driver does not hear
-    of it, and a packet that has gone stays gone. Takes 70 us where a packet waits.
+    If the host is just collecting it, it is sent. Interrupts are off meanwhile, so that the driver
+    does not notice. Takes 70 µs if a packet waits.
     """
     control = ptr32(_BUFFER_CONTROL)
     page = _USB_PAGE
@@ -62,7 +62,7 @@ def empty_packet(endpoint: int):
 
 @micropython.viper
 def addressed() -> bool:
-    """Whether the host has given the board an address since the last bus reset, which the driver's interrupt clears."""
+    """Whether the host has given the board an address since the last reset of the bus."""
     page = _USB_PAGE
     page <<= 12  # which as a constant would be an object
     return ptr32(page)[0] & _ADDRESS != 0
@@ -70,12 +70,12 @@ def addressed() -> bool:
 
 @micropython.viper
 def frame_number() -> int:
-    """Number of the last frame that the host began, 0 to 2047, one a millisecond; it stands still on a dead bus."""
+    """The number of the host's last USB frame, 0 to 2047, one a millisecond. Constant on a dead bus."""
     return ptr32(_SOF_RD)[0] & 0x7FF
 
 
 class BusWatch:
-    """Tells a dead bus (the cable is out, or the host asleep), of which the USB driver tells nothing."""
+    """Detects a dead bus: the cable is out, or the host asleep. The USB driver does not report it."""
 
     def __init__(self):
         self._looked_at = time.ticks_ms()
@@ -83,9 +83,9 @@ class BusWatch:
         self._still = -1  # until frames have been seen to come
 
     def dead(self):
-        """True when frames have come, and none for 0.1 s, or the host has reset the bus and not yet given an address.
+        """Whether the bus is dead: there were USB frames, but none for 0.1 s, or the board has no address.
 
-        To be called all the time; it looks at frames every 10 ms.
+        To be called all the time; it looks every 10 ms.
         """
         now = time.ticks_ms()
         if time.ticks_diff(now, self._looked_at) >= _LOOK_MS:

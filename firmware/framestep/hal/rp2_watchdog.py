@@ -1,11 +1,12 @@
 """The watchdog of the RP2040 and RP2350 (RP2040 datasheet 4.7, RP2350 12.9).
 
-`machine.WDT` knows no way to stop it; the chip does: a bit of its control register.
+`machine.WDT` cannot stop it; the chip can, by a bit of its control register.
 
-A call in C that a program on the REPL makes may hold the main loop up for longer than the watchdog waits. By then the
-tick has ramped every motor down, and there is nothing to save anybody from: a reset would only switch the drivers off,
-and lose the positions. So a hard timer feeds it as well, while all of this holds: the tick's count goes on, no motor
-takes segments any more, and the main loop is outside its pass, so that it is not framestep itself that hangs.
+A program on the REPL may make a call in C that holds the main loop up for longer than the watchdog
+waits. By then the tick has ramped every motor down, and a reset would only switch the drivers off and
+lose the positions. So a hard timer feeds the watchdog as well while all of this holds: the tick goes
+on counting, no motor takes segments any more, and the main loop is outside its pass, so that it is
+not framestep itself that hangs.
 """
 
 import sys
@@ -40,7 +41,7 @@ def _disable(page: int):
 
 
 class Watchdog:
-    """See framestep.hal."""
+    """See hal/contract.py."""
 
     def __init__(self):
         scratch = machine.mem32[_SCRATCH4] & 0xFFFFFFFF
@@ -51,7 +52,7 @@ class Watchdog:
         self._timer = None
 
     def guard(self, header):
-        """Feed it from a hard timer as well, as the head of this file has it. header: of the tick."""
+        """Begin to feed it from a hard timer as well, see above. header: of the tick."""
         words = self.words
         words[_HEADER] = as_word(addressof(header))
         words[_REGISTER] = (_PAGE << 16) + 0x8004  # LOAD

@@ -47,7 +47,7 @@ def _receive(uart: int, data: ptr8, at: int, limit: int) -> int:
 
 
 class Wire:
-    """See framestep.hal. Takes one UART."""
+    """See hal/contract.py. Takes one UART."""
 
     def __init__(self, wiring, rp2350=False):
         """wiring: {"uart", "tx", "rx"} of the board."""

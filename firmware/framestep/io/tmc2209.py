@@ -1,16 +1,18 @@
-"""TMC2209 drivers over their one-wire UART: set up before they are enabled, each write confirmed, faults watched.
+"""TMC2209 drivers on their one-wire UART: sets them up before they are enabled, and watches for faults.
 
 Telegrams (TMC2209 datasheet, "UART single wire interface"), each byte with its lowest bit first:
 
     write    05, address, register | 80, four bytes of value (highest first), CRC
     read     05, address, register, CRC;  answer  05, FF, register, four bytes of value, CRC
 
-What is sent comes back as an echo, since TX and RX share the wire. An answer is told from it, and from noise, by its
-address FF and its CRC. A write has no answer: IFCNT counts those that came through, and is read after each.
+What is sent comes back as an echo, since TX and RX share the wire. An answer differs from it, and
+from noise, by its address FF and its CRC. A write has no answer, so IFCNT, which counts good writes,
+is read after each one.
 
-A driver that does not answer, has a fault, or has been reset (its supply broke down) is not `ready`: its motor does not
-move. It is asked again every RETRY_MS, and set up from the beginning as soon as it answers. A pass of the main loop
-does one thing and waits for nothing. Nothing allocates after construction.
+A driver that does not answer, has a fault, or has been reset by a drop of its supply is not `ready`:
+its motor does not move. It is asked again every RETRY_MS, and set up from the beginning as soon as
+it answers. A pass of the main loop does one thing and never waits. Nothing allocates after
+construction.
 """
 
 from array import array
@@ -34,7 +36,7 @@ _GSTAT = const(0x01)
 _IFCNT = const(0x02)
 _DRV_STATUS = const(0x6F)
 
-# What a driver says of itself: bits 0 to 7 of DRV_STATUS, then the three of GSTAT
+# Flags of a driver: bits 0 to 7 of DRV_STATUS, then the three of GSTAT
 HOT = const(1)
 TOO_HOT = const(2)
 SHORT = const(0x3C)  # to ground or to the supply, phase A or B
@@ -43,13 +45,13 @@ RESET = const(0x100)
 STOPPED = const(0x200)  # drv_err: too hot, or a short
 LOW_SUPPLY = const(0x400)  # uv_cp: the charge pump has too little voltage
 FAULTS = const(0x73E)  # TOO_HOT | SHORT | RESET | STOPPED | LOW_SUPPLY
-# What its master says of it
+# Flags that this module adds
 SILENT = const(0x800)
 NO_ECHO = const(0x1000)
 DEAF = const(0x2000)  # it answers, but does not take what is written
 _TROUBLE = const(0x3F3E)  # FAULTS | SILENT | NO_ECHO | DEAF
 
-# in the order in which they are told; what follows from another is not
+# texts, causes first: of several flags only the first one is reported
 WORDS = (
     (NO_ECHO, "gets no echo on the wire: RX, TX and PDN_UART are not connected"),
     (SILENT, "does not answer (has it power, and the right address?)"),
@@ -99,7 +101,7 @@ def crc(data: ptr8, at: int, count: int) -> int:
 
 @micropython.viper
 def _start(data: ptr8, at: int, count: int, register: int) -> int:
-    """Where from `at` on an answer about this register seems to begin, all of which is there; -1 if nowhere."""
+    """Where from `at` on a whole answer about this register may begin; -1: nowhere."""
     last = count - _ANSWER
     while at <= last:
         if data[at + 2] == register:
@@ -111,7 +113,7 @@ def _start(data: ptr8, at: int, count: int, register: int) -> int:
 
 
 def answer(heard, count, register):
-    """Where in `count` bytes the answer about a register begins; -1 if it is not there (yet)."""
+    """Where in `count` bytes the answer about a register begins; -1 if it is not there yet."""
     at = _start(heard, 0, count, register)
     while at >= 0 and crc(heard, at, _ANSWER - 1) != heard[at + _ANSWER - 1]:
         at = _start(heard, at + 1, count, register)
@@ -119,21 +121,21 @@ def answer(heard, count, register):
 
 
 class Drivers:
-    """The drivers that the rig file has settings for.
+    """The drivers for which the rig file has settings.
 
-    ready     motors that may be switched on, one bit each; motors without driver settings are among them
+    ready     motors that may be switched on, one bit each, including those without driver settings
     """
 
     def __init__(self, hal, rig):
-        """hal.driver_wire: the line; rig.drivers: for each motor its registers (io/tmc2209_setup.py) or None."""
+        """hal: for its driver_wire. rig.drivers: each motor's registers (io/tmc2209_setup.py) or None."""
         self.wire = hal.driver_wire
         self.report_driver = hal.report_driver
         self.motors = bytes([i for i in range(min(hal.motors, len(rig.drivers))) if rig.drivers[i]])
         self.tables = [rig.drivers[i] for i in self.motors]
         self.addresses = bytes([hal.board["drivers"]["address"][i] for i in self.motors])
         self.count = len(self.motors)
-        self.flags = array("i", [0] * self.count)  # what holds now
-        self.told = array("i", [0] * self.count)  # what has been said in words
+        self.flags = array("i", [0] * self.count)  # present ones
+        self.told = array("i", [0] * self.count)  # those that have been reported
         self.opens = bytearray(self.count)
         self.states = bytearray(self.count)  # _NEW
         self.failed_at = array("i", [0] * self.count)
@@ -163,7 +165,10 @@ class Drivers:
     # ---------------------------------------------------------------- the wire
 
     def poll(self, now):
-        """One pass; now: milliseconds modulo 2^29. Motors whose driver has just failed, one bit each."""
+        """One pass. now: milliseconds modulo 2^29.
+
+        Returns the motors whose driver has just failed, one bit each.
+        """
         waited = elapsed(now, self._at)
         if self._phase == _REST:
             if waited >= self._rest_ms:
@@ -213,7 +218,7 @@ class Drivers:
         wire.send(frame, 4)
 
     def _write(self, step, now):
-        """Send a write of this place in the driver's table."""
+        """Send the write of step `step` in the driver's table."""
         frame = self._frame
         table = self.tables[self._driver]
         at = step * _ENTRY
@@ -258,7 +263,7 @@ class Drivers:
         self._rest(now, 1 if self.states[n] == _NEW else POLL_MS)
 
     def _answered(self, at, now):
-        """A register's value has come, four bytes from heard[at] on."""
+        """Take in a register's value, four bytes from heard[at] on."""
         heard = self._heard
         last = heard[at + 3]
         step = self._step
@@ -280,7 +285,7 @@ class Drivers:
             self._again = 0
             self._step = step + 1
         else:
-            # Not counted: lost on the way, and written again. Another count than before: it was reset meanwhile.
+            # Not counted: it was lost, and is written again. Any other count: the driver was reset.
             if last != self._confirmed:
                 self._confirmed = last
                 self._step = 0
@@ -290,7 +295,10 @@ class Drivers:
         return 0
 
     def _finish(self, flags, now):
-        """Done with this driver for now: flags is what is known of it. Its motor's bit if it has failed by that."""
+        """Be done with this driver for now. flags: of the driver.
+
+        Returns its motor's bit if the driver has failed, else 0.
+        """
         n = self._driver
         motor = self.motors[n]
         self.flags[n] = flags
@@ -311,7 +319,7 @@ class Drivers:
         return failed
 
     def _tell(self, n, motor, flags, worked):
-        """Say in words what is new."""
+        """Report what is new."""
         told = self.told[n]
         if flags & _TROUBLE:
             # of several things the first in WORDS is the cause
@@ -336,7 +344,7 @@ class Drivers:
         self.told[n] = told
 
     def states_in_words(self):
-        """A line per driver, for the REPL; allocates."""
+        """A line for each driver, for the REPL. Allocates."""
         lines = []
         for n in range(self.count):
             text = "is being set up" if self.states[n] == _NEW else "works"

@@ -1,4 +1,4 @@
-"""What a TMC2209 is to be told, from the driver settings of the rig file. Loaded while the rig file is read; allocates.
+"""The registers of a TMC2209 for the driver settings of the rig file. Loaded to read that file; allocates.
 
 Register numbers and fields: the makers' register reference, analogdevicesinc/TMC-API tmc/ic/TMC2209; formulas: TMC2209
 datasheet, "Selecting sense resistors" (current), TPOWERDOWN and CHOPCONF in its register tables.
@@ -28,7 +28,7 @@ _FREEWHEEL = 1 << 20
 
 
 def scale(run_ma, sense_mohm):
-    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None where it is out of reach.
+    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None if out of range.
 
     I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2; the lower full scale gives finer microsteps.
     """
@@ -46,8 +46,11 @@ def most_ma(sense_mohm):
 
 
 def registers(driver):
-    """Register numbers and values in the order in which they are written, five bytes each. driver: a dictionary with
-    the keys of framestep.rig.DRIVER_SETTINGS; ValueError for a current out of reach."""
+    """Register numbers and values in the order in which they are written, five bytes each.
+
+    driver: a dictionary with the keys of framestep.rig.DRIVER_SETTINGS. ValueError for a current that
+    is out of range.
+    """
     found = scale(driver["run_ma"], driver["sense_mohm"])
     if found is None:
         raise ValueError("at most %d mA with %d mΩ" % (most_ma(driver["sense_mohm"]), driver["sense_mohm"]))
@@ -60,7 +63,7 @@ def registers(driver):
     delay = (driver["hold_delay_ms"] * (_CLOCK_HZ // 1000) + (1 << 17)) >> 18
     listed = (
         (_NODECONF, _SENDDELAY),
-        (_CHOPCONF, chopper),  # TOFF 0: the bridges are off, and what a short has latched is let go
+        (_CHOPCONF, chopper),  # TOFF 0: the bridges are off, which clears a latched short
         (_GSTAT, 7),  # cleared by ones
         (_GCONF, _UART_RULES | (_SPREAD if driver["mode"] == "spread" else 0)),
         (_VACTUAL, 0),

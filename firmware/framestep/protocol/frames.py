@@ -1,9 +1,9 @@
 """Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer are made.
 
-A frame lies whole and in one piece in either buffer, so payload fields are read and written in place by their offset.
-A DWORD may be a number that does not fit a small integer (2^30 and more), which on the board would be an object on the
-heap: `count`, `start_index` and `i32` say so with a value of their own, and `word_to` and `word_from` move any DWORD
-between a payload and an element of an array('i') without making a number of it.
+In both buffers a frame lies in one piece, so payload fields are read and written in place, by their
+offset. A DWORD of 2^30 and more would be an object on the board's heap. For those `u30`,
+`start_index` and `i32` return a special value; `copy_i32_to` and `put_i32s_from` copy any DWORD
+between a payload and an array('i') without making a number of it.
 """
 
 from array import array
@@ -48,7 +48,10 @@ _F = const(0x46)
 
 @micropython.viper
 def _search(buffer: ptr8, state: ptr32) -> int:
-    """Find the next whole frame, good or not, from NEXT on: its bytes, or 0. NEXT goes past what can begin none."""
+    """Find the next whole frame from NEXT on, good or damaged. Returns its size in bytes, or 0.
+
+    NEXT skips what cannot be the beginning of a frame.
+    """
     at = state[_NEXT]
     fill = state[_FILL]
     while at < fill:
@@ -78,19 +81,24 @@ def _search(buffer: ptr8, state: ptr32) -> int:
 
 
 class FrameReader:
-    """Finds frames in a stream of bytes, however it is cut up (field notes 1.6 to 1.8).
+    """Finds frames in a stream of bytes, in whatever pieces it comes (field notes 1.6 to 1.8).
 
-    After `poll()` has given FRAME or DAMAGED these hold until the next `feed()` or `poll()`: `type`, `length` (of the
-    payload, bytes), `head` and `payload` (where frame and payload begin in `buffer`). Of a DAMAGED frame only type and
-    ID (`head`) are of use, for the answer ERR_CHECKSUM. The accessors take offsets within the payload and check
-    nothing: messages.payload_fits() has been asked before.
+    After poll() has returned FRAME or DAMAGED these are valid until the next feed() or poll():
+    `type`, `length` (of the payload, bytes), `head` and `payload` (where frame and payload begin in
+    `buffer`). Of a DAMAGED frame only type and ID (at `head`) are of use, for the answer
+    ERR_CHECKSUM. The accessors take offsets within the payload and check nothing:
+    messages.payload_fits() has been asked before.
 
-    `waiting` is the count of bytes held that poll() has not yet given: 0 after the last frame, and after NOTHING those
-    of a frame that has begun; its owner watches the clock and calls `drop_partial()` when the rest does not come.
+    `waiting` counts the bytes that poll() has not yet used: 0 after the last frame; after NOTHING
+    those of a frame that has begun. The caller watches the clock and calls drop_partial() if the
+    rest does not come.
     """
 
     def __init__(self, size=LARGEST_FRAME + 44):
-        """`size` bytes of buffer, by default what a USB transfer brings. ValueError below 1048 (field note 1.6)."""
+        """size: of the buffer in bytes, by default that of a USB transfer.
+
+        ValueError below 1048 (field note 1.6).
+        """
         if size < LARGEST_FRAME:
             raise ValueError("a FrameReader needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
         self.buffer = bytearray(size)
@@ -103,9 +111,10 @@ class FrameReader:
 
     @micropython.viper
     def feed(self, source, start: int, count: int) -> int:
-        """Take up to `count` bytes of `source` from `start` on; how many it took. Offer the rest after the next poll().
+        """Take up to `count` bytes of `source` from `start` on. Returns how many it took.
 
-        Once poll() has given NOTHING there is room for the rest of any frame.
+        The rest is to be offered after the next poll(). Once poll() has returned NOTHING there is
+        room for the rest of any frame.
         """
         state = ptr32(self._state)
         buffer = self.buffer
@@ -128,7 +137,10 @@ class FrameReader:
 
     @micropython.viper
     def poll(self) -> int:
-        """FRAME, DAMAGED (wrong checksum) or NOTHING; call again until NOTHING, or until nothing is waiting."""
+        """Find the next frame. Returns FRAME, DAMAGED (wrong checksum) or NOTHING.
+
+        To be called until it returns NOTHING or nothing is waiting.
+        """
         buffer = self.buffer
         words = self._state
         size = int(_search(buffer, words))
@@ -151,14 +163,14 @@ class FrameReader:
         return found
 
     def drop_partial(self):
-        """Give up the frame that has begun: skip its marker. poll() then looks at the bytes behind it."""
+        """Drop the frame that has begun: skip its marker. poll() goes on with the bytes behind it."""
         state = self._state
         skipped = state[_FILL] - state[_NEXT]
         state[_NEXT] += 2 if skipped > 2 else skipped
         self.waiting = 0
 
     def clear(self):
-        """Forget every byte held, as when the port has been closed."""
+        """Drop all bytes, as after the port has been closed."""
         self._state[_NEXT] = 0
         self._state[_FILL] = 0
         self.waiting = 0
@@ -184,7 +196,7 @@ class FrameReader:
 
     @micropython.viper
     def u30(self, i: int) -> int:
-        """The unsigned DWORD at payload offset `i`, or -1 from 2^30 on."""
+        """The unsigned DWORD at payload offset `i`; -1 if it is 2^30 or more."""
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         high = buffer[i + 3]
@@ -194,7 +206,10 @@ class FrameReader:
 
     @micropython.viper
     def start_index(self, i: int) -> int:
-        """The DWORD at payload offset `i` without its high bit, or -1 from 2^30 on (spec: MSG_RT_UPLOAD_MOVE_AXIS)."""
+        """The DWORD at payload offset `i` without its high bit; -1 if that is 2^30 or more.
+
+        See the specification, MSG_RT_UPLOAD_MOVE_AXIS.
+        """
         buffer = ptr8(self.buffer)
         i += int(self.payload)
         high = buffer[i + 3] & 0x7F
@@ -227,7 +242,7 @@ class FrameReader:
 def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
     """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0 when `head` is -1.
 
-    What waits to be taken is moved to the front when the largest frame would not fit behind it.
+    What waits to be taken is moved to the front if the largest frame would not fit behind it.
     """
     at = state[_END]
     taken = state[_TAKE]
@@ -282,7 +297,7 @@ def _put(buffer: ptr8, state: ptr32, value: int, width: int):
 
 @micropython.viper
 def _finish(buffer, words) -> bool:
-    """Write length and check bytes of the frame begun; False, and it is withdrawn, when it does not fit."""
+    """Write length and check bytes. If the frame does not fit, withdraw it and return False."""
     state = ptr32(words)
     to = ptr8(buffer)
     start = state[_END]
@@ -320,13 +335,14 @@ def _text(buffer: ptr8, state: ptr32, text: ptr8, count: int, width: int):
 class FrameWriter:
     """Holds outgoing frames until the port takes their bytes.
 
-    A frame is begun, filled field by field and ended; only then is it seen by `take()`. A frame that finds no room
-    disappears as a whole: `end()` is False and nothing of it is sent. One frame is written at a time, of 1048 bytes at
-    most. `take()` and `clear()` may be called between any two steps of it, as from a scheduled callback.
+    A frame is begun, filled field by field and ended; only then take() gets it. A frame for which
+    there is no room is dropped as a whole: end() returns False and nothing of it is sent. One frame
+    is written at a time, of 1048 bytes at most. take() and clear() may be called between any two
+    steps of it, for example from a scheduled callback.
     """
 
     def __init__(self, size=4096):
-        """`size` bytes of buffer; ValueError when the largest frame would not fit."""
+        """size: of the buffer in bytes. ValueError if the largest frame would not fit."""
         if size < LARGEST_FRAME:
             raise ValueError("a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
         self._buffer = bytearray(size)
@@ -344,7 +360,7 @@ class FrameWriter:
 
     @micropython.viper
     def room(self) -> int:
-        """The largest payload that a frame begun now could have, bytes; below 0 when not even an empty one fits."""
+        """The largest payload for a frame begun now, in bytes; below 0 if not even an empty one fits."""
         state = ptr32(self._state)
         room = state[_LIMIT] - state[_END] + state[_TAKE] - FRAME_OVERHEAD
         return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
@@ -359,15 +375,15 @@ class FrameWriter:
             _open(buffer, self._state, buffer, -1, kind)
 
     def u8(self, value):
-        """Append the low BYTE of `value`, a small integer as for the next two; negative ones as two's complement."""
+        """Append the low BYTE of `value`, a small integer; negative ones as two's complement."""
         _put(self._buffer, self._state, value, 1)
 
     def u16(self, value):
-        """Append the low WORD of `value`."""
+        """Append the low WORD of `value`, in the same way."""
         _put(self._buffer, self._state, value, 2)
 
     def u32(self, value):
-        """Append `value` as a DWORD."""
+        """Append `value` as a DWORD, in the same way."""
         _put(self._buffer, self._state, value, 4)
 
     @micropython.viper
@@ -411,7 +427,7 @@ class FrameWriter:
 
     @micropython.viper
     def take(self, to, limit: int) -> int:
-        """Move up to `limit` bytes of finished frames to the start of `to`; how many."""
+        """Move up to `limit` bytes of finished frames to the start of `to`. Returns how many."""
         state = ptr32(self._state)
         at = state[_TAKE]
         count = state[_END] - at
@@ -424,7 +440,7 @@ class FrameWriter:
         return count
 
     def clear(self):
-        """Forget everything that has not been taken, and a frame that has been begun: its end() is False."""
+        """Drop all that has not been taken. A frame that has begun is dropped when it ends."""
         state = self._state
         state[_TAKE] = state[_END]
         state[_FULL] = 1

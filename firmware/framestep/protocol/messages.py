@@ -1,7 +1,7 @@
-"""Everything the DMC v2 protocol has a number for: types, codes, flags, sizes.
+"""The numbers of the DMC v2 protocol: types, codes, flags, sizes.
 
-The one place where these numbers live; the board, the tests and the host tools import them from here.
-Sources: the specification (edition 2024-08-13), and the field notes where marked. Nothing here allocates when called.
+The board, the tests and the host tools all import them from here. Sources: the specification
+(edition 2024-08-13), and the field notes where marked. Nothing here allocates when called.
 """
 
 from framestep import results
@@ -57,7 +57,8 @@ MSG_VIRT_GET_POSITION = const(0x0205)
 MSG_VIRT_JOG_ON_LINE = const(0x0206)
 MSG_VIRT_AIM_POINT = const(0x0207)
 
-# framestep's own, for `framestep status`; Dragonframe does not send it, other devices answer ERR_UNSUPPORTED
+# framestep's own, for `framestep status`; Dragonframe never sends them, and other devices answer
+# ERR_UNSUPPORTED
 MSG_CONDITION = const(0x4600)
 MSG_EXCEEDED = const(0x4601)  # what the last move asked too much of (field note 5.5)
 
@@ -169,8 +170,8 @@ LINE_TILT = const(4)
 
 HI_NAME_BYTES = const(32)  # of MSG_HI's answer (field note 2)
 
-# -- Payload bytes of requests (field note 2): of the shortest form, and of each further entry (0: a fixed layout).
-#    What a host may send and nothing else: a type that is not here is unknown (field note 1.7).
+# -- Payload bytes of requests (field note 2): the shortest form, and each further entry (0: a fixed
+#    layout). All that a host may send: a type that is not here is unknown (field note 1.7).
 
 REQUESTS = {
     MSG_HI: (0, 0),
@@ -220,7 +221,7 @@ def known(kind):
 def payload_fits(kind, length):
     """Whether a request of this type may have a payload of `length` bytes; False for an unknown type.
 
-    A fixed layout may be longer than this firmware knows it: handlers ignore what follows (field note 1.8).
+    A fixed layout may be longer than this version knows: handlers ignore the rest (field note 1.8).
     """
     sizes = REQUESTS.get(kind)
     if sizes is None or length < sizes[0]:

@@ -1,6 +1,7 @@
-"""What the commands of framestep.repl do; loaded for each of them anew, as memory is scarce. Here: what they share.
+"""The commands of framestep.repl. Here: what they share.
 
-Everything is done between two passes of the main loop, so nothing is half done when a pass looks at it.
+They are loaded for each call anew, as memory is scarce. All is done between two passes of the main
+loop, so a pass never finds anything half done.
 """
 
 from framestep import boot
@@ -23,7 +24,7 @@ REFUSALS = {
 
 
 def between(function, *arguments):
-    """What the function returns, called between two passes."""
+    """Call a function between two passes. Returns what it returns."""
     runner = boot.runner
     if CPYTHON or not runner.alive:
         return function(*arguments)
@@ -48,7 +49,10 @@ def between(function, *arguments):
 
 
 def locked(function, *arguments):
-    """Call it as a pass does, with the heap locked: no slower where memory is full. Two arguments at most."""
+    """Call a function with the heap locked, as in a pass, so that a full heap does not slow it down.
+
+    With two arguments at most.
+    """
     if CPYTHON:
         return function(*arguments)
     first = arguments[0] if arguments else None
@@ -63,7 +67,7 @@ def locked(function, *arguments):
 
 
 def operation(controller):
-    """What Dragonframe's operation is doing, in words; None if there is none."""
+    """What Dragonframe's operation is doing, as text; None if there is none."""
     if controller.virtuals.engaged:
         return "a virtual move is on"
     operations = controller.operations
@@ -83,7 +87,7 @@ def operation(controller):
 
 
 def dead():
-    """Why nothing can be done, in words; None as long as the controller runs."""
+    """Why nothing can be done, as text; None as long as the controller runs."""
     if boot.controller is None:
         return "framestep has not been started"
     if boot.runner.alive:
@@ -92,7 +96,7 @@ def dead():
 
 
 def refusal(code):
-    """Says why it is not done; True if it is."""
+    """Print why a request was refused. Returns True if it was not."""
     if code == m.OK:
         return True
     print("refused:", REFUSALS.get(code, "0x%04X" % code) if isinstance(code, int) else code)
