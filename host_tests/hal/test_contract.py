@@ -34,7 +34,7 @@ CALLED = {
     "port": "Port",
     "dmx": "Dmx",
     "dog": "Watchdog",
-    "wire": "DriverWire",
+    "driver_wire": "DriverWire",
     "flash": "Flash",
 }
 

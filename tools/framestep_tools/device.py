@@ -45,8 +45,9 @@ b = sys.modules.get("framestep.boot")
 c = b and b.controller
 r = c and getattr(b, "runner", b.hal)
 def moving():
-    # without its passes the operation stays as it was
-    return c and c.axes.moving_bits() | (c.operations.engaged if r.alive else 0) or 0
+    if not c: return 0
+    o = getattr(c, "operations", None) or c.stage  # as older versions call them
+    return c.axes.moving_bits() | (o.engaged if r.alive else 0)  # without its passes it stays as it was
 print((bool(c), moving(), bool(c) and r.background))
 """
 _STOP = """
