@@ -183,7 +183,8 @@ def folded(text):
 def test_the_build_puts_the_bytes_there():
     names: dict[str, object] = {}
     text = folded(USER)
-    assert "formula" not in text and "registers" not in text
+    assert "formula" not in text
+    assert "registers" not in text
     assert text.count("\n") == USER.count("\n"), "lines stay where they are"
     exec(text, names)
     assert names["SUM"] == formula({"A": 0, "B": 2}, "A = A + B")

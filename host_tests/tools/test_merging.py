@@ -33,12 +33,15 @@ def test_one_module_does_what_they_did():
     names: dict[str, object] = {"const": int}
     exec(found["p/last.py"], names)
     run = names["run"]
-    assert callable(run) and run() == (4, 5, 5)
+    assert callable(run)
+    assert run() == (4, 5, 5)
 
 
 def test_imports_stand_once_and_names_of_two_files_get_a_number():
     text = merged()["p/last.py"]
-    assert text.count("import") == 1 and "_LIMIT_2 = const(4)" in text and "def _help_2(x): return x + _LIMIT_2" in text
+    assert text.count("import") == 1
+    assert "_LIMIT_2 = const(4)" in text
+    assert "def _help_2(x): return x + _LIMIT_2" in text
 
 
 def test_a_module_outside_imports_from_where_they_are():
@@ -49,8 +52,10 @@ def test_a_module_outside_imports_from_where_they_are():
 def test_lines_lead_back_to_the_files():
     lines = merged()["p/last.py"].splitlines()
     merges = {"p/last.py": ("p/first.py",)}
-    assert lines[LINES + 5].startswith("def run") and where("p/last.py", LINES + 6, merges) == ("p/last.py", 6)
-    assert lines[3].startswith("class Point") and where("p/last.py", 4, merges) == ("p/first.py", 4)
+    assert lines[LINES + 5].startswith("def run")
+    assert where("p/last.py", LINES + 6, merges) == ("p/last.py", 6)
+    assert lines[3].startswith("class Point")
+    assert where("p/last.py", 4, merges) == ("p/first.py", 4)
     assert where("p/other.py", 2345, merges) == ("p/other.py", 2345)
 
 

@@ -387,7 +387,8 @@ def test_what_follows_is_ignored(kind):
                 firmware.configure(payload + b"\xfe" * more)
                 wanted = Firmware(kind)
                 wanted.configure(payload)
-                assert firmware.r[:KEPT] == wanted.r[:KEPT] and firmware.geometry.motor == wanted.geometry.motor
+                assert firmware.r[:KEPT] == wanted.r[:KEPT]
+                assert firmware.geometry.motor == wanted.geometry.motor
                 if kind == 1:
                     assert firmware.geometry.table == wanted.geometry.table
                     assert firmware.geometry._has_table == (table is not None)
