@@ -110,7 +110,7 @@ def start():
         print("framestep: nothing will move until the file is right and the board has been reset")
     try:
         from framestep.controller import Controller
-        from framestep.hal.rp2 import Rp2Hal
+        from framestep.hal.rp2 import Rp2Hal, release
         from framestep.runner import Runner
 
         hal = Rp2Hal(settings.board, settings)
@@ -136,7 +136,7 @@ def start():
         if settings.ports == 2:  # else the port is the protocol's by now; HI tells that there is room for no frame
             print("framestep: too little memory is left for moves:", error)
             print(_SAVE)
-    del spare
+    release(spare)
     gc.collect()
     gc.threshold(-1)
     runner.run(controller)

@@ -33,14 +33,17 @@ REST_S = 40
 CHUNK = 250
 REPLY = 0x8000
 
-# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again in any case.
+# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again in any case; in
+# small pieces, as any word in memory that looks like a pointer to one keeps that one.
 HELPERS = """
 import gc, os, time
-def take(ms, size=8192):
-    kept = None
-    while size >= 8:
+def take(ms, size=1024):
+    kept = [None] * 100
+    count = 0
+    while size >= 8 and count < 100:
         try:
-            kept = [kept, bytearray(size)]
+            kept[count] = bytearray(size)
+            count += 1
         except MemoryError:
             size //= 2
     time.sleep_ms(ms)

@@ -4,6 +4,7 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
+from framestep_tools.files import board_files
 from framestep_tools.payloads import (
     Ack,
     DeviceInfo,
@@ -147,3 +148,18 @@ def test_a_fault_and_words_for_all_of_it(full):
     full.run(0.2)
     assert full.repl.finish().splitlines() == [*WORDS, "free"]
     assert full.repl.eval("__import__('framestep.boot').boot.runner.failure") is None
+
+
+def test_what_is_released_is_free(emulator):
+    """Though something still points to it: any word of machine code may seem to."""
+    repl = emulator(files=board_files()).repl()
+    repl.exec(
+        "import gc\n"
+        "from framestep.hal.rp2 import release\n"
+        "def free():\n    gc.collect()\n    return gc.mem_free()\n"
+        "block = bytearray(4000)\n"
+    )
+    before = repl.eval("free()")
+    repl.exec("release(block)")
+    assert repl.eval("free()") - before >= 4000
+    assert repl.eval("len(block)") == 0
