@@ -5,6 +5,8 @@ millisecond it must do what it did here.
 
 import pytest
 
+from host_tests.end_to_end.session import DIALECTS, simulated
+from host_tests.end_to_end.uploaded_runs import MOVE
 from host_tests.recording import differences, recorded
 
 
@@ -37,3 +39,33 @@ def not_replayed(request, replayed):
     yield
     if inside:
         del replayed[count:]
+
+
+@pytest.fixture
+def rig():
+    """A session with the rig file's defaults."""
+    return simulated()
+
+
+@pytest.fixture(params=DIALECTS)
+def both(request):
+    """A session in each dialect."""
+    session = simulated({"dialect": request.param})
+    session.dword_acks = request.param == "dmc-lite"
+    return session
+
+
+@pytest.fixture
+def fast():
+    """A session whose motors can do MOVE."""
+    session = simulated()
+    for motor in MOVE:
+        session.speed(motor, 20000, 100_000)
+    return session
+
+
+@pytest.fixture
+def loaded(fast):
+    """MOVE uploaded as frames 1 to 25."""
+    fast.upload(MOVE)
+    return fast

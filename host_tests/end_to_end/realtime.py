@@ -7,6 +7,8 @@ from framestep_tools.payloads import (
     LAST_SECTION,
     MotorConfigure,
     Positions,
+    RtEnd,
+    RtGo,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
     RtUploadMoveDmx,
@@ -18,6 +20,7 @@ from framestep_tools.trace import Trace
 from host_tests.end_to_end.session import simulated
 
 FRAMES = 25
+PING_PONG, LOOP, VIDEO, STILLS = 0x01, 0x02, 0x10, 0x20
 VELOCITY, ACCELERATION = 20_000, 100_000
 # A motor at constant speed and one that swings; scene frames 1 to 25
 MOVE = {
@@ -27,6 +30,7 @@ MOVE = {
 LEVELS = {17: (np.arange(FRAMES) * 7 % 256).astype(int), 300: np.repeat([200, 0, 90, 90, 250], 5)}
 MASK = 0b0111
 TRIGGERS = {0: 0b001, 3: 0b010, 4: 0b010, 5: 0b110, 11: 0b1001, 24: 0b100}  # bit 3 is not in the mask
+ALL_OFF = ("shutter", "meter", "gio1", "gio2", "gio3", "gio4")
 RIG = {"outputs": [{"pin": pin} for pin in (22, 26, 27, 28)], "inputs": []}
 
 
@@ -144,3 +148,61 @@ def turning(first, last):
     """Indices of the frames from one to another in the order of play."""
     step = 1 if last >= first else -1
     return np.arange(first, last + step, step)
+
+
+def go(session, request):
+    """Prepare, forget what was, start. Where the motors waited."""
+    session.ready(request)
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    return before
+
+
+def to_the_end(session, seconds=20):
+    """Wait for RT_END; it must be the only one. When it came."""
+    session.client.wait_event(RtEnd, seconds)
+    ended = session.now
+    session.run(0.5)
+    session.wait_idle()  # on the end frame again (field note 6.11)
+    assert not session.events(RtEnd), "RT_END came twice"
+    return ended
+
+
+def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
+    """A verdict for each pass, each over all its frames."""
+    verdicts = []
+    for told in passes_told(session):
+        backward = told[-1][1] < told[0][1]
+        frames = turning(last, first) if backward == (last > first) else turning(first, last)
+        assert [f for _, f in told] == frames[1:].tolist()
+        positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
+        begin = told[0][0] - 1 / fps - roll / 2
+        verdicts.append(judge_pass(session, begin, told[-1][0] + roll / 2, before, positions, fps))
+    return verdicts
+
+
+def assert_held(session, signal, row, times):
+    """A signal has each frame's level from 1 ms after the frame's time until 1 ms before the next one's."""
+    level = Levels(session, signal)
+    ends = np.append(times[1:], times[-1] + np.diff(times).min())
+    for i, (time, end) in enumerate(zip(times, ends, strict=True)):
+        assert level(time + 0.001) == row[i] == level(end - 0.001), (signal, i)
+
+
+def assert_levels(session, times, frames):
+    for channel, row in LEVELS.items():
+        assert_held(session, f"dmx{channel}", row[list(frames)], times)
+
+
+def assert_triggers(session, times, frames):
+    for bit in range(3):
+        assert_held(session, f"gio{bit + 1}", [TRIGGERS.get(frame, 0) >> bit & 1 for frame in frames], times)
+
+
+def camera(session):
+    """[(begin, end)] of the shutter's openings; the meter is on for the same times."""
+    shutter = changes(session, "shutter")
+    assert shutter == changes(session, "meter")
+    assert [v for _, v in shutter] == [1, 0] * (len(shutter) // 2)
+    return [(a, b) for (a, _), (b, _) in zip(shutter[::2], shutter[1::2], strict=True)]

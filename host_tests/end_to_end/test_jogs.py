@@ -1,0 +1,250 @@
+"""JOG on the host simulation: speed, timeout, turning, soft limits under way."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorSetSpeed,
+    MotorStop,
+    MotorStopAll,
+)
+from host_tests.end_to_end.session import assert_within, deceleration, simulated
+
+FARTHEST, LOWEST = 2**31 - 1, -(2**31)
+
+
+def jog_for(rig, seconds, request, every=0.1):
+    """As Dragonframe does while a key is held."""
+    until = rig.now + seconds
+    while rig.now < until:
+        rig.accept(request)
+        rig.run(every)
+
+
+@pytest.mark.parametrize(("speed", "share"), [(10000, 1.0), (5000, 0.5), (300, 0.03), (100, 0.01), (1, 0.01)])
+def test_jog_speed(rig, speed, share):
+    """Field note 4.2: velocity and acceleration scaled, with a small floor."""
+    rig.speed(1, 8000, 16000)
+    jog_for(rig, 1.5, MotorJog(1, speed, FARTHEST))
+    rig.accept(MotorStop(1))
+    rig.wait_idle()
+    times, _ = rig.steps(1)
+    assert 1 / np.diff(times).min() == pytest.approx(8000 * share, rel=3e-3)
+    # after n steps of the ramp: sqrt(2·n / a)
+    n = int(0.8 * 8000 * share / (2 * 16000 / 8000))
+    for k in (n // 4, n):
+        assert times[k] - times[0] == pytest.approx(
+            ((2 * k + 2) ** 0.5 - 2**0.5) / (16000 * share) ** 0.5, rel=2e-3, abs=1e-3
+        )
+
+
+def test_jog_ends_without_another(rig):
+    """500 ms after the last one it ramps down."""
+    jog_for(rig, 1.0, MotorJog(1, 10000, FARTHEST), every=0.2)
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    asked = rig.now
+    rig.run(0.45)
+    times, signs = rig.steps(1)
+    assert np.diff(times[-20:]).max() < 1 / 4900, "slows down too soon"
+    rig.wait_idle()
+    times, signs = rig.steps(1)
+    assert times[-1] - asked == pytest.approx(0.5 + 5000 / 20000, abs=0.012)
+    assert deceleration(times, signs, asked + 0.51) == pytest.approx(20000, rel=0.01)
+    assert rig.position(1) == signs.sum()
+
+
+@pytest.mark.parametrize(("timeout_ms", "ends"), [(0, False), (200, True)])
+def test_jog_timeout_of_the_rig_file(timeout_ms, ends):
+    rig = simulated({"jog_timeout_ms": timeout_ms})
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    rig.run(3)
+    assert (rig.moving == []) == ends
+    assert rig.made(1) == pytest.approx(5000 * 0.2 if ends else 5000 * 2.9, abs=400)
+
+
+def test_jog_reaches_its_destination(rig):
+    """And a jog that is repeated there is answered and moves nothing."""
+    jog_for(rig, 1.2, MotorJog(1, 10000, 2500))
+    rig.wait_idle()
+    assert rig.position(1) == rig.made(1) == 2500
+    rig.accept(MotorJog(1, 10000, 2500))
+    assert rig.moving == []
+
+
+def test_jog_repeated_is_one_motion(rig):
+    """Repetitions do not disturb it: the edges are those of a jog that was asked for once."""
+    other = simulated({"jog_timeout_ms": 0})
+    rig.board.run_until(100_000_000)
+    other.board.run_until(100_000_000)
+    jog_for(rig, 0.8, MotorJog(1, 7000, FARTHEST), every=0.03)
+    other.accept(MotorJog(1, 7000, FARTHEST))
+    other.run(0.8)
+    count = len(rig.steps(1)[0]) - 20
+    assert count > 1500
+    assert (rig.steps(1)[0][:count] == other.steps(1)[0][:count]).all()
+
+
+def test_jog_turns_by_ramps(rig):
+    """Field note 4.2: against the direction it first ramps to a stop, then turns."""
+    jog_for(rig, 0.8, MotorJog(1, 10000, FARTHEST))
+    jog_for(rig, 1.0, MotorJog(1, 10000, LOWEST))
+    jog_for(rig, 0.4, MotorJog(1, 4000, LOWEST))
+    rig.accept(MotorStop(1))
+    rig.wait_idle()
+    times, signs = rig.steps(1)
+    assert_within(times, signs, 5000, 20000)
+    turns = np.flatnonzero(np.diff(signs))
+    assert len(turns) == 1
+    gaps = np.diff(times)
+    # n steps before and after the turn last as long as the ramp says: sqrt(2n/a) each
+    at = turns[0]
+    for n in (50, 300):
+        assert times[at] - times[at - n] == pytest.approx((2 * n / 20000) ** 0.5, abs=0.012)
+        assert times[at + 1 + n] - times[at + 1] == pytest.approx((2 * n / 20000) ** 0.5, abs=0.012)
+    assert gaps[at] < 0.03
+    assert rig.position(1) == signs.sum()
+
+
+def test_jog_is_held_by_soft_limits(both):
+    both.accept(MotorSetLimits(1, 1, -1200, 1, 1500))
+    for destination, ends in ((FARTHEST, 1500), (LOWEST, -1200), (1600, 1500), (2**30, 1500)):
+        jog_for(both, 1.5, MotorJog(1, 10000, destination))
+        both.wait_idle()
+        assert both.position(1) == ends
+        assert both.made(1) == ends
+    highest = np.cumsum(both.steps(1)[1])
+    assert highest.max() == 1500
+    assert highest.min() == -1200
+
+
+GENTLER = {
+    "a slower jog": [MotorJog(1, 500, FARTHEST)],
+    "a jog with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorJog(1, 10000, FARTHEST)],
+    "a move with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorMove(1, 8000)],
+    "a stop with less acceleration": [MotorSetSpeed(1, 20000, 2000), MotorStop(1)],
+}
+
+
+@pytest.mark.parametrize("jerk", [0, 300])
+@pytest.mark.parametrize("requests", GENTLER.values(), ids=GENTLER)
+def test_soft_limits_hold_for_what_is_gentler_under_way(requests, jerk):
+    """A motor that is near its limit can still stop there, whatever is asked of it meanwhile."""
+    rig = simulated({"motors": [{"jerk": jerk}]})
+    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorSetLimits(1, 1, -100_000, 1, 8000))
+    jog_for(rig, 0.4, MotorJog(1, 10000, FARTHEST))
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    rig.run(0.2)
+    assert 5000 < rig.position(1) < 8000
+    rig.accept(*requests)
+    rig.wait_idle()
+    assert np.cumsum(rig.steps(1)[1]).max() <= 8000
+
+
+UNDER_WAY = {
+    "a move": [MotorMove(1, 30_000)],
+    "a jog": [MotorJog(1, 10_000, FARTHEST)],
+    "a move that turns": [MotorMove(1, -30_000), MotorMove(1, 30_000)],
+}
+
+
+@pytest.mark.parametrize("jerk", [0, 300])
+@pytest.mark.parametrize("backlash", [0, 40])
+@pytest.mark.parametrize("room", [9_000, 1_000], ids=["in time", "too late"])
+@pytest.mark.parametrize("requests", UNDER_WAY.values(), ids=UNDER_WAY)
+def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
+    """The motor comes to rest on it; where it is too near to stop there, it comes back (field note 4.3)."""
+    rig = simulated({"motors": [{"jerk": jerk, "backlash": backlash}], "jog_timeout_ms": 0})
+    rig.accept(MotorSetSpeed(1, 20_000, 40_000))
+    for request in requests:
+        rig.accept(request)
+        rig.run(0.3)
+    rig.run(0.2)
+    limit = rig.position(1) + room
+    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
+    rig.wait_idle()
+    assert rig.position(1) == limit
+    times, signs = rig.steps(1)
+    assert_within(times, signs, 20_000, 40_000)
+    if room > 5_000:
+        assert np.cumsum(signs).max() <= limit
+    else:
+        stop_s = 20_000 / 40_000 / 2 + 0.05 + (0.2 if jerk else 0)
+        assert limit < np.cumsum(signs).max() < limit - room + 20_000 * stop_s
+    rig.refuse(Ack.ERR_SOFT_UP, MotorMove(1, limit + 1))
+
+
+@pytest.mark.parametrize("stop", [MotorStop(1), MotorStopAll()])
+@pytest.mark.parametrize("jerk", [0, 300])
+def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
+    rig = simulated({"motors": [{"jerk": jerk}]})
+    rig.accept(MotorSetSpeed(1, 20_000, 40_000), MotorMove(1, 30_000))
+    rig.run(0.4)
+    rig.accept(stop)
+    rig.run(0.05)
+    limit = rig.position(1) + 12_000
+    rig.accept(MotorSetLimits(1, 1, -100_000, 1, limit))
+    rig.wait_idle()
+    assert rig.position(1) < limit - 2_000
+
+
+def test_limits_of_another_motor_leave_a_move_alone(rig):
+    rig.accept(MotorMove(1, 3000))
+    rig.run(0.2)
+    rig.accept(MotorSetLimits(2, 1, -1, 1, 1), MotorSetLimits(1, 1, -1, 1, 3000))
+    rig.wait_idle()
+    assert rig.position(1) == 3000
+
+
+def test_less_acceleration_waits_for_the_motor_to_stand(rig):
+    rig.accept(MotorSetSpeed(1, 20000, 40000), MotorMove(1, 8000))
+    rig.run(0.2)
+    rig.accept(MotorSetSpeed(1, 20000, 2000))
+    rig.wait_idle()
+    fast, _ = rig.steps(1)
+    rig.accept(MotorMove(1, 0))
+    rig.wait_idle()
+    slow = rig.steps(1)[0][len(fast) :]
+    assert np.ptp(fast) == pytest.approx(2 * (8000 / 40000) ** 0.5, rel=0.05)
+    assert np.ptp(slow) == pytest.approx(2 * (8000 / 2000) ** 0.5, rel=0.05)
+
+
+def test_jog_past_a_limit_goes_back_only(rig):
+    rig.accept(MotorResetPosition(1, 3000), MotorSetLimits(1, 1, 0, 1, 1000))
+    jog_for(rig, 0.3, MotorJog(1, 10000, FARTHEST))
+    rig.wait_idle()
+    assert rig.position(1) == 3000, "moved further out"
+    jog_for(rig, 2.0, MotorJog(1, 10000, LOWEST))
+    rig.wait_idle()
+    assert rig.position(1) == 0
+
+
+def test_jog_refused(both):
+    both.refuse(Ack.ERR_RANGE, MotorJog(1, 0, 100), MotorJog(1, 10001, 100), MotorJog(1, 65535, 100))
+    both.refuse(Ack.ERR_RANGE, MotorJog(0, 100, 100), MotorJog(9, 100, 100), MotorJog(255, 100, 100))
+    both.run(0.2)
+    assert both.moving == []
+    assert both.made(1) == 0
+
+
+def test_refused_jog_does_not_prolong(rig):
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    asked = rig.now
+    for _ in range(6):
+        rig.run(0.1)
+        rig.refuse(Ack.ERR_RANGE, MotorJog(1, 0, FARTHEST))
+    rig.wait_idle()
+    assert rig.steps(1)[0][-1] - asked == pytest.approx(0.75, abs=0.012)
+
+
+def test_move_after_jog(rig):
+    """A MOVE takes over from a jog, and no jog's time-out ends it."""
+    rig.accept(MotorJog(1, 10000, FARTHEST))
+    rig.run(0.4)
+    rig.ask(MotorMove(1, 6000))
+    rig.wait_idle()
+    assert rig.position(1) == rig.made(1) == 6000

@@ -1,0 +1,306 @@
+"""What goes with a run on the host simulation: lights, triggers, bloop."""
+
+import numpy as np
+import pytest
+
+from framestep.hal import host
+from framestep_tools.payloads import (
+    LAST_SECTION,
+    Ack,
+    Dmx,
+    GioOut,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtPositionFrame,
+    RtStopLoop,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
+)
+from host_tests.end_to_end.realtime import (
+    ACCELERATION,
+    FRAMES,
+    LEVELS,
+    LOOP,
+    MASK,
+    MOVE,
+    PING_PONG,
+    TRIGGERS,
+    VELOCITY,
+    Levels,
+    assert_held,
+    assert_levels,
+    assert_triggers,
+    changes,
+    edges,
+    frame_times,
+    go,
+    judge_pass,
+    judged,
+    level_now,
+    loaded,
+    passes_told,
+    rig,
+    to_the_end,
+    turning,
+    upload,
+)
+from host_tests.end_to_end.session import run_request, simulated, state
+
+
+@pytest.mark.parametrize("fps", [12, 24, 29.97, 60])
+@pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (5, 18)])
+def test_lights_and_triggers(fps, first, last):
+    """Field note 6.8: uploaded levels and triggers on their frames within 1 ms, forward, backward, in part."""
+    session = loaded()
+    for motor in MOVE:
+        session.speed(motor, VELOCITY, 2 * ACCELERATION)
+    before = go(session, run_request(fps, first, last, 500, 100, sync_dmx=1))
+    to_the_end(session)
+    (verdict,) = judged(session, before, fps, first, last, roll=0.1)
+    frames = turning(first, last) - 1
+    times = frame_times(verdict, fps, len(frames))
+    assert_levels(session, times, frames)
+    assert_triggers(session, times, frames)
+    assert not edges(session, "gio4"), "an output outside the mask"
+    # the levels stay, the triggers do not outlast the last frame
+    for channel, row in LEVELS.items():
+        assert edges(session, f"dmx{channel}")[-1][1] == row[last - 1]
+    for signal in ("gio1", "gio2", "gio3"):
+        assert Levels(session, signal)(times[-1] + 1 / fps + 0.002) == 0
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_lights_in_a_loop(flags):
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1, flags=flags))
+    session.run(3.5)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    for verdict, told in zip(judged(session, before, roll=0.3), passes_told(session), strict=True):
+        frames = turning(1, FRAMES) - 1
+        if told[0][1] > told[-1][1]:
+            frames = frames[::-1]
+        times = frame_times(verdict, 24)
+        assert_levels(session, times, frames)
+        assert_triggers(session, times, frames)
+
+
+def uploaded(session):
+    """All that is kept, without what a section on its way in is worked with."""
+    found = state(session)
+    found[".moves.levels._words"] = found[".moves.levels._words"][: 5 * 4]
+    return found
+
+
+def test_no_room_for_more_lights_and_triggers(monkeypatch):
+    """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept, and played."""
+    monkeypatch.setattr(host, "UPLOAD_BYTES", 140 * 8 * 5)  # 40 changes, 5 frames with triggers
+    session = rig()
+    session.accept(RtUploadMoveBegin(1, FRAMES))
+    session.accept(RtUploadMoveAxis(1, LAST_SECTION, MOVE[1]))
+    restless = np.where(np.arange(FRAMES) % 2, 250, 20)
+    session.accept(RtUploadMoveDmx(17, LAST_SECTION, restless))  # a change with each frame
+    session.accept(RtUploadMoveDmx(300, LAST_SECTION, LEVELS[300]))  # 4 more
+    kept = uploaded(session)
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(5, LAST_SECTION, restless[:12]))
+    assert uploaded(session) == kept
+    session.accept(RtUploadMoveDmx(5, LAST_SECTION, restless[:11]))
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(6, LAST_SECTION, [1]))
+    triggers = [Trigger(frame, on) for frame, on in TRIGGERS.items()]
+    assert len(triggers) == 6
+    kept = uploaded(session)
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers))
+    assert uploaded(session) == kept
+    session.accept(RtUploadMoveTriggers(MASK, triggers[:5]))
+    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers[5:]))
+    session.accept(RtUploadMoveEnd())
+    before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1))
+    to_the_end(session)
+    verdict = judge_pass(session, 0, session.now, before, {1: MOVE[1]}, 24)
+    times = frame_times(verdict, 24)
+    for channel, row in {17: restless, 300: LEVELS[300], 5: [*restless[:11], *[20] * 14]}.items():
+        assert_held(session, f"dmx{channel}", row, times)
+    for bit in range(3):
+        on = [dict(list(TRIGGERS.items())[:5]).get(frame, 0) >> bit & 1 for frame in range(FRAMES)]
+        assert_held(session, f"gio{bit + 1}", on, times)
+
+
+def test_lights_left_alone():
+    """SYNC DMX 0: neither levels nor triggers."""
+    session = loaded()
+    session.accept(Dmx(0, 17, [0x55]))
+    go(session, run_request(24, 1, FRAMES, 300, 300))
+    to_the_end(session)
+    assert not [name for name in session.trace().signals if name.startswith(("dmx", "gio"))]
+
+
+def test_position_frame_sets_lights():
+    """spec: MSG_RT_POSITION_FRAME, "and DMX if applicable"."""
+    session = loaded()
+    session.forget()
+    session.accept(RtPositionFrame(8))
+    session.wait_idle()
+    for channel, row in LEVELS.items():
+        assert [v for _, v in edges(session, f"dmx{channel}")][-1:] == ([row[7]] if row[7] else [])
+    assert not edges(session, "gio1")
+
+
+@pytest.mark.parametrize("frame", [1, 4, 6, 12, 25, 2])
+def test_position_frame_sets_triggers(frame):
+    """As levels, at once; output bits outside the mask are left alone (field note 6.8)."""
+    session = loaded()
+    session.accept(GioOut(0b1101))
+    session.accept(RtPositionFrame(frame))
+    session.run(0.005)
+    on = TRIGGERS.get(frame - 1, 0) & MASK | 0b1000
+    assert [level_now(session, f"gio{bit + 1}") for bit in range(4)] == [on >> bit & 1 for bit in range(4)]
+    session.wait_idle()
+
+
+@pytest.mark.parametrize("sync", [0, 1])
+@pytest.mark.parametrize("flags", [None, LOOP])
+def test_bloop(sync, flags):
+    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes back."""
+    session = loaded()
+    session.accept(Dmx(0, 300, [0x0C]), Dmx(0, 40, [0x22]))
+    for channel, old in ((40, 0x22), (300, LEVELS[300][3] if sync else 0x0C)):
+        bloop = {"bloop_outputs": 0x80000008, "bloop_channel": channel, "bloop_ms": 120, "flags": flags}
+        before = go(session, run_request(24, 1, FRAMES, 300, 200, sync_dmx=sync, **bloop))
+        session.run(4)
+        if flags:
+            session.accept(RtStopLoop())
+            to_the_end(session)
+        else:
+            assert session.client.take_event(RtEnd)
+        zero = frame_times(judged(session, before, roll=0.2)[0], 24)[0]
+        on, off = edges(session, "gio4")
+        assert on == (pytest.approx(zero, abs=0.001), 1)
+        assert off == (pytest.approx(zero + 0.12, abs=0.001), 0)
+        if sync and not flags:
+            assert_triggers(session, frame_times(judged(session, before, roll=0.2)[0], 24), range(FRAMES))
+        levels = [e for e in changes(session, f"dmx{channel}") if e[0] < zero + 0.13]
+        assert levels[0] == (pytest.approx(zero, abs=0.002), 255)
+        assert levels[-1] == (pytest.approx(zero + 0.12, abs=0.002), old)
+        assert len(levels) == 2
+
+
+def test_bloop_of_no_time():
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_outputs=1, bloop_channel=40, bloop_ms=0))
+    to_the_end(session)
+    assert not edges(session, "gio1")
+    assert not edges(session, "dmx40")
+
+
+BLOOP = {"bloop_outputs": 0b1001, "bloop_channel": 40}
+
+
+def assert_bloop(session, from_s, ms, level=0x22):
+    """Outputs 1 and 4 and channel 40 were on for so long, and nothing else happened to them."""
+    for name in ("gio1", "gio4"):
+        assert changes(session, name) == [
+            (pytest.approx(from_s, abs=0.001), 1),
+            (pytest.approx(from_s + ms / 1000, abs=0.001), 0),
+        ]
+    assert changes(session, "dmx40") == [
+        (pytest.approx(from_s, abs=0.002), 255),
+        (pytest.approx(from_s + ms / 1000, abs=0.002), level),
+    ]
+
+
+@pytest.mark.parametrize("ms", [1, 2, 30, 59, 61, 900, 2500, 5000])
+def test_bloop_outlives_its_run(ms):
+    """Field note 6.7: on for BLOOP TIME from the first frame, also where the run ends before."""
+    session = loaded()
+    session.accept(Dmx(0, 40, [0x22]))
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
+    went = session.now
+    to_the_end(session)
+    session.wait_idle()
+    session.run(max(0, ms / 1000 + 0.4 - (session.now - went)))
+    assert_bloop(session, changes(session, "gio1")[0][0], ms)
+    assert changes(session, "gio1")[0][0] - went == pytest.approx(0.3, abs=0.005)
+
+
+@pytest.mark.parametrize("after", [0.1, 0.31, 0.7, 1.5, 1.7])
+@pytest.mark.parametrize("ms", [500, 3000])
+def test_bloop_outlives_a_stop(after, ms):
+    """Cut off by nothing; a run that is stopped before its first frame has none."""
+    session = loaded()
+    session.accept(Dmx(0, 40, [0x22]))
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
+    session.run(after)
+    session.accept(MotorStopAll())
+    session.run(0.1)
+    session.accept(RtUploadMoveBegin(1, 2))
+    session.run(4)
+    assert len(session.events(RtEnd)) == 1
+    if after < 0.3:
+        assert not edges(session, "gio1")
+        assert not edges(session, "dmx40")
+    else:
+        assert_bloop(session, changes(session, "gio1")[0][0], ms)
+
+
+def test_bloop_and_another_run():
+    """A run without a bloop leaves that of the one before on; the next with one begins its own at its first frame."""
+    session = loaded()
+    session.accept(Dmx(0, 40, [0x22]))
+    run = run_request(24, 1, 3, 200, 100, bloop_ms=4000, **BLOOP)
+    go(session, run)
+    to_the_end(session)
+    session.ready(run_request(24, 5, 9, 100, 100, sync_dmx=0))
+    session.accept(RtGo())
+    session.run(0.3)
+    session.accept(MotorStopAll())
+    session.run(5)
+    assert_bloop(session, changes(session, "gio1")[0][0], 4000)
+    go(session, run)
+    to_the_end(session)
+    session.ready(run)
+    session.accept(RtGo())
+    session.run(5)
+    on = [time for time, level in changes(session, "gio1") if level]
+    off = [time for time, level in changes(session, "gio1") if not level]
+    assert len(on) == len(off) == 2
+    assert off[0] < on[1]
+    assert off[1] - on[1] == pytest.approx(4.0, abs=0.001)
+    assert [level for _, level in changes(session, "dmx40")] == [255, 0x22, 255, 0x22]
+
+
+@pytest.mark.parametrize("how", ["E-stop", "lost host"])
+@pytest.mark.parametrize("after", [0.5, 2.2])
+def test_bloop_and_safe_levels(how, after):
+    """A fault puts outputs to their safe levels, in the run and after it, and nothing comes behind that."""
+    session = simulated(
+        {
+            "estop": "nc",
+            "outputs": [{"pin": 22, "safe": "off"}, {"pin": 26}, {"pin": 27}, {"pin": 28, "safe": "on"}],
+            "inputs": [],
+        }
+    )
+    board = session.board._board
+    board.set_input("estop", 0)
+    session.run(0.05)
+    upload(session, {1: np.zeros(FRAMES, int)})
+    session.accept(GioOut(0b1111), GioOut(0), Dmx(0, 40, [0x22]))
+    go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=4000, **BLOOP))
+    session.run(after)
+    assert level_now(session, "gio1") == 1
+    if how == "E-stop":
+        board.set_input("estop", 1)
+    else:
+        session.leave()
+    session.board.run_until(session.board.now_ns + 10**7)
+    happened = session.now
+    session.board.run_until(session.board.now_ns + 6 * 10**9)
+    assert level_now(session, "gio1") == 0
+    assert level_now(session, "gio4") == 1
+    for name in ("gio1", "gio4", "dmx40"):
+        assert not [time for time, _ in changes(session, name) if time > happened], name
+    assert changes(session, "dmx40")[-1][1] == 0x22

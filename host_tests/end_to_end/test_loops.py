@@ -1,0 +1,200 @@
+"""Loops and ping-pong on the host simulation: passes, STOP_LOOP, rolls of no time."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import (
+    Ack,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+    RtJogAll,
+    RtShootFrame,
+    RtStopLoop,
+)
+from host_tests.end_to_end.realtime import (
+    ACCELERATION,
+    FRAMES,
+    LEVELS,
+    LOOP,
+    MOVE,
+    PING_PONG,
+    TRIGGERS,
+    VELOCITY,
+    assert_levels,
+    assert_triggers,
+    edges,
+    go,
+    judged,
+    loaded,
+    passes_told,
+    rig,
+    to_the_end,
+    upload,
+)
+from host_tests.end_to_end.session import assert_within, run_request
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG, LOOP | PING_PONG])
+@pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (4, 20)])
+def test_passes(flags, first, last):
+    """Every pass keeps to its frames as a single one does, with ramps inside the limits between them; one RT_END."""
+    session = loaded()
+    before = go(session, run_request(24, first, last, 500, 300, flags=flags))
+    session.run(4.8)
+    assert not session.events(RtEnd)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    verdicts = judged(session, before, first=first, last=last, roll=0.3)
+    assert len(verdicts) >= 3
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+        assert session.position(motor) == before[motor] + session.made(motor)
+    told = passes_told(session)
+    turns = [p[-1][1] > p[0][1] for p in told]
+    if flags & PING_PONG:
+        assert all(a != b for a, b in itertools.pairwise(turns))
+    else:
+        assert len(set(turns)) == 1
+
+
+# seconds after GO; the passes that are then played to their ends
+@pytest.mark.parametrize(
+    ("after", "ping_pong", "loop"), [(0.2, 1, 1), (1.0, 1, 1), (1.8, 1, 1), (2.3, 2, 1), (3.0, 2, 2)]
+)
+@pytest.mark.parametrize("flags", [PING_PONG, LOOP])
+def test_stop_loop(after, ping_pong, loop, flags):
+    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass, post-roll, next roll."""
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    session.run(after)
+    session.accept(RtStopLoop())
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    assert len(judged(session, before)) == (ping_pong if flags == PING_PONG else loop)
+    assert passes_told(session)[-1][-1][1] in (1, FRAMES)
+    session.accept(RtStopLoop())
+    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.wait_idle()
+    # and it is forgotten: the next loop is one again
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    session.run(3.5)
+    assert not session.events(RtEnd)
+    assert len(passes_told(session)) >= 2
+    session.accept(MotorStopAll())
+    to_the_end(session)
+
+
+@pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
+@pytest.mark.parametrize("flags", [PING_PONG, LOOP])
+def test_stop_loop_late_in_a_pass(after, flags):
+    """Field note 6.11: when the ramp behind the end frame is queued, it becomes the post-roll, within the limits."""
+    session = loaded()
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    begun = session.now
+    session.run(after)
+    session.accept(RtStopLoop())
+    ended = to_the_end(session)
+    assert 1.99 < ended - begun < 2.06
+    session.wait_idle()
+    assert session.position(1) == MOVE[1][-1]
+    assert session.position(2) == MOVE[2][-1]
+    assert passes_told(session)[-1][-1][1] == FRAMES
+    assert len(passes_told(session)) == 1
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+
+
+def test_stop_loop_on_the_way_back():
+    """Between two passes of a loop: the rig ends at the start, an end point, and plays no further pass."""
+    session = rig()
+    far = {1: 4000 * np.arange(FRAMES) // 24, 2: np.zeros(FRAMES, int)}
+    upload(session, far)
+    session.speed(1, 6000, 20_000)
+    go(session, run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
+    session.run(2.4)
+    session.accept(RtStopLoop())
+    assert not session.events(RtEnd)
+    to_the_end(session)
+    assert len(passes_told(session)) == 1
+    assert min(session.steps(1)[1].cumsum()[1000:]) <= 1, "it has gone back to where the pass began"
+    session.wait_idle()
+    assert session.position(1) == far[1][-1]
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+@pytest.mark.parametrize("wait", [0.0, 0.02, 2.0])
+def test_stop_loop_before_go(flags, wait):
+    """Field note 6.12: it takes the loop away, on the way to the pre-roll position and while GO is awaited."""
+    session = loaded()
+    session.accept(run_request(24, 1, FRAMES, 500, 500, flags=flags))
+    session.run(wait)
+    session.accept(RtStopLoop())
+    session.wait_idle()
+    before = session.positions
+    session.forget()
+    session.accept(RtGo())
+    to_the_end(session)
+    assert len(judged(session, before)) == 1
+    session.wait_idle()
+    assert session.position(1) == MOVE[1][-1]
+
+
+def test_stop_loop_without_a_loop():
+    """Field note 6.12: always OK, and it changes nothing."""
+    session = loaded()
+    session.accept(RtStopLoop())
+    session.ready(RtShootFrame(10, 1, 300, 500))
+    session.accept(RtStopLoop(), RtGo(), RtStopLoop())
+    to_the_end(session)
+    before = go(session, run_request(24, 1, FRAMES, 500, 500))
+    session.run(0.7)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    assert len(judged(session, before)) == 1
+    session.accept(RtJogAll(24000, 3), RtStopLoop())
+    session.wait_idle()
+    assert session.position(1) == MOVE[1][2]
+
+
+@pytest.mark.parametrize("flags", [LOOP, PING_PONG])
+def test_rolls_of_no_time(flags):
+    """Pre-roll 0 and post-roll 0: the shortest ramps that the motors can, in each pass."""
+    session = loaded()
+    before = go(session, run_request(24, 1, FRAMES, 0, 0, flags=flags))
+    session.run(3.5)
+    session.accept(RtStopLoop())
+    to_the_end(session)
+    assert len(judged(session, before, roll=0.03)) >= 3
+    for motor in MOVE:
+        assert_within(*session.steps(motor), VELOCITY, ACCELERATION)
+
+
+def test_loop_of_a_single_frame():
+    session = loaded()
+    for flags in (LOOP, PING_PONG):
+        go(session, run_request(24, 7, 7, 200, 200, flags=flags))
+        session.run(2)
+        assert not session.events(RtEnd)
+        session.accept(RtStopLoop())
+        to_the_end(session)
+        assert session.position(1) == MOVE[1][6]
+
+
+def test_lights_alone():
+    """An upload without positions is played as well: lights and triggers in time, then RT_END."""
+    session = rig()
+    upload(session, {}, LEVELS, TRIGGERS)
+    session.accept(run_request(24, 1, FRAMES, 300, 0, sync_dmx=1))
+    session.wait_idle()
+    session.forget()
+    session.accept(RtGo())
+    asked = session.now
+    ended = to_the_end(session)
+    assert ended - asked == pytest.approx(0.3 + FRAMES / 24, abs=0.01)  # the last frame has a trigger on
+    first = edges(session, "gio1")[0][0]
+    assert first - asked == pytest.approx(0.3, abs=0.005)
+    assert_triggers(session, first + np.arange(FRAMES) / 24, range(FRAMES))
+    assert_levels(session, first + np.arange(FRAMES) / 24, range(FRAMES))

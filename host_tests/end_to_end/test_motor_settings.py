@@ -1,0 +1,148 @@
+"""CONFIGURE, SET_SPEED and SET_LIMITS on the host simulation."""
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.payloads import (
+    Ack,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorSetSpeed,
+    MotorStop,
+)
+from host_tests.end_to_end.session import assert_within, simulated
+
+FARTHEST, LOWEST = 2**31 - 1, -(2**31)
+
+
+def test_configure(both):
+    """A motor that is not enabled does not move; its driver's pin says so."""
+    both.accept(MotorConfigure(2, m.MOTOR_ENABLED | m.MOTOR_BLUR), MotorConfigure(3, 0))
+    both.refuse(Ack.ERR_GENERAL, MotorMove(3, 100), MotorJog(3, 100, 100))
+    both.run(0.1)
+    assert both.made(3) == 0
+    assert both.moving == []
+    both.accept(MotorConfigure(3, m.MOTOR_ENABLED))
+    assert both.code(MotorMove(3, 100)) == Ack.OK
+    both.refuse(Ack.ERR_MOVING, MotorConfigure(3, 0))
+    both.wait_idle()
+    assert both.position(3) == both.made(3) == 100
+    both.accept(MotorConfigure(3, 0))
+    assert both.trace().signals["enable3"][1].tolist() == [0, 1, 0]
+    both.accept(MotorConfigure(8, 0x0F))
+    both.refuse(Ack.ERR_RANGE, MotorConfigure(0, 1), MotorConfigure(9, 1))
+
+
+def test_set_speed_refused(both):
+    """Velocity 0, and more than the board can step: with pulses of 1 µs, high and low, 480769 steps/s."""
+    for velocity in (0, 480_770, 500_001, 2**30, 2**31, 2**32 - 1):
+        both.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, velocity, 1000))
+    both.refuse(Ack.ERR_RANGE, MotorSetSpeed(0, 1000, 1000), MotorSetSpeed(9, 1000, 1000))
+    both.code(MotorMove(1, 4000))
+    both.wait_idle()
+    times, _ = both.steps(1)
+    assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
+
+
+@pytest.mark.parametrize(("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 242_248), (4.0, 121_595)])
+def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
+    rig = simulated({"motors": [{"pulse_us": pulse_us}]})
+    rig.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, fastest + 1, 1000))
+    rig.speed(1, fastest, 4_000_000)
+    way = int(fastest**2 / 4_000_000 + fastest / 20)
+    rig.ask(MotorMove(1, way))
+    rig.wait_idle()
+    times, _ = rig.steps(1)
+    assert len(times) == way
+    assert 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(fastest, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "expected"),
+    [(4000, 0, 2000), (10, 0, 5), (1, 0, 5), (3, 40, 40), (1000, 2**32 - 1, None), (480_000, 4_000_000, None)],
+)
+def test_set_speed(rig, velocity, acceleration, expected):
+    """Field note 4.1: acceleration 0 is half the velocity, and velocity has a floor of 10 steps/s."""
+    rig.speed(1, velocity, acceleration)
+    top = max(velocity, 10)
+    way = int(top * 1.5 * (top / expected if expected else 0.1)) + 30
+    rig.ask(MotorMove(1, way))
+    rig.wait_idle(200)
+    times, signs = rig.steps(1)
+    assert len(times) == way == rig.position(1)
+    assert 1 / np.diff(times).min() == pytest.approx(top, rel=0.01)
+    if expected:
+        ideal = way / top + top / expected - (2 / expected) ** 0.5
+        assert times[-1] - times[0] == pytest.approx(ideal, rel=0.003, abs=0.002)
+        assert_within(times, signs, top, expected)
+
+
+def test_set_speed_in_motion(rig):
+    """It holds for the next motion; the one under way ends where it should."""
+    rig.ask(MotorMove(1, 6000))
+    rig.run(0.5)
+    rig.speed(1, 1000, 2000)
+    rig.wait_idle()
+    assert rig.made(1) == 6000
+    rig.forget()
+    rig.ask(MotorMove(1, 4000))
+    rig.wait_idle()
+    assert_within(*rig.steps(1), 1000, 2000)
+
+
+def test_soft_limits(both):
+    """Field note 4.3: 0x20 above, 0x21 below, nothing moves; a motor past a limit may come back."""
+    both.accept(MotorSetLimits(1, 1, -500, 1, 800))
+    for target, code in ((801, Ack.ERR_SOFT_UP), (FARTHEST, Ack.ERR_SOFT_UP), (-501, Ack.ERR_SOFT_LOW)):
+        both.refuse(code, MotorMove(1, target))
+    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, LOWEST))
+    both.run(0.1)
+    assert both.moving == []
+    assert both.made(1) == 0
+    for target in (800, -500, 0):
+        assert both.code(MotorMove(1, target)) == Ack.OK
+        both.wait_idle()
+        assert both.position(1) == target
+    both.accept(MotorResetPosition(1, 2000))
+    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 2001))
+    for target in (1500, 900, 800):
+        assert both.code(MotorMove(1, target)) == Ack.OK, "may move back toward the allowed range"
+        both.wait_idle()
+        assert both.position(1) == target
+    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 801))
+    both.accept(MotorResetPosition(1, -2000))
+    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, -2001))
+    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 900))
+    assert both.code(MotorMove(1, -600)) == Ack.OK
+
+
+def test_limits_off_and_one_sided(rig):
+    rig.accept(MotorSetLimits(1, 0, 10, 1, 500))
+    rig.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 501))
+    rig.ask(MotorMove(1, -300))
+    rig.wait_idle()
+    rig.accept(MotorSetLimits(1, 0, 10, 0, -10))
+    rig.ask(MotorMove(1, 600))
+    rig.wait_idle()
+    assert rig.position(1) == 600
+
+
+def test_limits_refused(both):
+    """Limits that cross, a flag that is neither 0 nor 1, a limit set that the rig does not have."""
+    both.accept(MotorSetLimits(1, 1, -100, 1, 100))
+    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 1, 101, 1, 100), MotorSetLimits(1, 1, FARTHEST, 1, LOWEST))
+    both.refuse(Ack.ERR_RANGE, MotorSetLimits(0, 1, 0, 1, 1), MotorSetLimits(9, 1, 0, 1, 1))
+    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 2, -300, 1, 300), MotorSetLimits(1, 1, -300, 255, 300))
+    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 1, -300, 1, 300, limit_set=3))
+    both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 101))
+    both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, -101))
+    both.accept(MotorSetLimits(1, 1, 50, 1, 50), MotorSetLimits(1, 1, LOWEST, 1, FARTHEST))
+
+
+def test_no_such_motor(both):
+    for motor in (0, 9, 32, 255):
+        both.refuse(Ack.ERR_RANGE, MotorMove(motor, 5), MotorStop(motor), MotorResetPosition(motor, 5))
