@@ -22,6 +22,8 @@ def test_the_boards_that_there_are():
         count = board_data(name)["motors"]
         found = re.search(rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE)
         assert found, f"add a line to the README's table of boards: | [...](boards/{name}/README.md) | {count} | ..."
+        same = [other for other in BOARDS if board_data(other)["name"] == board_data(name)["name"]]
+        assert same == [name], f"give each board a name of its own in board.json: {same}"
 
 
 @pytest.mark.parametrize("name", BOARDS)
