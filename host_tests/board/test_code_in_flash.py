@@ -7,7 +7,8 @@ import pytest
 
 from framestep_tools.client import Client
 from framestep_tools.code_file import FORWARD, INDEX, MARK, MARK_AT, NAME, CodeFile
-from framestep_tools.files import FIRMWARE, board_files, board_modules, compiled
+from framestep_tools.files import FIRMWARE, board_files, board_modules, compiled, sources
+from framestep_tools.merging import groups, where
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
 
 CODE = "/lib/" + NAME
@@ -203,8 +204,11 @@ def test_a_traceback_names_file_and_line(board):
     emulator.wait_usb(10_000, ports=2)
     repl = emulator.repl()
     printed = repl.exec(
-        "import sys\nfrom framestep.moves.operations import OperationRunner\ntry:\n    OperationRunner.poll(None)\n"
+        "import sys\nfrom framestep.moves.requests import OperationRunner\ntry:\n    OperationRunner.poll(None)\n"
         "except AttributeError as error:\n    sys.print_exception(error)"
     )
-    assert f'File "framestep.moves.operations", line {line}, in poll' in printed
+    found = re.search(r'File "framestep.moves.requests", line (\d+), in poll', printed)
+    assert found
+    merged = groups({path: file.read_text() for path, file in sources().items()})
+    assert where("framestep/moves/requests.py", int(found[1]), merged) == ("framestep/moves/operations.py", line)
     assert FLASH <= repl.eval(f"__import__('machine').mem32[id(OperationRunner.poll) + {CODE_OF_A_FUNCTION}]") < RAM

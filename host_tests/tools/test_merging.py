@@ -3,8 +3,8 @@
 import pytest
 
 from framestep_tools.constants import FoldError
-from framestep_tools.files import _board_sources
-from framestep_tools.merging import LINES, MERGED, merge, where
+from framestep_tools.files import _board_sources, sources
+from framestep_tools.merging import LINES, groups, merge, where
 
 FIRST = """from array import array
 _LIMIT = const(3)
@@ -83,8 +83,22 @@ def test_a_module_that_is_gone_cannot_be_imported_as_such():
         merged(other="from p import first\n")
 
 
+def test_a_package_is_one_module_in_the_order_of_its_imports():
+    texts = {
+        "p/__init__.py": "",
+        "p/a.py": "from p.b import x\n",
+        "p/b.py": "from p import c\n",
+        "p/c.py": "",
+        "p/apart.py": "from p import a",
+        "p/last.py": "from p import a",
+    }
+    assert groups(texts, {"p/last.py": ("apart",)}) == {"p/last.py": ["p/c.py", "p/b.py", "p/a.py"]}
+    with pytest.raises(FoldError, match="imports p/last"):
+        groups(texts | {"p/a.py": "from p.last import x\n"}, {"p/last.py": ()})
+
+
 def test_boards_have_them_merged():
-    sources = _board_sources("pico")
-    for last, others in MERGED.items():
-        assert last.removesuffix("py") + "mpy" in sources
-        assert not {path.removesuffix("py") + "mpy" for path in others} & set(sources)
+    found = _board_sources("pico")
+    for last, others in groups({path: file.read_text() for path, file in sources().items()}).items():
+        assert others and last.removesuffix("py") + "mpy" in found
+        assert not {path.removesuffix("py") + "mpy" for path in others} & set(found)

@@ -25,7 +25,7 @@ from .constants import fold
 from .errors import ToolError
 from .home import CACHE, FIRMWARE, ROOT
 from .inlining import inline
-from .merging import merge
+from .merging import groups, merge
 from .names import lean
 
 __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
@@ -246,9 +246,10 @@ def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
 def _board_sources(board: str) -> dict[str, bytes]:
     """{"framestep/motors/axes.mpy": source} of what is compiled for a board."""
     folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
-    merged = merge({name: text.decode() for name, text in folds.items()})
-    sources = _lean({name: text.encode() for name, text in merged.items()})
-    return {name.removesuffix(".py") + ".mpy": source for name, source in sources.items() if name not in _HOST_ONLY}
+    texts = {name: path.read_text() for name, path in sources().items()}
+    merged = merge({name: text.decode() for name, text in folds.items()}, groups(texts))
+    lean = _lean({name: text.encode() for name, text in merged.items()})
+    return {name.removesuffix(".py") + ".mpy": source for name, source in lean.items() if name not in _HOST_ONLY}
 
 
 def _compiled(mpy: str, source: bytes, march: str, shown: str | None = None) -> bytes:

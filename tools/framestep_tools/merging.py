@@ -1,39 +1,73 @@
 """Makes one module of several before they are compiled for a board.
 
 A module takes some 400 bytes of a board's memory: its dictionary, the names that it imports, and in copied code a table
-of all names that it uses. So that files can be short nevertheless, those that are always loaded together are one module
-there, called like the last of them. Another name that two of them have gets a number. They have been folded
-(framestep_tools.constants) before.
+of all names that it uses. So that files can be short nevertheless, those of a package that are always loaded together
+are one module there, called like the one that needs all others. Another name that two of them have gets a number. They
+have been folded (framestep_tools.constants) before.
 
 Tracebacks: the first file's lines are 1 to 1000, the second's 1001 to 2000, and so on.
 
-    python -m framestep_tools.merging framestep/virtuals/requests.py 3123      which file and line that is
+    python -m framestep_tools.merging framestep.virtuals.requests 3123      which file and line that is
 """
 
 import ast
 import builtins
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePosixPath
 
 from .constants import Edits, FoldError
 
-# The module on the board: what is before its own text. All other modules import these files from it.
-MERGED: Mapping[str, Sequence[str]] = {
-    "framestep/virtuals/requests.py": (
-        "framestep/virtuals/aim.py",
-        "framestep/virtuals/line.py",
-        "framestep/virtuals/survey.py",
-        "framestep/virtuals/point.py",
-        "framestep/virtuals/lookahead.py",
-        "framestep/virtuals/move.py",
-        "framestep/virtuals/jogs.py",
+# What is one module on a board: the last file of each package, which has the name, and the files that stay apart.
+TOGETHER: Mapping[str, Sequence[str]] = {
+    "framestep/io/requests.py": ("tmc2209", "tmc2209_setup", "restore"),  # only where there are drivers, at the start
+    "framestep/motors/requests.py": (),
+    "framestep/moves/requests.py": (),
+    "framestep/virtuals/requests.py": (  # types that a rig may do without, and what they need
+        *("absent", "registers", "kinematics", "arm", "boom_swing_track", "swing_pan", "x_y_z", "y_swing_track"),
     ),
 }
 LINES = 1000
 
 
-def merge(texts: Mapping[str, str], merged: Mapping[str, Sequence[str]] = MERGED) -> dict[str, str]:
-    """The modules, {path: source}, with those in `merged` as one. FoldError where they cannot be."""
+def groups(texts: Mapping[str, str], together: Mapping[str, Sequence[str]] = TOGETHER) -> dict[str, list[str]]:
+    """{last file: the others, each after those that it imports}; texts: the sources as they were before folding."""
+    found = {}
+    for last, apart in together.items():
+        folder = PurePosixPath(last).parent
+        inner = {p: text for p, text in sorted(texts.items()) if PurePosixPath(p).parent == folder}
+        ordered = [path for path in _in_order(inner, last) if PurePosixPath(path).stem not in ("__init__", *apart)]
+        if ordered[-1] != last:
+            raise FoldError(f"{ordered[ordered.index(last) + 1]} imports {last}")
+        found[last] = ordered[:-1]
+    return found
+
+
+def _in_order(texts: Mapping[str, str], last: str) -> list[str]:
+    """The paths, each after those that it imports at its top."""
+    modules = {_dotted(path): path for path in texts}
+    ordered: list[str] = []
+    seen: set[str] = set()
+
+    def add(path: str) -> None:
+        if path in seen:
+            return
+        seen.add(path)
+        for node in ast.parse(texts[path]).body:
+            if isinstance(node, ast.ImportFrom):
+                for module in (node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)):
+                    if module in modules:
+                        add(modules[module])
+        ordered.append(path)
+
+    for path in (*(p for p in texts if p != last), last):
+        add(path)
+    return ordered
+
+
+def merge(texts: Mapping[str, str], merged: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """The modules, {path: source}, with those in `merged`, as groups() gives it, as one. FoldError where they cannot
+    be."""
     found = dict(texts)
     moved: dict[str, tuple[str, dict[str, str]]] = {}  # module: where it is now, and its names there
     for last, others in merged.items():
@@ -41,10 +75,10 @@ def merge(texts: Mapping[str, str], merged: Mapping[str, Sequence[str]] = MERGED
         found[last] = group.text()
         for path in others:
             moved[_dotted(path)] = _dotted(last), group.names[path]
-    return {path: text if path in merged else _redirected(path, text, moved) for path, text in found.items()}
+    return {path: _redirected(path, text, moved) for path, text in found.items()}
 
 
-def where(path: str, line: int, merged: Mapping[str, Sequence[str]] = MERGED) -> tuple[str, int]:
+def where(path: str, line: int, merged: Mapping[str, Sequence[str]]) -> tuple[str, int]:
     """The file and line of a line of a module on a board."""
     paths = (*merged.get(path, ()), path)
     number = min((line - 1) // LINES, len(paths) - 1)
@@ -211,7 +245,16 @@ def _redirected(path: str, text: str, moved: Mapping[str, tuple[str, dict[str, s
     return edits.text()
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """What the head of this file says."""
+    from .files import sources
+
     if len(sys.argv) != 3:
         sys.exit(__doc__)
-    print("{}:{}".format(*where(sys.argv[1], int(sys.argv[2]))))
+    texts = {path: file.read_text() for path, file in sources().items()}
+    path = sys.argv[1].removesuffix(".py").replace(".", "/") + ".py"  # an image shows a path, copied code a module
+    print("{}:{}".format(*where(path, int(sys.argv[2]), groups(texts))))
+
+
+if __name__ == "__main__":
+    main()
