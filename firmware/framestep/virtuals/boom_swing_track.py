@@ -19,13 +19,23 @@ from framestep.results import ERR_RANGE
 from framestep.virtuals import registers
 from framestep.virtuals.arm import SWING_IN, SWING_OUT, TRACK_AXIS, Arm
 from framestep.virtuals.kinematics import ANGLES, FROM_POSE, to_steps
-from framestep.virtuals.registers import BOOM, PER_UNIT, X, Y
+from framestep.virtuals.registers import BOOM, PER_UNIT, STEPS, X, Y
 
 _ENTRIES = const(121)
 _LAST = const(120)
 _LOWEST = const(60)  # degrees below level of the first
 _ROUNDING = const(-17)  # tolerance at the ends of the table, 2^-17 degrees: rounding in inverse()
 
+# Degrees from the first entry to the boom, and which entry lies there or below.
+_ENTRY = formula(
+    registers,
+    """
+    X = BOOM + 60
+    Y = floor(X)
+    """,
+)
+# How many of the steps between entry Y and the next one (in STEPS) the boom is past Y.
+_PAST_ENTRY = formula(registers, "STEPS[0] = (X - Y) * STEPS[0]")
 # From the motor's steps `x` past an entry and `y` between it and the next, to the boom.
 _BOOM_OF_TABLE = formula(registers, "BOOM = X / Y + BOOM")
 
@@ -121,20 +131,18 @@ class Geometry(Arm):
         if not self._has_table:
             return 0
         r = self.r
-        reals.put(r, X, _LOWEST, 0)
-        reals.add(r, X, BOOM, X)
-        k = reals.floor(r, X, _ENTRIES)
+        compute(0, 0, r, _ENTRY)
+        k = reals.floor(r, Y, _ENTRIES)
         if k < 0 or k >= _LAST:
             reals.put(r, Y, 0 if k < 0 else _LAST, 0)
             reals.subtract(r, Y, X, Y)
             if reals.sign(r, Y) and r[Y + 1] + 30 > _ROUNDING:
                 return ERR_RANGE
             k = 0 if k < 0 else _LAST - 1
-        reals.put(r, Y, k, 0)
-        reals.subtract(r, X, X, Y)
-        reals.put_difference(r, Y, self.table, k + 1, self.table, k)
-        reals.multiply(r, X, X, Y)
-        return 0 if to_steps(r, X, self.table, k, out, j, 1) else ERR_RANGE
+            reals.put(r, Y, k, 0)
+        reals.put_difference(r, STEPS, self.table, k + 1, self.table, k)
+        compute(0, 0, r, _PAST_ENTRY)
+        return 0 if to_steps(r, STEPS, self.table, k, out, j, 1) else ERR_RANGE
 
     def joint(self, i, steps, j):
         if i or not self._has_table:
