@@ -100,5 +100,6 @@ def test_a_package_is_one_module_in_the_order_of_its_imports():
 def test_boards_have_them_merged():
     found = _board_sources("pico")
     for last, others in groups({path: file.read_text() for path, file in sources().items()}).items():
-        assert others and last.removesuffix("py") + "mpy" in found
+        assert others
+        assert last.removesuffix("py") + "mpy" in found
         assert not {path.removesuffix("py") + "mpy" for path in others} & set(found)
