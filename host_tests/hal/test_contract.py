@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from framestep_tools.chips import chips
 from framestep_tools.files import FIRMWARE
 
 HAL = FIRMWARE / "framestep" / "hal"
@@ -76,6 +77,13 @@ def implementations() -> Iterator[tuple[str, str]]:
     for base, places in IMPLEMENTED.items():
         for place in places:
             yield base, place
+
+
+def test_every_chip_is_held_to_the_contract():
+    """The classes of its HAL stand in the table above."""
+    held = {place.split(":")[0] for base in ("Hal", "PulseEngine", "Port") for place in IMPLEMENTED[base]}
+    for key, chip in chips().items():
+        assert f"{chip.hal}.py" in held, f"{key}: add the classes of hal/{chip.hal}*.py to IMPLEMENTED in this file"
 
 
 @pytest.mark.parametrize(("base", "place"), list(implementations()))
