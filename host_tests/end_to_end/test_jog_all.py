@@ -258,6 +258,28 @@ def test_refused(standing):
     standing.refuse(Ack.ERR_MOVING, RtJogAll(24000, 121))
 
 
+def test_too_far_to_be_checked_under_way():
+    """ERR_MOVING, and the jog goes on to where it was going; from rest there is time to check the way."""
+    frames = 3600
+    session = rig()
+    upload(session, {1: 10 * np.arange(frames), 2: -7 * np.arange(frames)}, frames=frames)
+    session.accept(RtPositionFrame(1))
+    session.wait_idle()
+    session.accept(RtJogAll(24000, 60))
+    session.run(0.5)
+    session.refuse(Ack.ERR_MOVING, RtJogAll(24000, 3500))
+    session.accept(RtJogAll(24000, 70))
+    session.wait_idle()
+    assert [session.position(1), session.position(2)] == [690, -483]
+    session.accept(RtJogAll(24000, 3500))
+    session.run(1)
+    session.accept(MotorStopAll())
+    session.wait_idle()
+    frame = session.position(1) / 10
+    assert frame == round(frame) > 72
+    assert session.position(2) == -7 * frame
+
+
 def test_where_it_stands_is_found_by_positions(standing):
     """On whatever frame, however it came there."""
     standing.ask(MotorMove(1, int(PATH[1][77])))
