@@ -3,7 +3,7 @@
 SCRIPT = """
 import micropython
 from array import array
-from framestep.motion import ramps, reals, stepper
+from framestep.motion import phases, reals, stepper
 from framestep.motion.kernel import StepKernel
 from framestep.motors.axis import Axis
 from framestep.native import addressof
@@ -15,12 +15,12 @@ kernel.configure(0, addressof(sink), 3, 100, False)
 axis = Axis(kernel, 0, None)
 words = axis.phases.words
 for i, quarters in enumerate((41, 3, 20)):
-    at = i * ramps.PHASE_WORDS
-    words[at + ramps.KIND] = ramps.RAMP
-    reals.put(words, at + ramps.DURATION, quarters, -2)
-    for register in (ramps.START, ramps.SECOND, ramps.THIRD):
+    at = i * phases.PHASE_WORDS
+    words[at + phases.KIND] = phases.RAMP
+    reals.put(words, at + phases.DURATION, quarters, -2)
+    for register in (phases.START, phases.SECOND, phases.THIRD):
         reals.put(words, at + register, 0, 0)
-words[ramps.TAIL] = 3
+words[phases.TAIL] = 3
 axis.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
 micropython.heap_lock()
 axis.feed()

@@ -218,13 +218,17 @@ def _imports_formula(module: _Module) -> bool:
 
 
 def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
-    """What a call of formula() gives; its registers are constants of a module, or with globals() of this one."""
+    """What a call of formula() gives; its registers are constants of a module, or with globals() those known here."""
     names: dict[str, int]
     match call.args:
         case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:
             names = modules[module.modules[name]].public
         case [ast.Call(func=ast.Name(id="globals"), args=[]), ast.Constant(value=str(text)) as node]:
-            names = module.constants
+            names = module.constants | {
+                name: modules[source].public[original]
+                for name, (source, original) in module.imported.items()
+                if original in modules[source].public
+            }
         case _:
             raise FoldError(f"{module.path}, line {call.lineno}: formula() takes a module, or globals(), and a text")
     try:

@@ -22,6 +22,9 @@ from .constants import Edits, FoldError
 TOGETHER: Mapping[str, Sequence[str]] = {
     "framestep/io/requests.py": ("tmc2209", "tmc2209_setup", "restore"),  # only where there are drivers, at the start
     "framestep/motors/requests.py": (),
+    "framestep/motion/ramps.py": (  # with phases alone
+        *("compute", "formula", "kernel", "reals", "segments", "stepper", "tick"),
+    ),
     "framestep/moves/requests.py": (),
     "framestep/virtuals/requests.py": (  # types that a rig may do without, and what they need
         *("absent", "registers", "kinematics", "arm", "boom_swing_track", "swing_pan", "x_y_z", "y_swing_track"),

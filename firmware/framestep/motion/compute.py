@@ -15,7 +15,7 @@ END = const(0)
 ADD = const(1)  # to = a + b
 SUBTRACT = const(2)  # to = a - b
 ABOVE = const(3)  # unless a > b the formula ends here, and compute() returns 0
-AT_LEAST = const(4)  # the same unless a >= b
+NOT_ABOVE = const(4)  # the same if a > b
 LESSER = const(5)  # to = the lesser of a and b
 GREATER = const(6)  # to = the greater of a and b
 MULTIPLY = const(7)  # to = a · b
@@ -124,7 +124,7 @@ def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
 
 @micropython.viper
 def compute(m: int, n: int, registers, formula: ptr8) -> int:
-    """Work through a formula; 1, or 0 where an ABOVE or AT_LEAST does not hold: the rest is not computed then.
+    """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not computed then.
 
     m and n are parameters because viper keeps the first two in registers on ARM; what is passed does not matter.
     """
@@ -168,12 +168,13 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                     if m <= 0:
                         return 0
                     continue
-                if what == AT_LEAST:
-                    if m < 0:
+                if what == NOT_ABOVE:
+                    if m > 0:
                         return 0
                     continue
+                # by rounding a difference below 0 may be 0, one above 0 is not
                 if what == GREATER:
-                    m = 0 - m
+                    m = 1 - m
                 if m > 0:
                     a = b
                 m = r[a + 0]

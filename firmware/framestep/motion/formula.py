@@ -38,9 +38,9 @@ _FUNCTIONS = {  # name: operation, number of operands
 }
 _CONDITIONS = {  # operation, and whether its operands change places
     ast.Gt: (kernel.ABOVE, False),
-    ast.GtE: (kernel.AT_LEAST, False),
+    ast.GtE: (kernel.NOT_ABOVE, True),
     ast.Lt: (kernel.ABOVE, True),
-    ast.LtE: (kernel.AT_LEAST, True),
+    ast.LtE: (kernel.NOT_ABOVE, False),
 }
 _BIAS = 128
 _LARGEST = 0xFFFF

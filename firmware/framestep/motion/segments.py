@@ -5,7 +5,7 @@
 Each coefficient is a fixed-point number of 46 fraction bits in two words, `high` (Q16, signed)
 and `low` (the 30 bits below), G3 one of 58 bits; the position has a word of whole steps in front.
 So a cubic can be moved along for half a minute, a few ticks at a time, and be off by less than a
-hundredth of a step; one that lasts longer is made anew on the way (ramps.py).
+hundredth of a step; one that lasts longer is made anew on the way (phases.py).
 
 The kernel adds up displacements, so a segment gets the differences of the cubic at its start:
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.

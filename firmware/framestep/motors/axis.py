@@ -1,6 +1,6 @@
 """The motion of one motor: how a request or a played move becomes segments in its queue.
 
-An axis has a list of phases (ramps.py). It cuts them into segments, which it puts into the tick
+An axis has a list of phases (phases.py). It cuts them into segments, which it puts into the tick
 kernel's queue some tenths of a second ahead. Everything that moves a motor goes through here.
 
 Positions and directions (`way`) are those of motor.py. Nothing allocates after construction.
@@ -9,6 +9,7 @@ Positions and directions (`way`) are those of motor.py. Nothing allocates after 
 from array import array
 
 from framestep.motion import ramps, reals, segments, stepper
+from framestep.motion.phases import Phases, scratch
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds, feeder
 from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
@@ -47,7 +48,7 @@ class Axis(Motor):
         self.positions = positions
         self.state = array("i", [0] * 5)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
-        self.phases = ramps.Phases()
+        self.phases = Phases()
         self.whole = array("i", [0] * 2)
         self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
         self.cut = array("i", [0] * 2)  # the same, where cut_at_phase_end() has cut the queue
@@ -62,7 +63,7 @@ class Axis(Motor):
             self.whole,
             self.knot,
             self.phases.words,
-            ramps.scratch,
+            scratch,
         )
         self.speed = 0  # of the motion under way, in ten-thousandths
         self.way = 0  # the direction for which the play is to be taken up at TARGET
@@ -190,7 +191,7 @@ class Axis(Motor):
         return True
 
     def append_phase(self, duration, start, end, numbers, targets, i, part=0):
-        """Append an AIM phase to the position targets[i]: see ramps.Phases.aim().
+        """Append an AIM phase to the position targets[i]: see Phases.aim().
 
         The play is taken up on the way if the phase turns the motion.
         """

@@ -3,8 +3,8 @@
 `work` of an axis says how much of its phases has been queued. Nothing allocates.
 """
 
-from framestep.motion import ramps, segments, stepper
-from framestep.motion.ramps import load
+from framestep.motion import phases, segments, stepper
+from framestep.motion.phases import load
 from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
 from framestep.native import const, micropython, ptr32
 
@@ -28,7 +28,7 @@ PHASES = const(6)
 SCRATCH = const(7)
 
 _ALL_BITS = const(0x3FFFFFFF)
-_PHASE_MASK = const(ramps.PHASES - 1)
+_PHASE_MASK = const(phases.PHASES - 1)
 
 
 @micropython.viper
@@ -86,7 +86,7 @@ def feed(parts, other, base, most: int, enough: int):
             w[LEFT] = w[LEFT] - n
             enough -= n
             continue
-        if w[MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
+        if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
             return
         part = w[PART]
         if part:
@@ -99,7 +99,7 @@ def feed(parts, other, base, most: int, enough: int):
                 snap(cubic, parts[KNOT])
                 if part:
                     knot(state, parts[KNOT], part)
-            if p[ramps.HEAD] == p[ramps.TAIL]:
+            if p[phases.HEAD] == p[phases.TAIL]:
                 settle(cubic)
                 if part:
                     bridge(state, cubic, block, part)
@@ -112,9 +112,9 @@ def feed(parts, other, base, most: int, enough: int):
                 w[AIMED] = 0
                 b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
                 break
-            took = int(load(words, p[ramps.HEAD] * ramps.PHASE_WORDS, cubic, whole, parts[KNOT], parts[SCRATCH]))
+            took = int(load(words, p[phases.HEAD] * phases.PHASE_WORDS, cubic, whole, parts[KNOT], parts[SCRATCH]))
             if took:
-                p[ramps.HEAD] = (p[ramps.HEAD] + 1) & _PHASE_MASK
+                p[phases.HEAD] = (p[phases.HEAD] + 1) & _PHASE_MASK
             w[AIMED] = took >> 1
             if part == 0:
                 w[LEFT] = out[0]
@@ -138,7 +138,7 @@ def feed(parts, other, base, most: int, enough: int):
             part += out[1]
             if part > _ALL_BITS:
                 part = _ALL_BITS  # a phase that ends with the tick: 2^30 would be an object on the heap
-            if w[MORE] and p[ramps.HEAD] == p[ramps.TAIL]:
+            if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)
                 w[PART] = part
@@ -168,7 +168,7 @@ def neediest(m: ptr32, least: int, modes: int) -> int:
             if n < least:
                 w = ptr32(m[stepper.WORK])
                 p = ptr32(m[stepper.PHASES])
-                if w[LEFT] or w[MORE] == 0 or p[ramps.HEAD] != p[ramps.TAIL]:
+                if w[LEFT] or w[MORE] == 0 or p[phases.HEAD] != p[phases.TAIL]:
                     least = n
                     found = motor + n
     return found

@@ -1,7 +1,7 @@
 """The smooth path through uploaded frames: velocity at each frame, and what a motor needs for it.
 
 Between two frames a motor follows the cubic with the frames' positions and these velocities at its
-ends (motion/ramps.py, AIM), so it passes each frame exactly and its velocity never jumps.
+ends (motion/phases.py, AIM), so it passes each frame exactly and its velocity never jumps.
 Velocities are those of the fourth-order central difference, (8·(p₊₁ - p₋₁) - (p₊₂ - p₋₂))/12, which
 follows sampled motion more closely than a parabola, held within the range that keeps the cubic
 monotonic between monotonic frames (Fritsch and Carlson 1980: three times the lesser slope) and away

@@ -6,8 +6,8 @@ its own from OWN on. Nothing allocates after construction.
 
 from array import array
 
-from framestep.motion import ramps, reals, stepper
-from framestep.motion.ramps import put_aim
+from framestep.motion import phases, reals, stepper
+from framestep.motion.phases import put_aim
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves import path
@@ -69,7 +69,7 @@ def _ahead(axes, bits: int) -> int:
         bits >>= 1
         i += 1
     p = ptr32(axes[i].phases.words)
-    return (p[ramps.TAIL] - p[ramps.HEAD]) & (ramps.PHASES - 1)
+    return (p[phases.TAIL] - p[phases.HEAD]) & (phases.PHASES - 1)
 
 
 @micropython.viper

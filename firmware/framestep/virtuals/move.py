@@ -1,7 +1,7 @@
 """A move or jog along a line: all motors of a rig at once, as one point that runs along it.
 
 Every `span` ticks is a knot. Between two knots every motor follows a cubic (AIM phases,
-motion/ramps.py) with the exact positions at both ends; its velocity there is the point's velocity
+motion/phases.py) with the exact positions at both ends; its velocity there is the point's velocity
 times the slope of the motor's step over s, from the knots on either side.
 
 Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the same
