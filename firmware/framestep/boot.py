@@ -91,6 +91,8 @@ def start():
     A mistake in the rig file is printed on the REPL; then the board answers, but moves nothing.
     """
     global hal, controller, runner
+    if controller:  # by boot.py, after a soft reset
+        return
     spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD
 

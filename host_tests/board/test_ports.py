@@ -78,22 +78,22 @@ def answered(port, data, ms=20):
 
 
 def test_second_port_and_its_name(usb):
-    """The host sees the REPL's port and one with a name, and the board's serial number; one port after a soft reset."""
+    """The host sees the REPL's port and one with a name, and the board's serial number; over a soft reset both stay."""
     emu, repl, port = usb
     event = [e for e in emu.events() if e["type"] == "usb-configured"][-1]
     assert event["names"] == ["Board CDC", "framestep DMC"]
     assert event["product"] == "framestep"
     assert event["serial"] == repl.eval("__import__('machine').unique_id().hex()")
     port.close()
-    for _ in range(2):
-        begun = emu.ns
+    emu.events(clear=True)
+    for _ in range(3):
         repl.leave()
         repl.serial.write(b"\x04")
-        emu.wait_usb(after=begun, ports=1)
-        emu.advance(50)
+        emu.advance(100)
         repl = emu.repl()
         repl.exec(SETUP)
-        repl = start_port(emu, repl)
+        repl.exec("port.start()")
+        assert not [event for event in emu.events() if event["type"].startswith("usb")]
         with emu.serial(1) as port:
             run(repl)
             assert answered(port, frame(64, 1))

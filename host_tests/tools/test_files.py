@@ -21,7 +21,8 @@ def made(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "FIRMWARE", tmp_path)
     monkeypatch.setattr(files, "__file__", str(tmp_path / "tools" / "files.py"))
     monkeypatch.setattr(files, "sources", lambda: {"module.py": source})
-    (tmp_path / "main.py").write_text("")
+    for name in ("boot.py", "main.py"):
+        (tmp_path / name).write_text("")
     return files._remembered(make), calls, tmp_path
 
 
@@ -41,7 +42,15 @@ def test_other_arguments_are_another_result(made):
 
 @pytest.mark.parametrize(
     "changed",
-    ["module.py", "main.py", "tools/names.py", "tools/commands/flash.py", "boards/x/board.json", "boards/chips.json"],
+    [
+        "module.py",
+        "boot.py",
+        "main.py",
+        "tools/names.py",
+        "tools/commands/flash.py",
+        "boards/x/board.json",
+        "boards/chips.json",
+    ],
 )
 def test_made_anew_where_a_source_a_tool_or_a_board_changes(made, changed):
     remembered, calls, folder = made

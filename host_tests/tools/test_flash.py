@@ -6,7 +6,7 @@ from hashlib import sha256
 import pytest
 
 from framestep_tools.device import DeviceError, Who
-from framestep_tools.flash import FOLDER, LIST, MAIN, check_firmware, install
+from framestep_tools.flash import BOOT, FOLDER, LIST, MAIN, check_firmware, install
 
 OLD = {f"{FOLDER}/{name}.mpy": f"old {name}".encode() for name in ("a", "b", "gone", "motion/c")} | {MAIN: b"old main"}
 NEW = {f"{FOLDER}/{name}.mpy": f"new {name}".encode() for name in ("a", "motion/c", "motion/d")} | {MAIN: b"new main"}
@@ -132,6 +132,21 @@ def test_another_main_py_is_kept():
     assert board.content["/main_before.py"] == b"changed by the user"
     install(board, OLD, "pico", lambda line: None)
     assert board.content["/main_before.py"] == b"changed by the user", "framestep's own main.py is not kept"
+
+
+def test_another_boot_py_stays():
+    wanted = NEW | {BOOT: b"framestep's"}
+    board, said = FileBoard({BOOT: b"a user's"}), []
+    install(board, wanted, "pico", said.append)
+    install(board, wanted, "pico", said.append)
+    assert board.content[BOOT] == b"a user's"
+    assert board.content[MAIN] == NEW[MAIN]
+    assert said[-1] == f"all {len(NEW)} files are there already"
+    assert sum("boot.py is not framestep's" in line for line in said) == 2
+    board = FileBoard({})
+    for text in (b"framestep's", b"a newer one"):
+        install(board, wanted | {BOOT: text}, "pico", said.append)
+        assert board.content[BOOT] == text
 
 
 def test_damage_on_the_way_is_noticed():

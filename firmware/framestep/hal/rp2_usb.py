@@ -7,12 +7,15 @@ Nothing here allocates.
 import time
 
 from machine import disable_irq, enable_irq
+from uctypes import bytearray_at
 
 from framestep.native import const, micropython, ptr32
 
 _BUFFER_CONTROL = const(0x50100080)
 _AVAILABLE = const(0x400)  # the controller has the packet, the host has not yet collected it
+_ANY_AVAILABLE = const(0x4000400)  # either of an endpoint's two buffers
 _LENGTH = const(0x3FF)
+_MEMORY = 0x50100600  # the controller has 4 kB of memory; its driver takes the first 1 kB, for the endpoints there are
 _SOF_RD = const(0x50110048)
 ADDRESS_REGISTER = 0x50110000  # ADDR_ENDP
 _USB_PAGE = const(0x50110)  # of 4 kB
@@ -22,6 +25,20 @@ _TRANSACTION_US = const(64)  # token, 64 bytes with stuffed bits and the handsha
 
 _LOOK_MS = const(10)
 _STILL = const(10)  # looks at the same frame number: the bus is dead
+
+
+def memory(size):
+    """Memory for USB, 2560 bytes at most. A soft reset leaves it as it is; after any other reset it is zeros."""
+    return bytearray_at(_MEMORY, size)
+
+
+@micropython.viper
+def in_flight(endpoint: int, out: int) -> bool:
+    """Whether a transfer of an endpoint is under way, or its end is still to be told. With interrupts off."""
+    page = _USB_PAGE
+    page <<= 12
+    at = 2 * endpoint + out
+    return ptr32(_BUFFER_CONTROL)[at] & _ANY_AVAILABLE != 0 or ptr32(page)[_BUFF_STATUS] >> at & 1 != 0
 
 
 @micropython.viper

@@ -47,6 +47,7 @@ class Watchdog:
         scratch = machine.mem32[_SCRATCH4] & 0xFFFFFFFF
         self.caused_reset = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
         machine.mem32[_SCRATCH4] = 0  # told once, not again after a soft reset
+        _disable(_PAGE)  # it may still run after a soft reset in motion
         self._wdt = None
         self.words = array("i", [0] * _WORDS)  # the main loop keeps PASS
         self._timer = None

@@ -14,6 +14,12 @@ Between the interrupt of a bus reset and TinyUSB's task, which tells it, TinyUSB
 submitted to one then ends in panic(), and the processor stops for good. So the device's address, which that interrupt
 clears, is looked at before each, with interrupts off from there to the end of the call.
 
+A soft reset, as mpremote makes one before each of its commands, must not take the device away: mpremote
+would find its own port gone. MicroPython disconnects an active USBDevice then, and one that is not active
+stays. So the flag that says so is set in MicroPython's object for the time of a call only. After the soft
+reset the host's transfers go on, into memory that the heap knows nothing of (rp2_usb.memory); the next port
+takes over what is there, with the places, and what has to be known of them, where they were.
+
 Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C
 lands in them, no want of stack ends them) and allocate nothing. They own what the driver does,
 `poll()` and `send()` own what the main loop has taken and given.
@@ -94,9 +100,25 @@ _STALE_AT = const(24)  # bytes that had arrived of the transfer running then
 _BY_DTR = const(25)  # the last close was one of DTR
 _BUS = const(27)  # address of the word with the device's address in it
 _SENT = const(26)  # packets, modulo 2^28
-_WORDS = const(28)
+_FLAG = const(28)  # address of MicroPython's flag for an active device, and of the one behind it: a change is due
+_KEPT = const(29)  # address of the words that a soft reset leaves alone
+_NO_FLAG = const(30)  # what stands for the flags where they have not been found
+_WORDS = const(31)
+
+# Those words
+_MARK = const(0)  # the device is live, and stays so over a soft reset: ALIVE
+_KEPT_FILL = const(1)
+_KEPT_DTR = const(2)
+_KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython's object
+
+ALIVE = const(0x1D7A5C3B)  # known to firmware/boot.py, too
+_OBJECT = const(256)  # bytes of MicroPython's object that are looked through
+_UNCHANGED = const(0x101)  # both flags set: what is done to the first is never done
+KEPT_AT = const(2 * 1088 + 256 + 64 + 8)  # in the memory for USB: two places, what goes out, a packet, line coding
+_MEMORY = const(KEPT_AT + 16)
 
 _QUIET_MS = const(100)  # bytes that come this long after DTR has fallen are from a host that does not use it
+_SETTLE_MS = const(2)
 _COLLECT_MS = const(500)  # a host that listens collects a packet within this; its driver does, however busy it is
 
 
@@ -115,11 +137,15 @@ def _arm(port):
     s[_END + place] = 0
     s[_SEEN] = 0
     s[_DOUBT] = 0
+    flag = ptr8(s[_FLAG])
     irq = disable_irq()
+    was = flag[0]
+    flag[0] = 1
     try:
         if ptr32(s[_BUS])[0] & _ADDRESS and port._submit(s[_EP_OUT], port._places[place]):
             s[_ARMED] = 1
     finally:
+        flag[0] = was
         enable_irq(irq)
 
 
@@ -199,12 +225,55 @@ def _send_packet(port):
     s[_LAST] = count
     s[_SENDING] = 1
     s[_SENT] = (s[_SENT] + 1) & 0xFFFFFFF
+    flag = ptr8(s[_FLAG])
     irq = disable_irq()
+    was = flag[0]
+    flag[0] = 1
     try:
         if ptr32(s[_BUS])[0] & _ADDRESS:
             port._submit(s[_EP_IN], port._packets[count])
     finally:
+        flag[0] = was
         enable_irq(irq)
+
+
+@micropython.viper
+def _activate(s: ptr32, usb, at: int, before):
+    """Switch the device on, and find the flags in MicroPython's object at an address: what that changes in it."""
+    flag = ptr8(at)
+    kept = ptr8(before)
+    i = 0
+    while i < _OBJECT:
+        kept[i] = flag[i]
+        i += 1
+    usb.active(_YES)
+    i = 0
+    while i < _OBJECT and flag[i] == kept[i]:
+        i += 1
+    if i < _OBJECT and flag[i] == 1 and flag[i + 1] == 1 and kept[i + 1] == 0:
+        flag[i] = 0
+        off = usb.active()
+        flag[i] = 1
+        if not off:
+            s[_FLAG] = at + i
+            ptr32(s[_KEPT])[_KEPT_FLAG] = i
+
+
+@micropython.viper
+def _restore(s: ptr32, at: int) -> int:
+    """What was kept over a soft reset; 0 if there is nothing to go on with. at: address of MicroPython's object."""
+    kept = ptr32(s[_KEPT])
+    if kept[_MARK] != ALIVE or not ptr32(s[_BUS])[0] & _ADDRESS:
+        return 0
+    s[_FLAG] = at + kept[_KEPT_FLAG]
+    s[_FILL] = kept[_KEPT_FILL]
+    s[_TAKE] = s[_FILL]
+    s[_DTR] = kept[_KEPT_DTR]
+    s[_BY_DTR] = 1
+    s[_LIVE] = 1
+    s[_ARMED] = 1
+    s[_SENDING] = 1
+    return 1
 
 
 def _descriptor(builtin):
@@ -256,13 +325,17 @@ class UsbPort:
         builtin = self._builtin = usb.BUILTIN_DEFAULT
         self._submit = usb.submit_xfer
         self._ticks = time.ticks_ms
-        self._rx = bytearray(2 * _PLACE)
-        view = memoryview(self._rx)
-        self._places = (view[:_PLACE], view[_PLACE:])
-        self._tx = bytearray(_OUTGOING)
-        packet = memoryview(bytearray(_PACKET))
+        memory = memoryview(chip.memory(_MEMORY) if chip else bytearray(_MEMORY))
+        self._rx = memory[: 2 * _PLACE]
+        self._places = (memory[:_PLACE], memory[_PLACE : 2 * _PLACE])
+        at = 2 * _PLACE
+        self._tx = memory[at : at + _OUTGOING]
+        at += _OUTGOING
+        packet = memory[at : at + _PACKET]
         self._packets = [packet[:n] for n in range(_PACKET + 1)]
-        self._coding = bytearray(struct.pack("<IBBB", 115200, 0, 0, 8))  # kept for the host, without meaning here
+        at += _PACKET
+        self._coding = memory[at : at + 7]  # kept for the host, without meaning here
+        self._coding[:] = struct.pack("<IBBB", 115200, 0, 0, 8)
         s = self._state = array("i", [0] * _WORDS)
         s[_EP_OUT] = builtin.ep_max + 1
         s[_EP_IN] = 0x80 | s[_EP_OUT]
@@ -270,6 +343,9 @@ class UsbPort:
         s[_TX] = as_word(addressof(self._tx))
         s[_BUS] = as_word(ADDRESS_REGISTER)
         s[_PACKET_AT] = as_word(addressof(packet))
+        s[_NO_FLAG] = _UNCHANGED
+        s[_FLAG] = as_word(addressof(s)) + 4 * _NO_FLAG
+        s[_KEPT] = as_word(addressof(memory)) + KEPT_AT
         s[_USED] = s[_USED + 1] = _PLACE
         self._closed_at = time.ticks_ms()
         self._waits = -1  # the packet that was seen to wait
@@ -279,9 +355,9 @@ class UsbPort:
         self.openings = 0
 
     def start(self):
-        """Put the port beside the built-in one; returns at once. A soft reset takes it away again.
+        """Put the port beside the built-in one; returns at once.
 
-        The host sees the board go, and come back with two ports.
+        The host sees the board go, and come back with two ports. After a soft reset it sees nothing.
         """
         if chip:
             from framestep.hal.rp2_stack import unchecked
@@ -291,7 +367,9 @@ class UsbPort:
                 _arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred
             )
         usb = self._usb
-        usb.active(False)
+        going_on = chip and _restore(self._state, id(usb))
+        if not going_on:
+            usb.active(False)
         usb.builtin_driver = self._builtin
         usb.config(
             self._builtin.desc_dev,
@@ -302,7 +380,37 @@ class UsbPort:
             self._control,
             self._transferred,
         )
-        usb.active(True)
+        if going_on:
+            self._go_on()
+        else:
+            _activate(self._state, usb, id(usb), bytearray(_OBJECT))
+
+    def _go_on(self):
+        """The host has the device as it was before the soft reset, and perhaps the port open: for it a session begins.
+
+        A transfer that ended in between was told to nobody.
+        """
+        state = self._state
+        time.sleep_ms(_SETTLE_MS)  # what MicroPython's USB task still has to tell
+        irq = disable_irq()
+        try:
+            if not chip.in_flight(state[_EP_OUT], 1):
+                state[_ARMED] = 0
+            if not chip.in_flight(state[_EP_OUT], 0):
+                state[_SENDING] = 0
+        finally:
+            enable_irq(irq)
+        _part(state)
+        if state[_SENDING]:
+            chip.empty_packet(state[_EP_OUT])
+        if state[_LIVE] and not state[_ARMED]:
+            try:
+                _arm(self)
+            except OSError:  # its end comes just now
+                state[_ARMED] = 1
+        if state[_DTR]:
+            self.open = True
+            self.openings += 1
 
     # ------------------------------------------------------------ called by the USB driver
 
@@ -312,6 +420,13 @@ class UsbPort:
         s[_LIVE] = 1
         s[_ARMED] = 0
         s[_SENDING] = 0
+        flag = ptr8(s[_FLAG])
+        if flag[1] == 0:
+            flag[0] = 0
+            kept = ptr32(s[_KEPT])
+            kept[_KEPT_FILL] = s[_FILL]
+            kept[_KEPT_DTR] = s[_DTR]
+            kept[_MARK] = ALIVE
         if (s[_FILL] - s[_TAKE]) & 3 < 2:
             _arm(self)
 
@@ -327,6 +442,7 @@ class UsbPort:
             s[_ARMED] = 0
         s[_LIVE] = 0
         s[_SENDING] = 0
+        ptr32(s[_KEPT])[_MARK] = 0
         _part(s)
         s[_DTR] = 0
         s[_BY_DTR] = 1
@@ -359,6 +475,7 @@ class UsbPort:
                 self._closed_at = self._ticks()
                 s[_BY_DTR] = s[_DTR]
             s[_DTR] = dtr
+            ptr32(s[_KEPT])[_KEPT_DTR] = dtr
         if what == _SET_LINE_CODING or what == _GET_LINE_CODING:
             return self._coding
         if what == _SET_CONTROL_LINE_STATE:
@@ -375,6 +492,7 @@ class UsbPort:
             s[_END + place] = count
             s[_USED + place] = count
             s[_FILL] = (s[_FILL] + 1) & 3
+            ptr32(s[_KEPT])[_KEPT_FILL] = s[_FILL]
             s[_ARMED] = 0
             if (s[_FILL] - s[_TAKE]) & 3 < 2:
                 _arm(self)

@@ -1,0 +1,132 @@
+"""A soft reset, as mpremote makes one before each of its commands: the USB device stays, framestep starts again."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from framestep_emulator import Emulator, edge_times
+from framestep_tools import builds
+from framestep_tools.client import Client
+from framestep_tools.files import board_files
+from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
+
+PATIENCE_S = 600
+STEP, ENABLE = (2, 4), 18
+RIG = {"name": "soft"}
+
+
+def mpremote(path, *arguments):
+    """What mpremote printed; no `resume`."""
+    command = [sys.executable, "-m", "mpremote", "connect", path, *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert result.returncode == 0, f"mpremote {arguments}: {result.stdout} {result.stderr}"
+    return result.stdout
+
+
+def board(kind, rig=RIG, **options):
+    """A board with framestep copied to it, or as an image."""
+    files = {"/rig.json": json.dumps(rig).encode()}
+    if kind == "image":
+        return Emulator(builds.frozen("pico"), files=files, **options)
+    return Emulator(files=board_files() | files, **options)
+
+
+def answers(path):
+    with Client.open(path, timeout_s=PATIENCE_S) as client:
+        return client.request(Hi())
+
+
+@pytest.mark.parametrize("kind", ["copied", "image"])
+def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
+    package = tmp_path / "hello"
+    package.mkdir()
+    (package / "hello.py").write_text("print('hello from a package')\n")
+    (package / "package.json").write_text(json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"}))
+    with board(kind, lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+        emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
+        frames = answers(protocol).upload_frames
+        emu.events(clear=True)
+        assert "rig.json" in mpremote(repl, "ls")
+        assert answers(protocol).name == "soft"
+        if kind == "image":  # where a start takes a second, not five
+            assert mpremote(repl, "exec", "print(6 * 7)") == "42\n"
+        said = mpremote(repl, "mip", "install", str(package / "package.json"), "+", "exec", "import hello")
+        assert "hello from a package" in said
+        info = answers(protocol)
+        assert (info.name, info.motors) == ("soft", 8)
+        assert info.upload_frames > 0.95 * frames, "memory is what it was"
+        assert not [event for event in emu.events() if event["type"].startswith(("usb", "reset", "halt"))]
+
+
+def test_whoever_has_the_protocol_port_open():
+    """What was sent before and what comes in between is of nobody; after it the host begins anew."""
+    with board("copied") as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl, port = emu.serial(0), emu.serial(1)
+        client = Client(port)
+        for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
+            client.request(Hi())
+            repl.write(b"\r\x03\r" + mode)
+            emu.advance(50)
+            port.write(b"DF")  # a frame that is never finished
+            emu.advance(5)
+            repl.write(b"\x04")
+            emu.advance(300)
+            port.write(bytes(100) + b"DF\x10\x00")  # while nobody listens
+            emu.advance(5500)
+            port.reset_input_buffer()
+            assert client.request(Hi()).name == "soft"
+            assert client.request(MotorStatus()).moving == []
+        assert "soft reboot" in repl.read_all().decode()
+
+
+def test_in_motion():
+    """The motors stand at once, their drivers go off, and nothing strikes later; the host is told what is lost."""
+    with board("copied", {"remember_positions": True, "dmx": False}) as emu:
+        emu.wait_usb(20_000, ports=2)
+        client = Client(emu.serial(1))
+        client.request(Hi())
+        for motor in (1, 2):
+            client.request(MotorSetSpeed(motor, 10_000, 50_000))
+            client.request(MotorResetPosition(motor, 0))
+        client.request(MotorMove(1, 100_000))
+        client.request(MotorMove(2, -100_000))
+        emu.advance(500)
+        assert emu.pin(ENABLE) == 0
+        repl = emu.serial(0)
+        repl.write(b"\r\x03\r\x01")
+        emu.advance(20)
+        emu.trace_start([*STEP, ENABLE])
+        assert client.request(MotorStatus()).moving == [1, 2]
+        struck = emu.ns
+        repl.write(b"\x04")
+        emu.advance(9000)
+        edges = emu.trace_read()
+        for pin in STEP:
+            times = edge_times(edges, pin)
+            assert len(times) > 20
+            assert times[-1] < struck + 20_000_000, "no pulse after the soft reset"
+        assert emu.pin(ENABLE) == 1
+        assert all(emu.pin(pin) == 0 for pin in STEP)
+        assert not [event for event in emu.events() if event["type"] in ("reset", "halt")]
+        emu.serial(1).reset_input_buffer()
+        client.request(Hi())
+        assert client.request(MotorStatus()).moving == []
+
+
+def test_lights_leave_memory_alone():
+    """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does not start again."""
+    with board("copied") as emu:
+        emu.wait_usb(20_000, ports=2)
+        emu.advance(200)
+        repl = emu.repl()
+        repl.exec("import os; os.rename('/main.py', '/main.txt')")
+        repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
+        repl.enter()
+        repl.serial.write(b"\x04")
+        emu.advance(500)
+        repl = emu.repl()
+        assert repl.eval("'framestep' in __import__('sys').modules") is False
+        assert repl.eval("[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]") == [0] * 12
