@@ -175,13 +175,12 @@ class Controller:
             self.reports.position = self.reports.frame = True
             self.active_passes = _ACTIVE_PASSES  # a run of lights alone moves nothing
             self._housekeep(now, False, news)
-        elif (
-            self.reports.was_moving
-            and elapsed(now, self.reports.sent_at) >= self.rig.report_ms
-            and elapsed(now, self.housekept_at) < 2 * _HOUSEKEEP_MS
-        ):
+            return busy
+        since = elapsed(now, self.housekept_at)
+        reports = self.reports
+        if reports.was_moving and since < 2 * _HOUSEKEEP_MS and elapsed(now, reports.sent_at) >= reports.period_ms:
             self._housekeep(now, False, news)
-        elif elapsed(now, self.housekept_at) >= _HOUSEKEEP_MS or news:
+        elif since >= _HOUSEKEEP_MS or news:
             self.housekept_at = now
             self._housekeep(now, True, news)
         elif self.planning:

@@ -25,6 +25,7 @@ class Reports:
         self.go = False
         self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.caused_reset else -1  # its reason
         self.was_moving = False
+        self.period_ms = controller.rig.report_ms
         self.sent_at = 0  # when positions were, ms
 
     def nobody_listens(self):
@@ -37,7 +38,7 @@ class Reports:
         writer = self.writer
         moving = stepper.moving(controller.header) != 0
         if moving:
-            if elapsed(controller.now, self.sent_at) >= controller.rig.report_ms:
+            if elapsed(controller.now, self.sent_at) >= self.period_ms:
                 self.position = True
         elif self.was_moving:
             self.position = True

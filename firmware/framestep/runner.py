@@ -65,7 +65,7 @@ class Runner:
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
         # Made now, as there may be no memory for them later
-        self._pass_callback = hal.whole_stack(self._pass)
+        self._pass_callback = hal.pass_callback(self._pass)
         self._blink_callback = self._blink
         self._beat = 0
         self._controller = None
@@ -129,9 +129,9 @@ class Runner:
         try:
             self._turn()
         finally:
-            self._inside[PASS] = 0
             heap_unlock()
         if self.task:
+            self._inside[PASS] = 0
             self._after()
         if self._struck:
             self._struck = False
@@ -155,7 +155,6 @@ class Runner:
                 controller.fault_stop()
                 self._failing = False
                 self._failed = self._news = True
-            self._inside[PASS] = 1
             controller.poll(ticks_ms())
         except KeyboardInterrupt:
             self._struck = self._failing = True

@@ -25,7 +25,7 @@ IMPLEMENTED = {
 }
 # What only one kind has. The host's HAL has no REPL beside it, nor a model of engine commands in one object.
 WITHOUT = {
-    "host.py:HostHal": {"engine", "inside", "passes", "whole_stack"},
+    "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
     "host.py:HostPort": {"stop"},
     "usb_port.py:UsbPort": {"stop"},
 }

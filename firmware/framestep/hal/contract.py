@@ -71,9 +71,10 @@ class Hal:
         """The pins that are high, one bit each, outputs included."""
         raise NotImplementedError
 
-    def whole_stack(self, work):
-        """A function of one argument that calls work with all of the stack, whatever a program on the
-        REPL has taken of it. For callbacks; allocates."""
+    def pass_callback(self, work):
+        """A function of one argument that calls work, which is a pass, from MicroPython's scheduler:
+        with all of the stack, whatever a program on the REPL has taken of it, and with inside[PASS] at 1.
+        work must not raise. Allocates."""
         return work
 
     def watch(self, bits, handler):

@@ -13,7 +13,7 @@ from framestep.hal.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
-from framestep.hal.rp2_stack import WholeStack, lower_limit, unchecked
+from framestep.hal.rp2_stack import NOWHERE, WholeStack, lower_limit, unchecked
 from framestep.hal.rp2_usb import addressed
 from framestep.motion.kernel import StepKernel
 from framestep.motion.stepper import halt_motors
@@ -202,11 +202,11 @@ class Rp2Hal:
                 Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
         return 1 << pin
 
-    def whole_stack(self, work):
-        return WholeStack(self._stack, work).callback
+    def pass_callback(self, work):
+        return WholeStack(self._stack, work, self.inside).callback
 
     def watch(self, bits, handler):
-        handler = self.whole_stack(handler)
+        handler = WholeStack(self._stack, handler, NOWHERE).callback
         for pin in range(30):
             if (bits >> pin) & 1:
                 Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)

@@ -15,7 +15,7 @@ from array import array
 
 from machine import mem32
 
-from framestep.hal import REPL_STACK, STACK
+from framestep.hal import PASS, REPL_STACK, STACK
 from framestep.native import addressof, const, micropython
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h, MicroPython 1.20 to 1.27
@@ -48,18 +48,22 @@ class WholeStack:
     `callback` is what to call; where the type of `call` is `unchecked` it begins in any case.
     """
 
-    def __init__(self, limit, work):
-        """limit: what lower_limit() has given back."""
-        self.limit = limit
+    def __init__(self, limit, work, inside):
+        """limit: what lower_limit() has given back; inside: words of which PASS is 1 meanwhile."""
+        self.words = array("i", [limit, addressof(inside)])
         self.work = work
         self.callback = self.call
 
     @micropython.viper
     def call(self, x):
-        limit = ptr32(int(self.limit))
+        words = ptr32(self.words)
+        limit = ptr32(words[0])
+        inside = ptr32(words[1])
         before = limit[0]
         limit[0] = STACK
+        inside[PASS] = 1
         self.work(x)
+        inside[PASS] = 0
         limit[0] = before
 
 
@@ -67,12 +71,12 @@ def lower_limit():
     """Programs have REPL_STACK from now on. Returns the limit's address, or one where nothing lies that counts."""
     at = _limit_at(_RAM)
     if not at:
-        return addressof(_nowhere)
+        return addressof(NOWHERE)
     mem32[at] = REPL_STACK
     return at
 
 
-_nowhere = array("i", [0])
+NOWHERE = array("i", [0] * (PASS + 1))
 
 
 def unchecked(*functions):
