@@ -5,6 +5,8 @@ millisecond, and then writes back what it had found there (pico_fix/rp2040_usb_d
 the SDK's own code does it.
 """
 
+from pathlib import Path
+
 import pytest
 
 from framestep.motors.positions import KNOWN, LOST, SET, STEPS
@@ -21,31 +23,7 @@ AWAY = (
     "import machine; machine.Timer(-1, period=500, mode=machine.Timer.ONE_SHOT, callback=lambda _: sum(range(60000)))"
 )
 MODULES = ("__init__", "native", "hal/__init__", "hal/rp2_pins", "hal/rp2_claims", "hal/rp2_pulses")
-CLAIM = """
-import machine, rp2, time
-from framestep.hal import rp2_claims, rp2_pulses
-from machine import Pin
-
-def forget():
-    "The pins as after a reset."
-    rp2.PIO(1).remove_program()
-    for pin in ({step}, {direction}):
-        machine.mem32[0x40014004 + 8 * pin] = 31
-        machine.mem32[0x4001C004 + 4 * pin] = 0x56
-
-def claim():
-    engine = rp2_pulses.PulseEngine([{step}] * 5, [{direction}] * 5, machine.freq())
-    for command in (0, 1, 0, 1, 0):
-        machine.mem32[engine.fifo(4)] = command | 1 << 1 | 5000 << 10
-
-def try_after(us):
-    begun = time.ticks_us()
-    print("go")
-    while time.ticks_diff(time.ticks_us(), begun) < us:
-        pass
-    claim()
-    time.sleep_ms(30)
-"""
+CLAIM = Path(__file__).parent / "claims_setup.py"
 
 
 @pytest.mark.parametrize("chip", ["B1", "B2"])
@@ -53,7 +31,7 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
     """The direction pin follows its engine, whenever the pin was claimed, and USB comes up again."""
     emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
     repl = emu.repl()
-    repl.exec(CLAIM.format(step=STEP, direction=DIRECTION))
+    repl.exec(CLAIM.read_text())
     dead = []
     held = 0
     for us in (*range(8500, 13000, 100), 1000, 20000):

@@ -21,21 +21,7 @@ def test_any_stream_in_any_pieces(unix32f, cases):
     assert len(answers) == len(cases) + 1
 
 
-SUMS = """
-import sys
-from micropython import heap_lock, heap_unlock
-from framestep.protocol.checksum import fletcher16
-data = bytes.fromhex(sys.stdin.readline().strip())
-def sums(start, count):
-    heap_lock()
-    try:
-        return fletcher16(data, start, count)
-    finally:
-        heap_unlock()
-for start in range(9):
-    for count in list(range(70)) + [255, 256, 257, 271, 272, 511, 512, 513, 1030, 1045, 1046]:
-        print(sums(start, count))
-"""
+SUMS = Path(__file__).parent / "checksums.py"
 
 
 def test_checksum(unix32f):
@@ -48,57 +34,14 @@ def test_checksum(unix32f):
         assert list(map(int, unix32f.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
 
 
-CHECK = """
-from micropython import heap_lock, heap_unlock
-from framestep.protocol.checksum import check_bytes
-def wrong():
-    count = 0
-    for f1 in range(255):
-        for f0 in range(255):
-            c0 = 0xFF - (f0 + f1) % 0xFF
-            c1 = 0xFF - (f0 + c0) % 0xFF
-            if check_bytes(f1 << 8 | f0) != c0 | c1 << 8:
-                count += 1
-    return count
-count = 0
-heap_lock()
-count = wrong()
-heap_unlock()
-print(count)
-"""
+CHECK = Path(__file__).parent / "check_bytes.py"
 
 
 def test_check_bytes(unix32f):
     assert unix32f.run(CHECK) == "0\n"
 
 
-COPIES = """
-from micropython import heap_lock, heap_unlock
-from framestep.copying import copy_bytes
-source = bytes((i * 73 + 5) & 0xFF for i in range(64))
-target = bytearray(64)
-wrong = 0
-def copy(to, to_at, source, at, count):
-    heap_lock()
-    copy_bytes(to, to_at, source, at, count)
-    heap_unlock()
-for at in range(8):
-    for to_at in range(8):
-        for count in range(48):
-            for i in range(64):
-                target[i] = 0xA5
-            copy(target, to_at, source, at, count)
-            rest = b"\\xA5" * (64 - to_at - count)
-            if target != b"\\xA5" * to_at + source[at : at + count] + rest:
-                wrong += 1
-            both = bytearray(source)  # towards the front of one buffer
-            copy(both, at, both, at + to_at, count)
-            if both[at : at + count] != source[at + to_at : at + to_at + count]:
-                wrong += 1
-            if both[:at] != source[:at] or both[at + count :] != source[at + count :]:
-                wrong += 1
-print(wrong)
-"""
+COPIES = Path(__file__).parent / "copies.py"
 
 
 def test_copies(unix32f):

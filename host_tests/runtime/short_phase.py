@@ -1,0 +1,30 @@
+"""Runs on MicroPython: a phase of 0.75 ticks ends with its tick, the heap locked."""
+
+from array import array
+
+import micropython
+
+from framestep.motion import phases, reals, stepper
+from framestep.motion.kernel import StepKernel
+from framestep.motors.axis import Axis
+from framestep.native import addressof
+
+clock = array("i", [0])
+sink = array("i", [0])
+kernel = StepKernel(1, 125000, addressof(clock))
+kernel.configure(0, addressof(sink), 3, 100, False)
+axis = Axis(kernel, 0, None)
+words = axis.phases.words
+for i, quarters in enumerate((41, 3, 20)):
+    at = i * phases.PHASE_WORDS
+    words[at + phases.KIND] = phases.RAMP
+    reals.put(words, at + phases.DURATION, quarters, -2)
+    for register in (phases.START, phases.SECOND, phases.THIRD):
+        reals.put(words, at + register, 0, 0)
+words[phases.TAIL] = 3
+axis.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
+micropython.heap_lock()
+axis.feed()
+micropython.heap_unlock()
+tail = axis.block[stepper.TAIL]
+print(tail)
