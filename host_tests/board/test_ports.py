@@ -101,6 +101,26 @@ def test_second_port_and_its_name(usb):
             stop(repl)
 
 
+def test_a_bus_reset_after_a_soft_reset(usb):
+    """The host has found one port only by the time that the next port starts: the board goes, and comes with two."""
+    emu, repl, port = usb
+    port.close()
+    repl.leave()
+    repl.serial.write(b"\x04")
+    emu.advance(100)
+    begun = emu.ns
+    emu.cmd("usb_reset")
+    emu.wait_usb(after=begun, ports=1)
+    emu.advance(50)
+    repl = emu.repl()
+    repl.exec(SETUP)
+    repl = start_port(emu, repl)
+    with emu.serial(1) as port:
+        run(repl)
+        assert answered(port, frame(64, 1))
+        stop(repl)
+
+
 def test_every_length(usb):
     """Each frame is answered at once, whatever its length: multiples of a packet as well, and those like the mark."""
     _emu, repl, port = usb

@@ -11,6 +11,7 @@ from uctypes import bytearray_at
 
 from framestep.native import const, micropython, ptr32
 
+_ENDPOINT_CONTROL = const(0x50100000)  # a word for IN and one for OUT of each endpoint; bit 31: enabled
 _BUFFER_CONTROL = const(0x50100080)
 _AVAILABLE = const(0x400)  # the controller has the packet, the host has not yet collected it
 _ANY_AVAILABLE = const(0x4000400)  # either of an endpoint's two buffers
@@ -30,6 +31,12 @@ _STILL = const(10)  # looks at the same frame number: the bus is dead
 def memory(size):
     """Memory for USB, 2560 bytes at most. A soft reset leaves it as it is; after any other reset it is zeros."""
     return bytearray_at(_MEMORY, size)
+
+
+@micropython.viper
+def enabled(endpoint: int) -> bool:
+    """Whether the driver has an IN endpoint: not since a bus reset, unless the host has configured it anew."""
+    return ptr32(_ENDPOINT_CONTROL)[2 * endpoint] < 0
 
 
 @micropython.viper

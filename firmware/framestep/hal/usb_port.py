@@ -367,7 +367,7 @@ class UsbPort:
                 _arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred
             )
         usb = self._usb
-        going_on = chip and _restore(self._state, id(usb))
+        going_on = chip and chip.enabled(self._state[_EP_OUT]) and _restore(self._state, id(usb))
         if not going_on:
             usb.active(False)
         usb.builtin_driver = self._builtin
