@@ -103,7 +103,7 @@ class RecordedOutputs:
         return True
 
 
-class StageBench:
+class OperationBench:
     """Motors on a kernel and the runner of operations on their upload; a pass of the main loop after each tick.
 
     paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.

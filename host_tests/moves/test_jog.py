@@ -7,7 +7,7 @@ from framestep.moves.jog import JogAll
 from framestep.moves.jog_landing import ACCELERATION, LANDING_MS
 from framestep.moves.operations import IDLE, POSITIONING, RUNNING
 from framestep.protocol import messages as m
-from host_tests.fakes import StageBench
+from host_tests.fakes import OperationBench
 
 EVEN = [100 * k for k in range(61)]  # a hundred steps to the frame
 WAVE = [round(100 * k + 400 * np.sin(k / 4)) for k in range(61)]
@@ -17,7 +17,7 @@ class Jog:
     """Motors that stand on the first frame of an upload; MOVE TIME of each tick from the request on in `heads`."""
 
     def __init__(self, *paths, at=0, **settings):
-        self.bench = StageBench(*paths, **settings)
+        self.bench = OperationBench(*paths, **settings)
         self.bench.stand_on(*(0 if path is None else path[at] for path in paths))
         self.jog = JogAll(self.bench.operations)
         self.heads = []

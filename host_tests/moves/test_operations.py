@@ -11,7 +11,7 @@ from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
 from framestep.moves.player import OWN, ZERO
 from framestep.protocol import messages as m
-from host_tests.fakes import StageBench, UploadedMove
+from host_tests.fakes import OperationBench, UploadedMove
 from host_tests.motion.engine import PER_TICK, PER_US
 
 TICKS = 200  # that the operation below moves for
@@ -75,7 +75,7 @@ class There(Operation):
 
 def prepared(begins=(50,), ends=(450,), passes=1, **settings):
     """(bench, operation), the operation taken."""
-    bench = StageBench(*([0, 10, 20] for _ in begins), **settings)
+    bench = OperationBench(*([0, 10, 20] for _ in begins), **settings)
     operation = There(bench, begins, ends, passes)
     operation.take()
     return bench, operation
@@ -102,7 +102,7 @@ def test_go_before_they_are_there_is_not_in_position():
 
 
 def test_go_without_an_operation_is_refused():
-    assert StageBench([0]).operations.may_go() == m.ERR_GENERAL
+    assert OperationBench([0]).operations.may_go() == m.ERR_GENERAL
 
 
 def test_go_while_it_runs_is_refused():
@@ -254,7 +254,7 @@ def test_a_stop_in_any_state_ends_in_rest_and_one_rt_end(state):
 
 
 def test_a_stop_with_nothing_under_way_tells_no_end():
-    bench = StageBench([0])
+    bench = OperationBench([0])
     assert bench.operations.stop() == 0
     assert bench.run(50).ends == 0
 
@@ -288,7 +288,7 @@ def to_frame(bench, frame, among=-1):
 @pytest.mark.parametrize("frame, place", [(101, 7), (102, 300), (103, -20)])
 def test_to_a_frame_all_motors_go_to_its_uploaded_positions(frame, place):
     """field note 5.1: scene frame numbers; 4.6: MOVE TIME is that frame's on arrival."""
-    bench = StageBench([7, 300, -20], [0, 0, 40], start=101)
+    bench = OperationBench([7, 300, -20], [0, 0, 40], start=101)
     bench.operations.move_time = 0
     assert to_frame(bench, frame) == m.OK
     assert bench.operations.move_time == 0
@@ -299,7 +299,7 @@ def test_to_a_frame_all_motors_go_to_its_uploaded_positions(frame, place):
 
 
 def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
-    bench = StageBench([0, 3000])
+    bench = OperationBench([0, 3000])
     to_frame(bench, 2)
     bench.run(40)
     bench.axes[0].stop(bench.bench)
@@ -310,26 +310,26 @@ def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
 @pytest.mark.parametrize("frame, code", [(0, m.ERR_RANGE), (1, m.OK), (3, m.OK), (4, m.ERR_RANGE)])
 def test_a_frame_outside_the_upload_is_out_of_range(frame, code):
     """field note 5.2"""
-    assert to_frame(StageBench([0, 10, 20]), frame) == code
+    assert to_frame(OperationBench([0, 10, 20]), frame) == code
 
 
 def test_without_a_finished_upload_there_is_no_frame_to_go_to():
     """field note 5.2"""
-    bench = StageBench([0])
+    bench = OperationBench([0])
     bench.operations.store = UploadedMove()
     assert to_frame(bench, 1) == m.ERR_GENERAL
 
 
 @pytest.mark.parametrize("target, code", [(101, m.ERR_SOFT_UP), (-101, m.ERR_SOFT_LOW), (100, m.OK)])
 def test_a_frame_past_a_soft_limit_is_refused_and_nothing_moves(target, code):
-    bench = StageBench([0, target])
+    bench = OperationBench([0, target])
     bench.limit(-100, 100)
     assert to_frame(bench, 2) == code
     assert bench.axes.moving is (code == m.OK)
 
 
 def test_a_frame_behind_a_limit_switch_is_refused_and_nothing_moves():
-    bench = StageBench([0, 100])
+    bench = OperationBench([0, 100])
     bench.safety.code = m.ERR_HARD_UP
     assert to_frame(bench, 2) == m.ERR_HARD_UP
     assert not bench.axes.moving
@@ -343,7 +343,7 @@ def test_going_to_a_frame_drops_what_is_prepared():
 
 
 def test_only_the_motors_asked_for_go_to_a_frame():
-    bench = StageBench([0, 100], [0, 100])
+    bench = OperationBench([0, 100], [0, 100])
     to_frame(bench, 2, among=0b10)
     bench.rest()
     assert (bench.place(0), bench.place(1)) == (0, 100)

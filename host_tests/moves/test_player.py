@@ -11,14 +11,14 @@ from framestep.motion import reals
 from framestep.moves import player as module
 from framestep.moves.path import FROM_REST, MOST
 from framestep.protocol import messages as m
-from host_tests.fakes import StageBench
+from host_tests.fakes import OperationBench
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 WAY_UP = [1] * 8
 
 
 def player_of(*paths, start=1, **settings):
-    bench = StageBench(*paths, start=start, **settings)
+    bench = OperationBench(*paths, start=start, **settings)
     return bench.player
 
 
@@ -191,7 +191,7 @@ def test_a_corner_that_the_board_cannot_make_is_refused():
 
 @pytest.mark.parametrize("path, code", [([0, 51], m.ERR_SOFT_UP), ([0, -51], m.ERR_SOFT_LOW), ([50, -50], m.OK)])
 def test_a_frame_past_a_soft_limit_is_refused(path, code):
-    bench = StageBench(path)
+    bench = OperationBench(path)
     bench.limit(-50, 50)
     assert check(bench.player, 24) == code
 
@@ -276,7 +276,7 @@ def test_a_roll_steeper_than_the_motor_can_is_refused(acceleration, fits):
 
 
 def test_a_roll_past_a_soft_limit_is_refused():
-    bench = StageBench([0, 0])
+    bench = OperationBench([0, 0])
     bench.limit(-75, None)
     player = bench.player
     velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)

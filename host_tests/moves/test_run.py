@@ -9,7 +9,7 @@ from framestep.motion import reals
 from framestep.moves.operations import IDLE, POSITIONING, READY, RUNNING
 from framestep.moves.run import LONGEST_ROLL, RunMove
 from framestep.protocol import messages as m
-from host_tests.fakes import StageBench
+from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK
 
 WAVE = [round(60 * k + 300 * np.sin(k / 2)) for k in range(16)]
@@ -19,7 +19,7 @@ class Run:
     """A run of an upload; the clock of the edges begins with the tick in which it starts."""
 
     def __init__(self, *paths, **settings):
-        self.bench = StageBench(*paths, **settings)
+        self.bench = OperationBench(*paths, **settings)
         self.run = RunMove(self.bench.operations, self.bench.run_outputs)
         self.store = self.bench.store
 

@@ -75,7 +75,7 @@ class Triggers:
         words[at] = self.values.get(index, 0)
 
 
-class Stagehand:
+class OutputsBench:
     """The outputs of a run and their pins; a pass of the main loop after each tick.
 
     `changes`: {name: [(tick, level)]}.
@@ -157,7 +157,7 @@ def tick_of(frame, fps, angle=0):
 
 
 def test_signals_come_in_the_order_of_their_times():
-    hand = Stagehand()
+    hand = OutputsBench()
     hand.schedule(300, METER, METER)
     hand.schedule(50, SHUTTER, SHUTTER)
     hand.schedule(400, SHUTTER | METER, 0)
@@ -168,7 +168,7 @@ def test_signals_come_in_the_order_of_their_times():
 
 
 def test_signals_for_the_same_tick_keep_their_order():
-    hand = Stagehand()
+    hand = OutputsBench()
     hand.schedule(50, SHUTTER, SHUTTER)
     hand.schedule(50, SHUTTER, 0)
     hand.run(60)
@@ -176,7 +176,7 @@ def test_signals_for_the_same_tick_keep_their_order():
 
 
 def test_a_signal_that_is_late_comes_at_once():
-    hand = Stagehand()
+    hand = OutputsBench()
     hand.run(20)
     hand.schedule(5, SHUTTER, SHUTTER)
     hand.run(2)
@@ -184,7 +184,7 @@ def test_a_signal_that_is_late_comes_at_once():
 
 
 def test_a_signal_changes_the_outputs_of_its_mask_only():
-    hand = Stagehand()
+    hand = OutputsBench()
     hand.schedule(5, 0b11, 0b11)
     hand.schedule(9, 0b01, 0b00)
     hand.run(20)
@@ -193,7 +193,7 @@ def test_a_signal_changes_the_outputs_of_its_mask_only():
 
 
 def test_more_signals_than_the_kernel_takes_wait():
-    hand = Stagehand()
+    hand = OutputsBench()
     for k in range(10):
         hand.schedule(50, SHUTTER, SHUTTER * (k % 2))
     hand.schedule(51, METER, METER)
@@ -204,7 +204,7 @@ def test_more_signals_than_the_kernel_takes_wait():
 
 @pytest.mark.parametrize("ticks", [WRAP - 1, WRAP - 60, WRAP - 200])
 def test_the_counter_of_ticks_may_wrap_before_a_signal(ticks):
-    hand = Stagehand(ticks)
+    hand = OutputsBench(ticks)
     hand.schedule(100, METER, METER)
     hand.schedule(50, SHUTTER, SHUTTER)
     hand.run(250)
@@ -217,21 +217,21 @@ def test_the_counter_of_ticks_may_wrap_before_a_signal(ticks):
 @pytest.mark.parametrize("fps", [1, 23.976, 25, 120])
 def test_triggers_come_at_the_beginning_of_their_frame(fps):
     """The run's end is the end of the last frame: then they are off."""
-    hand = Stagehand(mask=0b01, triggers={1: 1, 2: 1, 3: 0, 4: 1}).play(5, fps)
+    hand = OutputsBench(mask=0b01, triggers={1: 1, 2: 1, 3: 0, 4: 1}).play(5, fps)
     hand.run(hand.first + tick_of(5, fps) + 10)
     wanted = [(tick_of(frame, fps), level) for frame, level in ((1, 1), (3, 0), (4, 1), (5, 0))]
     assert hand.after("gio1") == wanted
 
 
 def test_backward_the_triggers_are_those_of_the_frames_played():
-    hand = Stagehand(mask=0b01, triggers={0: 0, 1: 1, 2: 0}).play(3, first=2, step=-1)
+    hand = OutputsBench(mask=0b01, triggers={0: 0, 1: 1, 2: 0}).play(3, first=2, step=-1)
     hand.run(300)
     assert hand.after("gio1") == [(40, 1), (80, 0)]
 
 
 def test_outputs_outside_the_mask_are_left_alone():
     """field note 6.8"""
-    hand = Stagehand(mask=0b01, triggers={0: 0b11, 1: 0b10, 2: 0b11})
+    hand = OutputsBench(mask=0b01, triggers={0: 0b11, 1: 0b10, 2: 0b11})
     hand.play()
     hand.run(300)
     assert hand.changes["gio2"] == []
@@ -239,7 +239,7 @@ def test_outputs_outside_the_mask_are_left_alone():
 
 def test_sync_gates_triggers_and_lights():
     """field note 6.8"""
-    hand = Stagehand(levels={0: 10, 1: 20, 2: 30}, mask=0b01, triggers={0: 1, 1: 0, 2: 1}).play(sync=False)
+    hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}, mask=0b01, triggers={0: 1, 1: 0, 2: 1}).play(sync=False)
     hand.run(300)
     assert hand.changes["gio1"] == []
     assert hand.levels == []
@@ -250,13 +250,13 @@ def test_sync_gates_triggers_and_lights():
 
 @pytest.mark.parametrize("first, step, played", [(0, 1, [10, 20, 30]), (2, -1, [30, 20, 10]), (1, 1, [20])])
 def test_levels_are_set_in_the_tick_of_their_frame(first, step, played):
-    hand = Stagehand(levels={0: 10, 1: 20, 2: 30}).play(len(played), 23.976, first, step)
+    hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}).play(len(played), 23.976, first, step)
     hand.run(300)
     assert hand.levels == [(hand.first + tick_of(n, 23.976), level) for n, level in enumerate(played)]
 
 
 def test_a_pass_is_finished_when_its_last_frame_is_over():
-    hand = Stagehand(levels={0: 10, 1: 20, 2: 30}).play(3)
+    hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}).play(3)
     hand.run(hand.first + 119)
     assert not hand.show_.finished()
     assert hand.run(1).show_.finished()
@@ -264,7 +264,7 @@ def test_a_pass_is_finished_when_its_last_frame_is_over():
 
 def test_at_a_frame_without_a_run_lights_and_triggers_are_those_of_the_frame():
     """spec: MSG_RT_POSITION_FRAME"""
-    hand = Stagehand(levels={0: 10, 7: 20}, mask=0b11, triggers={7: 0b10})
+    hand = OutputsBench(levels={0: 10, 7: 20}, mask=0b11, triggers={7: 0b10})
     hand.show_.show_frame(7)
     assert hand.lights.level(1) == 20
     assert (hand.pins.at(hand.names["gio1"]), hand.pins.at(hand.names["gio2"])) == (0, 1)
@@ -276,7 +276,7 @@ def test_at_a_frame_without_a_run_lights_and_triggers_are_those_of_the_frame():
 @pytest.mark.parametrize("fps", [1, 24, 120])
 @pytest.mark.parametrize("angles", [(90, 180), (0, 180), (180, 360)])
 def test_stills_are_exposed_from_one_angle_of_each_frame_to_the_other(fps, angles):
-    hand = Stagehand().play(3, fps, stills=True, open_angle=angles[0], close_angle=angles[1])
+    hand = OutputsBench().play(3, fps, stills=True, open_angle=angles[0], close_angle=angles[1])
     hand.run(hand.first + tick_of(3, fps) + 10)
     wanted = []
     for frame in range(3):
@@ -286,20 +286,20 @@ def test_stills_are_exposed_from_one_angle_of_each_frame_to_the_other(fps, angle
 
 
 def test_a_shutter_open_all_round_stays_open_from_the_first_frame_to_the_end_of_the_last():
-    hand = Stagehand().play(3, 25, stills=True, open_angle=0, close_angle=360)
+    hand = OutputsBench().play(3, 25, stills=True, open_angle=0, close_angle=360)
     hand.run(300)
     assert hand.after("shutter") == [(0, 1), (120, 0)]
 
 
 def test_an_exposure_shorter_than_a_tick_lasts_one():
-    hand = Stagehand().play(1, 200, stills=True, open_angle=90, close_angle=91)
+    hand = OutputsBench().play(1, 200, stills=True, open_angle=90, close_angle=91)
     hand.run(150)
     (opened, _), (closed, _) = hand.after("shutter")
     assert closed - opened == 1
 
 
 def test_a_video_camera_gets_a_pulse_at_go_and_another_at_the_end():
-    hand = Stagehand().play(3, video=True)
+    hand = OutputsBench().play(3, video=True)
     hand.run(400)
     hand.show_.end()
     hand.run(300)
@@ -312,7 +312,7 @@ def test_a_video_camera_gets_a_pulse_at_go_and_another_at_the_end():
 
 def test_the_pulse_that_stops_it_comes_a_hundred_milliseconds_after_the_one_that_started_it():
     """Where the run ends at once: or the camera would see one long pulse."""
-    hand = Stagehand().play(3, video=True)
+    hand = OutputsBench().play(3, video=True)
     hand.run(10)
     hand.show_.end()
     hand.run(500)
@@ -320,7 +320,7 @@ def test_the_pulse_that_stops_it_comes_a_hundred_milliseconds_after_the_one_that
 
 
 def test_a_run_that_is_broken_off_leaves_no_shutter_open_and_no_trigger_on():
-    hand = Stagehand(mask=0b01, triggers={0: 1, 1: 1, 2: 1})
+    hand = OutputsBench(mask=0b01, triggers={0: 1, 1: 1, 2: 1})
     hand.play(3, 25, stills=True, open_angle=0, close_angle=360)
     hand.run(hand.first + 15)
     hand.show_.end()
@@ -334,19 +334,19 @@ def test_a_run_that_is_broken_off_leaves_no_shutter_open_and_no_trigger_on():
 
 @pytest.mark.parametrize("ms", [1, 50, 59, 60, 61, 1000])
 def test_the_bloop_is_on_for_its_time_from_the_first_frame(ms):
-    hand = Stagehand().play(bloop_ms=ms, bloop_bits=0b10)
+    hand = OutputsBench().play(bloop_ms=ms, bloop_bits=0b10)
     hand.run(ms + 200)
     assert hand.after("gio2") == [(0, 1), (ms, 0)]
 
 
 def test_a_bloop_of_no_time_is_none():
-    hand = Stagehand().play(bloop_ms=0, bloop_bits=0b10)
+    hand = OutputsBench().play(bloop_ms=0, bloop_bits=0b10)
     hand.run(300)
     assert hand.changes["gio2"] == []
 
 
 def test_its_light_goes_to_full_and_back():
-    hand = Stagehand()
+    hand = OutputsBench()
     hand.lights.set(7, 33)
     hand.play(bloop_ms=50, bloop_channel=7)
     seen = []
@@ -358,7 +358,7 @@ def test_its_light_goes_to_full_and_back():
 
 
 def test_it_outlives_its_run():
-    hand = Stagehand().play(bloop_ms=500, bloop_bits=0b01)
+    hand = OutputsBench().play(bloop_ms=500, bloop_bits=0b01)
     hand.run(hand.first + 5)
     hand.show_.end()
     hand.run(800)
@@ -366,7 +366,7 @@ def test_it_outlives_its_run():
 
 
 def test_a_run_that_never_comes_to_its_first_frame_has_none():
-    hand = Stagehand().play(bloop_ms=500, bloop_bits=0b01)
+    hand = OutputsBench().play(bloop_ms=500, bloop_bits=0b01)
     hand.run(hand.first - 50)
     hand.show_.end()
     hand.run(800)
@@ -374,7 +374,7 @@ def test_a_run_that_never_comes_to_its_first_frame_has_none():
 
 
 def test_a_loop_has_one_bloop():
-    hand = Stagehand().play(3, bloop_ms=50, bloop_bits=0b01, closing=False)
+    hand = OutputsBench().play(3, bloop_ms=50, bloop_bits=0b01, closing=False)
     hand.run(250)
     hand.play(again=True)
     hand.run(400)
@@ -382,7 +382,7 @@ def test_a_loop_has_one_bloop():
 
 
 def test_outputs_gone_to_their_safe_levels_stay_there():
-    hand = Stagehand(mask=0b01, triggers={0: 0, 1: 1}).play(bloop_ms=500, bloop_bits=0b10)
+    hand = OutputsBench(mask=0b01, triggers={0: 0, 1: 1}).play(bloop_ms=500, bloop_bits=0b10)
     hand.run(hand.first + 5)
     hand.gio.outputs.safe()
     hand.show_.plan = None

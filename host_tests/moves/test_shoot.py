@@ -9,7 +9,7 @@ from framestep.moves.operations import READY, RUNNING
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.shoot import LONGEST_MS, ShootFrame
 from framestep.protocol import messages as m
-from host_tests.fakes import StageBench
+from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK, PER_US
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
@@ -19,7 +19,7 @@ class Shot:
     """One exposure; the clock of the edges begins with the tick in which it starts."""
 
     def __init__(self, *paths, **settings):
-        self.bench = StageBench(*paths, **settings)
+        self.bench = OperationBench(*paths, **settings)
         self.shoot = ShootFrame(self.bench.operations, self.bench.run_outputs)
         self.shoot.blurred = -1
 
