@@ -10,19 +10,8 @@ from framestep.io.watchdog import HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.motion import stepper
 from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import (
-    DeviceInfo,
-    GetCondition,
-    GioCam,
-    GioOut,
-    HardStop,
-    MotorMove,
-    MotorResetPosition,
-    RtEnd,
-    RtGo,
-    Trust,
-)
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
 VELOCITY, ACCELERATION = 10_000, 50_000
@@ -72,7 +61,7 @@ def session():
     found = Session(EmulatedBoard(RIG), motors=6, reply_s=0.1)
     for motor in (1, 2, 3):
         found.speed(motor, VELOCITY, ACCELERATION)
-        found.accept(MotorResetPosition(motor, 0))
+        found.accept(p.MotorResetPosition(motor, 0))
     return found
 
 
@@ -84,7 +73,7 @@ def start(found, *moves):
     """Outputs on, motors on their way. Where they stood."""
     before = found.positions
     found.forget()
-    found.accept(GioOut(1), GioCam(m.GIO_CAM_SHUTTER), *moves)
+    found.accept(p.GioOut(1), p.GioCam(m.GIO_CAM_SHUTTER), *moves)
     found.run(0.4)
     assert levels(found) == [1, 0, 1]
     return before
@@ -92,7 +81,7 @@ def start(found, *moves):
 
 def away(found, steps=30_000):
     """Moves of motors 1 and 2 that take seconds."""
-    return MotorMove(1, found.position(1) + steps), MotorMove(2, found.position(2) - steps)
+    return p.MotorMove(1, found.position(1) + steps), p.MotorMove(2, found.position(2) - steps)
 
 
 def ramped_down(found, motor, before, failed, within):
@@ -112,11 +101,11 @@ def starts_again(found):
     found.board.run_until(emulator.ns + 10_000_000)
     found.client.events.clear()
     found.come_back()
-    found.client.wait_event(DeviceInfo)
+    found.client.wait_event(p.DeviceInfo)
 
 
 def trust(found):
-    return [(each.state, each.reason) for each in found.ask(GetCondition()).positions]
+    return [(each.state, each.reason) for each in found.ask(p.GetCondition()).positions]
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +122,7 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     rig.ready(run_request(end=len(path), pre=200))
     before = rig.positions
     rig.forget()
-    rig.accept(GioOut(1), GioCam(m.GIO_CAM_SHUTTER), RtGo())
+    rig.accept(p.GioOut(1), p.GioCam(m.GIO_CAM_SHUTTER), p.RtGo())
     rig.run(1.2)
     failed = rig.now
     rig.leave()
@@ -142,11 +131,11 @@ def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
     stands = [ramped_down(rig, motor, before, failed, 0.2) for motor in (1, 2)]
     edges = len(rig.steps(1)[0])
     rig.come_back()
-    rig.client.wait_event(DeviceInfo)
+    rig.client.wait_event(p.DeviceInfo)
     rig.run(0.3)
     assert [rig.position(1), rig.position(2)] == stands
     assert len(rig.steps(1)[0]) == edges
-    assert not rig.events(RtEnd)
+    assert not rig.events(p.RtEnd)
     assert not rig.moving
     assert trust(rig)[:4] == [(KNOWN, SET)] * 3 + [(LOST, UNSET)]
 
@@ -160,7 +149,7 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     assert repl.exec("import machine\n" + watched) == "1\n"
     failed = rig.now
     rig.run(1)
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     assert not rig.moving
     for motor in (1, 2):
@@ -181,7 +170,7 @@ def test_a_command_that_finds_its_fifo_full(rig):
     rig.board.emulator.repl().exec(OVERFLOW)
     rig.run(0.5)
     rig.wait_idle()
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
         assert ramped_down(rig, motor, before, failed, 1) == rig.position(motor)
@@ -210,25 +199,25 @@ def test_a_host_that_takes_nothing(rig):
 def test_positions_outlive_the_power(rig):
     """After two seconds at rest they are kept; the first motion spoils what is kept before its first step."""
     emulator = rig.board.emulator
-    rig.accept(MotorResetPosition(1, 2**31 - 1), MotorResetPosition(2, -12345), MotorMove(1, 2**31 - 3000))
+    rig.accept(p.MotorResetPosition(1, 2**31 - 1), p.MotorResetPosition(2, -12345), p.MotorMove(1, 2**31 - 3000))
     rig.wait_idle()
-    assert rig.ask(GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
+    assert rig.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     rig.run(2.1)
-    assert rig.ask(GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
+    assert rig.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_SAVED
     emulator.reset()
     starts_again(rig)
     assert (rig.position(1), rig.position(2)) == (2**31 - 3000, -12345)
     assert trust(rig)[:5] == [(HELD, RESTORED)] * 3 + [(LOST, BEFORE)] * 2
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
-    start(rig, MotorMove(1, 0), MotorMove(2, 0))
+    start(rig, p.MotorMove(1, 0), p.MotorMove(2, 0))
     times, signs = rig.steps(1)
     assert_within(times, signs, VELOCITY * 1.001, ACCELERATION)
     emulator.reset()
     starts_again(rig)
     assert (rig.position(1), rig.position(2)) == (2**31 - 3000, -12345)
     assert trust(rig)[:5] == [(LOST, BROKEN_OFF)] * 5
-    rig.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2, 3)))
+    rig.accept(*(p.MotorResetPosition(motor, 0) for motor in (1, 2, 3)))
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
 
@@ -239,9 +228,9 @@ def test_an_exception_inside_a_handler(rig):
     emulator = rig.board.emulator
     emulator.repl().exec(RAISE)
     failed = rig.now
-    rig.client.send(GioOut(0))
+    rig.client.send(p.GioOut(0))
     rig.run(0.6)
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     for motor in (1, 2):
         ramped_down(rig, motor, before, failed, 0.5)
@@ -254,7 +243,7 @@ def test_an_exception_inside_a_handler(rig):
     emulator.advance(300)
     assert emulator.pin(ENABLE) == 1  # the drivers are off long before the rest has been loaded
     starts_again(rig)
-    rig.accept(MotorMove(1, rig.position(1) + 100))
+    rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
 
 
@@ -262,9 +251,9 @@ def test_a_main_loop_that_hangs(rig):
     """The queues run dry and the tick ramps the motors down; then the watchdog starts the board again."""
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
-        rig.accept(MotorResetPosition(motor, 0))
+        rig.accept(p.MotorResetPosition(motor, 0))
     rig.run(2.2)
-    before = start(rig, MotorMove(1, 30_000), MotorMove(2, -30_000))
+    before = start(rig, p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
     emulator = rig.board.emulator
     assert emulator.pin(ENABLE) == 0
     emulator.events(clear=True)
@@ -276,15 +265,15 @@ def test_a_main_loop_that_hangs(rig):
     assert reset - failed == pytest.approx(TIMEOUT_MS / 4000, abs=0.2)
     starts_again(rig)
     rig.run(0.5)
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     assert emulator.pin(ENABLE) == 1
     for motor in (1, 2):
         ramped_down(rig, motor, before, failed, 0.8)
     assert np.all(rig.steps(1)[0] < reset)
-    condition = rig.ask(GetCondition())
+    condition = rig.ask(p.GetCondition())
     assert condition.bits == m.CONDITION_WATCHDOG_RESET | m.CONDITION_POSITIONS_PENDING
-    assert set(condition.positions) == {Trust(LOST, BROKEN_OFF)}
+    assert set(condition.positions) == {p.Trust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
         "from framestep import texts; import framestep.boot as b\nprint(texts.conditions(b.controller.condition()))"
     )
@@ -295,7 +284,7 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
     motors = range(1, 7)
     for motor in motors:
         rig.speed(motor, VELOCITY, ACCELERATION)
-        rig.accept(MotorResetPosition(motor, 0))
+        rig.accept(p.MotorResetPosition(motor, 0))
     repl = rig.board.emulator.repl()
     repl.exec(QUEUED)
     found = {}
@@ -304,12 +293,12 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
         path = [round(500 * np.sin(2 * frame / fps)) for frame in range(frames)]
         rig.upload({motor: path for motor in motors})
         rig.ready(run_request(fps=fps, end=frames, pre=200))
-        rig.accept(RtGo())
+        rig.accept(p.RtGo())
         rig.run(0.5)
         found[f"{fps} frames/s"] = repl.eval("least(60)")
         rig.board.run_until(rig.board.emulator.ns + 1_000_000)
         rig.wait_idle()
-    rig.accept(*(MotorMove(motor, rig.position(motor) + 20_000) for motor in motors))
+    rig.accept(*(p.MotorMove(motor, rig.position(motor) + 20_000) for motor in motors))
     rig.run(0.4)
     found["constant velocity"] = repl.eval("least(60)")
     rig.board.run_until(rig.board.emulator.ns + 1_000_000)
@@ -328,8 +317,8 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host is told, and all goes on."""
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
-        rig.accept(MotorResetPosition(motor, 0))
-    before = start(rig, MotorMove(1, 30_000), MotorMove(2, -30_000))
+        rig.accept(p.MotorResetPosition(motor, 0))
+    before = start(rig, p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
     emulator = rig.board.emulator
     emulator.events(clear=True)
     repl = emulator.repl()
@@ -341,21 +330,21 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     rig.board.run_until(emulator.ns + 500_000_000)
     rig.run(0.1)
     assert not [event for event in emulator.events() if event["type"] == "reset"]
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
     assert levels(rig) == [0, 1, 0]
     assert emulator.pin(ENABLE) == 0
     for motor in (1, 2):
         assert ramped_down(rig, motor, before, failed, 1) == rig.position(motor)
     assert trust(rig)[:2] == [(KNOWN, SET)] * 2
     rig.forget()
-    rig.accept(MotorMove(1, rig.position(1) + 100))
+    rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
     assert rig.made(1) == 100
 
 
 def test_a_tick_that_has_died(rig):
     """While a call on the REPL takes long: nothing looks after the motors any more, so the board starts again."""
-    start(rig, MotorMove(1, rig.position(1) + 30_000), MotorMove(2, rig.position(2) - 30_000))
+    start(rig, p.MotorMove(1, rig.position(1) + 30_000), p.MotorMove(2, rig.position(2) - 30_000))
     emulator = rig.board.emulator
     emulator.events(clear=True)
     died = rig.now
@@ -366,12 +355,12 @@ def test_a_tick_that_has_died(rig):
     assert emulator.ns * 1e-9 - died == pytest.approx(TIMEOUT_MS / 5000, abs=0.3)
     starts_again(rig)
     rig.run(0.2)
-    assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
+    assert [message for _, message in rig.events(p.HardStop)] == [p.HardStop(100)]
 
 
 def test_the_watchdog_leaves_the_repl_alone(rig):
     """A soft reset at rest, as mpremote makes one before it copies files: framestep starts again, nothing strikes."""
-    rig.accept(MotorMove(1, rig.position(1) + 100))
+    rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
     emulator = rig.board.emulator
     emulator.events(clear=True)

@@ -5,20 +5,8 @@ import pytest
 
 from framestep.motion import stepper
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import (
-    Dmx,
-    GioCam,
-    GioIn,
-    GioOut,
-    HardStop,
-    InputLevels,
-    MotorMove,
-    MotorSetLimits,
-    MotorStatus,
-    RtEnd,
-    RtGo,
-)
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22
@@ -86,7 +74,7 @@ def test_dmx_on_the_wire():
     with board:
         wire = Wire(board)
         levels = bytes((7 * c + 3) & 0xFF for c in range(512))
-        board_session.accept(Dmx(0, 1, list(levels)))
+        board_session.accept(p.Dmx(0, 1, list(levels)))
         board_session.run(0.1)
         wire.emulator.trace_read()
         board_session.run(0.1)
@@ -98,15 +86,15 @@ def test_dmx_on_the_wire():
         # A ramp, while eight motors move: each frame is one state of the lights, and they follow the line
         for motor in EIGHT:
             board_session.speed(motor, 50_000, 200_000)
-            board_session.accept(MotorMove(motor, 20_000))
-        board_session.accept(Dmx(0, 1, [0] * 512))
+            board_session.accept(p.MotorMove(motor, 20_000))
+        board_session.accept(p.Dmx(0, 1, [0] * 512))
         board_session.run(0.1)
         begin = board_session.now
-        board_session.accept(Dmx(1, 1, [250] * 512))
+        board_session.accept(p.Dmx(1, 1, [250] * 512))
         wire.emulator.trace_read()
         status = []
         while board_session.now - begin < 0.6:
-            status.append(board_session.ask(MotorStatus()))
+            status.append(board_session.ask(p.MotorStatus()))
             board_session.run(0.05)
         frames = wire.frames(wire.emulator.trace_read())
         check_timing(frames)
@@ -142,8 +130,8 @@ def ramp_edges(rig):
             board_session.speed(motor, 50_000, 200_000)
         board_session.forget()
         if rig is None:
-            board_session.accept(Dmx(1, 1, [250] * 512))
-        board_session.accept(*(MotorMove(motor, 4000) for motor in motors))
+            board_session.accept(p.Dmx(1, 1, [250] * 512))
+        board_session.accept(*(p.MotorMove(motor, 4000) for motor in motors))
         board_session.wait_idle()
         look = f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
         return [board_session.steps(motor)[0] for motor in motors], int(board.emulator.repl().exec(look))
@@ -168,9 +156,9 @@ def test_pins():
             return [emulator.pin(pin) for pin in (22, 26, 20, 21)]
 
         assert levels() == [1, 0, 1, 0]
-        board_session.accept(GioOut(3), GioCam(3))
+        board_session.accept(p.GioOut(3), p.GioCam(3))
         assert levels() == [0, 1, 0, 1]
-        assert board_session.ask(GioIn()).levels == 0
+        assert board_session.ask(p.GioIn()).levels == 0
         board_session.forget()
         pressed = board_session.now
         for _ in range(5):
@@ -179,12 +167,12 @@ def test_pins():
                 board_session.run(0.003)
         emulator.set_pin(28, 0)
         board_session.run(0.1)
-        ((told, message),) = board_session.events(InputLevels)
+        ((told, message),) = board_session.events(p.InputLevels)
         assert message.levels == 2
         assert told - pressed - 0.030 < 0.030
         emulator.set_pin(28, None)
         board_session.run(0.05)
-        assert board_session.events(InputLevels)[-1][1].levels == 0
+        assert board_session.events(p.InputLevels)[-1][1].levels == 0
         board_session.port.close()
         board.run_until(board.now_ns + 20_000_000)
         assert levels() == [1, 0, 1, 0]  # a lost host
@@ -199,7 +187,7 @@ def test_estop():
             board_session.speed(motor, 20_000, 100_000)
         board_session.run(0.05)
         start = begin(board_session)
-        board_session.accept(*(MotorMove(motor, 100_000) for motor in EIGHT))
+        board_session.accept(*(p.MotorMove(motor, 100_000) for motor in EIGHT))
         board_session.run(0.3)
         pressed = pull(board_session, board)
         last = []
@@ -212,22 +200,22 @@ def test_estop():
         # two ticks of pulses on their way, and a ramp of 20 000 steps/s at 400 000 steps/s²
         assert max(last) < 0.050 + 0.004
         assert max(last) - min(last) < 10e-6  # all of them in the same tick
-        assert not board_session.events(RtEnd)
+        assert not board_session.events(p.RtEnd)
         release(board_session, board)
 
         path = [0, 0, 0] + [round(2500 * (1 - np.cos(np.pi * k / 30))) for k in range(31)]
         board_session.upload({1: path, 2: path})
-        board_session.accept(MotorMove(2, 0))
+        board_session.accept(p.MotorMove(2, 0))
         board_session.wait_idle()
         board_session.ready(run_request(end=len(path), pre=100))
         start = begin(board_session)
-        board_session.accept(RtGo())
+        board_session.accept(p.RtGo())
         board_session.run(0.75)
         pressed = pull(board_session, board)
         for motor in (1, 2):
             times, _ = stopped(board_session, motor, start)
             assert 0 < times[-1] - pressed < 0.030
-        assert len(board_session.events(RtEnd)) == 1
+        assert len(board_session.events(p.RtEnd)) == 1
         release(board_session, board)
 
 
@@ -242,8 +230,8 @@ def pull(board_session, board):
     pressed = board_session.now
     board.emulator.set_pin(ESTOP_PIN, 1)
     board_session.run(0.5)
-    ((told, message),) = board_session.events(HardStop)
-    assert message == HardStop(0)
+    ((told, message),) = board_session.events(p.HardStop)
+    assert message == p.HardStop(0)
     assert told - pressed < 0.03
     assert not board_session.moving
     return pressed
@@ -257,12 +245,12 @@ def stopped(board_session, motor, start):
 
 
 def release(board_session, board):
-    board_session.refuse(m.ERR_GENERAL, MotorMove(1, 0), RtGo())
+    board_session.refuse(m.ERR_GENERAL, p.MotorMove(1, 0), p.RtGo())
     board_session.forget()
     board.emulator.set_pin(ESTOP_PIN, 0)
     board_session.run(0.2)
     assert not any(board_session.made(motor) for motor in EIGHT)  # nothing starts by itself
-    assert board_session.ask(MotorMove(1, 0)).moving
+    assert board_session.ask(p.MotorMove(1, 0)).moving
     board_session.wait_idle()
 
 
@@ -271,21 +259,21 @@ def test_limit():
     board_session, board = session(rig)
     with board:
         board_session.speed(3, 10_000, 50_000)
-        board_session.accept(MotorSetLimits(3, 0, 0, 0, 0, 1))
-        board_session.accept(MotorMove(3, 30_000), MotorMove(4, 8000))
+        board_session.accept(p.MotorSetLimits(3, 0, 0, 0, 0, 1))
+        board_session.accept(p.MotorMove(3, 30_000), p.MotorMove(4, 8000))
         board_session.run(0.6)
         hit = board_session.now
         board.emulator.set_pin(LIMIT_PIN, 0)
         board_session.run(0.3)
         assert tuple(board_session.moving) == (4,)
-        assert [message for _, message in board_session.events(HardStop)] == [HardStop(1, 3)]
+        assert [message for _, message in board_session.events(p.HardStop)] == [p.HardStop(1, 3)]
         times, signs = board_session.steps(3)
         assert times[-1] - hit < 10_000 / 200_000 + 0.004
         assert deceleration(times, signs, hit + 0.004) == pytest.approx(200_000, rel=0.05)
         here = board_session.position(3)
         assert signs.sum() == here
-        board_session.refuse(m.ERR_HARD_UP, MotorMove(3, here + 1))
-        board_session.accept(MotorMove(3, here - 500))
+        board_session.refuse(m.ERR_HARD_UP, p.MotorMove(3, here + 1))
+        board_session.accept(p.MotorMove(3, here - 500))
         board_session.wait_idle()
         assert board_session.position(3) == here - 500
 
@@ -296,13 +284,13 @@ def test_an_exception():
     with board:
         for motor in (1, 2):
             board_session.speed(motor, 10_000, 50_000)
-        board_session.accept(GioOut(1), GioCam(1), MotorMove(1, 30_000), MotorMove(2, -30_000))
+        board_session.accept(p.GioOut(1), p.GioCam(1), p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
         board_session.run(0.4)
         assert [board.emulator.pin(pin) for pin in (26, 22, 20)] == [1, 0, 1]
         board.emulator.repl().exec("import framestep.boot as b; b.controller.axes.feed = None")
         failed = board_session.now
         board_session.run(0.3)
-        assert [message for _, message in board_session.events(HardStop)] == [HardStop(100)]
+        assert [message for _, message in board_session.events(p.HardStop)] == [p.HardStop(100)]
         assert [board.emulator.pin(pin) for pin in (26, 22, 20)] == [0, 1, 0]
         for motor in (1, 2):
             times, signs = board_session.steps(motor)

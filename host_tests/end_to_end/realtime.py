@@ -2,20 +2,8 @@
 
 import numpy as np
 
+from framestep_tools import payloads as p
 from framestep_tools.judge import frame_times_ns, judge
-from framestep_tools.payloads import (
-    LAST_SECTION,
-    MotorConfigure,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveDmx,
-    RtUploadMoveEnd,
-    RtUploadMoveTriggers,
-    Trigger,
-)
 from framestep_tools.trace import Trace
 from host_tests.end_to_end.session import simulated
 
@@ -39,22 +27,22 @@ def rig(**settings):
     session = simulated({**RIG, **settings})
     for motor in MOVE:
         session.speed(motor, VELOCITY, ACCELERATION)
-        session.accept(MotorConfigure(motor, 0x03))
+        session.accept(p.MotorConfigure(motor, 0x03))
     return session
 
 
 def upload(session, positions=None, levels=None, triggers=None, mask=MASK, start=1, frames=FRAMES):
     """Upload positions, and what goes with them."""
-    session.accept(RtUploadMoveBegin(start, start + frames - 1))
+    session.accept(p.RtUploadMoveBegin(start, start + frames - 1))
     for motor, steps in (MOVE if positions is None else positions).items():
         for at in range(0, len(steps), 250):
-            last = LAST_SECTION if at + 250 >= len(steps) else 0
-            session.accept(RtUploadMoveAxis(motor, at | last, steps[at : at + 250]))
+            last = p.LAST_SECTION if at + 250 >= len(steps) else 0
+            session.accept(p.RtUploadMoveAxis(motor, at | last, steps[at : at + 250]))
     for channel, row in (levels or {}).items():
-        session.accept(RtUploadMoveDmx(channel, LAST_SECTION, row))
+        session.accept(p.RtUploadMoveDmx(channel, p.LAST_SECTION, row))
     if triggers is not None:
-        session.accept(RtUploadMoveTriggers(mask, tuple(Trigger(i, on) for i, on in triggers.items())))
-    session.accept(RtUploadMoveEnd())
+        session.accept(p.RtUploadMoveTriggers(mask, tuple(p.Trigger(i, on) for i, on in triggers.items())))
+    session.accept(p.RtUploadMoveEnd())
 
 
 def loaded(**settings):
@@ -104,7 +92,7 @@ def passes_told(session):
     The frame on which a pass begins is not in it: its MOVE TIME stands before it is reached.
     """
     told, before = [], None
-    for time, message in session.events(Positions):
+    for time, message in session.events(p.Positions):
         frame = message.move_time / 1000
         if before is None or frame == before:
             before = frame
@@ -155,17 +143,17 @@ def go(session, request):
     session.ready(request)
     before = session.positions
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     return before
 
 
 def to_the_end(session, seconds=20):
     """Wait for RT_END; it must be the only one. When it came."""
-    session.client.wait_event(RtEnd, seconds)
+    session.client.wait_event(p.RtEnd, seconds)
     ended = session.now
     session.run(0.5)
     session.wait_idle()  # on the end frame again (field note 6.11)
-    assert not session.events(RtEnd), "RT_END came twice"
+    assert not session.events(p.RtEnd), "RT_END came twice"
     return ended
 
 

@@ -6,21 +6,7 @@ Judged from the edges: no motor is ever faster or steeper than it is set to, and
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    BlurMotor,
-    MotorConfigure,
-    MotorMove,
-    MotorStop,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtShootFrame,
-    RtShootFrame2,
-    RtStopLoop,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import upload
 from host_tests.end_to_end.session import assert_within, run_request, simulated
 
@@ -36,7 +22,7 @@ def rig(**settings):
     session = simulated({"motors": [{"backlash": PLAY}, {"backlash": PLAY}], **settings})
     for motor in (1, 2):
         session.speed(motor, VELOCITY, ACCELERATION)
-        session.accept(MotorConfigure(motor, 0x03))
+        session.accept(p.MotorConfigure(motor, 0x03))
     return session
 
 
@@ -65,12 +51,12 @@ def test_a_run(side, first, last, roll):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
     for motor in (1, 2):
-        session.ask(MotorMove(motor, int(UP[first - 1]) + side))
+        session.ask(p.MotorMove(motor, int(UP[first - 1]) + side))
     session.wait_idle()
     session.ready(run_request(24, first, last, roll, roll))
     places = session.positions
-    session.accept(RtGo())
-    session.client.wait_event(RtEnd, 20)
+    session.accept(p.RtGo())
+    session.client.wait_event(p.RtEnd, 20)
     ended = session.now
     session.wait_idle()  # on the end frame again (field note 6.11)
     assert_kept(session)
@@ -88,13 +74,13 @@ def test_every_pass(flags):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
     session.ready(run_request(24, 1, FRAMES, 0, 0, flags=flags))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(12)
-    session.accept(RtStopLoop())
-    session.client.wait_event(RtEnd, 20)
+    session.accept(p.RtStopLoop())
+    session.client.wait_event(p.RtEnd, 20)
     session.wait_idle()
     assert_kept(session)
-    frames = [message for _, message in session.events(Positions) if message.move_time == 1000 * FRAMES]
+    frames = [message for _, message in session.events(p.Positions) if message.move_time == 1000 * FRAMES]
     assert len(frames) >= 3
 
 
@@ -106,14 +92,14 @@ def test_a_turn_at_the_first_and_the_last_frame():
     for first, last in ((8, 22), (9, 22), (10, 22), (22, 9), (18, 9), (17, 18)):
         for flags in (0, PING_PONG):
             request = run_request(12, first, last, 100, 100, flags=flags)
-            if session.code(request) != Ack.OK:
+            if session.code(request) != p.Ack.OK:
                 continue
             session.wait_idle()
-            session.accept(RtGo())
+            session.accept(p.RtGo())
             session.run(8)
             if flags:
-                session.accept(RtStopLoop())
-                session.client.wait_event(RtEnd, 20)
+                session.accept(p.RtStopLoop())
+                session.client.wait_event(p.RtEnd, 20)
             session.wait_idle()
             assert_kept(session)
 
@@ -123,10 +109,10 @@ def test_jog_all(fps):
     session = rig()
     path = np.arange(121) * 30
     upload(session, {1: path, 2: SWING}, frames=121)
-    session.accept(RtPositionFrame(60))
+    session.accept(p.RtPositionFrame(60))
     session.wait_idle()
     for frame in (62, 61, 58, 60, 57, 57, 59):
-        session.accept(RtJogAll(round(fps * 1000), frame))
+        session.accept(p.RtJogAll(round(fps * 1000), frame))
         session.client.wait_idle(60, 0.05)
         session.run(0.05)
         assert session.position(1) == path[frame - 1]
@@ -139,20 +125,20 @@ def test_jog_all_called_elsewhere_while_it_takes_up_the_play():
     session = rig()
     path = np.arange(121) * 30
     upload(session, {1: path, 2: -path}, frames=121)
-    session.accept(RtPositionFrame(60))
+    session.accept(p.RtPositionFrame(60))
     session.wait_idle()
     at = 60
     for wait in np.arange(0, 0.6, 0.03):
-        session.accept(RtJogAll(6000, at + 2))
+        session.accept(p.RtJogAll(6000, at + 2))
         session.run(wait)
-        session.accept(RtJogAll(6000, at - 1))
+        session.accept(p.RtJogAll(6000, at - 1))
         session.client.wait_idle(60, 0.05)
         session.run(0.05)
         at -= 1
         assert session.position(1) == path[at - 1]
-    session.accept(RtJogAll(6000, at - 1))
+    session.accept(p.RtJogAll(6000, at - 1))
     session.run(0.05)
-    session.accept(RtJogAll(6000, at), MotorStop(1))
+    session.accept(p.RtJogAll(6000, at), p.MotorStop(1))
     session.wait_idle()
     assert session.position(1) in (path[at - 2], path[at - 1])
     assert_kept(session)
@@ -171,13 +157,15 @@ def assert_no_play_made(session, request):
 def test_shoot_frame(way, second):
     session = rig()
     upload(session, {1: UP, 2: UP[::-1]})
-    session.accept(RtPositionFrame(12))
+    session.accept(p.RtPositionFrame(12))
     session.wait_idle()
     for at in (0, 300, -300):
-        motors = tuple(BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
-        request = RtShootFrame2(12, 1000, 0, 360, motors) if second else RtShootFrame(12, 0, 1000, 1000, motors)
+        motors = tuple(p.BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
+        request = p.RtShootFrame2(12, 1000, 0, 360, motors) if second else p.RtShootFrame(12, 0, 1000, 1000, motors)
         assert_no_play_made(session, request)
-    assert_no_play_made(session, RtShootFrame2(12, 1000, 0, 360) if second else RtShootFrame(12, way > 0, 1000, 500))
+    assert_no_play_made(
+        session, p.RtShootFrame2(12, 1000, 0, 360) if second else p.RtShootFrame(12, way > 0, 1000, 500)
+    )
 
 
 @pytest.mark.parametrize("start", [1, 17])
@@ -194,7 +182,7 @@ def test_a_turn_within_the_path(fps, start):
             path = np.rint(step * np.abs(np.arange(FRAMES) - 12)).astype(int)
             upload(session, {1: path})
             for first, last in ((start, FRAMES), (FRAMES, start)):
-                if session.code(run_request(fps, first, last, 1000, 1000)) != Ack.OK:
+                if session.code(run_request(fps, first, last, 1000, 1000)) != p.Ack.OK:
                     refused += 1
                     assert start == 1
                     assert 1.5 * (step + play) + step / 8 > VELOCITY / fps - 3
@@ -202,8 +190,8 @@ def test_a_turn_within_the_path(fps, start):
                 taken += 1
                 session.wait_idle()
                 session.forget()
-                session.accept(RtGo())
-                session.client.wait_event(RtEnd, 60)
+                session.accept(p.RtGo())
+                session.client.wait_event(p.RtEnd, 60)
                 times, _ = session.steps(1)
                 times = times[times < session.now]
                 session.wait_idle()
@@ -218,16 +206,16 @@ def test_the_load_turns_where_the_path_does(jog):
     session = rig()
     peak = np.array([0, 5, 10, 20, 40, 70, 60, 55, 50, 45, 40, 35, 30, 25, 20, 18, 16, 18, 48, 98, 140, 160, 170, 175])
     upload(session, {1: peak, 2: -peak}, frames=len(peak))
-    session.accept(RtPositionFrame(1))
+    session.accept(p.RtPositionFrame(1))
     session.wait_idle()
     if jog:
-        session.accept(RtJogAll(6000, len(peak)))
+        session.accept(p.RtJogAll(6000, len(peak)))
         session.wait_idle()
         session.client.wait_idle(60, 0.05)
     else:
         session.ready(run_request(6, 1, len(peak), 500, 500))
-        session.accept(RtGo())
-        session.client.wait_event(RtEnd, 20)
+        session.accept(p.RtGo())
+        session.client.wait_event(p.RtEnd, 20)
     session.wait_idle()
     for motor, sign in ((1, 1), (2, -1)):
         places = sign * np.array(load(session.steps(motor)[1]))

@@ -6,20 +6,8 @@ import itertools
 import numpy as np
 import pytest
 
+from framestep_tools import payloads as p
 from framestep_tools.boards import SimulatedBoard
-from framestep_tools.payloads import (
-    Ack,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    MotorStop,
-    MotorStopAll,
-    RtGo,
-    RtPositionFrame,
-)
 from host_tests.end_to_end.session import Session, deceleration, run_request, simulated
 
 COUPLE, REVERSED = 0x10, 0x20
@@ -36,11 +24,11 @@ def assert_together(session, sense):
 
 # What is asked of two motors in any order: the leader is the faster and steeper one
 SETTINGS = [
-    MotorSetSpeed(1, 20_000, 100_000),
-    MotorSetSpeed(2, 4_000, 10_000),
-    MotorSetLimits(1, 1, -5000, 1, 20_000),
-    MotorSetLimits(2, 1, -3000, 1, 7000),
-    MotorResetPosition(2, 1000),
+    p.MotorSetSpeed(1, 20_000, 100_000),
+    p.MotorSetSpeed(2, 4_000, 10_000),
+    p.MotorSetLimits(1, 1, -5000, 1, 20_000),
+    p.MotorSetLimits(2, 1, -3000, 1, 7000),
+    p.MotorResetPosition(2, 1000),
 ]
 
 
@@ -49,25 +37,25 @@ SETTINGS = [
 def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
     """Speed and acceleration of the slower motor; limits of both, those of the follower as the leader sees them."""
     session = simulated()
-    requests = [*SETTINGS[:at], MotorConfigure(1, 1 | flag), *SETTINGS[at:]]
+    requests = [*SETTINGS[:at], p.MotorConfigure(1, 1 | flag), *SETTINGS[at:]]
     session.accept(*requests)
     low, high = (-4000, 6000) if sense > 0 else (-5000, 4000)
-    session.refuse(Ack.ERR_SOFT_UP, MotorMove(1, high + 1))
-    session.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, low - 1))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, high + 1))
+    session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, low - 1))
     session.forget()
-    session.ask(MotorMove(1, high))
+    session.ask(p.MotorMove(1, high))
     session.wait_idle()
     times, _ = session.steps(1)
     assert np.diff(times).min() >= 1 / 4000 - 5e-6
     assert np.ptp(times) == pytest.approx(high / 4000 + 0.4, abs=0.03)
-    session.ask(MotorMove(1, low))
+    session.ask(p.MotorMove(1, low))
     session.run(1)
     asked = session.now
-    session.accept(MotorStop(2))
+    session.accept(p.MotorStop(2))
     session.wait_idle()
     assert deceleration(*session.steps(1), asked + 0.003) == pytest.approx(10_000, rel=0.03)
     for _ in range(30):
-        session.accept(MotorJog(1, 10_000, -(2**31)))
+        session.accept(p.MotorJog(1, 10_000, -(2**31)))
         session.run(0.1)
     session.wait_idle()
     assert session.position(1) == low
@@ -86,12 +74,12 @@ def test_together_in_every_stop(cause, flag, sense):
     for each in "estop", 26, 27:
         switch(each, 0)
     session.run(0.1)
-    session.accept(MotorConfigure(1, 1 | flag), MotorSetSpeed(1, 9000, 60_000), MotorSetSpeed(2, 20_000, 9_000))
+    session.accept(p.MotorConfigure(1, 1 | flag), p.MotorSetSpeed(1, 9000, 60_000), p.MotorSetSpeed(2, 20_000, 9_000))
     if cause.endswith("limit"):
         motor = 1 if cause.startswith("leader") else 2
-        session.accept(MotorSetLimits(motor, 0, 0, 0, 0, 1))
+        session.accept(p.MotorSetLimits(motor, 0, 0, 0, 0, 1))
     for k in range(6):
-        session.ask(MotorMove(1, 50_000))
+        session.ask(p.MotorMove(1, 50_000))
         session.run(0.6 + 0.013 * k)
         if cause == "estop":
             switch("estop", 1)
@@ -100,7 +88,7 @@ def test_together_in_every_stop(cause, flag, sense):
         elif cause == "port closed":
             session.leave()
         else:
-            session.accept(*[MotorStopAll()] * 2 if cause == "two STOP_ALL" else [MotorStop(1)])
+            session.accept(*[p.MotorStopAll()] * 2 if cause == "two STOP_ALL" else [p.MotorStop(1)])
         session.run(1.5)
         if cause == "port closed":
             session.come_back()
@@ -110,11 +98,11 @@ def test_together_in_every_stop(cause, flag, sense):
         session.run(0.1)
         assert session.moving == []
         assert_together(session, sense)
-        session.ask(MotorMove(1, -70 * k))
+        session.ask(p.MotorMove(1, -70 * k))
         session.wait_idle()
         assert session.positions[1] == sense * session.positions[2] == -70 * k
         assert_together(session, sense)
-        session.ask(MotorMove(1, 0))
+        session.ask(p.MotorMove(1, 0))
         session.wait_idle()
 
 
@@ -122,11 +110,13 @@ def test_together_in_every_stop(cause, flag, sense):
 def test_stops_at_any_moment_leave_no_step_between(flag, sense):
     rng = np.random.default_rng(5)
     session = simulated()
-    session.accept(MotorConfigure(1, 1 | flag), MotorSetSpeed(1, 23_000, 170_000), MotorSetSpeed(2, 23_000, 170_000))
+    session.accept(
+        p.MotorConfigure(1, 1 | flag), p.MotorSetSpeed(1, 23_000, 170_000), p.MotorSetSpeed(2, 23_000, 170_000)
+    )
     for _ in range(150):
-        session.ask(MotorMove(1, int(rng.integers(-4000, 4000))))
+        session.ask(p.MotorMove(1, int(rng.integers(-4000, 4000))))
         session.run(float(rng.uniform(0.005, 0.2)))
-        session.accept(*[MotorStopAll()] * int(rng.integers(1, 3)))
+        session.accept(*[p.MotorStopAll()] * int(rng.integers(1, 3)))
         session.run(float(rng.choice([0.001, 0.01, 0.3])))
     session.wait_idle()
     assert_together(session, sense)
@@ -137,45 +127,45 @@ def test_a_disabled_partner_keeps_both_still():
     """Without power on one of them the other would pull at the load: the leader is refused, nothing is switched on."""
     session = simulated()
     session.upload({1: [0, 10, 20], 3: [0, 10, 20]})
-    session.accept(MotorConfigure(1, 1 | COUPLE), MotorConfigure(2, 0), MotorConfigure(3, 1))
+    session.accept(p.MotorConfigure(1, 1 | COUPLE), p.MotorConfigure(2, 0), p.MotorConfigure(3, 1))
     session.forget()
-    session.refuse(Ack.ERR_GENERAL, MotorMove(1, 100), MotorJog(1, 5000, 100), MotorMove(2, 100))
-    session.accept(MotorConfigure(1, 1 | COUPLE), RtPositionFrame(1), run_request(end=3))
+    session.refuse(p.Ack.ERR_GENERAL, p.MotorMove(1, 100), p.MotorJog(1, 5000, 100), p.MotorMove(2, 100))
+    session.accept(p.MotorConfigure(1, 1 | COUPLE), p.RtPositionFrame(1), run_request(end=3))
     session.wait_idle()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(3)
     assert session.made(3) >= 20
     assert session.made(1) == session.made(2) == 0
     assert not [edge for edge in session._edges if edge[1] == "enable2" and edge[2]]
-    session.accept(MotorConfigure(2, 1))
-    session.ask(MotorMove(1, 100))
+    session.accept(p.MotorConfigure(2, 1))
+    session.ask(p.MotorMove(1, 100))
     session.wait_idle()
     assert session.made(1) == session.made(2) == 100
 
 
 def test_a_follower_is_not_switched_off_in_motion():
     session = simulated()
-    session.accept(MotorConfigure(1, 1 | COUPLE))
-    session.ask(MotorMove(1, 3000))
+    session.accept(p.MotorConfigure(1, 1 | COUPLE))
+    session.ask(p.MotorMove(1, 3000))
     session.run(0.2)
-    session.refuse(Ack.ERR_MOVING, MotorConfigure(2, 0), MotorConfigure(1, 0), MotorResetPosition(2, 5))
+    session.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(2, 0), p.MotorConfigure(1, 0), p.MotorResetPosition(2, 5))
     session.wait_idle()
     assert session.positions[2] == 3000
 
 
 def test_a_run_keeps_the_followers_limits_and_speed():
     session = simulated()
-    session.accept(MotorSetSpeed(1, 20_000, 100_000), MotorConfigure(1, 1 | REVERSED))
+    session.accept(p.MotorSetSpeed(1, 20_000, 100_000), p.MotorConfigure(1, 1 | REVERSED))
     session.upload({1: [40 * k for k in range(25)]})
-    session.accept(MotorSetLimits(2, 1, -900, 0, 0))
-    session.refuse(Ack.ERR_SOFT_UP, run_request(end=25))
-    session.accept(MotorSetLimits(2, 1, -2000, 0, 0), MotorSetSpeed(2, 900, 100_000))
-    session.refuse(Ack.ERR_RANGE, run_request(end=25))
-    session.accept(MotorSetSpeed(2, 9000, 100_000), run_request(end=25))
+    session.accept(p.MotorSetLimits(2, 1, -900, 0, 0))
+    session.refuse(p.Ack.ERR_SOFT_UP, run_request(end=25))
+    session.accept(p.MotorSetLimits(2, 1, -2000, 0, 0), p.MotorSetSpeed(2, 900, 100_000))
+    session.refuse(p.Ack.ERR_RANGE, run_request(end=25))
+    session.accept(p.MotorSetSpeed(2, 9000, 100_000), run_request(end=25))
     session.wait_idle()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(0.7)
-    session.accept(MotorStop(2))  # of the follower: the run ends, as with the leader's
+    session.accept(p.MotorStop(2))  # of the follower: the run ends, as with the leader's
     session.run(1.5)
     assert session.moving == []
     assert 0 < session.position(1) < 960
@@ -185,8 +175,8 @@ def test_a_run_keeps_the_followers_limits_and_speed():
 def test_the_stricter_jerk():
     for jerks in itertools.permutations([0, 200]):
         session = simulated({"motors": [{"jerk": jerk} for jerk in jerks]})
-        session.accept(MotorConfigure(1, 1 | COUPLE))
-        session.ask(MotorMove(1, 2000))
+        session.accept(p.MotorConfigure(1, 1 | COUPLE))
+        session.ask(p.MotorMove(1, 2000))
         session.wait_idle()
         # 2·(v/a + a/j) + way at full speed
         assert np.ptp(session.steps(1)[0]) == pytest.approx(2000 / 5000 + 5000 / 20000 + 20000 / 200e3, abs=0.06)
@@ -194,16 +184,16 @@ def test_the_stricter_jerk():
 
 def test_coupled_at_the_ends_of_the_range():
     session = simulated()
-    session.accept(MotorResetPosition(1, 2**31 - 1), MotorResetPosition(2, -(2**31)))
-    session.refuse(Ack.ERR_RANGE, MotorConfigure(1, 1 | COUPLE))
-    session.accept(MotorConfigure(1, 1 | REVERSED))
-    session.refuse(Ack.ERR_RANGE, MotorResetPosition(2, 1))
-    session.ask(MotorMove(1, 2**31 - 500))
+    session.accept(p.MotorResetPosition(1, 2**31 - 1), p.MotorResetPosition(2, -(2**31)))
+    session.refuse(p.Ack.ERR_RANGE, p.MotorConfigure(1, 1 | COUPLE))
+    session.accept(p.MotorConfigure(1, 1 | REVERSED))
+    session.refuse(p.Ack.ERR_RANGE, p.MotorResetPosition(2, 1))
+    session.ask(p.MotorMove(1, 2**31 - 500))
     session.wait_idle()
     assert session.positions[1] == 2**31 - 500
     assert session.positions[2] == -(2**31) + 499
     for _ in range(5):
-        session.accept(MotorJog(1, 10_000, 2**31 - 1))
+        session.accept(p.MotorJog(1, 10_000, 2**31 - 1))
         session.run(0.1)
     session.wait_idle()
     assert session.positions[1] + session.positions[2] == -1

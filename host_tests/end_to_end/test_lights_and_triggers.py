@@ -4,23 +4,7 @@ import numpy as np
 import pytest
 
 from framestep.hal import host
-from framestep_tools.payloads import (
-    LAST_SECTION,
-    Ack,
-    Dmx,
-    GioOut,
-    MotorStopAll,
-    RtEnd,
-    RtGo,
-    RtPositionFrame,
-    RtStopLoop,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveDmx,
-    RtUploadMoveEnd,
-    RtUploadMoveTriggers,
-    Trigger,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import (
     ACCELERATION,
     FRAMES,
@@ -79,7 +63,7 @@ def test_lights_in_a_loop(flags):
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1, flags=flags))
     session.run(3.5)
-    session.accept(RtStopLoop())
+    session.accept(p.RtStopLoop())
     to_the_end(session)
     for verdict, told in zip(judged(session, before, roll=0.3), passes_told(session), strict=True):
         frames = turning(1, FRAMES) - 1
@@ -101,24 +85,24 @@ def test_no_room_for_more_lights_and_triggers(monkeypatch):
     """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept, and played."""
     monkeypatch.setattr(host, "UPLOAD_BYTES", 140 * 8 * 5)  # 40 changes, 5 frames with triggers
     session = rig()
-    session.accept(RtUploadMoveBegin(1, FRAMES))
-    session.accept(RtUploadMoveAxis(1, LAST_SECTION, MOVE[1]))
+    session.accept(p.RtUploadMoveBegin(1, FRAMES))
+    session.accept(p.RtUploadMoveAxis(1, p.LAST_SECTION, MOVE[1]))
     restless = np.where(np.arange(FRAMES) % 2, 250, 20)
-    session.accept(RtUploadMoveDmx(17, LAST_SECTION, restless))  # a change with each frame
-    session.accept(RtUploadMoveDmx(300, LAST_SECTION, LEVELS[300]))  # 4 more
+    session.accept(p.RtUploadMoveDmx(17, p.LAST_SECTION, restless))  # a change with each frame
+    session.accept(p.RtUploadMoveDmx(300, p.LAST_SECTION, LEVELS[300]))  # 4 more
     kept = uploaded(session)
-    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(5, LAST_SECTION, restless[:12]))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(5, p.LAST_SECTION, restless[:12]))
     assert uploaded(session) == kept
-    session.accept(RtUploadMoveDmx(5, LAST_SECTION, restless[:11]))
-    session.refuse(Ack.ERR_RANGE, RtUploadMoveDmx(6, LAST_SECTION, [1]))
-    triggers = [Trigger(frame, on) for frame, on in TRIGGERS.items()]
+    session.accept(p.RtUploadMoveDmx(5, p.LAST_SECTION, restless[:11]))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(6, p.LAST_SECTION, [1]))
+    triggers = [p.Trigger(frame, on) for frame, on in TRIGGERS.items()]
     assert len(triggers) == 6
     kept = uploaded(session)
-    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(MASK, triggers))
     assert uploaded(session) == kept
-    session.accept(RtUploadMoveTriggers(MASK, triggers[:5]))
-    session.refuse(Ack.ERR_RANGE, RtUploadMoveTriggers(MASK, triggers[5:]))
-    session.accept(RtUploadMoveEnd())
+    session.accept(p.RtUploadMoveTriggers(MASK, triggers[:5]))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(MASK, triggers[5:]))
+    session.accept(p.RtUploadMoveEnd())
     before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1))
     to_the_end(session)
     verdict = judge_pass(session, 0, session.now, before, {1: MOVE[1]}, 24)
@@ -133,7 +117,7 @@ def test_no_room_for_more_lights_and_triggers(monkeypatch):
 def test_lights_left_alone():
     """SYNC DMX 0: neither levels nor triggers."""
     session = loaded()
-    session.accept(Dmx(0, 17, [0x55]))
+    session.accept(p.Dmx(0, 17, [0x55]))
     go(session, run_request(24, 1, FRAMES, 300, 300))
     to_the_end(session)
     assert not [name for name in session.trace().signals if name.startswith(("dmx", "gio"))]
@@ -143,7 +127,7 @@ def test_position_frame_sets_lights():
     """spec: MSG_RT_POSITION_FRAME, "and DMX if applicable"."""
     session = loaded()
     session.forget()
-    session.accept(RtPositionFrame(8))
+    session.accept(p.RtPositionFrame(8))
     session.wait_idle()
     for channel, row in LEVELS.items():
         assert [v for _, v in edges(session, f"dmx{channel}")][-1:] == ([row[7]] if row[7] else [])
@@ -154,8 +138,8 @@ def test_position_frame_sets_lights():
 def test_position_frame_sets_triggers(frame):
     """As levels, at once; output bits outside the mask are left alone (field note 6.8)."""
     session = loaded()
-    session.accept(GioOut(0b1101))
-    session.accept(RtPositionFrame(frame))
+    session.accept(p.GioOut(0b1101))
+    session.accept(p.RtPositionFrame(frame))
     session.run(0.005)
     on = TRIGGERS.get(frame - 1, 0) & MASK | 0b1000
     assert [level_now(session, f"gio{bit + 1}") for bit in range(4)] == [on >> bit & 1 for bit in range(4)]
@@ -167,16 +151,16 @@ def test_position_frame_sets_triggers(frame):
 def test_bloop(sync, flags):
     """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes back."""
     session = loaded()
-    session.accept(Dmx(0, 300, [0x0C]), Dmx(0, 40, [0x22]))
+    session.accept(p.Dmx(0, 300, [0x0C]), p.Dmx(0, 40, [0x22]))
     for channel, old in ((40, 0x22), (300, LEVELS[300][3] if sync else 0x0C)):
         bloop = {"bloop_outputs": 0x80000008, "bloop_channel": channel, "bloop_ms": 120, "flags": flags}
         before = go(session, run_request(24, 1, FRAMES, 300, 200, sync_dmx=sync, **bloop))
         session.run(4)
         if flags:
-            session.accept(RtStopLoop())
+            session.accept(p.RtStopLoop())
             to_the_end(session)
         else:
-            assert session.client.take_event(RtEnd)
+            assert session.client.take_event(p.RtEnd)
         zero = frame_times(judged(session, before, roll=0.2)[0], 24)[0]
         on, off = edges(session, "gio4")
         assert on == (pytest.approx(zero, abs=0.001), 1)
@@ -217,7 +201,7 @@ def assert_bloop(session, from_s, ms, level=0x22):
 def test_bloop_outlives_its_run(ms):
     """Field note 6.7: on for BLOOP TIME from the first frame, also where the run ends before."""
     session = loaded()
-    session.accept(Dmx(0, 40, [0x22]))
+    session.accept(p.Dmx(0, 40, [0x22]))
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
     went = session.now
     to_the_end(session)
@@ -232,14 +216,14 @@ def test_bloop_outlives_its_run(ms):
 def test_bloop_outlives_a_stop(after, ms):
     """Cut off by nothing; a run that is stopped before its first frame has none."""
     session = loaded()
-    session.accept(Dmx(0, 40, [0x22]))
+    session.accept(p.Dmx(0, 40, [0x22]))
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=ms, **BLOOP))
     session.run(after)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     session.run(0.1)
-    session.accept(RtUploadMoveBegin(1, 2))
+    session.accept(p.RtUploadMoveBegin(1, 2))
     session.run(4)
-    assert len(session.events(RtEnd)) == 1
+    assert len(session.events(p.RtEnd)) == 1
     if after < 0.3:
         assert not edges(session, "gio1")
         assert not edges(session, "dmx40")
@@ -250,20 +234,20 @@ def test_bloop_outlives_a_stop(after, ms):
 def test_bloop_and_another_run():
     """A run without a bloop leaves that of the one before on; the next with one begins its own at its first frame."""
     session = loaded()
-    session.accept(Dmx(0, 40, [0x22]))
+    session.accept(p.Dmx(0, 40, [0x22]))
     run = run_request(24, 1, 3, 200, 100, bloop_ms=4000, **BLOOP)
     go(session, run)
     to_the_end(session)
     session.ready(run_request(24, 5, 9, 100, 100, sync_dmx=0))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(0.3)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     session.run(5)
     assert_bloop(session, changes(session, "gio1")[0][0], 4000)
     go(session, run)
     to_the_end(session)
     session.ready(run)
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(5)
     on = [time for time, level in changes(session, "gio1") if level]
     off = [time for time, level in changes(session, "gio1") if not level]
@@ -288,7 +272,7 @@ def test_bloop_and_safe_levels(how, after):
     board.set_input("estop", 0)
     session.run(0.05)
     upload(session, {1: np.zeros(FRAMES, int)})
-    session.accept(GioOut(0b1111), GioOut(0), Dmx(0, 40, [0x22]))
+    session.accept(p.GioOut(0b1111), p.GioOut(0), p.Dmx(0, 40, [0x22]))
     go(session, run_request(24, 1, FRAMES, 300, 200, bloop_ms=4000, **BLOOP))
     session.run(after)
     assert level_now(session, "gio1") == 1

@@ -6,25 +6,13 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    Ack,
-    DeviceInfo,
-    Hi,
-    MotorGetPosition,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorStatus,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import assert_within, deceleration, simulated
 
 FARTHEST, LOWEST = 2**31 - 1, -(2**31)
 
 
-def is_ack(session, frame, code=Ack.OK):
+def is_ack(session, frame, code=p.Ack.OK):
     """Whether a frame acknowledges with this code, in the form of the session's dialect (field note 1.4)."""
     size = 4 if session.dword_acks else 2
     return frame.is_ack and frame.payload == int(code).to_bytes(size, "little")
@@ -37,31 +25,31 @@ def test_hi(both):
     answer = both.answer_to(m.MSG_HI)
     assert not answer.is_ack
     assert len(answer.payload) == 51
-    info = DeviceInfo.unpack(answer.payload)
+    info = p.DeviceInfo.unpack(answer.payload)
     assert info.name == "framestep"
     assert info.motors == 8
     assert info.protocol_version == 2
     assert info.capabilities & 0x0683 == 0x0683, "real-time moves, both go-motions, loops, camera"
     assert info.upload_frames >= 10_000
-    assert both.ask(Hi()) == info
+    assert both.ask(p.Hi()) == info
 
 
 def test_hi_is_sent_at_each_opening(both):
     """Field note 1.5: with full data and ID 0 each time DTR rises."""
-    info = both.ask(Hi())
+    info = both.ask(p.Hi())
     for _ in range(2):
         both.leave()
         both.run(0.2)
         both.come_back()
         frames = both.bytes_for(b"")
         assert [(f.type, f.id) for f in frames] == [(m.MSG_HI, 0)]
-        assert DeviceInfo.unpack(frames[0].payload) == info
+        assert p.DeviceInfo.unpack(frames[0].payload) == info
 
 
 def test_name_of_the_rig_file():
     name = "Gerät №1 · " + "x" * 10
-    assert simulated({"name": name}).ask(Hi()).name == name
-    assert simulated({"name": "é" * 16}).ask(Hi()).name == "é" * 16
+    assert simulated({"name": name}).ask(p.Hi()).name == name
+    assert simulated({"name": "é" * 16}).ask(p.Hi()).name == "é" * 16
 
 
 def test_form_of_every_answer(both):
@@ -87,18 +75,18 @@ def test_form_of_every_answer(both):
         assert is_ack(both, both.answer_to(m.MSG_RT_RUN_MOVE, run + tail)), tail
         both.wait_idle()
     assert is_ack(both, both.answer_to(m.MSG_RT_GO))
-    assert is_ack(both, both.answer_to(m.MSG_RT_GO), Ack.ERR_MOVING)
+    assert is_ack(both, both.answer_to(m.MSG_RT_GO), p.Ack.ERR_MOVING)
     both.wait_idle()
     for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8)):
         answer = both.answer_to(kind)
         assert not answer.is_ack
         assert answer.id == 77
         assert len(answer.payload) == size
-    assert is_ack(both, both.answer_to(0x0300), Ack.ERR_UNSUPPORTED)
+    assert is_ack(both, both.answer_to(0x0300), p.Ack.ERR_UNSUPPORTED)
     damaged = bytes.fromhex("4446000000000102000000 00".replace(" ", ""))
     frames = both.bytes_for(damaged)
     assert [(f.id, f.type) for f in frames] == [(0, 0x8201)]
-    assert is_ack(both, frames[0], Ack.ERR_CHECKSUM)
+    assert is_ack(both, frames[0], p.Ack.ERR_CHECKSUM)
 
 
 def test_answer_to_a_move(both):
@@ -123,7 +111,7 @@ def test_answer_to_a_move(both):
 )
 def test_move(rig, target, velocity, acceleration):
     rig.speed(3, velocity, acceleration)
-    rig.ask(MotorMove(3, target))
+    rig.ask(p.MotorMove(3, target))
     rig.wait_idle()
     times, signs = rig.steps(3)
     assert rig.position(3) == target == signs.sum() == np.sign(target) * len(signs)
@@ -141,7 +129,7 @@ def test_move(rig, target, velocity, acceleration):
 
 def test_default_speed(rig):
     """Field note 4.1: 5000 steps/s, 20000 steps/s²."""
-    rig.ask(MotorMove(1, 4000))
+    rig.ask(p.MotorMove(1, 4000))
     rig.wait_idle()
     times, signs = rig.steps(1)
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3)
@@ -150,29 +138,29 @@ def test_default_speed(rig):
 
 def test_no_distance(both):
     """To where it stands: answered, nothing moves, no report, position kept."""
-    both.accept(MotorResetPosition(1, -77))
+    both.accept(p.MotorResetPosition(1, -77))
     both.run(0.1)
     both.forget()
-    assert both.code(MotorMove(1, -77)) == Ack.OK
+    assert both.code(p.MotorMove(1, -77)) == p.Ack.OK
     assert both.moving == []
     both.run(0.5)
     assert both.position(1) == -77
     assert both.made(1) == 0
-    assert both.events(Positions) == []
+    assert both.events(p.Positions) == []
 
 
 def test_retarget_farther_nearer_and_back(rig):
     """Field note 4.8: no stop where the way ahead is long enough, and never more than the acceleration."""
-    rig.ask(MotorMove(1, 4000))
+    rig.ask(p.MotorMove(1, 4000))
     rig.run(0.5)
-    rig.ask(MotorMove(1, 9000))
+    rig.ask(p.MotorMove(1, 9000))
     rig.run(0.7)
     times, signs = rig.steps(1)
     inside = times > times[0] + 0.3
     assert np.diff(times[inside]).max() < 1 / 4900, "slowed down for a target that lies ahead"
-    rig.ask(MotorMove(1, 8000))
+    rig.ask(p.MotorMove(1, 8000))
     rig.run(0.3)
-    rig.ask(MotorMove(1, -2000))
+    rig.ask(p.MotorMove(1, -2000))
     rig.wait_idle()
     times, signs = rig.steps(1)
     assert rig.position(1) == -2000 == signs.sum()
@@ -182,10 +170,10 @@ def test_retarget_farther_nearer_and_back(rig):
 
 def test_retarget_nearer_than_it_can_stop(rig):
     """It overshoots by what the ramp needs and comes back."""
-    rig.ask(MotorMove(1, 20000))
+    rig.ask(p.MotorMove(1, 20000))
     rig.run(0.6)
     here = rig.made(1)
-    rig.ask(MotorMove(1, here + 200))
+    rig.ask(p.MotorMove(1, here + 200))
     rig.wait_idle()
     times, signs = rig.steps(1)
     assert rig.position(1) == here + 200
@@ -198,7 +186,7 @@ def test_retarget_storm(rig):
     """A new target every 30 ms, with changes of speed between: steps and position agree, limits are kept."""
     chance = np.random.default_rng(4)
     for target in chance.integers(-4000, 4000, 40):
-        rig.ask(MotorMove(1, int(target)))
+        rig.ask(p.MotorMove(1, int(target)))
         rig.run(float(chance.uniform(0.005, 0.08)))
     rig.wait_idle()
     times, signs = rig.steps(1)
@@ -209,16 +197,16 @@ def test_retarget_storm(rig):
 def test_large_positions(both):
     """Where a position is no small integer of a 32-bit MicroPython."""
     for start, target in ((FARTHEST - 300, FARTHEST), (LOWEST + 300, LOWEST), (2**30 - 5, 2**30 + 5)):
-        both.accept(MotorResetPosition(5, start))
-        assert both.code(MotorMove(5, target)) == Ack.OK
+        both.accept(p.MotorResetPosition(5, start))
+        assert both.code(p.MotorMove(5, target)) == p.Ack.OK
         both.wait_idle()
         assert both.position(5) == target
-    both.accept(MotorJog(5, 10000, FARTHEST), MotorStop(5))
+    both.accept(p.MotorJog(5, 10000, FARTHEST), p.MotorStop(5))
 
 
 def test_all_motors_at_once(rig):
     for motor in range(1, 9):
-        rig.ask(MotorMove(motor, 700 * motor * (-1) ** motor))
+        rig.ask(p.MotorMove(motor, 700 * motor * (-1) ** motor))
     assert rig.moving == list(range(1, 9))
     rig.wait_idle()
     for motor in range(1, 9):
@@ -231,7 +219,7 @@ def test_inverted_motor():
     """The rig file's `invert` swaps the pin, not the counting."""
     rig = simulated({"motors": [{}, {"invert": True}]})
     for motor in (1, 2):
-        rig.ask(MotorMove(motor, 50))
+        rig.ask(p.MotorMove(motor, 50))
     rig.wait_idle()
     levels = {signal: values[-1] for signal, (_, values) in rig.trace().signals.items() if signal.startswith("dir")}
     assert levels == {"dir1": 1}  # motor 2's pin stays low
@@ -243,7 +231,7 @@ def test_jerk_limit():
     rig = simulated({"motors": [{"jerk": 200}]})
     for motor in (1, 2):
         rig.speed(motor, 8000, 40000)
-        rig.ask(MotorMove(motor, 6000))
+        rig.ask(p.MotorMove(motor, 6000))
     rig.wait_idle()
     assert rig.made(1) == rig.made(2) == 6000
     assert_within(*rig.steps(1), 8000, 40000)
@@ -257,10 +245,10 @@ def test_jerk_limit():
 
 def test_moving_bits(both):
     """Field note 4.7: set from the acknowledgement on, clear once the last step is out."""
-    for motor, request in ((1, MotorMove(1, 300)), (3, MotorJog(3, 10000, -300)), (8, MotorMove(8, 1))):
+    for motor, request in ((1, p.MotorMove(1, 300)), (3, p.MotorJog(3, 10000, -300)), (8, p.MotorMove(8, 1))):
         both.code(request)
         assert motor in both.moving
-    assert both.ask(MotorStatus()).motor_bits == 0b10000101
+    assert both.ask(p.MotorStatus()).motor_bits == 0b10000101
     while both.moving:
         both.run(0.01)
     assert both.now - max(both.steps(motor)[0][-1] for motor in (1, 3)) > -0.001
@@ -272,7 +260,7 @@ def test_moving_bits(both):
 def test_moving_bit_until_the_last_edge(rig):
     """Asked every millisecond, the bit is set at each edge."""
     rig.speed(2, 5000, 100_000)
-    rig.ask(MotorMove(2, 120))
+    rig.ask(p.MotorMove(2, 120))
     seen = []
     while not seen or seen[-1][1]:
         seen.append((rig.now, rig.moving == [2]))
@@ -287,12 +275,12 @@ def test_positions_in_motion(report_ms):
     """Field note 4.6: every 100 ms while anything moves, and once more after the stop."""
     rig = simulated({"report_ms": report_ms})
     rig.run(0.5)
-    assert rig.events(Positions) == [], "positions come though nothing moves"
+    assert rig.events(p.Positions) == [], "positions come though nothing moves"
     begun = rig.now
-    rig.ask(MotorMove(1, 5000))
-    rig.ask(MotorMove(4, -2500))
+    rig.ask(p.MotorMove(1, 5000))
+    rig.ask(p.MotorMove(4, -2500))
     rig.run(2)
-    reports = rig.events(Positions)
+    reports = rig.events(p.Positions)
     ends = max(rig.steps(motor)[0][-1] for motor in (1, 4))
     assert reports[0][0] - begun <= report_ms / 1000 + 0.003
     gaps = np.diff([time for time, _ in reports[:-1]])
@@ -305,7 +293,7 @@ def test_positions_in_motion(report_ms):
     last, message = reports[-1]
     assert ends <= last <= ends + 0.01
     assert message.steps == (5000, 0, 0, -2500, 0, 0, 0, 0)
-    assert rig.ask(MotorGetPosition()).steps == message.steps
+    assert rig.ask(p.MotorGetPosition()).steps == message.steps
 
 
 # ---- STOP --------------------------------------------------------------------------------------------------
@@ -314,10 +302,10 @@ def test_positions_in_motion(report_ms):
 def test_stop(rig):
     """The motor ramps down as steeply as it is set to; the others go on."""
     rig.speed(1, 6000, 30000)
-    rig.ask(MotorMove(1, 20000))
-    rig.ask(MotorMove(2, 6000))
+    rig.ask(p.MotorMove(1, 20000))
+    rig.ask(p.MotorMove(2, 6000))
     rig.run(0.6)
-    rig.accept(MotorStop(1))
+    rig.accept(p.MotorStop(1))
     asked = rig.now
     assert rig.moving == [1, 2]
     rig.wait_idle()
@@ -326,15 +314,15 @@ def test_stop(rig):
     assert times[-1] - asked == pytest.approx(6000 / 30000, abs=0.008)
     assert rig.position(1) == signs.sum()
     assert rig.position(2) == 6000
-    rig.accept(MotorStop(1))
-    rig.ask(MotorMove(1, 0))
+    rig.accept(p.MotorStop(1))
+    rig.ask(p.MotorMove(1, 0))
     rig.wait_idle()
     assert rig.made(1) == 0
 
 
 def test_stop_before_the_first_step(rig):
-    rig.ask(MotorMove(1, 1000))
-    rig.accept(MotorStop(1))
+    rig.ask(p.MotorMove(1, 1000))
+    rig.accept(p.MotorStop(1))
     rig.wait_idle()
     assert rig.made(1) == rig.position(1)
     assert rig.made(1) <= 2
@@ -351,11 +339,11 @@ def test_stop_all_once_and_twice(factor, flags):
     def stop(times_asked, pause=0.0):
         rig.forget()
         for motor in (1, 2):
-            rig.ask(MotorMove(motor, rig.position(motor) + 30000))
+            rig.ask(p.MotorMove(motor, rig.position(motor) + 30000))
         rig.run(1)
         for _ in range(times_asked):
             rig.run(pause)
-            rig.accept(MotorStopAll(flags))
+            rig.accept(p.MotorStopAll(flags))
         asked = rig.now
         rig.wait_idle()
         assert all(rig.made(motor) for motor in (1, 2))
@@ -371,21 +359,21 @@ def test_stop_all_once_and_twice(factor, flags):
 def test_second_stop_all_under_way(rig):
     """It also steepens a ramp that has begun, and comes too late after a second."""
     rig.speed(1, 5000, 4000)
-    rig.ask(MotorMove(1, 40000))
+    rig.ask(p.MotorMove(1, 40000))
     rig.run(1.6)
-    rig.accept(MotorStopAll())
+    rig.accept(p.MotorStopAll())
     rig.run(0.3)
-    rig.accept(MotorStopAll())
+    rig.accept(p.MotorStopAll())
     asked = rig.now
     rig.wait_idle()
     assert deceleration(*rig.steps(1), asked) == pytest.approx(16000, rel=0.02)
     rig.run(1.2)
     rig.speed(1, 5000, 2000)
-    rig.ask(MotorMove(1, 60000))
+    rig.ask(p.MotorMove(1, 60000))
     rig.run(3)
-    rig.accept(MotorStopAll())
+    rig.accept(p.MotorStopAll())
     rig.run(1.1)
-    rig.accept(MotorStopAll())
+    rig.accept(p.MotorStopAll())
     asked = rig.now
     rig.wait_idle()
     assert deceleration(*rig.steps(1), asked) == pytest.approx(2000, rel=0.02)
@@ -398,20 +386,20 @@ def test_reset_position(both):
     """Field note 4.5: acknowledged, then told; nothing moves. While the motor moves: 0x12."""
     for value in (-5, 2**30, LOWEST, FARTHEST, 12345):
         both.forget()
-        both.accept(MotorResetPosition(4, value))
+        both.accept(p.MotorResetPosition(4, value))
         both.run(0.05)
-        ((_, message),) = both.events(Positions)
+        ((_, message),) = both.events(p.Positions)
         assert message.steps[3] == value
         assert both.position(4) == value
     assert both.made(4) == 0
-    both.code(MotorMove(4, 12345 + 2000))
-    both.refuse(Ack.ERR_MOVING, MotorResetPosition(4, 0))
-    both.accept(MotorResetPosition(5, 99))
+    both.code(p.MotorMove(4, 12345 + 2000))
+    both.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(4, 0))
+    both.accept(p.MotorResetPosition(5, 99))
     both.wait_idle()
     assert both.position(4) == 14345
     assert both.made(4) == 2000
     assert both.position(5) == 99
-    both.code(MotorMove(4, 12345))
+    both.code(p.MotorMove(4, 12345))
     both.wait_idle()
     assert both.made(4) == 0
 
@@ -422,8 +410,8 @@ def test_reset_position(both):
 @pytest.mark.parametrize("jogging", [False, True])
 def test_port_closed_in_motion(rig, jogging):
     """Field note 1.11: motors decelerate to a stop, and the next host finds them where the steps say."""
-    rig.ask(MotorMove(1, 30000))
-    rig.code(MotorJog(2, 10000, LOWEST) if jogging else MotorMove(2, -30000))
+    rig.ask(p.MotorMove(1, 30000))
+    rig.code(p.MotorJog(2, 10000, LOWEST) if jogging else p.MotorMove(2, -30000))
     rig.run(0.4)
     rig.leave()
     closed = rig.now
@@ -446,4 +434,4 @@ def test_half_a_frame_of_a_lost_host(rig):
     rig.leave()
     rig.run(0.02)
     rig.come_back()
-    assert rig.code(MotorStop(1)) == Ack.OK
+    assert rig.code(p.MotorStop(1)) == p.Ack.OK

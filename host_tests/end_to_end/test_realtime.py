@@ -5,21 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    MotorConfigure,
-    MotorGetPosition,
-    MotorMove,
-    MotorSetLimits,
-    MotorStop,
-    MotorStopAll,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtShootFrame,
-    RtShootFrame2,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import (
     ACCELERATION,
     ALL_OFF,
@@ -52,7 +38,7 @@ def test_go_at_any_moment_of_planning(ms):
     assert not session.moving
     before = session.positions
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     to_the_end(session)
     assert len(judged(session, before, roll=0.3)) == 1
 
@@ -73,7 +59,7 @@ def test_a_stop_while_the_beginning_is_planned(cause, ms):
     if cause == "E-stop":
         board.set_input("estop", 1)
         session.run(0.1)
-        session.refuse(Ack.ERR_GENERAL, RtGo())
+        session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
         board.set_input("estop", 0)
         session.run(0.1)
     else:
@@ -81,14 +67,14 @@ def test_a_stop_while_the_beginning_is_planned(cause, ms):
         session.board.run_until(session.board.now_ns + 10**8)
         session.come_back()
         session.run(0.1)
-    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     session.run(0.5)
     assert session.positions == before
     assert not session.moving
     assert not session.trace().motors
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     to_the_end(session)
     assert len(judged(session, before, roll=0.3)) == 1
 
@@ -99,21 +85,21 @@ def test_what_is_planned_before_go_makes_no_edge():
     session.run(0.3)
     before = session.positions
     session.forget()
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     to_the_end(session, 1)
     assert session.positions == before
     assert not session.trace().motors
-    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     # away and back: MOVE starts from where the motor stands
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.run(0.3)
     for place in (before[1] + 700, before[1]):
-        session.accept(MotorMove(1, place))
-        session.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+        session.accept(p.MotorMove(1, place))
+        session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
         session.wait_idle()
         session.run(0.1)
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     to_the_end(session)
     assert len(judged(session, before, roll=0.3)) == 1
 
@@ -122,20 +108,32 @@ def test_what_is_planned_before_go_makes_no_edge():
 
 RUN_VELOCITY = 60 * 24
 REFUSED = {
-    "lower limit in the pre-roll": (MotorSetLimits(1, 1, 100 - 350, 1, 9000), (1, FRAMES, 500, 500), Ack.ERR_PREROLL),
-    "upper limit in the post-roll": (
-        MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
+    "lower limit in the pre-roll": (
+        p.MotorSetLimits(1, 1, 100 - 350, 1, 9000),
         (1, FRAMES, 500, 500),
-        Ack.ERR_POSTROLL,
+        p.Ack.ERR_PREROLL,
     ),
-    "upper limit in the pre-roll": (MotorSetLimits(1, 1, -9000, 1, 1540 + 350), (FRAMES, 1, 500, 500), Ack.ERR_PREROLL),
-    "lower limit in the post-roll": (MotorSetLimits(1, 1, 100 - 350, 1, 9000), (FRAMES, 1, 500, 500), Ack.ERR_POSTROLL),
-    "a frame above": (MotorSetLimits(1, 0, 0, 1, 1000), (1, FRAMES, 500, 500), Ack.ERR_SOFT_UP),
-    "a frame below": (MotorSetLimits(1, 1, 200, 0, 0), (1, FRAMES, 500, 500), Ack.ERR_SOFT_LOW),
-    "a frame of another motor": (MotorSetLimits(2, 0, 0, 1, 390), (1, FRAMES, 500, 500), Ack.ERR_SOFT_UP),
-    "a frame behind the end": (None, (1, FRAMES + 1, 500, 500), Ack.ERR_RANGE),
-    "a pre-roll that is too steep": (None, (1, FRAMES, 5, 500), Ack.ERR_PREROLL),
-    "a post-roll that is too steep": (None, (1, FRAMES, 500, 5), Ack.ERR_POSTROLL),
+    "upper limit in the post-roll": (
+        p.MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
+        (1, FRAMES, 500, 500),
+        p.Ack.ERR_POSTROLL,
+    ),
+    "upper limit in the pre-roll": (
+        p.MotorSetLimits(1, 1, -9000, 1, 1540 + 350),
+        (FRAMES, 1, 500, 500),
+        p.Ack.ERR_PREROLL,
+    ),
+    "lower limit in the post-roll": (
+        p.MotorSetLimits(1, 1, 100 - 350, 1, 9000),
+        (FRAMES, 1, 500, 500),
+        p.Ack.ERR_POSTROLL,
+    ),
+    "a frame above": (p.MotorSetLimits(1, 0, 0, 1, 1000), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_UP),
+    "a frame below": (p.MotorSetLimits(1, 1, 200, 0, 0), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_LOW),
+    "a frame of another motor": (p.MotorSetLimits(2, 0, 0, 1, 390), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_UP),
+    "a frame behind the end": (None, (1, FRAMES + 1, 500, 500), p.Ack.ERR_RANGE),
+    "a pre-roll that is too steep": (None, (1, FRAMES, 5, 500), p.Ack.ERR_PREROLL),
+    "a post-roll that is too steep": (None, (1, FRAMES, 500, 5), p.Ack.ERR_POSTROLL),
 }
 
 
@@ -148,32 +146,32 @@ def test_refused_before_motion(case, flags):
         session.accept(setting)
     session.forget()
     session.refuse(code, run_request(24, first, last, pre, post, flags=flags, sync_dmx=1))
-    session.refuse(Ack.ERR_GENERAL, RtGo())
+    session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     session.run(0.3)
     trace = session.trace()
     assert not trace.motors, "something has changed"
     assert not trace.signals, "something has changed"
     assert not session.moving
-    assert not session.events(RtEnd)
+    assert not session.events(p.RtEnd)
 
 
 def test_refused_keeps_what_waits():
     """A run that waits is not harmed by one that is refused."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180))
-    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 99), run_request(12, 0, 5), RtShootFrame(99, 1, 100, 500))
-    session.refuse(Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=VIDEO))
-    session.refuse(Ack.ERR_RANGE, RtShootFrame2(3, 100, 50, 20), RtJogAll(24000, 99))
+    session.refuse(p.Ack.ERR_RANGE, run_request(24, 1, 99), run_request(12, 0, 5), p.RtShootFrame(99, 1, 100, 500))
+    session.refuse(p.Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=VIDEO))
+    session.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(3, 100, 50, 20), p.RtJogAll(24000, 99))
     before = session.positions
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     to_the_end(session)
     judged(session, before)
     assert len(camera(session)) == FRAMES
 
 
 @pytest.mark.parametrize(
-    "request_", [run_request(24, 25, 1), RtShootFrame(20, 1, 100, 500), RtShootFrame2(20, 300, 0, 180)]
+    "request_", [run_request(24, 25, 1), p.RtShootFrame(20, 1, 100, 500), p.RtShootFrame2(20, 300, 0, 180)]
 )
 def test_go_too_early(request_):
     """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is taken."""
@@ -184,14 +182,14 @@ def test_go_too_early(request_):
     early = 0
     while session.moving:
         begun = session.now
-        code = session.code(RtGo())
-        if code == Ack.OK:
+        code = session.code(p.RtGo())
+        if code == p.Ack.OK:
             break
-        assert code == Ack.ERR_NOT_IN_POSITION
+        assert code == p.Ack.ERR_NOT_IN_POSITION
         early += 1
     else:
         begun = session.now
-        session.accept(RtGo())
+        session.accept(p.RtGo())
     assert early > 10
     session.run(0.5)
     for motor in MOVE:
@@ -202,14 +200,14 @@ def test_go_too_early(request_):
 
 def test_go_with_a_motor_disabled_meanwhile():
     session = loaded()
-    for request in (run_request(24, 1, FRAMES), RtShootFrame(5, 1, 100, 500)):
+    for request in (run_request(24, 1, FRAMES), p.RtShootFrame(5, 1, 100, 500)):
         session.ready(request)
-        session.accept(MotorConfigure(2, 0))
+        session.accept(p.MotorConfigure(2, 0))
         session.forget()
-        session.refuse(Ack.ERR_GENERAL, RtGo())
+        session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
         session.run(0.2)
         assert not session.trace().motors
-        session.accept(MotorConfigure(2, 3), RtGo())
+        session.accept(p.MotorConfigure(2, 3), p.RtGo())
         to_the_end(session)
 
 
@@ -221,28 +219,28 @@ OPERATIONS = {
     "stills": run_request(24, FRAMES, 1, 400, 400, flags=STILLS, sync_dmx=1, open_angle=0, close_angle=300),
     "loop": run_request(24, 1, FRAMES, 300, 0, flags=LOOP, sync_dmx=1),
     "ping-pong": run_request(24, 1, 9, 0, 200, flags=PING_PONG | STILLS),
-    "shoot": RtShootFrame(12, 1, 400, 700),
-    "shoot 2": RtShootFrame2(12, 400, -60, 400),
-    "jog": RtJogAll(24000, FRAMES),
-    "position": RtPositionFrame(FRAMES),
+    "shoot": p.RtShootFrame(12, 1, 400, 700),
+    "shoot 2": p.RtShootFrame2(12, 400, -60, 400),
+    "jog": p.RtJogAll(24000, FRAMES),
+    "position": p.RtPositionFrame(FRAMES),
 }
 STOPS = ("stop all", "twice", "stop one", "stop and all", "lost host")
 
 
 def stop(session, how, rng):
     if how == "stop one":
-        session.accept(MotorStop(rng.choice((1, 2))))
+        session.accept(p.MotorStop(rng.choice((1, 2))))
     elif how == "stop and all":
-        session.accept(MotorStop(1))
+        session.accept(p.MotorStop(1))
         session.run(rng.random() * 0.05)
-        session.accept(MotorStopAll())
+        session.accept(p.MotorStopAll())
     elif how == "lost host":
         session.leave()
     else:
-        session.accept(MotorStopAll())
+        session.accept(p.MotorStopAll())
         if how == "twice":
             session.run(rng.choice((0, rng.random() * 0.3)))
-            session.accept(MotorStopAll())
+            session.accept(p.MotorStopAll())
 
 
 @pytest.mark.parametrize("how", STOPS)
@@ -253,7 +251,7 @@ def test_stopped_at_any_moment(name, how):
     session = loaded()
     for _ in range(3):
         if name == "jog":
-            session.accept(RtPositionFrame(rng.choice((1, 10))))
+            session.accept(p.RtPositionFrame(rng.choice((1, 10))))
             session.wait_idle()
         before = session.positions
         session.forget()
@@ -262,22 +260,22 @@ def test_stopped_at_any_moment(name, how):
         begun = 0
         if tells and rng.random() < 0.8:
             session.wait_idle()
-            session.accept(RtGo())
+            session.accept(p.RtGo())
             begun = session.now
             session.run(rng.random() * (2.5 if name in ("loop", "ping-pong") else 1.7))
         else:
             session.run(rng.random() * 0.4)
-        over = bool(session.events(RtEnd))
+        over = bool(session.events(p.RtEnd))
         stop(session, how, rng)
         session.run(7 if name == "jog" and how in ("stop all", "stop one", "stop and all") else 1.3)
         if how == "lost host":
             session.come_back()
             session.run(0.1)
-            assert not [e for e in session.events(RtEnd) if not over]
+            assert not [e for e in session.events(p.RtEnd) if not over]
         elif tells:
-            assert len(session.events(RtEnd)) == 1, (begun, how)
+            assert len(session.events(p.RtEnd)) == 1, (begun, how)
         else:
-            assert not session.events(RtEnd)
+            assert not session.events(p.RtEnd)
         assert not session.moving
         factor = 4 if how == "twice" else 1
         for motor in MOVE:
@@ -290,9 +288,9 @@ def test_stopped_at_any_moment(name, how):
                 assert level_now(session, signal) == 0, signal
         assert level_now(session, "dmx40") == 0
         if tells:
-            session.refuse(Ack.ERR_GENERAL, RtGo())
+            session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
         # whatever it was, the rig works on
-        session.accept(RtPositionFrame(3))
+        session.accept(p.RtPositionFrame(3))
         session.wait_idle()
         assert session.positions[1] == MOVE[1][2]
         assert session.positions[2] == MOVE[2][2]
@@ -310,9 +308,9 @@ def test_lost_host_while_it_waits():
             session.come_back()
             session.run(0.1)
             assert not session.moving
-            assert not session.events(RtEnd)
-            session.refuse(Ack.ERR_GENERAL, RtGo())
-            assert session.ask(MotorGetPosition())
+            assert not session.events(p.RtEnd)
+            session.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+            assert session.ask(p.MotorGetPosition())
 
 
 def test_lost_host_that_comes_back_at_once():
@@ -321,14 +319,14 @@ def test_lost_host_that_comes_back_at_once():
     for motor in MOVE:
         session.speed(motor, VELOCITY, 20_000)
     session.ready(run_request(12, 1, FRAMES))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(1)
     session.leave()
     session.run(0.005)
     session.come_back()
     assert session.moving
     session.run(1)
-    assert not session.events(RtEnd)
+    assert not session.events(p.RtEnd)
     assert not session.moving
     # the next run is told of as ever
     go(session, run_request(12, 1, FRAMES))

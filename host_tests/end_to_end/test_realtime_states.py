@@ -5,43 +5,24 @@ import pytest
 
 from framestep.moves.operations import POSITIONING
 from framestep.protocol import messages as m
+from framestep_tools import payloads as p
 from framestep_tools.files import ROOT
-from framestep_tools.payloads import (
-    Ack,
-    Dmx,
-    GioCam,
-    GioIn,
-    GioOut,
-    Hi,
-    MotorGetPosition,
-    MotorJog,
-    MotorMove,
-    MotorSetLimits,
-    MotorStatus,
-    MotorStopAll,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtShootFrame,
-    RtShootFrame2,
-    RtStopLoop,
-    RtUploadMoveBegin,
-)
 from host_tests.end_to_end import realtime_answers
 from host_tests.end_to_end.realtime import FRAMES, loaded, rig
 from host_tests.end_to_end.session import run_request
 
 CODES = {
-    "OK": Ack.OK,
-    "12": Ack.ERR_MOVING,
-    "13": Ack.ERR_UNSUPPORTED,
-    "15": Ack.ERR_GENERAL,
-    "16": Ack.ERR_NOT_IN_POSITION,
+    "OK": p.Ack.OK,
+    "12": p.Ack.ERR_MOVING,
+    "13": p.Ack.ERR_UNSUPPORTED,
+    "15": p.Ack.ERR_GENERAL,
+    "16": p.Ack.ERR_NOT_IN_POSITION,
 }
 SLOW = 2000, 4000  # so that a state lasts for all the messages
 # What no state minds
-QUESTIONS = {r.TYPE for r in (Hi, MotorStatus, MotorGetPosition, Dmx, GioOut, GioIn, GioCam, MotorSetLimits)}
+QUESTIONS = {
+    r.TYPE for r in (p.Hi, p.MotorStatus, p.MotorGetPosition, p.Dmx, p.GioOut, p.GioIn, p.GioCam, p.MotorSetLimits)
+}
 
 
 def slow(session):
@@ -53,15 +34,15 @@ def enter(state):
     """A session in that state."""
     session = rig() if state in ("empty", "upload") else loaded(estop="no" if state == "estop" else "none")
     if state == "upload":
-        session.accept(RtUploadMoveBegin(1, 9))
+        session.accept(p.RtUploadMoveBegin(1, 9))
     elif state == "idle":
-        session.accept(RtPositionFrame(2))
+        session.accept(p.RtPositionFrame(2))
         session.wait_idle()
     elif state == "move":
         slow(session)
-        session.accept(MotorMove(1, 9000))
+        session.accept(p.MotorMove(1, 9000))
     elif state == "way":
-        session.accept(MotorMove(1, 9000))
+        session.accept(p.MotorMove(1, 9000))
         session.wait_idle()
         session.accept(run_request(24, 1, FRAMES))
         session.run(0.005)
@@ -70,13 +51,13 @@ def enter(state):
             session.speed(motor, 20_000, 20_000)  # just enough for the run, so that a stop takes a while
         session.ready(run_request(24, 1, FRAMES))
         if state != "ready":
-            session.accept(RtGo())
+            session.accept(p.RtGo())
             session.run(0.6)
         if state == "stop":
-            session.accept(MotorStopAll())
+            session.accept(p.MotorStopAll())
     elif state == "back":
         session.ready(run_request(24, 1, 7, flags=2))
-        session.accept(RtGo())
+        session.accept(p.RtGo())
         controller = session.board._board.controller
         for _ in range(500):
             if controller.operations.running and controller.operations.state == POSITIONING:
@@ -84,13 +65,13 @@ def enter(state):
             session.run(0.01)
         assert controller.operations.state == POSITIONING
     elif state == "shoot":
-        session.ready(RtShootFrame(9, 1, 400, 500))
-        session.accept(RtGo())
+        session.ready(p.RtShootFrame(9, 1, 400, 500))
+        session.accept(p.RtGo())
         session.run(0.9)
     elif state == "jog":
-        session.accept(RtPositionFrame(2))
+        session.accept(p.RtPositionFrame(2))
         session.wait_idle()
-        session.accept(RtJogAll(6000, 20))
+        session.accept(p.RtJogAll(6000, 20))
         session.run(0.3)
     elif state == "estop":
         session.board._board.set_input("estop", 0)
@@ -102,7 +83,7 @@ def code_of(session, request, answer):
     """What the table says, where the device has what it is about."""
     virtual = 0x0200 <= request.TYPE < 0x0300
     if virtual and request.TYPE not in session.board._board.controller.handlers:
-        return Ack.ERR_UNSUPPORTED
+        return p.Ack.ERR_UNSUPPORTED
     return CODES[answer]
 
 
@@ -134,15 +115,15 @@ def test_accepted(state):
             continue  # as test_refusals_and_questions has it
         session = enter(state)
         before = inside(session)
-        assert session.code(request) == Ack.OK, (state, request)
-        session.accept(MotorStopAll(), MotorStopAll())
+        assert session.code(request) == p.Ack.OK, (state, request)
+        session.accept(p.MotorStopAll(), p.MotorStopAll())
         session.run(1.5)
         assert not session.moving, (state, request)
         if state in ("run", "back", "stop", "shoot"):
-            assert len(session.events(RtEnd)) == 1, (state, request)
+            assert len(session.events(p.RtEnd)) == 1, (state, request)
         elif state in ("empty", "upload", "idle", "move", "estop", "jog"):
             prepared = request.TYPE in (0x0111, 0x0112, 0x0115)
-            assert len(session.events(RtEnd)) == prepared, (state, request)
+            assert len(session.events(p.RtEnd)) == prepared, (state, request)
         assert before[0] or not inside(session)[0]
 
 
@@ -150,7 +131,7 @@ def test_landing():
     """A JOG_ALL that lands is one that runs."""
     for request, answer in realtime_answers.expected("jog"):
         session = enter("jog")
-        session.accept(MotorStopAll())
+        session.accept(p.MotorStopAll())
         session.run(0.1)
         if answer != "--" and request.TYPE != 0x0033:
             assert session.code(request) == code_of(session, request, answer), request
@@ -187,7 +168,7 @@ class Poll:
 
     def once(self):
         asked = self.session.now
-        bits = self.session.ask(MotorStatus()).motor_bits
+        bits = self.session.ask(p.MotorStatus()).motor_bits
         self.told.append((asked, self.session.now, bits))
         return bits
 
@@ -224,8 +205,8 @@ def polled():
         run_request(24, 1, FRAMES, 300, 200),
         run_request(24, FRAMES, 1, 0, 0, sync_dmx=1),
         run_request(24, 7, 7, 200, 0),
-        RtShootFrame(9, 1, 300, 500),
-        RtShootFrame2(9, 300, -90, 400),
+        p.RtShootFrame(9, 1, 300, 500),
+        p.RtShootFrame2(9, 300, -90, 400),
     ],
 )
 def test_wait_for_zero_then_go(polled, request_):
@@ -235,13 +216,13 @@ def test_wait_for_zero_then_go(polled, request_):
         session.accept(request_)
         assert poll.once(), "set from the moment of the acknowledgement"
         poll.until_zero()
-        session.accept(RtGo())
+        session.accept(p.RtGo())
         assert poll.once()
         poll.until_zero()
-        session.client.take_event(RtEnd)
-        session.accept(RtPositionFrame(3))
+        session.client.take_event(p.RtEnd)
+        session.accept(p.RtPositionFrame(3))
         poll.until_zero()
-        session.accept(MotorMove(1, -200))
+        session.accept(p.MotorMove(1, -200))
         assert poll.once() == 1
         poll.until_zero()
     poll.check()
@@ -254,14 +235,14 @@ def test_no_zero_in_a_loop(polled, flags, pre):
     session, poll = polled
     session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
     poll.until_zero()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     begun = len(poll.told)
     poll.for_seconds(2.9)
     assert all(bits & 0b11 == 0b11 for _, _, bits in poll.told[begun:])
-    session.accept(RtStopLoop())
+    session.accept(p.RtStopLoop())
     poll.until_zero()
     session.run(0.005)
-    assert len(session.events(RtEnd)) == 1
+    assert len(session.events(p.RtEnd)) == 1
     session.accept(run_request(24, 1, 7, pre, pre, flags=flags))
     poll.check()
 
@@ -269,49 +250,49 @@ def test_no_zero_in_a_loop(polled, flags, pre):
 def test_status_of_holds_and_waits(polled):
     """A motor that holds still within a run, or waits for its ramp, counts as moving: it is about to."""
     session, poll = polled
-    session.accept(RtShootFrame2(9, 3000, -180, 360))
+    session.accept(p.RtShootFrame2(9, 3000, -180, 360))
     poll.until_zero()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     begun = len(poll.told)
     poll.for_seconds(2.9)
     assert all(bits == 0b11 for _, _, bits in poll.told[begun:])
     poll.until_zero()
-    assert session.client.take_event(RtEnd)
+    assert session.client.take_event(p.RtEnd)
     poll.check()
 
 
 def test_status_of_jogs_and_stops(polled):
     session, poll = polled
-    session.accept(RtPositionFrame(2))
+    session.accept(p.RtPositionFrame(2))
     poll.until_zero()
-    session.accept(RtJogAll(12000, 20))
+    session.accept(p.RtJogAll(12000, 20))
     poll.for_seconds(0.7)
-    session.accept(RtJogAll(12000, 4))
+    session.accept(p.RtJogAll(12000, 4))
     assert poll.once()
     poll.until_zero()
-    session.accept(RtJogAll(12000, 20))
+    session.accept(p.RtJogAll(12000, 20))
     poll.for_seconds(0.4)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     poll.until_zero()
-    session.accept(RtJogAll(12000, 1))
+    session.accept(p.RtJogAll(12000, 1))
     poll.for_seconds(0.3)
-    session.accept(MotorStopAll(), MotorStopAll())
+    session.accept(p.MotorStopAll(), p.MotorStopAll())
     poll.until_zero()
     session.accept(run_request(24, 1, FRAMES))
     poll.for_seconds(0.01)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     poll.until_zero()
     session.accept(run_request(24, 1, FRAMES))
     poll.until_zero()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     poll.for_seconds(0.7)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     poll.until_zero()
     session.accept(run_request(24, 1, FRAMES))
     poll.until_zero()
-    session.accept(MotorJog(2, 8000, 500))
+    session.accept(p.MotorJog(2, 8000, 500))
     assert poll.once() == 2
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     poll.until_zero()
     poll.check()
     assert np.all([len(session.steps(m)[0]) for m in (1, 2)])

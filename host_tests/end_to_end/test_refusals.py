@@ -7,35 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from framestep.protocol import messages as m
-from framestep_tools.payloads import (
-    Ack,
-    BlurMotor,
-    Dmx,
-    GioCam,
-    GioOut,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtRunMove,
-    RtShootFrame,
-    RtShootFrame2,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveDmx,
-    RtUploadMoveEnd,
-    RtUploadMoveTriggers,
-    Trigger,
-)
+from framestep_tools import payloads as p
 from framestep_tools.wire import encode
 from host_tests.end_to_end.session import DIALECTS, run_request, simulated, state
 
@@ -47,8 +19,8 @@ def prepared(dialect="spec"):
     rig = simulated({"dialect": dialect})
     for motor in MOVE:
         rig.speed(motor, 15000, 90_000)
-        rig.accept(MotorSetLimits(motor, 1, -5000, 1, 5000))
-    rig.accept(MotorConfigure(6, 0), MotorResetPosition(7, 2**30 + 5))
+        rig.accept(p.MotorSetLimits(motor, 1, -5000, 1, 5000))
+    rig.accept(p.MotorConfigure(6, 0), p.MotorResetPosition(7, 2**30 + 5))
     rig.upload(MOVE, start_frame=5)
     rig.ready(run_request(24, 5, 29))
     return rig
@@ -122,35 +94,35 @@ def test_wrong_lengths(dialect):
     asked = 0
     for kind in LENGTHS:
         wrong = [length for length in TRIED if not fits(kind, length)]
-        expected = Ack.ERR_RANGE if kind in handled else Ack.ERR_UNSUPPORTED
+        expected = p.Ack.ERR_RANGE if kind in handled else p.Ack.ERR_UNSUPPORTED
         data = b"".join(encode(kind, bytes(i % 7 for i in range(length)), 1 + length) for length in wrong)
         answers = {f.id: f for f in rig.bytes_for(data, 0.2)}
         assert sorted(answers) == [1 + length for length in wrong]
         asked += len(wrong)
         for frame in answers.values():
             assert frame.type == kind | m.MSG_FLAG_ACK, f"type {kind:#06x}, {frame.id - 1} bytes"
-            assert Ack.unpack(frame.payload) == expected, f"type {kind:#06x}, {frame.id - 1} bytes"
+            assert p.Ack.unpack(frame.payload) == expected, f"type {kind:#06x}, {frame.id - 1} bytes"
     assert asked > 300
     assert state(rig) == before
     assert rig.moving == []
 
 
 LONGER = [
-    (Ack.OK, MotorStop(3)),
-    (Ack.OK, MotorStopAll()),
-    (Ack.OK, MotorStopAll(1)),
-    (Ack.OK, MotorResetPosition(3, -70)),
-    (Ack.OK, MotorJog(3, 5000, 900)),
-    (Ack.OK, MotorConfigure(5, 3)),
-    (Ack.OK, MotorSetSpeed(5, 900, 7000)),
-    (Ack.OK, MotorSetLimits(5, 1, -4, 1, 5)),
-    (Ack.ERR_RANGE, MotorSetSpeed(1, 0, 7)),
-    (Ack.OK, GioOut(0)),
-    (Ack.OK, GioCam(0)),
-    (Ack.OK, RtPositionFrame(7)),
-    (Ack.OK, RtJogAll(24000, 9)),
-    (Ack.OK, RtUploadMoveEnd()),
-    (Ack.OK, RtUploadMoveBegin(1, 9)),
+    (p.Ack.OK, p.MotorStop(3)),
+    (p.Ack.OK, p.MotorStopAll()),
+    (p.Ack.OK, p.MotorStopAll(1)),
+    (p.Ack.OK, p.MotorResetPosition(3, -70)),
+    (p.Ack.OK, p.MotorJog(3, 5000, 900)),
+    (p.Ack.OK, p.MotorConfigure(5, 3)),
+    (p.Ack.OK, p.MotorSetSpeed(5, 900, 7000)),
+    (p.Ack.OK, p.MotorSetLimits(5, 1, -4, 1, 5)),
+    (p.Ack.ERR_RANGE, p.MotorSetSpeed(1, 0, 7)),
+    (p.Ack.OK, p.GioOut(0)),
+    (p.Ack.OK, p.GioCam(0)),
+    (p.Ack.OK, p.RtPositionFrame(7)),
+    (p.Ack.OK, p.RtJogAll(24000, 9)),
+    (p.Ack.OK, p.RtUploadMoveEnd()),
+    (p.Ack.OK, p.RtUploadMoveBegin(1, 9)),
 ]
 
 
@@ -176,7 +148,7 @@ def test_longer_than_known(dialect, more):
             rig.wait_idle()
             frame = rig.answer_to(request.TYPE, request.pack() + tail[:more])
             assert frame.is_ack, request
-            assert Ack.unpack(frame.payload) == code, request
+            assert p.Ack.unpack(frame.payload) == code, request
         rig.wait_idle()
     assert answers[:4] == answers[4:]
     assert longer.positions == plain.positions
@@ -187,7 +159,7 @@ def test_run_move_between_its_forms():
     """Field note 1.8: a RUN_MOVE of 30 bytes is one of 29, one of 32 to 34 has flags and no angles, more have all."""
     rig = prepared()
     run = rig.board._board.controller.moves.run
-    whole = RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
+    whole = p.RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
     for length, flags, angles in (
         (29, 0, None),
         (30, 0, None),
@@ -200,7 +172,7 @@ def test_run_move_between_its_forms():
     ):
         rig.wait_idle()
         frame = rig.answer_to(m.MSG_RT_RUN_MOVE, (whole + bytes([255] * 90))[:length])
-        assert Ack.unpack(frame.payload) == Ack.OK
+        assert p.Ack.unpack(frame.payload) == p.Ack.OK
         plan = run.plan
         assert (plan.loops, plan.stills, plan.turns, plan.video) == (flags != 0, flags != 0, False, False), length
         assert ((run.plan.open_angle, run.plan.close_angle) == (10, 300)) == bool(angles), length
@@ -213,7 +185,7 @@ def test_unknown_types(kind):
     before = state(rig)
     for length in (0, 1, 5, 1036):
         frames = [f for f in rig.bytes_for(encode(kind, bytes(length), 9)) if f.id == 9]
-        assert [(f.type, Ack.unpack(f.payload)) for f in frames] == [(kind | 0x8000, Ack.ERR_UNSUPPORTED)]
+        assert [(f.type, p.Ack.unpack(f.payload)) for f in frames] == [(kind | 0x8000, p.Ack.ERR_UNSUPPORTED)]
     assert state(rig) == before
 
 
@@ -224,74 +196,74 @@ FAR = 2**31 - 1
 
 # Refused by a rig that prepared() has made, for what they say
 ALWAYS = [
-    (Ack.ERR_RANGE, MotorMove(0, 5)),
-    (Ack.ERR_RANGE, MotorMove(9, 5)),
-    (Ack.ERR_GENERAL, MotorMove(6, 5)),
-    (Ack.ERR_RANGE, MotorStop(0)),
-    (Ack.ERR_RANGE, MotorStop(9)),
-    (Ack.ERR_RANGE, MotorResetPosition(0, 1)),
-    (Ack.ERR_RANGE, MotorJog(3, 0, 1)),
-    (Ack.ERR_RANGE, MotorJog(3, 10001, 1)),
-    (Ack.ERR_GENERAL, MotorJog(6, 100, 1)),
-    (Ack.ERR_RANGE, MotorConfigure(9, 1)),
-    (Ack.ERR_RANGE, MotorSetSpeed(1, 0, 7)),
-    (Ack.ERR_RANGE, MotorSetSpeed(1, 2**31, 7)),
-    (Ack.ERR_RANGE, MotorSetSpeed(9, 100, 7)),
-    (Ack.ERR_RANGE, MotorSetLimits(1, 1, 5, 1, 4)),
-    (Ack.ERR_RANGE, MotorSetLimits(1, 3, 4, 1, 5)),
-    (Ack.ERR_RANGE, MotorSetLimits(1, 1, 4, 1, 5, limit_set=9)),
-    (Ack.ERR_RANGE, MotorSetLimits(9, 1, 4, 1, 5)),
-    (Ack.ERR_RANGE, Dmx(2, 1, (1, 2))),
-    (Ack.ERR_RANGE, Dmx(0, 0, (1, 2))),
-    (Ack.ERR_RANGE, Dmx(0, 512, (1, 2))),
+    (p.Ack.ERR_RANGE, p.MotorMove(0, 5)),
+    (p.Ack.ERR_RANGE, p.MotorMove(9, 5)),
+    (p.Ack.ERR_GENERAL, p.MotorMove(6, 5)),
+    (p.Ack.ERR_RANGE, p.MotorStop(0)),
+    (p.Ack.ERR_RANGE, p.MotorStop(9)),
+    (p.Ack.ERR_RANGE, p.MotorResetPosition(0, 1)),
+    (p.Ack.ERR_RANGE, p.MotorJog(3, 0, 1)),
+    (p.Ack.ERR_RANGE, p.MotorJog(3, 10001, 1)),
+    (p.Ack.ERR_GENERAL, p.MotorJog(6, 100, 1)),
+    (p.Ack.ERR_RANGE, p.MotorConfigure(9, 1)),
+    (p.Ack.ERR_RANGE, p.MotorSetSpeed(1, 0, 7)),
+    (p.Ack.ERR_RANGE, p.MotorSetSpeed(1, 2**31, 7)),
+    (p.Ack.ERR_RANGE, p.MotorSetSpeed(9, 100, 7)),
+    (p.Ack.ERR_RANGE, p.MotorSetLimits(1, 1, 5, 1, 4)),
+    (p.Ack.ERR_RANGE, p.MotorSetLimits(1, 3, 4, 1, 5)),
+    (p.Ack.ERR_RANGE, p.MotorSetLimits(1, 1, 4, 1, 5, limit_set=9)),
+    (p.Ack.ERR_RANGE, p.MotorSetLimits(9, 1, 4, 1, 5)),
+    (p.Ack.ERR_RANGE, p.Dmx(2, 1, (1, 2))),
+    (p.Ack.ERR_RANGE, p.Dmx(0, 0, (1, 2))),
+    (p.Ack.ERR_RANGE, p.Dmx(0, 512, (1, 2))),
 ]
 # and while no run is under way, after which the answer is 0x12
 AT_REST = [
-    (Ack.ERR_SOFT_UP, MotorMove(1, 5001)),
-    (Ack.ERR_SOFT_LOW, MotorMove(2, -5001)),
-    (Ack.ERR_RANGE, RtUploadMoveBegin(9, 8)),
-    (Ack.ERR_RANGE, RtUploadMoveBegin(1, FAR)),
-    (Ack.ERR_GENERAL, RtUploadMoveAxis(1, 0, (9, 9))),
-    (Ack.ERR_GENERAL, RtUploadMoveDmx(1, 0, (9, 9))),
-    (Ack.ERR_GENERAL, RtUploadMoveTriggers(1, (Trigger(0, 1),))),
-    (Ack.ERR_RANGE, RtPositionFrame(4)),
-    (Ack.ERR_RANGE, RtPositionFrame(30)),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 0})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 2**31})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"start_frame": 4})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"end_frame": 30})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"fps_milli": 200_001})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"sync_dmx": 2})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"bloop_channel": 513})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"flags": 0x80})),
-    (Ack.ERR_RANGE, RtRunMove(**RUN | {"flags": 0x20, "open_angle": 0, "close_angle": 361})),
-    (Ack.ERR_PREROLL, RtRunMove(**RUN | {"preroll_ms": 20_000})),
-    (Ack.ERR_POSTROLL, RtRunMove(**RUN | {"postroll_ms": 20_000})),
-    (Ack.ERR_PREROLL, RtRunMove(**RUN | {"preroll_ms": 1})),
-    (Ack.ERR_RANGE, RtShootFrame(40, 1, 500, 500)),
-    (Ack.ERR_RANGE, RtShootFrame(10, 2, 500, 500)),
-    (Ack.ERR_RANGE, RtShootFrame2(40, 500, 0, 360)),
-    (Ack.ERR_RANGE, RtShootFrame2(10, 500, 0, 360, (BlurMotor(9, 1, 2),))),
-    (Ack.ERR_RANGE, RtJogAll(24000, 40)),
-    (Ack.ERR_RANGE, RtJogAll(0, 10)),
-    (Ack.ERR_NOT_IN_POSITION, RtJogAll(24000, 10)),
+    (p.Ack.ERR_SOFT_UP, p.MotorMove(1, 5001)),
+    (p.Ack.ERR_SOFT_LOW, p.MotorMove(2, -5001)),
+    (p.Ack.ERR_RANGE, p.RtUploadMoveBegin(9, 8)),
+    (p.Ack.ERR_RANGE, p.RtUploadMoveBegin(1, FAR)),
+    (p.Ack.ERR_GENERAL, p.RtUploadMoveAxis(1, 0, (9, 9))),
+    (p.Ack.ERR_GENERAL, p.RtUploadMoveDmx(1, 0, (9, 9))),
+    (p.Ack.ERR_GENERAL, p.RtUploadMoveTriggers(1, (p.Trigger(0, 1),))),
+    (p.Ack.ERR_RANGE, p.RtPositionFrame(4)),
+    (p.Ack.ERR_RANGE, p.RtPositionFrame(30)),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"fps_milli": 0})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"fps_milli": 2**31})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"start_frame": 4})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"end_frame": 30})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"fps_milli": 200_001})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"sync_dmx": 2})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"bloop_channel": 513})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"flags": 0x80})),
+    (p.Ack.ERR_RANGE, p.RtRunMove(**RUN | {"flags": 0x20, "open_angle": 0, "close_angle": 361})),
+    (p.Ack.ERR_PREROLL, p.RtRunMove(**RUN | {"preroll_ms": 20_000})),
+    (p.Ack.ERR_POSTROLL, p.RtRunMove(**RUN | {"postroll_ms": 20_000})),
+    (p.Ack.ERR_PREROLL, p.RtRunMove(**RUN | {"preroll_ms": 1})),
+    (p.Ack.ERR_RANGE, p.RtShootFrame(40, 1, 500, 500)),
+    (p.Ack.ERR_RANGE, p.RtShootFrame(10, 2, 500, 500)),
+    (p.Ack.ERR_RANGE, p.RtShootFrame2(40, 500, 0, 360)),
+    (p.Ack.ERR_RANGE, p.RtShootFrame2(10, 500, 0, 360, (p.BlurMotor(9, 1, 2),))),
+    (p.Ack.ERR_RANGE, p.RtJogAll(24000, 40)),
+    (p.Ack.ERR_RANGE, p.RtJogAll(0, 10)),
+    (p.Ack.ERR_NOT_IN_POSITION, p.RtJogAll(24000, 10)),
 ]
 RUNNING = [
-    MotorMove(1, 0),
-    MotorJog(2, 100, 0),
-    MotorResetPosition(2, 0),
-    MotorConfigure(1, 0),
-    RtUploadMoveBegin(1, 9),
-    RtUploadMoveAxis(1, 0, (5, 6)),
-    RtUploadMoveDmx(1, 0, (5, 6)),
-    RtUploadMoveTriggers(1, (Trigger(0, 1),)),
-    RtUploadMoveEnd(),
-    RtPositionFrame(9),
-    RtRunMove(**RUN),
-    RtShootFrame(9, 1, 500, 500),
-    RtShootFrame2(9, 500, 0, 360),
-    RtGo(),
-    RtJogAll(24000, 9),
+    p.MotorMove(1, 0),
+    p.MotorJog(2, 100, 0),
+    p.MotorResetPosition(2, 0),
+    p.MotorConfigure(1, 0),
+    p.RtUploadMoveBegin(1, 9),
+    p.RtUploadMoveAxis(1, 0, (5, 6)),
+    p.RtUploadMoveDmx(1, 0, (5, 6)),
+    p.RtUploadMoveTriggers(1, (p.Trigger(0, 1),)),
+    p.RtUploadMoveEnd(),
+    p.RtPositionFrame(9),
+    p.RtRunMove(**RUN),
+    p.RtShootFrame(9, 1, 500, 500),
+    p.RtShootFrame2(9, 500, 0, 360),
+    p.RtGo(),
+    p.RtJogAll(24000, 9),
 ]
 
 
@@ -303,13 +275,13 @@ def test_refusals_leave_everything_as_it_was():
         rig.refuse(code, request)
         changed = {path for path, value in state(rig).items() if before.get(path) != value}
         assert not changed, request
-    rig.accept(MotorSetSpeed(1, 15001, 90_000))
+    rig.accept(p.MotorSetSpeed(1, 15001, 90_000))
     assert state(rig) != before
 
 
 def in_an_upload():
     rig = simulated()
-    rig.accept(RtUploadMoveBegin(1, 10), RtUploadMoveAxis(1, 0, (1, 2, 3)), RtUploadMoveAxis(3, 5, (7,)))
+    rig.accept(p.RtUploadMoveBegin(1, 10), p.RtUploadMoveAxis(1, 0, (1, 2, 3)), p.RtUploadMoveAxis(3, 5, (7,)))
     return rig
 
 
@@ -318,22 +290,22 @@ def test_refusals_within_an_upload():
     rig = in_an_upload()
     before = state(rig)
     for code, request in (
-        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 10, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(1, 11, (1, 2))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(9, 0, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveAxis(2, 0x7FFF_FFFF, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveDmx(513, 0, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveDmx(1, 10, (1,))),
-        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(10, 1), Trigger(0, 1)))),
-        (Ack.ERR_RANGE, RtUploadMoveTriggers(1, (Trigger(0, 1), Trigger(2**32 - 1, 1)))),
-        (Ack.ERR_RANGE, RtUploadMoveBegin(1_000_001, 1_000_002)),
-        (Ack.ERR_RANGE, RtUploadMoveBegin(3, 2)),
-        (Ack.ERR_GENERAL, RtPositionFrame(1)),
-        (Ack.ERR_GENERAL, run_request(24, 1, 2)),
-        (Ack.ERR_GENERAL, RtGo()),
-        (Ack.ERR_GENERAL, RtShootFrame(1, 1, 500, 500)),
-        (Ack.ERR_GENERAL, RtJogAll(24000, 1)),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 10, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 11, (1, 2))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveAxis(0, 0, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveAxis(9, 0, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveAxis(2, 0x7FFF_FFFF, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveDmx(513, 0, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveDmx(1, 10, (1,))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(1, (p.Trigger(10, 1), p.Trigger(0, 1)))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(1, (p.Trigger(0, 1), p.Trigger(2**32 - 1, 1)))),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveBegin(1_000_001, 1_000_002)),
+        (p.Ack.ERR_RANGE, p.RtUploadMoveBegin(3, 2)),
+        (p.Ack.ERR_GENERAL, p.RtPositionFrame(1)),
+        (p.Ack.ERR_GENERAL, run_request(24, 1, 2)),
+        (p.Ack.ERR_GENERAL, p.RtGo()),
+        (p.Ack.ERR_GENERAL, p.RtShootFrame(1, 1, 500, 500)),
+        (p.Ack.ERR_GENERAL, p.RtJogAll(24000, 1)),
     ):
         rig.refuse(code, request)
         assert state(rig) == before, request
@@ -373,7 +345,7 @@ def test_whatever_is_refused_changes_nothing(frames, waiting):
         before = state(rig)
         answers = [f for f in rig.bytes_for(encode(kind, payload, 5), 0.003) if f.id == 5]
         assert len(answers) == 1
-        if answers[0].is_ack and Ack.unpack(answers[0].payload) != Ack.OK:
+        if answers[0].is_ack and p.Ack.unpack(answers[0].payload) != p.Ack.OK:
             changed = {path for path, value in state(rig).items() if before.get(path) != value}
             assert not changed, (hex(kind), payload)
         rig.port.channel.receive(encode(m.MSG_MOTOR_STOP_ALL))
@@ -402,27 +374,30 @@ def session_with(refusals):
             rig.refuse(code, request)
 
     def moving(requests):
-        return [(Ack.ERR_MOVING, request) for request in requests]
+        return [(p.Ack.ERR_MOVING, request) for request in requests]
 
     at(0.1)
     for motor in MOVE:
-        rig.accept(MotorSetSpeed(motor, 15000, 90_000), MotorSetLimits(motor, 1, -5000, 1, 5000))
-    rig.accept(MotorConfigure(6, 0))
+        rig.accept(p.MotorSetSpeed(motor, 15000, 90_000), p.MotorSetLimits(motor, 1, -5000, 1, 5000))
+    rig.accept(p.MotorConfigure(6, 0))
     rig.upload(MOVE, start_frame=5)
-    bother(0.5, ALWAYS + [refusal for refusal in AT_REST if refusal[0] != Ack.ERR_NOT_IN_POSITION])
-    at(1.0, RtRunMove(**RUN))
-    bother(1.01, ALWAYS + [(Ack.ERR_NOT_IN_POSITION, RtGo())] + moving([RtRunMove(**RUN), MotorResetPosition(1, 5)]))
+    bother(0.5, ALWAYS + [refusal for refusal in AT_REST if refusal[0] != p.Ack.ERR_NOT_IN_POSITION])
+    at(1.0, p.RtRunMove(**RUN))
+    bother(
+        1.01,
+        ALWAYS + [(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())] + moving([p.RtRunMove(**RUN), p.MotorResetPosition(1, 5)]),
+    )
     bother(2.0, ALWAYS + AT_REST)
-    at(3.0, RtGo())
-    disturbing = {type(request) for request in RUNNING} - {RtJogAll}
-    bother(3.1, moving(RUNNING) + ALWAYS + [(Ack.ERR_MOVING, r) for _, r in AT_REST if type(r) in disturbing])
+    at(3.0, p.RtGo())
+    disturbing = {type(request) for request in RUNNING} - {p.RtJogAll}
+    bother(3.1, moving(RUNNING) + ALWAYS + [(p.Ack.ERR_MOVING, r) for _, r in AT_REST if type(r) in disturbing])
     at(6.0)
-    bother(6.0, ALWAYS + [(Ack.ERR_GENERAL, RtGo())])
-    at(6.5, MotorJog(1, 10000, FAR), MotorMove(2, -5000))
-    bother(6.6, ALWAYS + [(Ack.ERR_SOFT_UP, MotorMove(1, 5001)), (Ack.ERR_MOVING, MotorResetPosition(1, 0))])
-    at(9.0, RtPositionFrame(20))
+    bother(6.0, ALWAYS + [(p.Ack.ERR_GENERAL, p.RtGo())])
+    at(6.5, p.MotorJog(1, 10000, FAR), p.MotorMove(2, -5000))
+    bother(6.6, ALWAYS + [(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 5001)), (p.Ack.ERR_MOVING, p.MotorResetPosition(1, 0))])
+    at(9.0, p.RtPositionFrame(20))
     at(11.0)
-    said = [(round(e.time_s, 6), e.message) for e in rig.client.events if isinstance(e.message, Positions | RtEnd)]
+    said = [(round(e.time_s, 6), e.message) for e in rig.client.events if isinstance(e.message, p.Positions | p.RtEnd)]
     return {signal: (times.tolist(), values.tolist()) for signal, (times, values) in rig.trace().signals.items()}, said
 
 
@@ -431,7 +406,7 @@ def test_refusals_leave_no_trace_on_the_pins():
     edges, said = session_with(refusals=False)
     assert len(edges["m1"][0]) > 5000
     assert len(edges["m2"][0]) > 5000
-    assert sum(isinstance(message, RtEnd) for _, message in said) == 1
+    assert sum(isinstance(message, p.RtEnd) for _, message in said) == 1
     bothered_edges, bothered_said = session_with(refusals=True)
     assert bothered_edges == edges
     assert bothered_said == said

@@ -3,21 +3,8 @@
 import numpy as np
 import pytest
 
+from framestep_tools import payloads as p
 from framestep_tools.judge import frame_times_ns, judge
-from framestep_tools.payloads import (
-    Ack,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorStatus,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtPositionFrame,
-)
 from host_tests.end_to_end.session import assert_within, deceleration, run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played, section
 
@@ -40,17 +27,17 @@ def test_run_told(loaded):
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     loaded.run(0.7 + FRAMES / 24 + 1)
     verdict = assert_played(loaded, before, MOVE, 24)
-    assert len(loaded.events(RtEnd)) == 1
-    ((end, _),) = loaded.events(RtEnd)
+    assert len(loaded.events(p.RtEnd)) == 1
+    ((end, _),) = loaded.events(p.RtEnd)
     times = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
     kinds = [type(event.message) for event in loaded.client.events]
-    assert kinds.index(RtEnd) > max(i for i, k in enumerate(kinds) if k is Positions and i < kinds.index(RtEnd))
+    assert kinds.index(p.RtEnd) > max(i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd))
     # the first report of each frame
     told = {}
-    for time, message in loaded.events(Positions):
+    for time, message in loaded.events(p.Positions):
         if time > times[0] - 0.05:
             told.setdefault(message.move_time, (time, message))
     told.pop(1000 if 1000 in told and told[1000][0] < times[0] - 0.005 else None, None)
@@ -78,8 +65,8 @@ def test_roll_positions(loaded, first, last, roll):
     assert loaded.position(1) == round(MOVE[1][first - 1] - velocity * pre / 2)
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
     end = loaded.now
     loaded.run(0.5)
     times, signs = loaded.steps(1)
@@ -111,10 +98,10 @@ def test_single_frame(loaded):
     for frame in (12, 1, 25):
         loaded.ready(run_request(24, frame, frame, 500, 500))
         loaded.forget()
-        loaded.accept(RtGo())
-        loaded.client.wait_event(RtEnd, 3)
+        loaded.accept(p.RtGo())
+        loaded.client.wait_event(p.RtEnd, 3)
         loaded.run(0.3)
-        assert not loaded.events(RtEnd)
+        assert not loaded.events(p.RtEnd)
         for motor, steps in MOVE.items():
             assert loaded.position(motor) == steps[frame - 1]
         assert loaded.ask_positions().move_time == frame * 1000
@@ -162,27 +149,27 @@ def test_a_second_run_and_after(loaded):
     for _ in range(2):
         before = loaded.play(run_request(24, 1, FRAMES))
         assert_played(loaded, before, MOVE, 24)
-        loaded.ask(MotorMove(1, -300))
+        loaded.ask(p.MotorMove(1, -300))
         loaded.wait_idle()
         assert loaded.position(1) == -300
-    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
 
 
 def test_motors_without_a_part_hold_still(loaded):
     """Field notes 5.4 and 3.1: no data, not enabled, under live control."""
-    loaded.accept(MotorConfigure(2, 0), MotorConfigure(4, 0x01 | 0x08))
-    loaded.accept(MotorResetPosition(2, 77), MotorResetPosition(4, -3))
+    loaded.accept(p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08))
+    loaded.accept(p.MotorResetPosition(2, 77), p.MotorResetPosition(4, -3))
     loaded.ready(run_request(24, 1, FRAMES))
     before = loaded.positions
     assert before[2] == 77
     assert before[4] == -3
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     loaded.run(0.2)
-    assert loaded.code(MotorMove(4, 300)) == Ack.OK, "a motor under live control moves during a run"
+    assert loaded.code(p.MotorMove(4, 300)) == p.Ack.OK, "a motor under live control moves during a run"
     loaded.run(0.3)
-    loaded.accept(MotorJog(4, 5000, 500), MotorStop(4))
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(p.MotorJog(4, 5000, 500), p.MotorStop(4))
+    loaded.client.wait_event(p.RtEnd, 10)
     loaded.run(0.5)
     trace = loaded.trace()
     assert 2 not in trace.motors
@@ -195,13 +182,13 @@ def test_go_too_early(loaded):
     """Field note 6.1: 0x16 until all are there; then it goes. MOTOR_STATUS tells when."""
     loaded.accept(run_request(24, 1, FRAMES))
     while loaded.moving:
-        loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+        loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
         loaded.run(0.03)
     loaded.run(0.05)
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
     loaded.wait_idle()
     assert_played(loaded, before, MOVE, 24)
 
@@ -210,16 +197,16 @@ def test_go_after_a_motor_was_moved(loaded):
     """What waits is not where it should be any more: 0x16, and once it is back it goes."""
     loaded.ready(run_request(24, 1, FRAMES))
     waits = loaded.position(1)
-    loaded.ask(MotorMove(1, waits + 10))
-    loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+    loaded.ask(p.MotorMove(1, waits + 10))
+    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
     loaded.wait_idle()
-    loaded.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
-    loaded.ask(MotorMove(1, waits))
+    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
+    loaded.ask(p.MotorMove(1, waits))
     loaded.wait_idle()
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
     loaded.wait_idle()
     assert_played(loaded, before, MOVE, 24)
 
@@ -228,23 +215,23 @@ def test_acknowledged_before_it_moves(loaded):
     """Field note 6.3; and all motors start in the same tick."""
     loaded.ready(run_request(24, 1, FRAMES, 200, 200))
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     acknowledged = loaded.now
     loaded.run(0.5)
     assert loaded.steps(1)[0][0] > acknowledged - 0.001
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.client.wait_event(p.RtEnd, 10)
 
 
 def test_moving_bits_from_the_acknowledgement_on(loaded):
-    loaded.accept(RtPositionFrame(9))
+    loaded.accept(p.RtPositionFrame(9))
     assert loaded.moving == [1, 2]  # motor 4 stands there already
     loaded.wait_idle()
     loaded.accept(run_request(24, 1, FRAMES))
     assert set(loaded.moving) >= {1, 2}
     loaded.wait_idle()
-    loaded.accept(RtGo())
-    assert loaded.ask(MotorStatus()).motor_bits == 0b1011
-    loaded.client.wait_event(RtEnd, 10)
+    loaded.accept(p.RtGo())
+    assert loaded.ask(p.MotorStatus()).motor_bits == 0b1011
+    loaded.client.wait_event(p.RtEnd, 10)
 
 
 # ---- stopping a run ----------------------------------------------------------------------------------------
@@ -258,12 +245,12 @@ def test_stop_all_in_a_run(loaded, after, hard):
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     loaded.run(after)
-    loaded.accept(*[MotorStopAll()] * (2 if hard else 1))
+    loaded.accept(*[p.MotorStopAll()] * (2 if hard else 1))
     asked = loaded.now
     loaded.run(1.0)
-    assert len(loaded.events(RtEnd)) == 1
+    assert len(loaded.events(p.RtEnd)) == 1
     assert loaded.moving == []
     times, signs = loaded.steps(1)
     if after in (0.5, 0.9):
@@ -271,7 +258,7 @@ def test_stop_all_in_a_run(loaded, after, hard):
         assert deceleration(times, signs, asked) == pytest.approx(expected, rel=0.05)
     for motor in MOVE:
         assert loaded.position(motor) == before[motor] + loaded.made(motor)
-    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     before = loaded.play(run_request(24, 1, FRAMES))
     assert_played(loaded, before, MOVE, 24)
 
@@ -279,11 +266,11 @@ def test_stop_all_in_a_run(loaded, after, hard):
 def test_stop_of_one_motor_ends_the_run(loaded):
     loaded.ready(run_request(24, 1, FRAMES))
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     loaded.run(0.8)
-    loaded.accept(MotorStop(4))
+    loaded.accept(p.MotorStop(4))
     loaded.run(0.6)
-    assert len(loaded.events(RtEnd)) == 1
+    assert len(loaded.events(p.RtEnd)) == 1
     assert loaded.moving == []
 
 
@@ -293,11 +280,11 @@ def test_stop_all_before_go(loaded):
         loaded.accept(run_request(24, 1, FRAMES))
         loaded.run(wait)
         loaded.forget()
-        loaded.accept(MotorStopAll())
+        loaded.accept(p.MotorStopAll())
         loaded.run(1.2)
-        assert len(loaded.events(RtEnd)) == 1
-        loaded.refuse(Ack.ERR_GENERAL, RtGo())
-        loaded.ask(MotorMove(1, 2000))
+        assert len(loaded.events(p.RtEnd)) == 1
+        loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+        loaded.ask(p.MotorMove(1, 2000))
         loaded.wait_idle()
 
 
@@ -306,7 +293,7 @@ def test_port_closed_in_a_run(loaded):
     loaded.ready(run_request(24, 1, FRAMES))
     before = loaded.positions
     loaded.forget()
-    loaded.accept(RtGo())
+    loaded.accept(p.RtGo())
     loaded.run(0.8)
     loaded.leave()
     closed = loaded.now
@@ -315,10 +302,10 @@ def test_port_closed_in_a_run(loaded):
     assert times[-1] - closed < 60 * 24 / 100_000 + 0.006
     loaded.come_back()
     loaded.run(0.2)
-    assert loaded.events(RtEnd) == []
+    assert loaded.events(p.RtEnd) == []
     assert loaded.moving == []
     assert loaded.position(1) == before[1] + signs.sum()
-    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
     before = loaded.play(run_request(24, 1, FRAMES))
     assert_played(loaded, before, MOVE, 24)
 
@@ -329,4 +316,4 @@ def test_port_closed_before_go(loaded):
     loaded.run(0.1)
     loaded.come_back()
     loaded.run(0.1)
-    loaded.refuse(Ack.ERR_GENERAL, RtGo())
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())

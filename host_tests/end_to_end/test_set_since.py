@@ -3,20 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    BlurMotor,
-    MotorConfigure,
-    MotorResetPosition,
-    MotorSetLimits,
-    MotorSetSpeed,
-    RtEnd,
-    RtGo,
-    RtShootFrame,
-    RtShootFrame2,
-    VirtConfig,
-    VirtualAxis,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import assert_within, run_request
 
@@ -28,28 +15,28 @@ LOOP, PING_PONG = 2, 1
 UPPER, LOWER = 2440 + 60 + 360, 1000 - 360  # where the post-roll ends, where the motor waits
 
 CHANGES = [
-    (MotorSetSpeed(1, 1300, ACCELERATION), Ack.ERR_RANGE),
-    (MotorSetSpeed(1, VELOCITY, 2000), Ack.ERR_PREROLL),
-    (MotorSetLimits(1, 0, 0, 1, 2000), Ack.ERR_SOFT_UP),
-    (MotorSetLimits(1, 1, 1100, 0, 0), Ack.ERR_SOFT_LOW),
-    (MotorSetLimits(1, 0, 0, 1, UPPER - 1), Ack.ERR_POSTROLL),
-    (MotorSetLimits(1, 1, LOWER + 1, 0, 0), Ack.ERR_PREROLL),
-    (MotorSetLimits(1, 1, LOWER, 1, UPPER), Ack.OK),
-    (MotorConfigure(1, 0x00), Ack.ERR_GENERAL),
-    (MotorConfigure(1, 0x09), Ack.ERR_GENERAL),
-    (MotorConfigure(2, 0x11), Ack.OK),
-    (MotorConfigure(1, 0x11), Ack.ERR_GENERAL),  # motor 2 would be led by it, but has a part of its own
-    (MotorResetPosition(1, 5), Ack.ERR_NOT_IN_POSITION),
-    (MotorResetPosition(1, LOWER), Ack.OK),
-    (MotorSetSpeed(1, 1500, 3000), Ack.OK),
-    (MotorSetSpeed(3, 10, 10), Ack.OK),  # has no part in it
-    (VirtConfig(2, (VirtualAxis(1, 1000), VirtualAxis(2, 1000))), Ack.OK),
+    (p.MotorSetSpeed(1, 1300, ACCELERATION), p.Ack.ERR_RANGE),
+    (p.MotorSetSpeed(1, VELOCITY, 2000), p.Ack.ERR_PREROLL),
+    (p.MotorSetLimits(1, 0, 0, 1, 2000), p.Ack.ERR_SOFT_UP),
+    (p.MotorSetLimits(1, 1, 1100, 0, 0), p.Ack.ERR_SOFT_LOW),
+    (p.MotorSetLimits(1, 0, 0, 1, UPPER - 1), p.Ack.ERR_POSTROLL),
+    (p.MotorSetLimits(1, 1, LOWER + 1, 0, 0), p.Ack.ERR_PREROLL),
+    (p.MotorSetLimits(1, 1, LOWER, 1, UPPER), p.Ack.OK),
+    (p.MotorConfigure(1, 0x00), p.Ack.ERR_GENERAL),
+    (p.MotorConfigure(1, 0x09), p.Ack.ERR_GENERAL),
+    (p.MotorConfigure(2, 0x11), p.Ack.OK),
+    (p.MotorConfigure(1, 0x11), p.Ack.ERR_GENERAL),  # motor 2 would be led by it, but has a part of its own
+    (p.MotorResetPosition(1, 5), p.Ack.ERR_NOT_IN_POSITION),
+    (p.MotorResetPosition(1, LOWER), p.Ack.OK),
+    (p.MotorSetSpeed(1, 1500, 3000), p.Ack.OK),
+    (p.MotorSetSpeed(3, 10, 10), p.Ack.OK),  # has no part in it
+    (p.VirtConfig(2, (p.VirtualAxis(1, 1000), p.VirtualAxis(2, 1000))), p.Ack.OK),
 ]
 BACK = (
-    MotorSetSpeed(1, VELOCITY, ACCELERATION),
-    MotorSetLimits(1, 0, 0, 0, 0),
-    MotorConfigure(1, 0x03),
-    MotorResetPosition(1, LOWER),
+    p.MotorSetSpeed(1, VELOCITY, ACCELERATION),
+    p.MotorSetLimits(1, 0, 0, 0, 0),
+    p.MotorConfigure(1, 0x03),
+    p.MotorResetPosition(1, LOWER),
 )
 
 
@@ -68,16 +55,16 @@ def test_before_go(change, code, pause):
     session.forget()
     session.accept(change)
     session.run(pause)
-    if code != Ack.OK:
-        session.refuse(code, RtGo())
+    if code != p.Ack.OK:
+        session.refuse(code, p.RtGo())
         session.run(0.2)
         assert not session.trace().motors
         assert not session.moving
-        session.refuse(code, RtGo())
+        session.refuse(code, p.RtGo())
         session.accept(*BACK)
         session.run(pause)
-    session.accept(RtGo())
-    session.client.wait_event(RtEnd, 10)
+    session.accept(p.RtGo())
+    session.client.wait_event(p.RtEnd, 10)
     session.wait_idle()
     assert session.position(1) == UP[-1]
 
@@ -87,11 +74,11 @@ def test_shortest_rolls_are_others_now():
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 0, 0))
     session.speed(1, VELOCITY, 20_000)
-    session.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+    session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
     session.ready(run_request(24, 1, FRAMES, 0, 0))
     session.forget()
-    session.accept(RtGo())
-    session.client.wait_event(RtEnd, 10)
+    session.accept(p.RtGo())
+    session.client.wait_event(p.RtEnd, 10)
     session.wait_idle()
     times, signs = session.steps(1)
     assert_within(times, signs, 20_000, 20_000)
@@ -99,51 +86,52 @@ def test_shortest_rolls_are_others_now():
 
 def test_a_motor_enabled_since():
     session = loaded()
-    session.accept(MotorConfigure(2, 0))
+    session.accept(p.MotorConfigure(2, 0))
     session.ready(RUN)
-    session.accept(MotorConfigure(2, 3))
-    session.refuse(Ack.ERR_NOT_IN_POSITION, RtGo())
+    session.accept(p.MotorConfigure(2, 3))
+    session.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
     session.play(RUN)
 
 
 @pytest.mark.parametrize("second", [False, True])
 def test_before_go_of_an_exposure(second):
-    pairs = (BlurMotor(1, 0, 800),)
+    pairs = (p.BlurMotor(1, 0, 800),)
     for change, first, angles in (
-        (MotorSetSpeed(1, 700, ACCELERATION), Ack.ERR_RANGE, Ack.ERR_RANGE),
-        (MotorSetSpeed(1, VELOCITY, 300), Ack.ERR_PREROLL, Ack.ERR_RANGE),
-        (MotorSetLimits(1, 1, -399, 0, 0), Ack.ERR_PREROLL, Ack.OK),
-        (MotorSetLimits(1, 1, 1, 0, 0), Ack.ERR_PREROLL, Ack.ERR_PREROLL),
-        (MotorSetLimits(1, 0, 0, 1, 1199), Ack.ERR_POSTROLL, Ack.OK),
-        (MotorSetLimits(1, 0, 0, 1, 799), Ack.ERR_POSTROLL, Ack.ERR_POSTROLL),
-        (MotorConfigure(1, 0x01), Ack.ERR_GENERAL, Ack.OK),
-        (MotorConfigure(1, 0x02), Ack.ERR_GENERAL, Ack.ERR_GENERAL),
+        (p.MotorSetSpeed(1, 700, ACCELERATION), p.Ack.ERR_RANGE, p.Ack.ERR_RANGE),
+        (p.MotorSetSpeed(1, VELOCITY, 300), p.Ack.ERR_PREROLL, p.Ack.ERR_RANGE),
+        (p.MotorSetLimits(1, 1, -399, 0, 0), p.Ack.ERR_PREROLL, p.Ack.OK),
+        (p.MotorSetLimits(1, 1, 1, 0, 0), p.Ack.ERR_PREROLL, p.Ack.ERR_PREROLL),
+        (p.MotorSetLimits(1, 0, 0, 1, 1199), p.Ack.ERR_POSTROLL, p.Ack.OK),
+        (p.MotorSetLimits(1, 0, 0, 1, 799), p.Ack.ERR_POSTROLL, p.Ack.ERR_POSTROLL),
+        (p.MotorConfigure(1, 0x01), p.Ack.ERR_GENERAL, p.Ack.OK),
+        (p.MotorConfigure(1, 0x02), p.Ack.ERR_GENERAL, p.Ack.ERR_GENERAL),
     ):
         session = loaded()
-        request = RtShootFrame2(12, 1000, 0, 360, pairs) if second else RtShootFrame(12, 1, 1000, 1000, pairs)
+        request = p.RtShootFrame2(12, 1000, 0, 360, pairs) if second else p.RtShootFrame(12, 1, 1000, 1000, pairs)
         session.ready(request)
         session.accept(change)
         code = angles if second else first
-        if code != Ack.OK:
-            session.refuse(code, RtGo())
+        if code != p.Ack.OK:
+            session.refuse(code, p.RtGo())
             session.accept(*BACK[:3])
-        session.accept(RtGo())
-        session.client.wait_event(RtEnd, 10)
+        session.accept(p.RtGo())
+        session.client.wait_event(p.RtEnd, 10)
 
 
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 @pytest.mark.parametrize("after", [1.0, 1.9], ids=["in the pass", "between two"])
 @pytest.mark.parametrize(
-    "change", [MotorSetSpeed(1, 1300, ACCELERATION), MotorSetLimits(1, 0, 0, 1, 2000), MotorSetSpeed(1, 20_000, 2000)]
+    "change",
+    [p.MotorSetSpeed(1, 1300, ACCELERATION), p.MotorSetLimits(1, 0, 0, 1, 2000), p.MotorSetSpeed(1, 20_000, 2000)],
 )
 def test_in_a_loop(flags, after, change):
     """The pass under way ends as it was acknowledged, the next one would not be: the run ends there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=flags))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(after)
     session.accept(change)
-    session.client.wait_event(RtEnd, 6)
+    session.client.wait_event(p.RtEnd, 6)
     session.wait_idle()
     assert session.now < 9
 
@@ -152,38 +140,38 @@ def test_a_slower_way_back_in_a_loop():
     """What allows the next pass still holds on the way there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(1)
     session.speed(1, 1500, 3000)
     session.forget()
     session.run(9)
     times, signs = session.steps(1)
     assert_within(times, signs, 1500 * 1.01, 3000 * 1.02, window=0.05)
-    assert not session.events(RtEnd)
+    assert not session.events(p.RtEnd)
     assert np.count_nonzero(np.diff(signs)) >= 3
 
 
 def test_a_limit_set_on_the_way_to_the_start():
     """The motors go no farther than that, and GO is refused."""
     session = loaded()
-    session.accept(MotorSetSpeed(1, 2_000, 4_000), RUN)
+    session.accept(p.MotorSetSpeed(1, 2_000, 4_000), RUN)
     session.run(0.2)
-    session.accept(MotorSetLimits(1, 1, -100, 1, 500))
+    session.accept(p.MotorSetLimits(1, 1, -100, 1, 500))
     session.wait_idle()
     assert session.position(1) == session.made(1) == 500
-    session.refuse(Ack.ERR_SOFT_UP, RtGo())
+    session.refuse(p.Ack.ERR_SOFT_UP, p.RtGo())
 
 
 @pytest.mark.parametrize("when", ["on the way back", "before the way back"])
 def test_a_limit_set_in_a_loop_holds_on_the_way_back(when):
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=LOOP))
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(2.1 if when == "on the way back" else 1.5)
     assert session.position(1) > 1500
     set_at = session.now
-    session.accept(MotorSetLimits(1, 1, 900, 1, 100_000))
-    session.client.wait_event(RtEnd, 6)
+    session.accept(p.MotorSetLimits(1, 1, 900, 1, 100_000))
+    session.client.wait_event(p.RtEnd, 6)
     session.wait_idle()
     times, signs = session.steps(1)
     assert np.cumsum(signs)[times > set_at].min() >= 900

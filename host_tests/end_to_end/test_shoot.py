@@ -3,21 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    BlurMotor,
-    MotorConfigure,
-    MotorMove,
-    MotorSetLimits,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtShootFrame,
-    RtShootFrame2,
-    RtUploadMoveBegin,
-    RtUploadMoveEnd,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import ACCELERATION, FRAMES, MOVE, VELOCITY, edges, rig, upload
 from host_tests.end_to_end.session import assert_within, run_request
 
@@ -39,19 +25,19 @@ def shoot(session, request, start_s=0.005):
     session.ready(request)
     before = session.positions
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     went = session.now
-    session.client.wait_event(RtEnd, 70)
+    session.client.wait_event(p.RtEnd, 70)
     ended = session.now
     session.run(0.3)
-    assert not session.events(RtEnd)
+    assert not session.events(p.RtEnd)
     assert not session.moving
     (opened, on), (closed, off) = edges(session, "shutter")
     (metered, meter_on), (unmetered, meter_off) = edges(session, "meter")
     assert (on, off, meter_on, meter_off) == (1, 0, 1, 0)
     assert -0.005 < metered - went < start_s, "meter from GO to the end of the exposure"
     assert unmetered == closed, "meter from GO to the end of the exposure"
-    if isinstance(request, RtShootFrame):
+    if isinstance(request, p.RtShootFrame):
         assert ended >= closed + 0.999
     else:
         assert ended >= closed
@@ -95,7 +81,7 @@ def test_whole_window(ready, exposure, direction, pair):
     """Field note 7.1: POS A to POS B in the exposure time, DIRECTION 0 turns them; 1.0 s run-up and run-out."""
     if exposure == 17 and abs(pair[1] - pair[0]) > 300:
         pair = (pair[0], pair[0] + (pair[1] - pair[0]) // 4)
-    request = RtShootFrame(FRAME, direction, exposure, 1000, [BlurMotor(1, *pair)])
+    request = p.RtShootFrame(FRAME, direction, exposure, 1000, [p.BlurMotor(1, *pair)])
     before, went, opened, closed = shoot(ready, request)
     a, b = pair if direction else pair[::-1]
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
@@ -113,7 +99,7 @@ def test_whole_window(ready, exposure, direction, pair):
 def test_blur(ready, blur, direction):
     """The middle `blur` of the way, by step."""
     for a, b in ((0, 4000), (1000, -3001)):
-        before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, direction, 400, blur, [BlurMotor(1, a, b)]))
+        before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, direction, 400, blur, [p.BlurMotor(1, a, b)]))
         if not direction:
             a, b = b, a
         middle, half = (a + b) / 2, (b - a) * blur / 2000
@@ -122,13 +108,13 @@ def test_blur(ready, blur, direction):
 
 def test_long_exposure(ready):
     before, _, opened, closed = shoot(
-        ready, RtShootFrame(FRAME, 1, 60000, 500, [BlurMotor(1, 0, 12000), BlurMotor(2, 8, 0)])
+        ready, p.RtShootFrame(FRAME, 1, 60000, 500, [p.BlurMotor(1, 0, 12000), p.BlurMotor(2, 8, 0)])
     )
     assert closed - opened == pytest.approx(60, abs=2e-5)
     assert_window(ready, 1, before, opened, closed, 3000, 9000)
     # at a step in 15 s a microstep's time is only known to the kernel's resolution, some ten-thousandths of a step
     assert_window(ready, 2, before, opened, closed, 6, 2, exact=False)
-    request = RtShootFrame2(FRAME, 60000, -45, 405, [BlurMotor(1, 0, 12000)])
+    request = p.RtShootFrame2(FRAME, 60000, -45, 405, [p.BlurMotor(1, 0, 12000)])
     before, _, opened, closed = shoot(ready, request)
     assert closed - opened == pytest.approx(60, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, -45, 405, 0, 12000)
@@ -136,7 +122,7 @@ def test_long_exposure(ready):
 
 def test_pairs_of_several_motors(ready):
     before, _, opened, closed = shoot(
-        ready, RtShootFrame(FRAME, 1, 300, 1000, [BlurMotor(1, 10, 400), BlurMotor(2, 500, -20)])
+        ready, p.RtShootFrame(FRAME, 1, 300, 1000, [p.BlurMotor(1, 10, 400), p.BlurMotor(2, 500, -20)])
     )
     assert_window(ready, 1, before, opened, closed, 10, 400)
     assert_window(ready, 2, before, opened, closed, 500, -20)
@@ -144,25 +130,27 @@ def test_pairs_of_several_motors(ready):
 
 def test_only_motors_that_blur_move(ready):
     """Field note 7.1: enabled and with the blur flag."""
-    ready.accept(MotorConfigure(1, 0x01), MotorConfigure(3, 0x03), MotorConfigure(4, 0x02), MotorConfigure(5, 0x03))
-    pairs = [BlurMotor(m, 0, 300) for m in (1, 2, 3, 4)]
-    before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 300, 1000, pairs))
+    ready.accept(
+        p.MotorConfigure(1, 0x01), p.MotorConfigure(3, 0x03), p.MotorConfigure(4, 0x02), p.MotorConfigure(5, 0x03)
+    )
+    pairs = [p.BlurMotor(m, 0, 300) for m in (1, 2, 3, 4)]
+    before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 300, 1000, pairs))
     assert ready.trace().motors == [2, 3]
     assert_window(ready, 3, before, opened, closed, 0, 300)
     # SHOOT_FRAME2: each motor that is named is part of the blur (spec), but a disabled one is not
     ready.speed(3, VELOCITY, ACCELERATION)
-    shoot(ready, RtShootFrame2(FRAME, 300, 0, 360, pairs))
+    shoot(ready, p.RtShootFrame2(FRAME, 300, 0, 360, pairs))
     assert ready.trace().motors == [1, 2, 3]
 
 
 def test_without_motors(ready):
     """No motor to move: the shutter opens all the same."""
-    ready.accept(MotorConfigure(1, 1), MotorConfigure(2, 1))
-    _, went, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 250, 500))
+    ready.accept(p.MotorConfigure(1, 1), p.MotorConfigure(2, 1))
+    _, went, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 250, 500))
     assert opened - went == pytest.approx(1.0, abs=0.006)
     assert closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
-    _, went, opened, closed = shoot(ready, RtShootFrame2(FRAME, 250, 90, 180))
+    _, went, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, 250, 90, 180))
     assert opened - went == pytest.approx(0.25, abs=0.006)
     assert closed - opened == pytest.approx(0.25, abs=2e-5)
     assert not ready.trace().motors
@@ -211,7 +199,7 @@ def test_angles(ready, angles, exposure):
         ready.speed(motor, 200_000, 4_000_000)
     opens, closes = angles
     a, b = (720, 0) if exposure == 400 else (0, 36) if exposure == 100 else (-360, 3600)
-    before, went, opened, closed = shoot(ready, RtShootFrame2(FRAME, exposure, opens, closes, [BlurMotor(1, a, b)]))
+    before, went, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, exposure, opens, closes, [p.BlurMotor(1, a, b)]))
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, opens, closes, a, b)
     # GO is angle 0, or where the shutter opens before that, the opening
@@ -225,10 +213,10 @@ def test_angles(ready, angles, exposure):
 def test_the_end_of_angles(ready):
     """RT_END once the shutter is closed and the motors stand on B, whichever is later."""
     for opens, closes in ((0, 90), (0, 720), (-360, -180), (500, 600)):
-        ready.ready(RtShootFrame2(FRAME, 500, opens, closes, [BlurMotor(1, 0, 400)]))
-        ready.accept(RtGo())
+        ready.ready(p.RtShootFrame2(FRAME, 500, opens, closes, [p.BlurMotor(1, 0, 400)]))
+        ready.accept(p.RtGo())
         went = ready.now
-        ready.client.wait_event(RtEnd, 10)
+        ready.client.wait_event(p.RtEnd, 10)
         degree = 0.5 / (closes - opens)
         assert ready.now - went == pytest.approx((max(closes, 360) + max(-opens, 0)) * degree, abs=0.03)
         assert not ready.moving
@@ -236,10 +224,10 @@ def test_the_end_of_angles(ready):
 
 def test_exposure_and_blur_of_nothing(ready):
     """Field note 7.3: EXPOSURE 0 counts as 1000 ms, BLUR 0 as 100 %."""
-    before, _, opened, closed = shoot(ready, RtShootFrame(FRAME, 1, 0, 0, [BlurMotor(1, 100, 700)]))
+    before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 0, 0, [p.BlurMotor(1, 100, 700)]))
     assert closed - opened == pytest.approx(1.0, abs=2e-5)
     assert_window(ready, 1, before, opened, closed, 100, 700)
-    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 0, 90, 270, [BlurMotor(1, 100, 700)]))
+    before, _, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, 0, 90, 270, [p.BlurMotor(1, 100, 700)]))
     assert closed - opened == pytest.approx(1.0, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, 90, 270, 100, 700)
 
@@ -249,13 +237,13 @@ def test_positions_too_far_apart(ready, far):
     """Refused, never wrapped, however slow the motion would be; what is near is not."""
     ready.speed(1, 200_000, 4_000_000)
     for blur in (1, 500, 1000):
-        ready.refuse(Ack.ERR_RANGE, RtShootFrame(FRAME, 1, 3_600_000, blur, [BlurMotor(1, -far, far)]))
-        ready.refuse(Ack.ERR_RANGE, RtShootFrame(FRAME, 0, 3_600_000, blur, [BlurMotor(1, far, 0)]))
-    ready.refuse(Ack.ERR_RANGE, RtShootFrame2(FRAME, 3_600_000, 0, 360, [BlurMotor(1, -far, far)]))
-    ready.refuse(Ack.ERR_RANGE, RtShootFrame2(FRAME, 3_600_000, 0, 360, [BlurMotor(1, far, 0)]))
+        ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 1, 3_600_000, blur, [p.BlurMotor(1, -far, far)]))
+        ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 0, 3_600_000, blur, [p.BlurMotor(1, far, 0)]))
+    ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, -far, far)]))
+    ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, far, 0)]))
     ready.run(0.1)
     assert not ready.trace().motors
-    ready.accept(RtShootFrame2(FRAME, 1000, 0, 360, [BlurMotor(1, 300, 100)]))
+    ready.accept(p.RtShootFrame2(FRAME, 1000, 0, 360, [p.BlurMotor(1, 300, 100)]))
 
 
 @pytest.mark.parametrize("frame", [1, 2, 7, 24, 25])
@@ -263,9 +251,9 @@ def test_positions_too_far_apart(ready, far):
 def test_window_from_the_path(ready, frame, kind):
     """Field note 7.2: without pairs, A and B are where the path is half a frame before and after; 7.1 by analogy."""
     if kind == "2":
-        request = RtShootFrame2(frame, 500, 0, 360)
+        request = p.RtShootFrame2(frame, 500, 0, 360)
     else:
-        request = RtShootFrame(frame, int(kind == "1"), 500, 1000)
+        request = p.RtShootFrame(frame, int(kind == "1"), 500, 1000)
     before, _, opened, closed = shoot(ready, request)
     linear = MOVE[1][frame - 1]
     half = -30 if kind == "1 backward" else 30
@@ -286,39 +274,42 @@ def test_window_from_the_path(ready, frame, kind):
 
 def test_pairs_and_path(ready):
     """SHOOT_FRAME2 with a pair for one motor: the other blurs along the path."""
-    before, _, opened, closed = shoot(ready, RtShootFrame2(FRAME, 500, 0, 360, [BlurMotor(2, 0, 90)]))
+    before, _, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, 500, 0, 360, [p.BlurMotor(2, 0, 90)]))
     assert_angles(ready, 1, before, opened, closed, 0, 360, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30)
     assert_angles(ready, 2, before, opened, closed, 0, 360, 0, 90)
 
 
 # ---- refused ---------------------------------------------------------------------------------------------
 
-PAIR = [BlurMotor(1, 0, 400)]
+PAIR = [p.BlurMotor(1, 0, 400)]
 
 
 @pytest.mark.parametrize(
     ("request_", "code"),
     [
-        (RtShootFrame(0, 1, 500, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(0, 500, 0, 180, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 2**31, 0, 180, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 2, 500, 500, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 500, 1001, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 500, 500, [BlurMotor(0, 0, 1)]), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 500, 500, [*PAIR, BlurMotor(9, 0, 1)]), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 500, 0, 180, [BlurMotor(255, 0, 1)]), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 500, 180, 180, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 500, 180, 0, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame(FRAME, 1, 17, 1000, PAIR), Ack.ERR_RANGE),  # 23 500 steps/s
-        (RtShootFrame(FRAME, 1, 500, 1000, [BlurMotor(1, -(2**31), 2**31 - 1)]), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 17, 0, 360, PAIR), Ack.ERR_RANGE),
-        (RtShootFrame2(FRAME, 60000, 0, 1, PAIR), Ack.ERR_RANGE),  # six hours from A to B
-        (RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), Ack.ERR_RANGE),  # 22 days until it opens
-        (RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR), Ack.ERR_RANGE),  # 4 days from then until the motors start
-        (RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), Ack.ERR_RANGE),
+        (p.RtShootFrame(0, 1, 500, 500, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAMES + 1, 1, 500, 500, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(0, 500, 0, 180, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAMES + 1, 500, 0, 180, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 1, 2**32 - 1, 500, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 2**31, 0, 180, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 2, 500, 500, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 1, 500, 1001, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 1, 500, 500, [p.BlurMotor(0, 0, 1)]), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 1, 500, 500, [*PAIR, p.BlurMotor(9, 0, 1)]), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 500, 0, 180, [p.BlurMotor(255, 0, 1)]), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 500, 180, 180, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 500, 180, 0, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame(FRAME, 1, 17, 1000, PAIR), p.Ack.ERR_RANGE),  # 23 500 steps/s
+        (p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 17, 0, 360, PAIR), p.Ack.ERR_RANGE),
+        (p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR), p.Ack.ERR_RANGE),  # six hours from A to B
+        (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),  # 22 days until it opens
+        (
+            p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR),
+            p.Ack.ERR_RANGE,
+        ),  # 4 days from then until the motors start
+        (p.RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
     ],
 )
 def test_refused_for_its_numbers(ready, request_, code):
@@ -327,26 +318,26 @@ def test_refused_for_its_numbers(ready, request_, code):
     ready.run(0.2)
     assert not ready.trace().signals
     assert not ready.moving
-    ready.refuse(Ack.ERR_GENERAL, RtGo())
+    ready.refuse(p.Ack.ERR_GENERAL, p.RtGo())
 
 
 def test_limits_in_the_way(ready):
     """Run-up 0x17, run-out 0x18; 400 steps in 0.5 s need 400 for either."""
-    request = RtShootFrame(FRAME, 1, 500, 1000, PAIR)
+    request = p.RtShootFrame(FRAME, 1, 500, 1000, PAIR)
     for lower, upper, code in (
-        (-399, 9000, Ack.ERR_PREROLL),
-        (-9000, 799, Ack.ERR_POSTROLL),
-        (-399, 799, Ack.ERR_PREROLL),
-        (10, 9000, Ack.ERR_PREROLL),
-        (-9000, 390, Ack.ERR_POSTROLL),
+        (-399, 9000, p.Ack.ERR_PREROLL),
+        (-9000, 799, p.Ack.ERR_POSTROLL),
+        (-399, 799, p.Ack.ERR_PREROLL),
+        (10, 9000, p.Ack.ERR_PREROLL),
+        (-9000, 390, p.Ack.ERR_POSTROLL),
     ):
-        ready.accept(MotorSetLimits(1, 1, lower, 1, upper))
+        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper))
         ready.forget()
         ready.refuse(code, request)
         ready.run(0.1)
         assert not ready.trace().signals
         assert not ready.moving
-    ready.accept(MotorSetLimits(1, 1, -400, 1, 800))
+    ready.accept(p.MotorSetLimits(1, 1, -400, 1, 800))
     before, *_ = shoot(ready, request)
     assert before[1] == -400
     assert ready.position(1) == 800
@@ -355,20 +346,20 @@ def test_limits_in_the_way(ready):
 @pytest.mark.parametrize("angles", [(0, 360), (-90, 270), (90, 450)])
 def test_limits_and_angles(ready, angles):
     """Field note 7.3: A and B are as far as the motors go; A past a limit 0x17, B 0x18."""
-    request = RtShootFrame2(FRAME, 500, *angles, PAIR)
+    request = p.RtShootFrame2(FRAME, 500, *angles, PAIR)
     for lower, upper, code in (
-        (1, 9000, Ack.ERR_PREROLL),
-        (-9000, 399, Ack.ERR_POSTROLL),
-        (-9000, -1, Ack.ERR_PREROLL),
-        (1, 399, Ack.ERR_PREROLL),
+        (1, 9000, p.Ack.ERR_PREROLL),
+        (-9000, 399, p.Ack.ERR_POSTROLL),
+        (-9000, -1, p.Ack.ERR_PREROLL),
+        (1, 399, p.Ack.ERR_PREROLL),
     ):
-        ready.accept(MotorSetLimits(1, 1, lower, 1, upper))
+        ready.accept(p.MotorSetLimits(1, 1, lower, 1, upper))
         ready.forget()
         ready.refuse(code, request)
         ready.run(0.1)
         assert not ready.trace().signals
         assert not ready.moving
-    ready.accept(MotorSetLimits(1, 1, 0, 1, 400))
+    ready.accept(p.MotorSetLimits(1, 1, 0, 1, 400))
     before, *_ = shoot(ready, request)
     assert before[1] == 0
     assert ready.position(1) == 400
@@ -377,15 +368,15 @@ def test_limits_and_angles(ready, angles):
 def test_too_steep(ready):
     """800 steps/s within the 1.0 s of the run-up; with angles 914 steps/s within 1/16 s."""
     ready.speed(1, VELOCITY, 790)
-    ready.refuse(Ack.ERR_PREROLL, RtShootFrame(FRAME, 1, 500, 1000, PAIR))
+    ready.refuse(p.Ack.ERR_PREROLL, p.RtShootFrame(FRAME, 1, 500, 1000, PAIR))
     ready.speed(1, VELOCITY, 810)
-    ready.accept(RtShootFrame(FRAME, 1, 500, 1000, PAIR))
+    ready.accept(p.RtShootFrame(FRAME, 1, 500, 1000, PAIR))
     ready.wait_idle()
-    request = RtShootFrame2(FRAME, 500, 0, 360, PAIR)
+    request = p.RtShootFrame2(FRAME, 500, 0, 360, PAIR)
     ready.speed(1, VELOCITY, 14_500)
-    ready.refuse(Ack.ERR_RANGE, request)
+    ready.refuse(p.Ack.ERR_RANGE, request)
     ready.speed(1, 910, 14_800)
-    ready.refuse(Ack.ERR_RANGE, request)
+    ready.refuse(p.Ack.ERR_RANGE, request)
     ready.speed(1, 918, 14_800)
     shoot(ready, request)
     times, signs = ready.steps(1)
@@ -394,21 +385,21 @@ def test_too_steep(ready):
 
 def test_without_an_upload():
     session = rig()
-    both = RtShootFrame(FRAME, 1, 500, 500, PAIR), RtShootFrame2(FRAME, 500, 0, 180, PAIR)
-    session.refuse(Ack.ERR_GENERAL, *both)
-    session.accept(RtUploadMoveBegin(1, 25))
-    session.refuse(Ack.ERR_GENERAL, *both)
-    session.accept(RtUploadMoveEnd())
+    both = p.RtShootFrame(FRAME, 1, 500, 500, PAIR), p.RtShootFrame2(FRAME, 500, 0, 180, PAIR)
+    session.refuse(p.Ack.ERR_GENERAL, *both)
+    session.accept(p.RtUploadMoveBegin(1, 25))
+    session.refuse(p.Ack.ERR_GENERAL, *both)
+    session.accept(p.RtUploadMoveEnd())
     session.accept(both[0])
 
 
 def test_refused_while_moving(ready):
-    both = RtShootFrame(FRAME, 1, 500, 500, PAIR), RtShootFrame2(FRAME, 500, 0, 180, PAIR)
-    ready.ask(MotorMove(7, 500))
-    ready.refuse(Ack.ERR_MOVING, *both)
+    both = p.RtShootFrame(FRAME, 1, 500, 500, PAIR), p.RtShootFrame2(FRAME, 500, 0, 180, PAIR)
+    ready.ask(p.MotorMove(7, 500))
+    ready.refuse(p.Ack.ERR_MOVING, *both)
     ready.wait_idle()
     ready.ready(both[0])
-    ready.accept(RtGo())
-    ready.refuse(Ack.ERR_MOVING, *both, RtGo(), RtPositionFrame(1), RtJogAll(24000, 3), run_request(24, 1, 5))
-    ready.client.wait_event(RtEnd, 10)
+    ready.accept(p.RtGo())
+    ready.refuse(p.Ack.ERR_MOVING, *both, p.RtGo(), p.RtPositionFrame(1), p.RtJogAll(24000, 3), run_request(24, 1, 5))
+    ready.client.wait_event(p.RtEnd, 10)
     ready.accept(both[1])

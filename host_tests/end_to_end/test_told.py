@@ -3,20 +3,7 @@
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import (
-    Ack,
-    MotorConfigure,
-    MotorGetPosition,
-    MotorMove,
-    MotorResetPosition,
-    MotorStop,
-    MotorStopAll,
-    Positions,
-    RtEnd,
-    RtGo,
-    RtJogAll,
-    RtPositionFrame,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
 
@@ -56,9 +43,9 @@ def watch(session, seconds, ask):
     while session.now < end:
         session.run(0.007)
         if ask:
-            message = session.ask(MotorGetPosition())
+            message = session.ask(p.MotorGetPosition())
             replies.append((session.now, message))
-    events = [pair for pair in session.events(Positions) if pair[0] > begun]
+    events = [pair for pair in session.events(p.Positions) if pair[0] > begun]
     return sorted(events + replies, key=lambda pair: pair[0])
 
 
@@ -86,7 +73,7 @@ def test_in_a_run(fps, way, ask):
     session.ready(run_request(fps, first, last, 400, 400))
     session.forget()
     pins = Pins(session)
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     messages = watch(session, 0.4 + FRAMES / fps + 0.5, ask)
     assert_of_one_moment(session, pins, messages)
     # Every frame is told once exactly
@@ -100,7 +87,7 @@ def test_in_a_run(fps, way, ask):
     assert len(parts) > 30 or (fps == 60 and not ask)  # each frame is told, and comes before the next report is due
     for m in parts:
         assert m.steps[0] == pytest.approx(PATH[1][0] + 90 * (m.move_time / 1000 - 1), abs=1.6)
-    unasked = [m.move_time * way for _, m in session.events(Positions)]
+    unasked = [m.move_time * way for _, m in session.events(p.Positions)]
     assert unasked == sorted(unasked)
     begin = [m.move_time for time, m in messages if time < messages[0][0] + 0.3]
     assert set(begin) == {first * 1000}
@@ -113,7 +100,7 @@ def test_in_a_loop(flags):
     session.ready(run_request(24, 1, 20, 200, 200, flags=flags))
     session.forget()
     pins = Pins(session)
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     messages = watch(session, 6, True)
     assert_of_one_moment(session, pins, messages)
     assert all(1000 <= m.move_time <= 20000 for _, m in messages)
@@ -123,15 +110,15 @@ def test_in_a_loop(flags):
 @pytest.mark.parametrize("fps", [0.5, 6, 24])
 def test_in_jog_all(fps):
     session = loaded(report_ms=20)
-    session.accept(RtPositionFrame(10))
+    session.accept(p.RtPositionFrame(10))
     session.wait_idle()
     session.forget()
     pins = Pins(session)
     messages = []
     for frame in (30, 12):
-        session.accept(RtJogAll(round(fps * 1000), frame))
+        session.accept(p.RtJogAll(round(fps * 1000), frame))
         messages += watch(session, 2.5, True)
-        session.accept(MotorStop(1))
+        session.accept(p.MotorStop(1))
         messages += watch(session, 2.5, True)
     assert_of_one_moment(session, pins, messages)
     parts = [m for _, m in messages if m.move_time % 1000]
@@ -143,21 +130,21 @@ def test_in_jog_all(fps):
 
 def test_position_frame_sets_it_on_arrival():
     session = loaded()
-    session.accept(RtPositionFrame(7))
+    session.accept(p.RtPositionFrame(7))
     session.wait_idle()
     assert session.ask_positions().move_time == 7000
-    session.accept(RtPositionFrame(40))
+    session.accept(p.RtPositionFrame(40))
     session.run(0.05)
     assert session.ask_positions().move_time == 7000
     session.forget()
     session.wait_idle()
-    assert session.events(Positions)[-1][1].move_time == 40_000
-    session.accept(RtPositionFrame(3))
+    assert session.events(p.Positions)[-1][1].move_time == 40_000
+    session.accept(p.RtPositionFrame(3))
     session.run(0.05)
-    session.accept(MotorStopAll())
+    session.accept(p.MotorStopAll())
     session.wait_idle()
     assert session.ask_positions().move_time == 40_000  # it has not got there
-    session.accept(RtPositionFrame(3))
+    session.accept(p.RtPositionFrame(3))
     session.wait_idle()
     assert session.ask_positions().move_time == 3000
 
@@ -165,18 +152,18 @@ def test_position_frame_sets_it_on_arrival():
 def test_moves_and_a_live_motor_beside_a_run():
     """One moment for all motors, those of the run and others."""
     session = loaded(report_ms=20)
-    session.accept(MotorConfigure(3, LIVE))
+    session.accept(p.MotorConfigure(3, LIVE))
     session.speed(3, 9000, 60_000)
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.forget()
     pins = Pins(session)
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     messages = []
     for target in (3000, -2000, 4000, 0):
-        session.ask(MotorMove(3, target))
+        session.ask(p.MotorMove(3, target))
         messages += watch(session, 0.6, True)
     assert_of_one_moment(session, pins, [m for m in messages if m[1].move_time % 1000], (1, 2, 3))
-    session.client.wait_event(RtEnd, 20)
+    session.client.wait_event(p.RtEnd, 20)
     session.wait_idle()
     for motor in (1, 2, 3):
         assert session.position(motor) == pins(motor, session.now)
@@ -184,9 +171,9 @@ def test_moves_and_a_live_motor_beside_a_run():
 
 def test_a_position_that_is_reset_while_others_move():
     session = rig()
-    session.ask(MotorMove(1, 5000))
+    session.ask(p.MotorMove(1, 5000))
     session.run(0.1)
-    session.accept(MotorResetPosition(2, 777))
+    session.accept(p.MotorResetPosition(2, 777))
     for _ in range(10):
         assert session.position(2) == 777
         session.run(0.003)
@@ -195,18 +182,18 @@ def test_a_position_that_is_reset_while_others_move():
 def test_a_position_that_is_reset_beside_a_run():
     """Field note 4.5: of a motor that stands and has no part in it; the run goes on as uploaded."""
     session = loaded()
-    session.accept(MotorConfigure(3, LIVE))
+    session.accept(p.MotorConfigure(3, LIVE))
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.forget()
-    session.accept(RtGo())
+    session.accept(p.RtGo())
     session.run(0.5)
-    session.accept(MotorResetPosition(3, 777))
+    session.accept(p.MotorResetPosition(3, 777))
     assert session.position(3) == 777
-    session.refuse(Ack.ERR_MOVING, MotorResetPosition(1, 0), MotorResetPosition(2, 0))
-    session.ask(MotorMove(3, 1777))
+    session.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(1, 0), p.MotorResetPosition(2, 0))
+    session.ask(p.MotorMove(3, 1777))
     session.run(0.02)
-    session.refuse(Ack.ERR_MOVING, MotorResetPosition(3, 0))
-    session.client.wait_event(RtEnd, 20)
+    session.refuse(p.Ack.ERR_MOVING, p.MotorResetPosition(3, 0))
+    session.client.wait_event(p.RtEnd, 20)
     session.wait_idle()
     assert session.made(3) == 1000
     assert [session.position(motor) for motor in (1, 2, 3)] == [PATH[1][-1], PATH[2][-1], 1777]

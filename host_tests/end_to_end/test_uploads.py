@@ -2,20 +2,7 @@
 
 import numpy as np
 
-from framestep_tools.payloads import (
-    LAST_SECTION,
-    Ack,
-    Hi,
-    MotorResetPosition,
-    RtGo,
-    RtPositionFrame,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveDmx,
-    RtUploadMoveEnd,
-    RtUploadMoveTriggers,
-    Trigger,
-)
+from framestep_tools import payloads as p
 from host_tests.end_to_end.session import run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 
@@ -23,16 +10,16 @@ from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 def test_upload_message_by_message(both):
     """BEGIN, sections in any order and again, END; a motor goes to each frame's position."""
     both.accept(
-        RtUploadMoveBegin(10, 19),
-        RtUploadMoveAxis(2, 5 | LAST_SECTION, (50, 60, 70)),
-        RtUploadMoveAxis(2, 0, (0, 10, 20)),
-        RtUploadMoveAxis(2, 3, (99, 40)),
-        RtUploadMoveAxis(2, 3, (30,)),
-        RtUploadMoveAxis(3, LAST_SECTION, (-5,)),
-        RtUploadMoveEnd(),
+        p.RtUploadMoveBegin(10, 19),
+        p.RtUploadMoveAxis(2, 5 | p.LAST_SECTION, (50, 60, 70)),
+        p.RtUploadMoveAxis(2, 0, (0, 10, 20)),
+        p.RtUploadMoveAxis(2, 3, (99, 40)),
+        p.RtUploadMoveAxis(2, 3, (30,)),
+        p.RtUploadMoveAxis(3, p.LAST_SECTION, (-5,)),
+        p.RtUploadMoveEnd(),
     )
     for frame, expected in ((10, 0), (13, 30), (14, 40), (17, 70), (19, 70), (12, 20)):
-        both.accept(RtPositionFrame(frame))
+        both.accept(p.RtPositionFrame(frame))
         both.wait_idle()
         positions = both.ask_positions()
         assert positions.steps[1:3] == (expected, -5)
@@ -43,22 +30,22 @@ def test_upload_message_by_message(both):
 
 def test_upload_refused(both):
     """Field notes 5.2 to 5.4, and what was uploaded before stays."""
-    info_frames = both.ask(Hi()).upload_frames
-    both.refuse(Ack.ERR_GENERAL, RtUploadMoveAxis(1, 0, (1,)), RtUploadMoveEnd(), RtPositionFrame(1))
-    both.refuse(Ack.ERR_GENERAL, run_request(24, 1, 2), RtGo())
-    both.accept(RtUploadMoveBegin(1, 4), RtUploadMoveAxis(1, 0, (1, 2, 3, 4)))
-    both.refuse(Ack.ERR_GENERAL, RtPositionFrame(1), run_request(24, 1, 2), RtGo())
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(5, 4), RtUploadMoveBegin(1, 1 + info_frames))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(-(2**31), 2**31 - 1), RtUploadMoveBegin(2**31 - 1, -(2**31)))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 4, (9,)), RtUploadMoveAxis(1, 5, (9, 9)))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveBegin(999_999, 1_000_001), RtUploadMoveBegin(-1_000_001, -999_999))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(0, 0, (9,)), RtUploadMoveAxis(9, 0, (9,)))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)), RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)))
-    both.refuse(Ack.ERR_RANGE, RtUploadMoveAxis(1, 2**30, (9,)), RtUploadMoveAxis(1, 0x10001, (9,)))
-    both.accept(RtUploadMoveEnd())
-    both.refuse(Ack.ERR_RANGE, RtPositionFrame(0), RtPositionFrame(5), RtPositionFrame(2**31 - 1))
-    both.refuse(Ack.ERR_RANGE, RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5))
-    both.accept(RtPositionFrame(4))
+    info_frames = both.ask(p.Hi()).upload_frames
+    both.refuse(p.Ack.ERR_GENERAL, p.RtUploadMoveAxis(1, 0, (1,)), p.RtUploadMoveEnd(), p.RtPositionFrame(1))
+    both.refuse(p.Ack.ERR_GENERAL, run_request(24, 1, 2), p.RtGo())
+    both.accept(p.RtUploadMoveBegin(1, 4), p.RtUploadMoveAxis(1, 0, (1, 2, 3, 4)))
+    both.refuse(p.Ack.ERR_GENERAL, p.RtPositionFrame(1), run_request(24, 1, 2), p.RtGo())
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(5, 4), p.RtUploadMoveBegin(1, 1 + info_frames))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(-(2**31), 2**31 - 1), p.RtUploadMoveBegin(2**31 - 1, -(2**31)))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 4, (9,)), p.RtUploadMoveAxis(1, 5, (9, 9)))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(999_999, 1_000_001), p.RtUploadMoveBegin(-1_000_001, -999_999))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(0, 0, (9,)), p.RtUploadMoveAxis(9, 0, (9,)))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)), p.RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)))
+    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 2**30, (9,)), p.RtUploadMoveAxis(1, 0x10001, (9,)))
+    both.accept(p.RtUploadMoveEnd())
+    both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(0), p.RtPositionFrame(5), p.RtPositionFrame(2**31 - 1))
+    both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5))
+    both.accept(p.RtPositionFrame(4))
     both.wait_idle()
     assert both.position(1) == 4
 
@@ -67,16 +54,16 @@ def test_a_frame_more(both):
     """Field note 5.3: sections that reach past the end are stored as far as they lie inside; END and a run work."""
     for motor in MOVE:
         both.speed(motor, 20000, 100_000)
-    both.accept(RtUploadMoveBegin(1, FRAMES))
+    both.accept(p.RtUploadMoveBegin(1, FRAMES))
     for motor, steps in MOVE.items():
-        both.accept(RtUploadMoveAxis(motor, 0, steps[:10]))
-        both.accept(RtUploadMoveAxis(motor, 10 | LAST_SECTION, (*steps[10:], steps[-1], -(2**31), 2**31 - 1)))
-        both.accept(RtUploadMoveAxis(motor, FRAMES - 1, (steps[-1], 99_999)))
-    both.accept(RtUploadMoveDmx(9, LAST_SECTION, range(FRAMES + 3)))
-    both.accept(RtUploadMoveTriggers(1, (Trigger(FRAMES - 1, 1), Trigger(FRAMES, 1))), RtUploadMoveEnd())
+        both.accept(p.RtUploadMoveAxis(motor, 0, steps[:10]))
+        both.accept(p.RtUploadMoveAxis(motor, 10 | p.LAST_SECTION, (*steps[10:], steps[-1], -(2**31), 2**31 - 1)))
+        both.accept(p.RtUploadMoveAxis(motor, FRAMES - 1, (steps[-1], 99_999)))
+    both.accept(p.RtUploadMoveDmx(9, p.LAST_SECTION, range(FRAMES + 3)))
+    both.accept(p.RtUploadMoveTriggers(1, (p.Trigger(FRAMES - 1, 1), p.Trigger(FRAMES, 1))), p.RtUploadMoveEnd())
     before = both.play(run_request(24, 1, FRAMES))
     assert_played(both, before, MOVE, 24)
-    both.refuse(Ack.ERR_RANGE, RtPositionFrame(FRAMES + 1))
+    both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(FRAMES + 1))
 
 
 def test_frame_numbers_at_their_ends(fast):
@@ -84,7 +71,7 @@ def test_frame_numbers_at_their_ends(fast):
     for start in (-1_000_000, 1_000_000 - FRAMES + 1):
         fast.upload(MOVE, start_frame=start)
         for frame in (start, start + FRAMES - 1):
-            fast.accept(RtPositionFrame(frame))
+            fast.accept(p.RtPositionFrame(frame))
             fast.wait_idle()
             assert fast.ask_positions().move_time == frame * 1000
         before = fast.play(run_request(24, start, start + FRAMES - 1))
@@ -94,8 +81,8 @@ def test_frame_numbers_at_their_ends(fast):
 
 def test_a_new_upload_replaces(loaded):
     loaded.upload({1: [7, 8, 9]}, start_frame=101)
-    loaded.refuse(Ack.ERR_RANGE, RtPositionFrame(1))
-    loaded.accept(RtPositionFrame(103))
+    loaded.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(1))
+    loaded.accept(p.RtPositionFrame(103))
     loaded.wait_idle()
     assert loaded.positions == {1: 9} | dict.fromkeys(range(2, 9), 0)
 
@@ -104,9 +91,9 @@ def test_negative_frames_and_far_positions(fast):
     """Scene frames below 0, positions of any 32 bits."""
     top = 2**31 - 1
     positions = {1: top - 50 * np.arange(FRAMES)[::-1], 2: -(2**31) + 1 + 50 * np.arange(FRAMES)}
-    fast.accept(MotorResetPosition(1, int(positions[1][0]) - 5), MotorResetPosition(2, int(positions[2][0]) + 700))
+    fast.accept(p.MotorResetPosition(1, int(positions[1][0]) - 5), p.MotorResetPosition(2, int(positions[2][0]) + 700))
     fast.upload(positions, start_frame=-10)
-    fast.accept(RtPositionFrame(-10))
+    fast.accept(p.RtPositionFrame(-10))
     fast.wait_idle()
     assert fast.position(1) == positions[1][0]
     assert fast.position(2) == positions[2][0]

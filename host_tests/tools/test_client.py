@@ -6,32 +6,12 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages
+from framestep_tools import payloads as p
 from framestep_tools.client import Client, ClientError, NoAnswer, RequestRefused, upload_requests
 from framestep_tools.opening import NoPort
-from framestep_tools.payloads import (
-    LAST_SECTION,
-    REQUESTS,
-    Ack,
-    DeviceInfo,
-    Hi,
-    InputLevels,
-    MotorGetPosition,
-    MotorMove,
-    MotorStatus,
-    MotorStop,
-    Moving,
-    Positions,
-    RtEnd,
-    RtUploadMoveAxis,
-    RtUploadMoveBegin,
-    RtUploadMoveEnd,
-    SetVirtAimPoint,
-    Status,
-    VirtAimPoint,
-)
 from framestep_tools.wire import FrameDecoder, encode
 
-INFO = DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
+INFO = p.DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
 
 
 class FakeDevice:
@@ -60,7 +40,7 @@ class FakeDevice:
 
     def write(self, data):
         for frame in self._decoder.feed(data):
-            request = REQUESTS[frame.type].unpack(frame.payload)
+            request = p.REQUESTS[frame.type].unpack(frame.payload)
             self.requests.append((frame.id, request))
             self.unanswered += 1
             self.most_unanswered = max(self.most_unanswered, self.unanswered)
@@ -91,7 +71,7 @@ class FakeDevice:
         self.closed = True
 
 
-def ack(frame, code=Ack.OK, size=2):
+def ack(frame, code=p.Ack.OK, size=2):
     return encode(frame.type | messages.MSG_FLAG_ACK, int(code).to_bytes(size, "little"), frame.id)
 
 
@@ -105,43 +85,43 @@ def always(reply):
 
 def test_typed_reply():
     client = always(lambda frame: report(INFO, frame.id))
-    assert client.request(Hi()) == INFO
-    assert client.code(Hi()) is Ack.OK
+    assert client.request(p.Hi()) == INFO
+    assert client.code(p.Hi()) is p.Ack.OK
 
 
 @pytest.mark.parametrize("size", [2, 4], ids=["spec", "dmc-lite"])
 def test_acknowledgements_of_both_dialects(size):
     client = always(lambda frame: ack(frame, size=size))
-    assert client.request(MotorStop(1)) is Ack.OK
+    assert client.request(p.MotorStop(1)) is p.Ack.OK
 
 
 @pytest.mark.parametrize("size", [2, 4], ids=["spec", "dmc-lite"])
 def test_refusal(size):
-    client = always(lambda frame: ack(frame, Ack.ERR_MOVING, size))
+    client = always(lambda frame: ack(frame, p.Ack.ERR_MOVING, size))
     with pytest.raises(RequestRefused, match=r"MOTOR_STOP was refused with ERR_MOVING \(0x0012\)") as refused:
-        client.request(MotorStop(1))
+        client.request(p.MotorStop(1))
     assert "something moves that must stand for it. It was MotorStop(motor=1)" in str(refused.value)
-    assert refused.value.code is Ack.ERR_MOVING
-    assert refused.value.request == MotorStop(1)
-    assert client.code(MotorStop(1)) is Ack.ERR_MOVING
+    assert refused.value.code is p.Ack.ERR_MOVING
+    assert refused.value.request == p.MotorStop(1)
+    assert client.code(p.MotorStop(1)) is p.Ack.ERR_MOVING
     with pytest.raises(RequestRefused):
-        client.request(Hi())  # a typed reply is expected, a refusal comes
+        client.request(p.Hi())  # a typed reply is expected, a refusal comes
 
 
 def test_motor_move_is_acknowledged_in_the_dmc_lite_dialect():
-    assert always(lambda frame: ack(frame, size=4)).request(MotorMove(1, 5)) == Moving(1)
-    assert always(lambda frame: report(Moving(0), frame.id)).request(MotorMove(1, 5)) == Moving(0)
+    assert always(lambda frame: ack(frame, size=4)).request(p.MotorMove(1, 5)) == p.Moving(1)
+    assert always(lambda frame: report(p.Moving(0), frame.id)).request(p.MotorMove(1, 5)) == p.Moving(0)
 
 
 def test_same_message_back():
     client = always(lambda frame: encode(frame.type, frame.payload, frame.id))
-    assert client.request(SetVirtAimPoint(1, 2, 3, 4)) == VirtAimPoint(1, 2, 3, 4)
+    assert client.request(p.SetVirtAimPoint(1, 2, 3, 4)) == p.VirtAimPoint(1, 2, 3, 4)
 
 
 @pytest.mark.parametrize(
     "reply",
     [
-        lambda frame: report(Status(0, 0), frame.id)[:-2] + b"\0\0",  # damaged: no answer at all
+        lambda frame: report(p.Status(0, 0), frame.id)[:-2] + b"\0\0",  # damaged: no answer at all
         lambda frame: encode(frame.type | messages.MSG_FLAG_ACK, b"\x10", frame.id),
         lambda frame: encode(frame.type, b"\0", frame.id),
         lambda frame: ack(frame),  # where data is expected
@@ -150,33 +130,33 @@ def test_same_message_back():
 def test_answers_that_are_none(reply):
     client = always(reply)
     with pytest.raises(ClientError):
-        client.request(MotorStatus(), timeout_s=0.5)
+        client.request(p.MotorStatus(), timeout_s=0.5)
     assert not client._waiting
 
 
 def test_data_where_an_acknowledgement_is_expected():
     client = always(lambda frame: encode(frame.type, b"\1", frame.id))
     with pytest.raises(ClientError, match="MOTOR_STOP expects Ack"):
-        client.request(MotorStop(1))
+        client.request(p.MotorStop(1))
 
 
 def test_silence_takes_the_time_that_was_given():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
     with pytest.raises(NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep ports\)"):
-        client.request(Hi(), timeout_s=1.5)
+        client.request(p.Hi(), timeout_s=1.5)
     assert device.now == pytest.approx(1.5)
     with pytest.raises(TimeoutError):  # and the default
-        client.request(Hi())
+        client.request(p.Hi())
 
 
 def test_chatter_does_not_prolong_the_wait():
     device = FakeDevice(lambda frame, request: [])
     for i in range(100):
-        device.send(report(Positions(i, [0])), 0.1 * i)
+        device.send(report(p.Positions(i, [0])), 0.1 * i)
     client = Client(device)
     with pytest.raises(NoAnswer):
-        client.request(Hi(), timeout_s=1.0)
+        client.request(p.Hi(), timeout_s=1.0)
     assert device.now == pytest.approx(1.0, abs=0.11)
 
 
@@ -184,7 +164,7 @@ def test_ids_count_up_and_leave_out_zero():
     client = always(lambda frame: ack(frame))
     client._next_id = 0xFFFF_FFFE
     for _ in range(4):
-        client.request(MotorStop(1))
+        client.request(p.MotorStop(1))
     assert [id for id, _ in client.port.requests] == [0xFFFF_FFFE, 0xFFFF_FFFF, 1, 2]
 
 
@@ -192,29 +172,29 @@ def test_answers_find_their_requests_in_any_order():
     held = []
 
     def script(frame, request):
-        held.append(report(Status(request.TYPE and frame.id, 0), frame.id))
+        held.append(report(p.Status(request.TYPE and frame.id, 0), frame.id))
         return reversed(held) if len(held) == 3 else []
 
     client = Client(FakeDevice(script))
-    ids = [client.send(MotorStatus()) for _ in range(3)]
+    ids = [client.send(p.MotorStatus()) for _ in range(3)]
     assert [client.answer_to(id).motor_bits for id in ids] == ids
 
 
 def test_events_are_kept_apart_from_answers():
     device = FakeDevice(
         lambda frame, request: [
-            report(Positions(1, [10])),
-            report(Positions(2, [20]), frame.id),
-            report(RtEnd()),
+            report(p.Positions(1, [10])),
+            report(p.Positions(2, [20]), frame.id),
+            report(p.RtEnd()),
             encode(0x7777, b"??"),
         ]
     )
     client = Client(device)
     heard = []
     client.on_event = heard.append
-    assert client.request(MotorGetPosition()).steps == (20,)
+    assert client.request(p.MotorGetPosition()).steps == (20,)
     client.pump()
-    assert [event.message for event in client.events][:2] == [Positions(1, (10,)), RtEnd()]
+    assert [event.message for event in client.events][:2] == [p.Positions(1, (10,)), p.RtEnd()]
     assert client.events[2].message.type == 0x7777
     assert heard == list(client.events)
     assert client.stray == 0
@@ -224,7 +204,7 @@ def test_a_late_answer_is_stray():
     device = FakeDevice(lambda frame, request: [(1.0, report(INFO, frame.id))])
     client = Client(device)
     with pytest.raises(NoAnswer):
-        client.request(Hi(), timeout_s=0.5)
+        client.request(p.Hi(), timeout_s=0.5)
     client.pump(1.0)
     assert client.stray == 1
     assert not client.events
@@ -234,31 +214,31 @@ def test_wait_event_takes_the_oldest_that_fits():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
     for i in range(4):
-        device.send(report(InputLevels(i)), 0.1 * i)
-    device.send(report(RtEnd()), 0.35)
-    assert client.wait_event(RtEnd) == RtEnd()
-    assert client.wait_event(InputLevels, where=lambda levels: levels.levels == 2) == InputLevels(2)
+        device.send(report(p.InputLevels(i)), 0.1 * i)
+    device.send(report(p.RtEnd()), 0.35)
+    assert client.wait_event(p.RtEnd) == p.RtEnd()
+    assert client.wait_event(p.InputLevels, where=lambda levels: levels.levels == 2) == p.InputLevels(2)
     assert [event.message.levels for event in client.events] == [0, 1, 3]
-    assert client.take_event(RtEnd) is None
+    assert client.take_event(p.RtEnd) is None
     with pytest.raises(NoAnswer, match=r"no RtEnd came within 0\.5 s"):
-        client.wait_event(RtEnd, timeout_s=0.5)
+        client.wait_event(p.RtEnd, timeout_s=0.5)
 
 
 def test_events_carry_the_time_of_the_port():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
-    device.send(report(RtEnd()), 0.25)
+    device.send(report(p.RtEnd()), 0.25)
     client.pump(1.0)
     assert client.events[0].time_s == pytest.approx(0.25)
     assert device.now == pytest.approx(1.0)
 
 
 def test_wait_idle_polls_until_nothing_moves():
-    left = [Status(3, 0), Status(1, 0), Status(0, 1), Status(0, 0)]
+    left = [p.Status(3, 0), p.Status(1, 0), p.Status(0, 1), p.Status(0, 0)]
     client = always(lambda frame: report(left.pop(0), frame.id))
     client.wait_idle()
     assert len(client.port.requests) == 4
-    busy = always(lambda frame: report(Status(5, 0), frame.id))
+    busy = always(lambda frame: report(p.Status(5, 0), frame.id))
     with pytest.raises(NoAnswer, match=r"still moving after 2 s: motors \[1, 3\]"):
         busy.wait_idle(timeout_s=2)
     assert busy.port.now == pytest.approx(2, abs=0.1)
@@ -268,22 +248,22 @@ def test_wait_idle_polls_until_nothing_moves():
 
 
 def sections(requests):
-    return [r for r in requests if isinstance(r, RtUploadMoveAxis)]
+    return [r for r in requests if isinstance(r, p.RtUploadMoveAxis)]
 
 
 def test_upload_comes_in_sections_that_fit_the_device():
     rng = np.random.default_rng(1)
     move = {1: rng.integers(-(2**31), 2**31, 700), 3: rng.integers(-100, 100, 10)}
     requests = list(upload_requests(101, 800, move))
-    assert requests[0] == RtUploadMoveBegin(101, 800)
-    assert requests[-1] == RtUploadMoveEnd()
+    assert requests[0] == p.RtUploadMoveBegin(101, 800)
+    assert requests[-1] == p.RtUploadMoveEnd()
     assert max(len(r.pack()) for r in requests) <= messages.LARGEST_PAYLOAD
     for motor, steps in move.items():
         mine = [r for r in sections(requests) if r.motor == motor]
-        assert [bool(r.start_index & LAST_SECTION) for r in mine] == [False] * (len(mine) - 1) + [True]
+        assert [bool(r.start_index & p.LAST_SECTION) for r in mine] == [False] * (len(mine) - 1) + [True]
         rebuilt = np.zeros(len(steps), np.int64)
         for r in mine:
-            index = r.start_index & ~LAST_SECTION
+            index = r.start_index & ~p.LAST_SECTION
             rebuilt[index : index + len(r.positions)] = r.positions
         assert np.array_equal(rebuilt, steps)
 
@@ -298,8 +278,8 @@ def test_the_window_bounds_what_is_on_its_way(window):
 
 def test_a_refused_section_ends_the_upload():
     def script(frame, request):
-        bad = isinstance(request, RtUploadMoveAxis) and request.start_index == 50
-        return [(0.01, ack(frame, Ack.ERR_RANGE if bad else Ack.OK))]
+        bad = isinstance(request, p.RtUploadMoveAxis) and request.start_index == 50
+        return [(0.01, ack(frame, p.Ack.ERR_RANGE if bad else p.Ack.OK))]
 
     device = FakeDevice(script)
     client = Client(device)
