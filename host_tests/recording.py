@@ -23,6 +23,7 @@ about them (s); after a tick that gave cues its microsecond and those; at the en
 import contextlib
 import inspect
 import json
+import math
 import os
 import zlib
 from dataclasses import dataclass, field
@@ -53,8 +54,20 @@ def board_data(board: dict[str, Any]) -> dict[str, Any]:
 class Recorder:
     """Listens to a HostBoard. The board's methods are replaced on the object, so it must be new."""
 
-    def __init__(self, board: HostBoard, rig: Any, data: dict[str, Any], broken: bool, flash: list[str] | None):
-        """flash: what its blocks held when the board was made, in hex; None for a board without."""
+    def __init__(
+        self,
+        board: HostBoard,
+        rig: Any,
+        data: dict[str, Any],
+        broken: bool,
+        flash: list[str] | None,
+        most_passes: float = math.inf,
+    ):
+        """flash: what its blocks held when the board was made, in hex; None for a board without.
+
+        most_passes: a board that lives longer is not recorded.
+        """
+        self.left = most_passes
         self.board = board
         hal = self.hal = board.hal
         kernel = hal.kernel
@@ -148,6 +161,13 @@ class Recorder:
                 self.recording.did.append(f"{self.ticked}: t{self.cues[0]},{self.cues[1]}")
 
         def on_poll(now):
+            self.left -= 1
+            if self.left <= 0:
+                if not self.finished:
+                    self.finished = Recording("", {})
+                self.notes, self.wire, self.sent, self.lights = [], bytearray(), bytearray(), None
+                self.recording.lines.clear()
+                return poll(now)
             if self.notes or self.wire or self.lights or self.sent:
                 self._noted(())  # not by a pass
             if self.answers or self.troubles or self.taken:
@@ -272,7 +292,10 @@ class Recorder:
             self._flush()
 
     def finish(self) -> Recording:
-        """The recording up to now, or to the first call; what comes later is no part of it."""
+        """The recording up to now, or to the first call; what comes later is no part of it.
+
+        Without a head for a board that has lived too long.
+        """
         if self.finished:
             return self.finished
         self._flush()
@@ -336,8 +359,11 @@ def differences(runtime, recording: Recording, path: Path) -> str:
 
 
 @contextlib.contextmanager
-def recorded():
-    """Every HostBoard that is made meanwhile is recorded. Yields the list of their Recorders."""
+def recorded(most_passes: float = math.inf):
+    """Every HostBoard that is made meanwhile is recorded. Yields the list of their Recorders.
+
+    most_passes: boards that live longer are not.
+    """
     found: list[Recorder] = []
     made = HostBoard.__init__
     signature = inspect.signature(made)
@@ -348,7 +374,7 @@ def recorded():
         flash = given.arguments["flash"]
         held = None if flash is False else [bytes(block).hex() for block in (flash or HostFlash()).content]
         made(self, *args, **kwargs)
-        found.append(Recorder(self, *(given.arguments[name] for name in ("rig", "board", "broken")), held))
+        found.append(Recorder(self, *(given.arguments[name] for name in ("rig", "board", "broken")), held, most_passes))
 
     HostBoard.__init__ = make  # type: ignore[method-assign]
     try:

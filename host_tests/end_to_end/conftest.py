@@ -1,7 +1,9 @@
-"""With --replay each session of these tests is played again by 32-bit MicroPython, the heap locked in every tick and
-every pass, and with all counters close to their end, so that they wrap on the way: byte by byte and millisecond by
-millisecond it must do what it did here.
+"""Sessions of these tests are played again by 32-bit MicroPython, the heap locked in every tick and every pass, and with
+all counters close to their end, so that they wrap on the way: byte by byte and millisecond by millisecond it must do
+what it did here. The short ones are in any run, all of them with --replay.
 """
+
+import math
 
 import pytest
 
@@ -9,20 +11,21 @@ from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.end_to_end.uploaded_runs import MOVE
 from host_tests.recording import differences, recorded
 
+_SHORT = 6000  # passes of a session that is played again in any run
+
 
 @pytest.fixture(scope="module", autouse=True)
 def replayed(request):
     """Set up before any board of a module is made, it comes last when all are done."""
-    if not request.config.getoption("--replay"):
-        yield []
-        return
+    most = math.inf if request.config.getoption("--replay") else _SHORT
     runtime = request.getfixturevalue("unix32f")
     scratch = request.getfixturevalue("tmp_path_factory").mktemp("replay")
-    with recorded() as recorders:
+    with recorded(most) as recorders:
         yield recorders
     found = [
         differences(runtime, recording, scratch / f"{number}.recording")
         for number, recording in enumerate(recorder.finish() for recorder in recorders)
+        if recording.head
     ]
     failures = [text for text in found if text]
     assert not failures, "\n\n".join(failures)
