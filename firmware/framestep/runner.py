@@ -21,7 +21,7 @@ from micropython import heap_lock, heap_unlock, stack_use
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import DEEPEST, PASS
-from framestep.moves.player import UNREPORTED, WHAT
+from framestep.moves.move_check import UNREPORTED, WHAT
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 

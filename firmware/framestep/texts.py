@@ -79,7 +79,7 @@ EXCEEDED = {
 def exceeded(what, motor, frame, by):
     """A line about what the last move exceeds, or none.
 
-    what: EXCEEDED_. motor: from 1. by: see moves/player.py.
+    what: EXCEEDED_. motor: from 1. by: see moves/move_check.py.
     """
     if what not in EXCEEDED:
         return []

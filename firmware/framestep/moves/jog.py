@@ -28,9 +28,10 @@ from framestep.moves.jog_phases import (
     WAY,
     JogPhases,
 )
+from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF, THOUSAND, T, X, Y
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
-from framestep.moves.player import BATCH, FASTEST_FPS, HALF, THOUSAND, T, X, Y, frame_velocity
+from framestep.moves.player import frame_velocity
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK

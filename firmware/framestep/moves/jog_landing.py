@@ -10,7 +10,8 @@ from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves.jog_phases import HERE, HERE_RATE, INDEX, LIMIT, NEXT, RATE, TOP, TWICE, WAY, P, Q
-from framestep.moves.player import HALF, THOUSAND, T, X, Y, frame_velocity
+from framestep.moves.move_check import HALF, THOUSAND, T, X, Y
+from framestep.moves.player import frame_velocity
 from framestep.native import const
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)

@@ -9,10 +9,10 @@ from array import array
 from framestep.clock import HALF as _HALF
 from framestep.clock import after, elapsed
 from framestep.motion import reals
-from framestep.moves.player import HALF, T, X, Y
+from framestep.moves.move_check import HALF, T, X, Y
 from framestep.native import const
 
-# Registers: frames and ticks; player.OWN is the first that is free
+# Registers: frames and ticks; move_check.OWN is the first that is free
 TOP = const(36)  # velocity that the jog keeps to
 TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
 RATE = const(40)  # velocity at the last frame queued

@@ -10,8 +10,8 @@ from array import array
 
 from framestep.moves.jog import JogAll
 from framestep.moves.light_levels import LightLevels
+from framestep.moves.move_check import UNREPORTED, WHAT
 from framestep.moves.operations import READY, OperationRunner
-from framestep.moves.player import UNREPORTED, WHAT
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import ShootFrame

@@ -26,8 +26,9 @@ from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
 from framestep.motors.motor import MAX_VELOCITY
 from framestep.moves import path
+from framestep.moves.move_check import HALF, ZERO, T, X, Y
 from framestep.moves.operation import Operation
-from framestep.moves.player import HALF, ZERO, T, X, Y, frame_velocity
+from framestep.moves.player import frame_velocity
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
@@ -38,7 +39,7 @@ LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
 
-# Registers; player.OWN is the first that is free
+# Registers; move_check.OWN is the first that is free
 _WINDOW = const(36)  # ticks from A to B
 _ROLL = const(38)
 _WAIT = const(40)  # ticks from GO to the first ramp

@@ -1,0 +1,359 @@
+"""Whether motors can follow an uploaded move, and what it asks too much of (field note 5.5).
+
+Registers of real numbers live in `numbers`. The first ones belong to MoveCheck and to UploadPlayer; an
+operation has its own from OWN on. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.motion import reals, stepper
+from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.moves import path
+from framestep.native import const
+from framestep.results import (
+    ERR_RANGE,
+    ERR_SOFT_LOW,
+    ERR_SOFT_UP,
+    EXCEEDED_ACCELERATION,
+    EXCEEDED_BOARD,
+    EXCEEDED_LOWER,
+    EXCEEDED_NOTHING,
+    EXCEEDED_SLOWED,
+    EXCEEDED_UPPER,
+    EXCEEDED_VELOCITY,
+    OK,
+)
+
+# Registers
+THOUSAND = const(0)
+ZERO = const(2)
+X = const(4)
+Y = const(6)
+T = const(8)
+SCALE = const(10)  # twelfths of a step per frame to steps per tick
+_SPEEDS = const(12)  # for each motor: its velocity at the last frame queued
+OWN = const(36)  # after twelve motors' velocities
+_TOPS = const(64)  # for each motor: its top velocity when the move was checked, which no slope exceeds
+REGISTERS = const(88)
+
+FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
+HALF = const(0x20000000)
+# steps/s²: a corner's cubics take up to six times that, the most that the kernel's numbers hold
+HARDEST = const(2500000)
+
+# Words of `exceeded`
+WHAT = const(0)  # EXCEEDED_
+MOTOR = const(1)
+FRAME = const(2)  # scene frame
+BY = const(3)  # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
+EXCEEDED_WORDS = const(4)
+UNREPORTED = const(0x200)  # bit of Controller.unreported, above its FAULT_ bits: to be reported on the REPL
+BATCH = const(32)  # frames checked in one call
+_FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
+_FINE = const(3000)  # from this rate on limits are so small that they are counted in 256ths of a step
+_EXACT = const(16)  # times that a motor lowers the rate by just what it needs; after that by a 32nd at least
+
+
+class MoveCheck:
+    """Checks the path through the uploaded frames against what the motors are set to.
+
+    `numbers`, `window`, `values` and `place` are scratch for all that play the move.
+    """
+
+    def __init__(self, axes, store):
+        self.axes = axes
+        self.store = store
+        self.count = axes.count
+        self.excluded = 0  # bits of motors that take no part: disabled, under live control
+        self.numbers = array("i", [0] * REGISTERS)
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
+        self.window[path.MOST] = path.MONOTONE
+        self.words = array("i", [0] * path.CHECK_WORDS)
+        self.rate = 0  # at which the motors can follow the move checked last, thousandths of a frame per second
+        self.values = array("i", [0] * BATCH)
+        self.place = array("i", [0])
+        self.strict = False  # setting `strict_moves`
+        self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # what the last move checked asked too much of
+        reals.put(self.numbers, THOUSAND, 1000, 0)
+        reals.put(self.numbers, ZERO, 0, 0)
+
+    def motors(self):
+        """Bits of the motors that take part in this upload (field notes 3.1 and 5.4)."""
+        bits = 0
+        for motor in range(self.count):
+            if self.store.has(motor) and not (self.excluded >> motor) & 1:
+                bits |= 1 << motor
+        return bits
+
+    def set_frame_rate(self, fps_milli):
+        """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
+        r = self.numbers
+        reals.put(r, X, fps_milli, 0)
+        reals.put(r, Y, path.TWELFTHS * 1000, 0)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, SCALE, X, THOUSAND)
+
+    def first_way(self, motor, index, step, count, anyway=False):
+        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1 down.
+
+        step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
+        backlash, so that it does not matter; anyway: find it for such a motor, too.
+        """
+        if not anyway and not self.axes.axes[motor].backlash:
+            return 0
+        found = 0
+        while not found and count > 1:
+            batch = min(count, BATCH)
+            self.store.positions(motor, index if step > 0 else index - batch + 1, batch, self.values, 0)
+            found = path.way(self.values, batch, step)
+            index += step * (batch - 1)
+            count -= batch - 1
+        return found
+
+    def check(self, bits, begin, count, fps_milli, step, ways, ramp=0, going=False):
+        """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
+
+        step: 1 played forward, -1 backward. ways: the direction for which each motor's backlash is
+        taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
+        counting that for the backlash where the path turns, or more than the board can make; or the
+        code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
+        says what was too much.
+
+        ramp: acceleration, in frames/s², used to reach that rate, from rest unless `going`. With a
+        ramp the check fails only where no lower rate will do either, on the curve between the
+        frames as well; `rate` is the rate at which all motors can follow, at most the one asked
+        for.
+        """
+        self.exceeded[WHAT] = EXCEEDED_NOTHING
+        self.rate = fps_milli
+        if ramp and count == 2 and not going:
+            self.rate = min(fps_milli, 1000)  # from rest to rest
+        words = self.words
+        values = self.values
+        for motor in range(self.count):
+            if not (bits >> motor) & 1:
+                continue
+            axis = self.axes[motor]
+            reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
+            if ramp:
+                words[path.FASTEST] = _FARTHEST
+                words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF
+            else:
+                self._allow(axis, fps_milli)
+            words[path.SHARPEST] = 0
+            words[path.SEEN] = 0
+            words[path.PLAY] = axis.backlash
+            words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+            words[path.TAKEN] = 0
+            reals.copy_word(words, path.LOWEST, axis.bounds, path.LOWER)
+            reals.copy_word(words, path.HIGHEST, axis.bounds, path.UPPER)
+            # without play it does not matter which way they are played, and forward is faster to
+            # read
+            order = step if axis.backlash else 1
+            at = begin if order == step else begin + step * (count - 1)
+            first = at
+            done = 0
+            while done < count:
+                batch = min(count - done, BATCH)
+                self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
+                at += order * batch
+                found = path.check(words, values, batch, order)
+                if found != path.FITS:
+                    if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
+                        self._exceeded(
+                            path.TOO_HARD if ramp else found, motor, first + order * words[path.SEEN], words[path.FOUND]
+                        )
+                        return ERR_RANGE
+                    high = found == path.TOO_HIGH
+                    self.blame(EXCEEDED_UPPER if high else EXCEEDED_LOWER, motor, first + order * words[path.SEEN], OK)
+                    if high:
+                        return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
+                    return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
+                done += batch
+            if ramp:
+                self.window[path.MOST] = path.FROM_REST
+                fits = self._slow_down(motor, begin, count, step, ways, ramp, going)
+                self.window[path.MOST] = path.MONOTONE
+                if not fits:
+                    return ERR_RANGE
+            if words[path.SHARPEST]:
+                self._exceeded(path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST])
+        return OK
+
+    def _allow(self, axis, fps_milli):
+        """Put into `words` what a motor's limits allow from frame to frame, in steps.
+
+        Leaves frames per second in Y.
+
+        Positions have been rounded to steps, which alone makes differences of ±1 and changes of ±2.
+        """
+        r = self.numbers
+        words = self.words
+        reals.put(r, Y, fps_milli, 0)
+        reals.divide(r, Y, Y, THOUSAND)  # frames per second
+        reals.put(r, X, axis.velocity, 0)
+        reals.divide(r, X, X, Y)
+        words[path.FASTEST] = reals.floor(r, X, HALF) + 1
+        reals.put(r, X, axis.acceleration, 0)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, X, X, Y)
+        words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
+        # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its
+        # ticks)
+        reals.put(r, X, HARDEST, 0)
+        reals.multiply(r, X, X, THOUSAND)
+        reals.double(r, T, Y, 1)
+        reals.add(r, T, T, THOUSAND)
+        reals.divide(r, X, X, T)
+        reals.divide(r, X, X, Y)
+        reals.divide(r, X, X, Y)
+        words[path.HARDEST] = reals.floor(r, X, HALF) + 2
+        words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
+        if self.strict:
+            words[path.HARDEST] = words[path.STEEPEST]
+        kernel = self.axes.kernel.state
+        pulsed = min(VELOCITY_LIMIT, TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST])
+        reals.put(r, X, pulsed, 0)
+        reals.divide(r, X, X, Y)
+        words[path.PULSED] = reals.floor(r, X, HALF) + 2
+
+    def _slow_down(self, motor, begin, count, step, ways, ramp, going):
+        """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
+
+        False if no rate will do. What fits at a rate fits at any lower one, so one pass over the
+        frames is enough.
+        """
+        words = self.words
+        axis = self.axes[motor]
+        store = self.store
+        lowered = 0
+        words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+        self._allow_bends(axis, ramp)
+        rests = 0 if going else 1
+        while True:
+            batch = min(count, BATCH - 4)
+            if batch == count:
+                rests |= 2
+            store.positions(motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0)
+            done = 0
+            while True:
+                done = path.bends(
+                    words,
+                    self.values,
+                    axis.bounds,
+                    self.window,
+                    done,
+                    batch,
+                    begin,
+                    store.end - store.start,
+                    step,
+                    rests,
+                )
+                if not done:
+                    break
+                told = self.exceeded
+                told[WHAT] = EXCEEDED_SLOWED
+                told[MOTOR] = motor
+                told[FRAME] = store.start + begin + step * (done - 1)
+                told[BY] = self._lower(axis, ramp)
+                lowered += 1
+                if lowered > _EXACT:
+                    told[BY] = min(told[BY], self.rate - (self.rate >> 5))
+                if told[BY] < 1:
+                    told[WHAT] = EXCEEDED_BOARD
+                    return False
+                self.rate = told[BY]
+                self._allow_bends(axis, ramp)
+            if batch == count:
+                return True
+            rests = 0
+            begin += step * (batch - 1)
+            count -= batch - 1
+
+    def _allow_bends(self, axis, ramp):
+        """Put into `words` what bends() lets pass at `rate`."""
+        r = self.numbers
+        words = self.words
+        reals.put(r, T, self.rate, 0)
+        reals.divide(r, T, T, THOUSAND)
+        reals.put(r, X, axis.velocity, 0)
+        reals.divide(r, X, X, T)
+        words[path.FASTEST] = reals.floor(r, X, HALF)
+        reals.multiply(r, T, T, T)
+        reals.put(r, X, axis.acceleration, 0)
+        reals.divide(r, X, X, T)
+        fine = self.rate >= _FINE
+        words[path.FINE] = 1 if fine else 0
+        reals.double(r, X, X, 8 if fine else 0)
+        words[path.STEEPEST] = reals.floor(r, X, HALF)
+        reals.put(r, X, ramp << (18 if fine else 15), 0)
+        reals.divide(r, X, X, T)
+        # within a frame no more than the rate itself is gathered
+        words[path.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
+
+    def _lower(self, axis, ramp):
+        """The highest rate, or 0, at which the motor can follow what bends() has found."""
+        r = self.numbers
+        words = self.words
+        rate = self.rate
+        fast = words[path.FOUND]
+        bent = words[path.BENT]
+        gathered = words[path.GATHERED]
+        if fast > 0:
+            reals.put(r, X, axis.velocity, 0)
+            reals.put(r, Y, fast, 0)
+            reals.divide(r, X, X, Y)
+            reals.multiply(r, X, X, THOUSAND)
+            rate = min(rate, reals.floor(r, X, HALF))
+        # acceleration = bent · rate² + gathered · ramp, or half of rate² for the ramp where that is
+        # less
+        reals.put(r, Y, gathered, -1)
+        reals.put(r, T, bent, 0)
+        reals.add(r, Y, Y, T)
+        if reals.sign(r, Y):
+            reals.put(r, X, axis.acceleration, 0)
+            reals.divide(r, Y, X, Y)
+            reals.put(r, T, gathered * ramp, 0)
+            reals.subtract(r, X, X, T)
+            if reals.sign(r, X) >= 0:
+                if not bent:
+                    return rate
+                reals.put(r, T, bent, 0)
+                reals.divide(r, X, X, T)
+                if reals.compare(r, Y, X) < 0:
+                    reals.copy(r, Y, X)
+            reals.root(r, Y, Y)
+            reals.multiply(r, Y, Y, THOUSAND)
+            rate = min(rate, reals.floor(r, Y, HALF))
+        return rate
+
+    def blame(self, what, motor, index, code):
+        """Keep for `exceeded` at which motor and frame something is refused; the code."""
+        told = self.exceeded
+        told[WHAT] = what
+        told[MOTOR] = motor
+        told[FRAME] = self.store.start + index
+        told[BY] = 0
+        return code
+
+    def _exceeded(self, found, motor, index, amount):
+        """Note in `exceeded` what check() has found at a frame. Register Y: frames per second."""
+        told = self.exceeded
+        r = self.numbers
+        axis = self.axes[motor]
+        steep = found == path.FITS or found == path.TOO_STEEP
+        reals.put(r, X, amount, 0)
+        reals.multiply(r, X, X, Y)
+        if steep:
+            reals.multiply(r, X, X, Y)
+        amount = reals.floor(r, X, HALF)
+        if found == path.FITS and told[WHAT] == EXCEEDED_ACCELERATION and amount - axis.acceleration <= told[BY]:
+            return  # another motor's corner is sharper
+        told[MOTOR] = motor
+        told[FRAME] = self.store.start + index
+        if found == path.TOO_HARD:
+            told[WHAT] = EXCEEDED_BOARD
+            told[BY] = 0
+        else:
+            told[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
+            told[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
