@@ -1,6 +1,7 @@
-"""Sessions of these tests are played again by 32-bit MicroPython, the heap locked in every tick and every pass, and with
-all counters close to their end, so that they wrap on the way: byte by byte and millisecond by millisecond it must do
-what it did here. The short ones are in any run, all of them with --replay.
+"""Sessions of these tests are played again by 32-bit MicroPython, the heap locked in every tick and
+every pass, and with all counters close to their end, so that they wrap on the way: byte by byte and
+millisecond by millisecond it must do what it did here. The short ones are in any run, all of them
+with --replay.
 """
 
 import math
