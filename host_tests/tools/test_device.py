@@ -7,7 +7,7 @@ import tty
 import pytest
 
 from framestep_tools import device, restart
-from framestep_tools.device import DeviceError
+from framestep_tools.device import Device, DeviceError
 
 
 @pytest.fixture(autouse=True)
@@ -45,3 +45,21 @@ def test_a_board_that_does_not_come_up(monkeypatch):
             restart.hello("/dev/x1", protocol, count)
     with pytest.raises(DeviceError, match="cannot open /dev/x1"):
         restart.hello("/dev/x1", "/dev/none", 1)
+
+
+def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
+    scripts = []
+
+    def run(device, script):
+        scripts.append(script)
+        if "wb" in script and ".read(1024)" in script:
+            raise DeviceError("the board stumbled: MemoryError")
+        return ""
+
+    monkeypatch.setattr(Device, "run", run)
+    silent = Device.__new__(Device)
+    silent.write("x.bin", bytes(1200))
+    assert sum(script.startswith("w(") for script in scripts) == 3
+    monkeypatch.setattr(Device, "run", lambda device, script: (_ for _ in ()).throw(DeviceError("OSError: 28")))
+    with pytest.raises(DeviceError, match=r"cannot write x\.bin to the board: OSError: 28"):
+        silent.write("x.bin", b"")

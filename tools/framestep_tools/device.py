@@ -35,7 +35,7 @@ _LOOK_S = 0.2
 _ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
 _ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
 _CHUNK = 1024
-_WINDOW_BITS = 10  # of what unpacks: as large as a chunk
+_SMALL_CHUNK = 512  # where a board's memory is in small pieces
 _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
 
 # what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to, in the background)
@@ -155,8 +155,8 @@ class Who(NamedTuple):
 # ---- a board
 
 
-def _packed(data: bytes) -> bytes:
-    packer = zlib.compressobj(9, zlib.DEFLATED, -_WINDOW_BITS)
+def _packed(data: bytes, bits: int) -> bytes:
+    packer = zlib.compressobj(9, zlib.DEFLATED, -bits)
     return b2a_base64(packer.compress(data) + packer.flush(), newline=False)
 
 
@@ -302,13 +302,20 @@ class Device:
         for at, sign in enumerate(name):
             if sign == "/" and at:
                 self.run(_FOLDER % name[:at])
-        try:
-            self.run(_WRITE % (name, _WINDOW_BITS, _CHUNK))
-            for at in range(0, len(data), _CHUNK):
-                self.run(f"w({_packed(data[at : at + _CHUNK])!r})")
-            self.run("f.close()")
-        except DeviceError as error:
-            raise DeviceError(f"cannot write {name} to the board: {error}") from None
+        for chunk in (_CHUNK, _SMALL_CHUNK):
+            try:
+                self._write(name, data, chunk)
+                return
+            except DeviceError as error:
+                if chunk == _SMALL_CHUNK or "MemoryError" not in str(error):
+                    raise DeviceError(f"cannot write {name} to the board: {error}") from None
+
+    def _write(self, name: str, data: bytes, chunk: int) -> None:
+        bits = chunk.bit_length() - 1  # of the window of what unpacks: as large as a chunk
+        self.run(_WRITE % (name, bits, chunk))
+        for at in range(0, len(data), chunk):
+            self.run(f"w({_packed(data[at : at + chunk], bits)!r})")
+        self.run("f.close()")
 
     def replace(self, name: str, data: bytes) -> None:
         """Give a file new content, in one step at the end: it is the old or the new one, whatever happens."""
