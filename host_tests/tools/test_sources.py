@@ -1,0 +1,75 @@
+"""Which MicroPython tools/micropython/build.sh takes; Debian's archive and the release are the test's own."""
+
+import os
+import subprocess
+import tarfile
+from hashlib import sha256
+
+import pytest
+
+from framestep_tools.files import ROOT
+
+SCRIPT = ROOT / "tools/micropython/build.sh"
+NUMBERS = {"MAJOR": 1, "MINOR": 26, "MICRO": 1, "PRERELEASE": 0}
+BEGINS_TO_WORK = '"$ROOT/tools/setup.sh" python'
+
+
+@pytest.fixture
+def run(tmp_path):
+    """run(commands, *versions): the result of commands with build.sh's functions, where Debian has these versions."""
+    functions, found, _ = SCRIPT.read_text().partition(f"\n{BEGINS_TO_WORK}\n")
+    assert found
+
+    def run(commands, *versions):
+        listed = "".join(f"Version: {version}\\n" for version in versions)
+        text = functions.replace('"$(dirname "${BASH_SOURCE[0]}")/../steps.sh"', f'"{ROOT}/tools/steps.sh"')
+        text += f"\napt_setup() {{ :; }}\nneed_packages() {{ :; }}\napt-cache() {{ printf '{listed}'; }}\n{commands}\n"
+        environment = os.environ | {"FRAMESTEP_CACHE": str(tmp_path / "cache")}
+        return subprocess.run(["bash", "-c", text], env=environment, capture_output=True, text=True)
+
+    return run
+
+
+def release(folder):
+    """A file like MicroPython's release, and its hash."""
+    header = folder / "mpconfig.h"
+    header.write_text("".join(f"#define MICROPY_VERSION_{name} {number}\n" for name, number in NUMBERS.items()))
+    file = folder / "release.tar.xz"
+    with tarfile.open(file, "w:xz") as archive:
+        archive.add(header, "micropython-1.26.1/py/mpconfig.h")
+    return file, sha256(file.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("versions", "taken"),
+    [
+        (["1.28.0+ds-2", "1.26.1+ds-1"], "1.26.1+ds-1"),  # the pinned one
+        (["1.25.0+ds-1", "1.28.0+ds-2"], "1.28.0+ds-2"),  # one that is tested
+    ],
+)
+def test_of_what_debian_has(run, versions, taken):
+    result = run("debian_version", *versions)
+    assert (result.returncode, result.stdout) == (0, f"{taken}\n"), result.stderr
+
+
+def test_the_release_where_debian_has_none_that_is_tested(run, tmp_path):
+    file, digest = release(tmp_path)
+    take = f'RELEASE_URL=file://{file} RELEASE_SHA256={digest}; sources; version_of "$MP"'
+    result = run(take, "1.25.0+ds-1", "1.27.0+ds-1")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == "v1.26.1\n"
+    assert "what it has is not tested (1.25.0+ds-1 1.27.0+ds-1 )" in result.stderr
+
+
+def test_another_file_is_not_taken(run, tmp_path):
+    file, _ = release(tmp_path)
+    result = run(f"RELEASE_URL=file://{file}; sources")
+    assert result.returncode == 1
+    assert "is not the release of MicroPython 1.26.1: its SHA-256 is" in result.stderr
+    assert not (tmp_path / "cache/src/micropython").exists()
+
+
+def test_nothing_is_to_be_had(run, tmp_path):
+    result = run(f"RELEASE_URL=file://{tmp_path}/none; sources")
+    assert result.returncode == 1
+    assert "give a checkout of v1.26.1 (make image MICROPYTHON=path)" in result.stderr
