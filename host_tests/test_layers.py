@@ -31,8 +31,6 @@ LAYERS = (
     ("repl_commands", "repl"),
 )
 
-# These take payloads apart, and should not.
-_NOT_YET = {"virtuals.geometry", "virtuals.boom_swing_track", "virtuals.swing_pan", "virtuals.y_swing_track"}
 _MADE = {"board", "ram_files"}  # by the build
 
 
@@ -97,11 +95,7 @@ def test_payloads_are_taken_apart_and_made_by_requests():
     """Below the controller nothing else has a FrameReader or a FrameWriter in its hands, by these names."""
     for path, file in sources().items():
         module = dotted(path)
-        if (
-            module in _NOT_YET
-            or module.split(".")[0] not in ("motion", "motors", "io", "moves", "virtuals")
-            or module.endswith(".requests")
-        ):
+        if module.split(".")[0] not in ("motion", "motors", "io", "moves", "virtuals") or module.endswith(".requests"):
             continue
         for node in ast.walk(ast.parse(file.read_text())):
             match node:

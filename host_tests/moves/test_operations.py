@@ -7,9 +7,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from framestep.motion import reals, stepper
-from framestep.moves.move_check import OWN, ZERO
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
+from framestep.moves.registers import OWN, ZERO
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench, UploadedMove
 from host_tests.motion.engine import PER_TICK, PER_US

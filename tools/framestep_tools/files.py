@@ -44,6 +44,7 @@ _HOST_ONLY = {
     "framestep/hal/engine.py",  # constants alone, as
     "framestep/results.py",
     _CLOCK,
+    "framestep/moves/registers.py",
     "framestep/virtuals/registers.py",
 }
 _COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built

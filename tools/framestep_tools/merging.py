@@ -25,7 +25,7 @@ TOGETHER: Mapping[str, Sequence[str]] = {
     "framestep/motion/ramps.py": (  # with phases alone
         *("compute", "formula", "kernel", "reals", "segments", "stepper", "tick"),
     ),
-    "framestep/moves/requests.py": (),
+    "framestep/moves/requests.py": ("registers",),
     "framestep/virtuals/requests.py": (  # types that a rig may do without, and what they need
         *("absent", "registers", "kinematics", "arm", "boom_swing_track", "swing_pan", "x_y_z", "y_swing_track"),
     ),

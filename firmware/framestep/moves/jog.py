@@ -14,24 +14,16 @@ from array import array
 
 from framestep.clock import elapsed
 from framestep.motion import reals, stepper
-from framestep.moves import path
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.moves import path, registers
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
-from framestep.moves.jog_phases import (
-    FRAME_SCALE,
-    HERE,
-    INDEX,
-    NEXT,
-    RATE,
-    SLOWEST,
-    TOP,
-    TWICE,
-    WAY,
-    JogPhases,
-)
-from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF, THOUSAND, T, X, Y
+from framestep.moves.jog_phases import INDEX, JogPhases
+from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
 from framestep.moves.player import frame_velocity
+from framestep.moves.registers import FRAME_SCALE, NEXT, RATE, SLOWEST, THOUSAND, TOP, TWICE, T, X, Y
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
@@ -40,6 +32,42 @@ _AHEAD = const(1)  # phases that wait before the next is queued
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
 _NOTICE = const(40)  # ticks from a stop to the cut of the queues: time to plan for all motors
 _LEAST = const(16)  # ticks; with fewer queued nothing is cut
+
+_SLOWING_WAY = formula(registers, "X = (RATE * RATE - TOP * TOP) / TWICE")  # to the top velocity
+
+# The way that it takes to stop: whole frames, and hundredths of one more.
+_STOPPING_WAY = formula(
+    registers,
+    """
+    way = RATE * RATE / TWICE
+    Y = floor(way)
+    X = (way - Y) * 100
+    """,
+)
+# The velocity at the next frame: as much as the last one, the top velocity and the way left (X, from
+# there on) allow. If the top speed is lowered during the jog, it slows down to it at the normal rate.
+_NEXT_RATE = formula(
+    registers,
+    """
+    NEXT = sqrt(min(RATE * RATE + TWICE, X * TWICE))
+    assert NEXT > TOP
+    NEXT = max(sqrt(RATE * RATE - TWICE), TOP)
+    """,
+)
+# One frame at the mean of the two velocities.
+_NEXT_FRAME = formula(
+    registers,
+    """
+    HERE = 0
+    WAY = 1
+    both = RATE + NEXT
+    assert both > ZERO
+    T = 2 / both
+    """,
+)
+_FROM_REST_TO_REST = formula(registers, "T = max(SLOWEST, 1 / TOP)")
+_FRAME_SCALE = formula(registers, "FRAME_SCALE = NEXT / 12")  # of a velocity in frames per tick
+_THOUSANDTHS = formula(registers, "X = HERE * THOUSAND + 0.5")
 
 
 class JogAll(Operation):
@@ -213,10 +241,7 @@ class JogAll(Operation):
             return
         landing = self._landing()
         r = self.player.numbers
-        reals.multiply(r, X, RATE, RATE)
-        reals.multiply(r, Y, TOP, TOP)
-        reals.subtract(r, X, X, Y)
-        reals.divide(r, X, X, TWICE)
+        compute(0, 0, r, _SLOWING_WAY)
         slows = reals.floor(r, X, HALF) + 1
         if (to - landing) * self.step >= 0 and slows <= (self.destination - self.last_queued) * self.step:
             self.destination = to
@@ -228,14 +253,9 @@ class JogAll(Operation):
     def _landing(self):
         """Index of the first frame on which the motion can end."""
         r = self.player.numbers
-        reals.multiply(r, X, RATE, RATE)
-        reals.divide(r, X, X, TWICE)
-        frames = reals.floor(r, X, HALF)
+        compute(0, 0, r, _STOPPING_WAY)
+        frames = reals.floor(r, Y, HALF)
         # up to a hundredth of a frame more than fits is rounding
-        reals.put(r, Y, frames, 0)
-        reals.subtract(r, X, X, Y)
-        reals.put(r, Y, 100, 0)
-        reals.multiply(r, X, X, Y)
         if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, RATE):
             frames += 1
         return self.last_queued + self.step * frames
@@ -316,37 +336,13 @@ class JogAll(Operation):
         player = self.player
         r = player.numbers
         left = (self.destination - self.last_queued) * self.step
-        # The velocity at the next frame: as much as the last one, the top velocity and the way left
-        # allow.
-        reals.multiply(r, X, RATE, RATE)
-        reals.add(r, X, X, TWICE)
-        reals.put(r, Y, left - 1, 0)
-        reals.multiply(r, Y, Y, TWICE)
-        if reals.compare(r, X, Y) > 0:
-            reals.copy(r, X, Y)
-        reals.root(r, NEXT, X)
-        if reals.compare(r, NEXT, TOP) > 0:
-            # If the top speed is lowered during the jog, slow down to it at the normal rate.
-            reals.multiply(r, X, RATE, RATE)
-            reals.subtract(r, X, X, TWICE)
-            reals.root(r, NEXT, X)
-            if reals.compare(r, NEXT, TOP) < 0:
-                reals.copy(r, NEXT, TOP)
-        # one frame at the mean of the two velocities
-        reals.add(r, X, RATE, NEXT)
-        reals.put(r, HERE, 0, 0)
-        reals.put(r, WAY, 1, 0)
+        reals.put(r, X, left - 1, 0)
+        compute(0, 0, r, _NEXT_RATE)
+        moves = compute(0, 0, r, _NEXT_FRAME)
         if self.hurry and left == 1:
             hurry_time(self, self.last_queued + self.step, False)
-        elif reals.sign(r, X):
-            reals.put(r, Y, 2, 0)
-            reals.divide(r, T, Y, X)
-        else:
-            reals.copy(r, T, SLOWEST)
-            reals.put(r, Y, 1, 0)
-            reals.divide(r, Y, Y, TOP)
-            if reals.compare(r, Y, T) > 0:
-                reals.copy(r, T, Y)
+        elif not moves:
+            compute(0, 0, r, _FROM_REST_TO_REST)
         self.append_phase(self.last_queued, self.last_queued + self.step)
 
     def append_phase(self, begin, end):
@@ -357,8 +353,7 @@ class JogAll(Operation):
         player = self.player
         r = player.numbers
         self.phases.add(begin)
-        reals.put(r, Y, 12, 0)
-        reals.divide(r, FRAME_SCALE, NEXT, Y)
+        compute(0, 0, r, _FRAME_SCALE)
         player.window[path.MOST] = path.FROM_REST
         player.append_frame(self.bits, end, self.step, T, FRAME_SCALE)
         player.window[path.MOST] = path.MONOTONE
@@ -374,9 +369,7 @@ class JogAll(Operation):
         if k < 0:
             return self.operations.move_time
         r = self.player.numbers
-        reals.multiply(r, X, HERE, THOUSAND)
-        reals.put(r, Y, 1, -1)
-        reals.add(r, X, X, Y)
+        compute(0, 0, r, _THOUSANDTHS)
         return (self.store.start + self.phases.rows[k + INDEX]) * 1000 + self.step * reals.floor(r, X, HALF)
 
     def finished(self):

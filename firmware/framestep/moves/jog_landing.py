@@ -5,18 +5,116 @@ can be reached, or, where that takes long, at a frame per second. Nothing alloca
 """
 
 from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.motion.segments import G1, WHOLE, velocity
 from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
-from framestep.moves.jog_phases import HERE, HERE_RATE, INDEX, LIMIT, NEXT, RATE, TOP, TWICE, WAY, P, Q
-from framestep.moves.move_check import HALF, THOUSAND, T, X, Y
+from framestep.moves import registers
+from framestep.moves.jog_phases import INDEX
+from framestep.moves.move_check import HALF
 from framestep.moves.player import frame_velocity
+from framestep.moves.registers import HERE, HERE_RATE, RATE, P, Q, T, X, Y
 from framestep.native import const
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
-LANDING_MS = const(2000)  # what takes longer goes at a frame per second instead (the same)
-_BRIEF = const(8)  # ticks: a rest of a frame that is shorter is played as one with the next frame
+
+# X frames from the last frame queued to the next one: what is left. It may be there, but for rounding.
+_TO_NEXT_FRAME = formula(
+    registers,
+    """
+    WAY = X - HERE
+    assert WAY <= ZERO
+    WAY = 2 ** -20
+    """,
+)
+# The way beyond the next frame that it takes to stop, downward.
+_STOPPING_WAY = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - WAY)")
+
+# X frames beyond the next one, at a constant deceleration, take 2·way/velocity. What takes longer than
+# two seconds goes at a frame per second instead (field note 6.10), if it is slow enough.
+_DECELERATE = formula(
+    registers,
+    """
+    way = X + WAY
+    TWICE = RATE * RATE / way
+    assert 2 * way > 2000 * RATE
+    assert RATE < 2 / THOUSAND
+    """,
+)
+# A rest of a frame that takes less than 8 ticks is played as one with the next frame.
+_IS_BRIEF = formula(registers, "assert WAY < 8 * RATE")
+_ONE_MORE_FRAME = formula(registers, "WAY = WAY + 1")
+
+# The velocity at that frame, X frames before the end, and the time to it.
+_TWICE_THE_LIMIT = formula(registers, "TWICE = 2 * LIMIT")
+_NEXT_RATE = formula(registers, "NEXT = min(sqrt(X * TWICE), RATE)")
+_TIME = formula(registers, "T = 2 * WAY / (RATE + NEXT)")
+
+_THREE_QUARTERS = formula(registers, "P = T - T / 4")
+# X steps to the frame, at Q steps per tick now.
+_BEFORE_OVERSHOOT = formula(
+    registers,
+    """
+    X = X / Q * 3
+    assert X > ZERO
+    assert X < T
+    T = max(X, P)
+    """,
+)
+
+# What the check has found: from rest to the rate within a frame (P). Q for _STEEPEST.
+_GENTLEST = formula(
+    registers,
+    """
+    LIMIT = 4 / THOUSAND / THOUSAND  # ACCELERATION
+    P = TOP * TOP / 2
+    Q = RATE * RATE
+    assert P < LIMIT
+    """,
+)
+# X steps in the frame before the end and Y in the one after it, acceleration T: what the bend of the
+# path leaves of that, with a half more for the slopes.
+_STEEPEST = formula(
+    registers,
+    """
+    bend = Y - X
+    bend = max(bend, -bend)
+    steps = max(max(X, -X), max(Y, -Y))
+    assert steps > ZERO
+    LIMIT = min(LIMIT, (T - bend * Q) / (steps + steps / 2))
+    """,
+)
+_AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, P)")
+
+# A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration 6·way/T².
+# One that begins in motion stays within both; one that has to turn (from Y) within twice as much, if
+# that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
+_A_FRAME_PER_SECOND = formula(
+    registers,
+    """
+    T = WAY / 2 + WAY
+    T = max(T, sqrt(T)) * THOUSAND
+    """,
+)
+_AS_MOTORS_CAN = formula(
+    registers,
+    """
+    X = max(X, -X) + 1
+    T = max(T, 1.5 * X / P)
+    T = max(T, sqrt(6 * X / Q))
+    """,
+)
+_TURNING = formula(
+    registers,
+    """
+    T = max(T, sqrt(12 * X / Q))
+    turn = 8 * Y
+    T = max(T, max(turn, -turn) / Q)
+    """,
+)
+_AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * WAY / RATE)")
 
 
 def land_from(jog, ticks):
@@ -38,34 +136,16 @@ def land_from(jog, ticks):
     if (jog.destination - end) * step < 0:
         end = jog.destination
     reals.put(r, X, (end - at) * step, 0)
-    reals.subtract(r, WAY, X, HERE)  # to the next frame
-    if reals.sign(r, WAY) <= 0:
-        reals.put(r, WAY, 1, -20)  # it is there, but for rounding
-    # The way that it takes to stop: `more` frames beyond the next one
-    _steepest(jog, at, end)
-    reals.multiply(r, X, RATE, RATE)
-    reals.double(r, Y, LIMIT, 1)
-    reals.divide(r, X, X, Y)
-    reals.subtract(r, X, X, WAY)
-    reals.negate(r, X, X)
+    compute(0, 0, r, _TO_NEXT_FRAME)
+    # `more` frames beyond the next one
+    _find_limit(jog, at, end)
+    compute(0, 0, r, _STOPPING_WAY)
     more = min(max(-reals.floor(r, X, HALF), 0), (jog.destination - end) * step)
     jog.destination = end + step * more
     reals.put(r, X, more, 0)
-    reals.add(r, X, X, WAY)  # all the way
-    # At a constant deceleration it takes 2·way/velocity
-    reals.multiply(r, Y, RATE, RATE)
-    reals.divide(r, TWICE, Y, X)
-    reals.double(r, X, X, 1)
-    reals.put(r, Y, LANDING_MS, 0)
-    reals.multiply(r, Y, Y, RATE)
-    slow = reals.compare(r, X, Y) > 0
-    reals.put(r, Y, 2, 0)
-    reals.divide(r, Y, Y, THOUSAND)
-    jog.hurry = slow and reals.compare(r, RATE, Y) < 0
+    jog.hurry = bool(compute(0, 0, r, _DECELERATE))
     if more:
-        reals.put(r, X, _BRIEF, 0)
-        reals.multiply(r, X, X, RATE)
-        if reals.compare(r, WAY, X) < 0:
+        if compute(0, 0, r, _IS_BRIEF):
             for motor in range(player.count):
                 if (jog.bits >> motor) & 1:
                     # by way of that frame, where it may turn
@@ -73,21 +153,15 @@ def land_from(jog, ticks):
                     motor_step(axes[motor].planned, axes[motor].limits, player.place, 0, 0)
             end += step
             more -= 1
-            reals.put(r, X, 1, 0)
-            reals.add(r, WAY, WAY, X)
+            compute(0, 0, r, _ONE_MORE_FRAME)
     reals.put(r, X, more, 0)
     if jog.hurry:
-        reals.double(r, TWICE, LIMIT, 1)
-    reals.multiply(r, X, X, TWICE)
-    reals.root(r, NEXT, X)
-    if reals.compare(r, NEXT, RATE) > 0:
-        reals.copy(r, NEXT, RATE)
+        compute(0, 0, r, _TWICE_THE_LIMIT)
+    compute(0, 0, r, _NEXT_RATE)
     if jog.hurry and not more:
         hurry_time(jog, end, True)
     else:
-        reals.add(r, X, RATE, NEXT)
-        reals.double(r, T, WAY, 1)
-        reals.divide(r, T, T, X)
+        compute(0, 0, r, _TIME)
     if not more:
         _stay_before(jog, end)
     jog.append_phase(at, end)
@@ -104,8 +178,7 @@ def _stay_before(jog, end):
     """
     player = jog.player
     r = player.numbers
-    reals.double(r, P, T, -2)
-    reals.subtract(r, P, T, P)
+    compute(0, 0, r, _THREE_QUARTERS)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
@@ -115,14 +188,11 @@ def _stay_before(jog, end):
             jog.store.position(motor, end, player.place, 0)
             motor_step(axis.planned, axis.limits, player.place, 0, 0)
             reals.put_difference(r, X, axis.limits, PHYSICAL, axis.cubic, WHOLE)
-            reals.divide(r, X, X, own)
-            reals.put(r, Y, 3, 0)
-            reals.multiply(r, X, X, Y)
-            if reals.sign(r, X) > 0 and reals.compare(r, X, T) < 0:
-                reals.copy(r, T, X if reals.compare(r, X, P) > 0 else P)
+            reals.copy(r, Q, own)
+            compute(0, 0, r, _BEFORE_OVERSHOOT)
 
 
-def _steepest(jog, at, end):
+def _find_limit(jog, at, end):
     """LIMIT = the deceleration, in frames per tick², with which the motors can stop there.
 
     That is what the check has found for this rate, or more, up to ACCELERATION, where the frames
@@ -132,15 +202,8 @@ def _steepest(jog, at, end):
     r = player.numbers
     store = jog.store
     values = jog.values
-    reals.put(r, LIMIT, ACCELERATION, 0)
-    reals.divide(r, LIMIT, LIMIT, THOUSAND)
-    reals.divide(r, LIMIT, LIMIT, THOUSAND)
-    # from rest to the rate within a frame
-    reals.multiply(r, P, TOP, TOP)
-    reals.double(r, P, P, -1)
-    if reals.compare(r, P, LIMIT) >= 0:
+    if not compute(0, 0, r, _GENTLEST):
         return
-    reals.multiply(r, Q, RATE, RATE)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             store.position(motor, at, values, 0)
@@ -148,26 +211,9 @@ def _steepest(jog, at, end):
             store.position(motor, min(max(end + jog.step, 0), store.end - store.start), values, 2)
             reals.put_difference(r, X, values, 1, values, 0)
             reals.put_difference(r, Y, values, 2, values, 1)
-            reals.subtract(r, T, Y, X)
-            for register in (X, Y, T):
-                if reals.sign(r, register) < 0:
-                    reals.negate(r, register, register)
-            if reals.compare(r, X, Y) < 0:
-                reals.copy(r, X, Y)
-            if not reals.sign(r, X):
-                continue
-            # what the bend of the path leaves of the motor's acceleration, with a half more for the
-            # slopes
-            reals.multiply(r, T, T, Q)
-            reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
-            reals.subtract(r, Y, Y, T)
-            reals.double(r, T, X, -1)
-            reals.add(r, X, X, T)
-            reals.divide(r, Y, Y, X)
-            if reals.compare(r, Y, LIMIT) < 0:
-                reals.copy(r, LIMIT, Y)
-    if reals.compare(r, LIMIT, P) < 0:
-        reals.copy(r, LIMIT, P)
+            reals.fetch(r, T, player.axes[motor].numbers, MAX_ACCELERATION)
+            compute(0, 0, r, _STEEPEST)
+    compute(0, 0, r, _AT_LEAST_GENTLEST)
 
 
 def hurry_time(jog, end, cut):
@@ -178,15 +224,7 @@ def hurry_time(jog, end, cut):
     """
     player = jog.player
     r = player.numbers
-    # A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration
-    # 6·way/T². One that begins in motion stays within both; one that has to turn within twice as
-    # much, if that has the time.
-    reals.double(r, T, WAY, -1)
-    reals.add(r, T, T, WAY)
-    reals.root(r, X, T)
-    if reals.compare(r, T, X) < 0:
-        reals.copy(r, T, X)
-    reals.multiply(r, T, T, THOUSAND)
+    compute(0, 0, r, _A_FRAME_PER_SECOND)
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
@@ -198,32 +236,11 @@ def hurry_time(jog, end, cut):
             motor_step(axis.planned, axis.limits, player.place, 0, 0)
             reals.put_difference(r, X, axis.limits, PHYSICAL, jog.values, 0)
             turns = reals.sign(r, X) * reals.sign(r, own) < 0
-            if reals.sign(r, X) < 0:
-                reals.negate(r, X, X)
-            reals.put(r, Y, 1, 0)
-            reals.add(r, X, X, Y)
-            reals.put(r, Y, 3, -1)
-            reals.multiply(r, Y, Y, X)
             reals.fetch(r, P, axis.numbers, MAX_VELOCITY)
-            reals.divide(r, Y, Y, P)
-            if reals.compare(r, T, Y) < 0:
-                reals.copy(r, T, Y)
-            reals.put(r, Y, 12 if turns else 6, 0)
-            reals.multiply(r, Y, Y, X)
-            reals.fetch(r, P, axis.numbers, MAX_ACCELERATION)
-            reals.divide(r, Y, Y, P)
-            reals.root(r, Y, Y)
-            if reals.compare(r, T, Y) < 0:
-                reals.copy(r, T, Y)
+            reals.fetch(r, Q, axis.numbers, MAX_ACCELERATION)
+            compute(0, 0, r, _AS_MOTORS_CAN)
             if turns:
-                reals.double(r, Y, own, 3)
-                if reals.sign(r, Y) < 0:
-                    reals.negate(r, Y, Y)
-                reals.divide(r, Y, Y, P)
-                if reals.compare(r, T, Y) < 0:
-                    reals.copy(r, T, Y)
+                reals.copy(r, Y, own)
+                compute(0, 0, r, _TURNING)
     if reals.sign(r, RATE):
-        reals.double(r, X, WAY, 1)
-        reals.divide(r, X, X, RATE)
-        if reals.compare(r, X, T) < 0:
-            reals.copy(r, T, X)
+        compute(0, 0, r, _AT_CONSTANT_DECELERATION)

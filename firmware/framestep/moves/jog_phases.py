@@ -9,24 +9,12 @@ from array import array
 from framestep.clock import HALF as _HALF
 from framestep.clock import after, elapsed
 from framestep.motion import reals
-from framestep.moves.move_check import HALF, T, X, Y
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.moves import registers
+from framestep.moves.move_check import HALF
+from framestep.moves.registers import HERE, HERE_RATE, NEXT, RATE, SINCE, WAY, P, T, X, Y
 from framestep.native import const
-
-# Registers: frames and ticks; move_check.OWN is the first that is free
-TOP = const(36)  # velocity that the jog keeps to
-TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
-RATE = const(40)  # velocity at the last frame queued
-NEXT = const(42)  # and at the one after it
-SLOWEST = const(44)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
-SINCE = const(46)  # what is to be added to `whole`
-FRAME_SCALE = const(48)
-HERE = const(50)  # locate(): frames from a row's INDEX, and the velocity there
-HERE_RATE = const(52)
-WAY = const(54)  # way to go, frames
-P = const(56)  # to work with
-Q = const(58)
-_Z = const(60)
-LIMIT = const(62)  # acceleration of a landing
 
 # Words of a row: a phase of the axis, a cubic as the motors' are
 _ROWS = const(24)  # a ring of 16 segments holds that many phases at most; some more wait, or have just been played
@@ -39,6 +27,23 @@ _TO = const(7)
 _PASSED = const(9)  # frames from INDEX to where it begins,
 _WAY = const(11)  # and on to its end
 INDEX = const(13)  # of the last frame before it
+
+# Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity HERE_RATE
+# to WAY, and begins P frames after its row's INDEX.
+_LOCATE = formula(
+    registers,
+    """
+    X = min(X, Y)
+    z = X / Y
+    mean = T / Y
+    q = HERE_RATE + WAY - mean - mean
+    p = mean - HERE_RATE - q
+    q = q * z
+    HERE = ((p + q) * z + HERE_RATE) * X + P
+    HERE_RATE = HERE_RATE + (2 * p + q + 2 * q) * z
+    HERE_RATE = max(HERE_RATE, ZERO)
+    """,
+)
 
 
 class JogPhases:
@@ -100,32 +105,9 @@ class JogPhases:
         else:
             return -1
         reals.fetch(r, Y, rows, k + _TIME)
-        if reals.compare(r, X, Y) > 0:
-            reals.copy(r, X, Y)
-        # with z = x/T: u = from·x + z·(p + z·q)·x, velocity = from + z·(2p + 3z·q)
-        reals.divide(r, _Z, X, Y)
         reals.fetch(r, HERE_RATE, rows, k + _FROM)
         reals.fetch(r, WAY, rows, k + _TO)
         reals.fetch(r, T, rows, k + _WAY)
-        reals.divide(r, T, T, Y)
-        reals.add(r, Q, HERE_RATE, WAY)
-        reals.subtract(r, Q, Q, T)
-        reals.subtract(r, Q, Q, T)  # from + to - 2·mean
-        reals.subtract(r, P, T, HERE_RATE)
-        reals.subtract(r, P, P, Q)  # 3·mean - 2·from - to
-        reals.multiply(r, Q, Q, _Z)
-        reals.add(r, HERE, P, Q)
-        reals.multiply(r, HERE, HERE, _Z)
-        reals.add(r, HERE, HERE, HERE_RATE)
-        reals.multiply(r, HERE, HERE, X)
-        reals.fetch(r, Y, rows, k + _PASSED)
-        reals.add(r, HERE, HERE, Y)
-        reals.double(r, P, P, 1)
-        reals.add(r, P, P, Q)
-        reals.double(r, Q, Q, 1)
-        reals.add(r, P, P, Q)
-        reals.multiply(r, P, P, _Z)
-        reals.add(r, HERE_RATE, HERE_RATE, P)
-        if reals.sign(r, HERE_RATE) < 0:
-            reals.put(r, HERE_RATE, 0, 0)
+        reals.fetch(r, P, rows, k + _PASSED)
+        compute(0, 0, r, _LOCATE)
         return k

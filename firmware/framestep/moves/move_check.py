@@ -1,7 +1,6 @@
 """Whether motors can follow an uploaded move, and what it asks too much of (field note 5.5).
 
-Registers of real numbers live in `numbers`. The first ones belong to MoveCheck and to UploadPlayer; an
-operation has its own from OWN on. Nothing allocates after construction.
+Registers of real numbers live in `numbers` (registers.py). Nothing allocates after construction.
 """
 
 from array import array
@@ -9,6 +8,7 @@ from array import array
 from framestep.motion import reals, stepper
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves import path
+from framestep.moves.registers import REGISTERS, SCALE, THOUSAND, TOPS, ZERO, T, X, Y
 from framestep.native import const
 from framestep.results import (
     ERR_RANGE,
@@ -23,18 +23,6 @@ from framestep.results import (
     EXCEEDED_VELOCITY,
     OK,
 )
-
-# Registers
-THOUSAND = const(0)
-ZERO = const(2)
-X = const(4)
-Y = const(6)
-T = const(8)
-SCALE = const(10)  # twelfths of a step per frame to steps per tick
-_SPEEDS = const(12)  # for each motor: its velocity at the last frame queued
-OWN = const(36)  # after twelve motors' velocities
-_TOPS = const(64)  # for each motor: its top velocity when the move was checked, which no slope exceeds
-REGISTERS = const(88)
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
 HALF = const(0x20000000)
@@ -134,7 +122,7 @@ class MoveCheck:
             if not (bits >> motor) & 1:
                 continue
             axis = self.axes[motor]
-            reals.fetch(self.numbers, _TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
+            reals.fetch(self.numbers, TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
             if ramp:
                 words[path.FASTEST] = _FARTHEST
                 words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF

@@ -1,6 +1,6 @@
 """What all operations on an uploaded move share: the path that the motors follow, as phases.
 
-Checks and registers are those of move_check.py. Nothing allocates after construction.
+The checks are in move_check.py. Nothing allocates after construction.
 """
 
 from framestep.motion import phases, reals, stepper
@@ -8,13 +8,14 @@ from framestep.motion.phases import put_aim
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves import path
-from framestep.moves.move_check import _SPEEDS, _TOPS, HALF, SCALE, MoveCheck, T, X, Y
+from framestep.moves.move_check import HALF, MoveCheck
+from framestep.moves.registers import SCALE, SPEEDS, TOPS, T, X, Y
 from framestep.native import micropython, ptr32
 
 
 def frame_velocity(motor):
     """The register of a motor's velocity at the last frame queued, steps per tick."""
-    return _SPEEDS + 2 * motor
+    return SPEEDS + 2 * motor
 
 
 @micropython.viper
@@ -30,16 +31,16 @@ def _ahead(axes, bits: int) -> int:
 @micropython.viper
 def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: int, duration: int, scale: int):
     motor = 0
-    own = _SPEEDS
+    own = SPEEDS
     while bits:
         if bits & 1:
             axis = axes[motor]
             store.positions(motor, index - 2, 5, window, 0)
             if step < 0:
                 path.turn(window)
-                path.velocity(r, X, window, axis.bounds, last - index, index, scale, own + _TOPS - _SPEEDS)
+                path.velocity(r, X, window, axis.bounds, last - index, index, scale, own + TOPS - SPEEDS)
             else:
-                path.velocity(r, X, window, axis.bounds, index, last - index, scale, own + _TOPS - _SPEEDS)
+                path.velocity(r, X, window, axis.bounds, index, last - index, scale, own + TOPS - SPEEDS)
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
             motor_step(axis.planned, limits, place, 0, 0)
@@ -80,7 +81,7 @@ class UploadPlayer(MoveCheck):
         """
         after = self._fill_window(motor, index, step)
         bounds = self.axes.axes[motor].bounds
-        top = _TOPS + 2 * motor
+        top = TOPS + 2 * motor
         if step < 0:
             path.velocity(self.numbers, to, self.window, bounds, after, index, SCALE, top)
         else:

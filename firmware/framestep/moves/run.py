@@ -23,9 +23,10 @@ from framestep.clock import HALF, after, elapsed, reached
 from framestep.motion import reals, stepper
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
-from framestep.moves.move_check import FASTEST_FPS, THOUSAND, ZERO, X, Y
+from framestep.moves.move_check import FASTEST_FPS
 from framestep.moves.operation import Operation
 from framestep.moves.player import frame_velocity
+from framestep.moves.registers import THOUSAND, ZERO, X, Y
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import (
@@ -45,7 +46,7 @@ DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (fie
 DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # phases that wait before the next is queued
 
-# Registers; move_check.OWN is the first that is free
+# Registers; registers.OWN is the first that is free
 _DURATION = const(36)  # of a frame, in ticks
 _DURATION_PLUS = const(38)  # of one that is a microsecond longer
 _ROLL = const(40)

@@ -26,9 +26,10 @@ from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
 from framestep.motors.motor import MAX_VELOCITY
 from framestep.moves import path
-from framestep.moves.move_check import HALF, ZERO, T, X, Y
+from framestep.moves.move_check import HALF
 from framestep.moves.operation import Operation
 from framestep.moves.player import frame_velocity
+from framestep.moves.registers import ROLL, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
@@ -38,11 +39,6 @@ RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time i
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
-
-# Registers; move_check.OWN is the first that is free
-_WINDOW = const(36)  # ticks from A to B
-_ROLL = const(38)
-_WAIT = const(40)  # ticks from GO to the first ramp
 
 
 class Shot:
@@ -168,13 +164,13 @@ class ShootFrame(Operation):
         reals.put(r, Y, closed - opened, 0)
         reals.divide(r, X, X, Y)  # ticks of a degree
         reals.put(r, Y, 360, 0)
-        reals.multiply(r, _WINDOW, X, Y)
+        reals.multiply(r, WINDOW, X, Y)
         reals.put(r, Y, opened, 0)
         reals.multiply(r, X, X, Y)  # from angle 0 to the opening
-        if reals.floor(r, _WINDOW, HALF) > LONGEST_MS or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS:
+        if reals.floor(r, WINDOW, HALF) > LONGEST_MS or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS:
             return ERR_RANGE
         reals.put(r, Y, run_up_ms, 0)
-        reals.copy(r, _ROLL, Y)
+        reals.copy(r, ROLL, Y)
         reals.add(r, T, X, Y)
         shot.begin_ms = max(reals.floor(r, T, HALF), 0) + 1
         reals.put(r, T, shot.begin_ms, 0)
@@ -189,13 +185,13 @@ class ShootFrame(Operation):
         reals.fetch(shot.wait, 0, r, T)
         shot.lasts_ms = shot.begin_ms + shot.exposure_ms + run_up_ms
         if not run_up_ms:
-            reals.add(r, T, T, _WINDOW)
+            reals.add(r, T, T, WINDOW)
             shot.lasts_ms = max(shot.lasts_ms, reals.floor(r, T, HALF) + 1)
-            reals.double(r, _ROLL, _WINDOW, -3)  # an eighth
-            reals.subtract(r, _WINDOW, _WINDOW, _ROLL)
-            reals.subtract(r, _WINDOW, _WINDOW, _ROLL)
-        reals.fetch(shot.roll, 0, r, _ROLL)
-        reals.fetch(shot.window, 0, r, _WINDOW)
+            reals.double(r, ROLL, WINDOW, -3)  # an eighth
+            reals.subtract(r, WINDOW, WINDOW, ROLL)
+            reals.subtract(r, WINDOW, WINDOW, ROLL)
+        reals.fetch(shot.roll, 0, r, ROLL)
+        reals.fetch(shot.window, 0, r, WINDOW)
         return OK
 
     def _places(self, shot, permille):
@@ -224,9 +220,9 @@ class ShootFrame(Operation):
                 # the length of a ramp: half of what the window covers in that time
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                reals.add(r, Y, _WINDOW, _ROLL)
+                reals.add(r, Y, WINDOW, ROLL)
                 reals.divide(r, X, X, Y)
-                reals.multiply(r, X, X, _ROLL)
+                reals.multiply(r, X, X, ROLL)
                 reals.double(r, X, X, -1)
             reals.put(r, Y, 1, -1)
             reals.add(r, X, X, Y)
@@ -238,11 +234,11 @@ class ShootFrame(Operation):
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                if not player.apply_roll(motor, own, _ROLL, True, shot.starts):
+                if not player.apply_roll(motor, own, ROLL, True, shot.starts):
                     return ERR_PREROLL
-                if not player.apply_roll(motor, own, _ROLL, False, shot.ends):
+                if not player.apply_roll(motor, own, ROLL, False, shot.ends):
                     return ERR_POSTROLL
-            elif player.too_steep(motor, own, _ROLL):
+            elif player.too_steep(motor, own, ROLL):
                 return ERR_RANGE
             elif axis.beyond(shot.starts, motor):
                 return ERR_PREROLL
@@ -256,7 +252,7 @@ class ShootFrame(Operation):
         r = player.numbers
         own = frame_velocity(motor)
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-        reals.divide(r, own, own, _WINDOW)
+        reals.divide(r, own, own, WINDOW)
         reals.copy(r, X, own)
         if reals.sign(r, X) < 0:
             reals.negate(r, X, X)
@@ -275,11 +271,11 @@ class ShootFrame(Operation):
                 axis = player.axes[motor]
                 if self._too_fast(shot, motor):
                     return ERR_RANGE
-                if axis.beyond(shot.starts, motor) or shot.blurs and player.too_steep(motor, own, _ROLL):
+                if axis.beyond(shot.starts, motor) or shot.blurs and player.too_steep(motor, own, ROLL):
                     return ERR_PREROLL
                 if axis.beyond(shot.ends, motor):
                     return ERR_POSTROLL
-                if player.too_steep(motor, own, _ROLL):
+                if player.too_steep(motor, own, ROLL):
                     return ERR_RANGE
         return OK
 
@@ -292,9 +288,9 @@ class ShootFrame(Operation):
         player = self.player
         r = player.numbers
         shot = self.shot
-        reals.fetch(r, _WINDOW, shot.window, 0)
-        reals.fetch(r, _WAIT, shot.wait, 0)
-        reals.fetch(r, _ROLL, shot.roll, 0)
+        reals.fetch(r, WINDOW, shot.window, 0)
+        reals.fetch(r, WAIT, shot.wait, 0)
+        reals.fetch(r, ROLL, shot.roll, 0)
 
     def queue_first_phases(self, motor):
         player = self.player
@@ -302,12 +298,12 @@ class ShootFrame(Operation):
         shot = self.shot
         own = frame_velocity(motor)
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-        reals.divide(r, own, own, _WINDOW)
+        reals.divide(r, own, own, WINDOW)
         axis = player.axes[motor]
-        axis.append_phase(_WAIT, ZERO, ZERO, r, shot.starts, motor)
-        axis.append_phase(_ROLL, ZERO, own, r, shot.a, motor)
-        axis.append_phase(_WINDOW, own, own, r, shot.b, motor)
-        axis.append_phase(_ROLL, own, ZERO, r, shot.ends, motor)
+        axis.append_phase(WAIT, ZERO, ZERO, r, shot.starts, motor)
+        axis.append_phase(ROLL, ZERO, own, r, shot.a, motor)
+        axis.append_phase(WINDOW, own, own, r, shot.b, motor)
+        axis.append_phase(ROLL, own, ZERO, r, shot.ends, motor)
         axis.set_more_to_come(False)
 
     def started(self, tick):

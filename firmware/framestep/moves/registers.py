@@ -1,0 +1,44 @@
+"""The registers of operations on an uploaded move: where in UploadPlayer.numbers each number of `reals` stands.
+
+Those from OWN to TOPS belong to the operation that is prepared or running. Constants only: the build
+puts the numbers where the names are used. Ticks of 1 ms; a frame's position in steps.
+"""
+
+from framestep.native import const
+
+# ---------------------------------------------------------------- of all operations
+
+THOUSAND = const(0)
+ZERO = const(2)
+X = const(4)  # for whatever a function needs
+Y = const(6)
+T = const(8)
+SCALE = const(10)  # twelfths of a step per frame to steps per tick
+SPEEDS = const(12)  # for each motor: its velocity at the last frame queued
+OWN = const(36)  # after twelve motors' velocities
+TOPS = const(64)  # for each motor: its top velocity when the move was checked, which no slope exceeds
+SCRATCH = const(88)  # what formulas need on the way
+SCRATCH_END = const(102)
+REGISTERS = const(102)
+
+# ---------------------------------------------------------------- of a JOG_ALL: frames and ticks
+
+TOP = const(36)  # velocity that the jog keeps to
+TWICE = const(38)  # twice the acceleration, 8·10^-6 frames per tick²
+RATE = const(40)  # velocity at the last frame queued
+NEXT = const(42)  # and at the one after it
+SLOWEST = const(44)  # ticks that one frame takes from rest to rest: 2/sqrt(4·10^-6)
+SINCE = const(46)  # what is to be added to `whole` (jog_phases.py)
+FRAME_SCALE = const(48)
+HERE = const(50)  # frames from a row's INDEX, and the velocity there
+HERE_RATE = const(52)
+WAY = const(54)  # way to go, frames
+P = const(56)  # to work with
+Q = const(58)
+LIMIT = const(62)  # acceleration of a landing
+
+# ---------------------------------------------------------------- of an exposure
+
+WINDOW = const(36)  # ticks from A to B
+ROLL = const(38)
+WAIT = const(40)  # ticks from GO to the first ramp
