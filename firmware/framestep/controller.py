@@ -156,7 +156,6 @@ class Controller:
         busy = self._listen()
         if busy:
             self.active_passes = _ACTIVE_PASSES
-            self.planning = True
         if busy or self.unsent:
             self.unsent = self.port.send(self.writer)
         news = self.io.poll(now)
@@ -294,6 +293,12 @@ class Controller:
         if self.motors.pending_acceleration:
             self.motors.apply_pending_acceleration()
         kind = reader.type
+        if (
+            kind != m.MSG_MOTOR_STATUS
+            and kind != m.MSG_MOTOR_GET_POSITION
+            and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
+        ):
+            self.planning = True  # at once, not when it is time for housekeeping
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in _KEEPS_EARLY_PLAN:
             if state == READY:
