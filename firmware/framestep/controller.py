@@ -293,11 +293,7 @@ class Controller:
         if self.motors.pending_acceleration:
             self.motors.apply_pending_acceleration()
         kind = reader.type
-        if (
-            kind != m.MSG_MOTOR_STATUS
-            and kind != m.MSG_MOTOR_GET_POSITION
-            and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
-        ):
+        if kind != m.MSG_MOTOR_STATUS and kind != m.MSG_MOTOR_GET_POSITION and kind != m.MSG_RT_UPLOAD_MOVE_AXIS:
             self.planning = True  # at once, not when it is time for housekeeping
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in _KEEPS_EARLY_PLAN:
