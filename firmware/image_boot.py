@@ -1,4 +1,5 @@
-"""What follows boot.py in an image with framestep in it, where that is frozen: one on the file system."""
+"""What follows boot.py in an image with framestep in it, where that is frozen: one on the file
+system."""
 
 import os
 

@@ -1,4 +1,5 @@
-"""main.py of an image with framestep in it: a main.py on the file system goes first, and may then do as it likes."""
+"""main.py of an image with framestep in it: a main.py on the file system goes first, and may then
+do as it likes."""
 
 import os
 

@@ -1,4 +1,5 @@
-"""Fixtures for every layer. None of them skips a test: what is missing is built, or the test fails and says why."""
+"""Fixtures for every layer. None of them skips a test: what is missing is built, or the test fails
+and says why."""
 
 import contextlib
 import os
@@ -20,11 +21,13 @@ _HEAP = "240k"
 
 _IN_CI = bool(os.environ.get("CI"))
 
-# Tools that the tests run, in this process or in others, wait long for a board that a busy computer emulates
+# Tools that the tests run, in this process or in others, wait long for a board that a busy computer
+# emulates
 os.environ.setdefault("FRAMESTEP_PATIENCE", "20")
 
-# `make test` gives the same verdict each time: each test draws the same examples, in any order and however busy the
-# computer is. So there are no time limits, and nothing is remembered from the run before. `make fuzz` draws anew.
+# `make test` gives the same verdict each time: each test draws the same examples, in any order and
+# however busy the computer is. So there are no time limits, and nothing is remembered from the run
+# before. `make fuzz` draws anew.
 hypothesis.settings.register_profile(
     "framestep",
     derandomize=True,
@@ -34,7 +37,8 @@ hypothesis.settings.register_profile(
     print_blob=True,
 )
 hypothesis.settings.load_profile("framestep")
-# Otherwise it also draws numbers that it finds in the modules imported so far, which depend on what has run before
+# Otherwise it also draws numbers that it finds in the modules imported so far, which depend on what
+# has run before
 providers._get_local_constants = lambda: providers._local_constants
 
 
@@ -46,16 +50,20 @@ def pytest_addoption(parser):
     )
 
 
-# What takes long begins first, so that at the end no processor waits for another one. Of the rest files go by name.
+# What takes long begins first, so that at the end no processor waits for another one. Of the rest
+# files go by name.
 _FIRST = ("board/test_flash.py", "board/test_image.py", "board/", "runtime/", "fuzz/", "emulator/")
 
 
 def pytest_collection_modifyitems(items):
-    """Files in the order in which processors are to take them; within a file tests stay in theirs."""
+    """Files in the order in which processors are to take them; within a file tests stay in
+    theirs."""
 
     def turn(item):
         path = item.path.relative_to(Path(__file__).parent).as_posix()
-        return next((i for i, beginning in enumerate(_FIRST) if path.startswith(beginning)), len(_FIRST))
+        return next(
+            (i for i, beginning in enumerate(_FIRST) if path.startswith(beginning)), len(_FIRST)
+        )
 
     items.sort(key=turn)
 
@@ -105,10 +113,12 @@ def paths() -> Paths:
 
 
 class Runtime:
-    """Runs scripts on the 32-bit MicroPython with single-precision floats, the core compiled as for a board.
+    """Runs scripts on the 32-bit MicroPython with single-precision floats, the core compiled as for
+    a board.
 
-    run("print(1)") or run(Path("script.py"), "argument"); gives back what the script printed. A script that ends with
-    an exception or an exit status fails the test with its traceback. Modules beside a script file can be imported.
+    run("print(1)") or run(Path("script.py"), "argument"); gives back what the script printed. A
+    script that ends with an exception or an exit status fails the test with its traceback. Modules
+    beside a script file can be imported.
     """
 
     def __init__(self, executable: Path, scratch, engine: str = "pio"):
@@ -116,7 +126,15 @@ class Runtime:
         self._scratch = scratch
         self._core = compiled_tree("x86", engine)  # once: it takes longer than most scripts
 
-    def run(self, script, *args, heap: str = _HEAP, path=(), stdin: bytes | None = None, timeout: float = 1000) -> str:
+    def run(
+        self,
+        script,
+        *args,
+        heap: str = _HEAP,
+        path=(),
+        stdin: bytes | None = None,
+        timeout: float = 1000,
+    ) -> str:
         if not isinstance(script, Path):
             script_file = self._scratch / "script.py"
             script_file.write_text(script)
@@ -132,12 +150,19 @@ class Runtime:
             )
         except subprocess.TimeoutExpired as late:
             out = (late.stdout or b"").decode(errors="replace")
-            pytest.fail(f"{script} ran on unix32f for more than {timeout} s; it had printed:\n{out}", pytrace=False)
+            pytest.fail(
+                f"{script} ran on unix32f for more than {timeout} s; it had printed:\n{out}",
+                pytrace=False,
+            )
         out = result.stdout.decode(errors="replace")
         if result.returncode != 0:
-            # MicroPython prints tracebacks of uncaught exceptions on standard output or error, by version
+            # MicroPython prints tracebacks of uncaught exceptions on standard output or error, by
+            # version
             err = result.stderr.decode(errors="replace")
-            pytest.fail(f"{script} on unix32f, exit status {result.returncode}:\n{out}\n{err}", pytrace=False)
+            pytest.fail(
+                f"{script} on unix32f, exit status {result.returncode}:\n{out}\n{err}",
+                pytrace=False,
+            )
         return out
 
 
@@ -154,7 +179,8 @@ def unix32f_stream(tmp_path_factory) -> Runtime:
 
 @pytest.fixture
 def emulator():
-    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when the test ends."""
+    """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when
+    the test ends."""
     from framestep_emulator import Emulator
 
     with contextlib.ExitStack() as running:
@@ -163,7 +189,8 @@ def emulator():
 
 @pytest.fixture
 def board(emulator):
-    """board(files={...}, **options): the same with the project's files on it, those given besides or instead."""
+    """board(files={...}, **options): the same with the project's files on it, those given besides
+    or instead."""
 
     def start(files=None, **options):
         return emulator(files={**board_files("armv6m"), **(files or {})}, **options)

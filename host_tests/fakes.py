@@ -1,8 +1,9 @@
-"""What stands in for the parts around a module under test: one place, so that a fake is right for all tests or none.
+"""What stands in for the parts around a module under test: one place, so that a fake is right for
+all tests or none.
 
-Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches, lights and a camera
-that remember what they were told. `Pins` in host_tests/io/pins.py is the same for a HAL that only has pins, `Bench` in
-host_tests/motion/engine.py for the pulse engines.
+Motors that are only numbers, an uploaded move that is only lists, switches that nobody touches,
+lights and a camera that remember what they were told. `Pins` in host_tests/io/pins.py is the same
+for a HAL that only has pins, `Bench` in host_tests/motion/engine.py for the pulse engines.
 """
 
 from array import array
@@ -51,7 +52,8 @@ class Motors(list):
 
 
 class UploadedMove:
-    """An upload as lists of positions, one for each motor, or None for a motor without; the first frame is `start`."""
+    """An upload as lists of positions, one for each motor, or None for a motor without; the first
+    frame is `start`."""
 
     def __init__(self, *paths, start=1):
         self.paths = paths
@@ -73,7 +75,8 @@ class UploadedMove:
 
 
 class NoSwitches:
-    """Safety inputs that nobody touches. code: what bars every motor instead of OK; held: the ends it stands in."""
+    """Safety inputs that nobody touches. code: what bars every motor instead of OK; held: the ends
+    it stands in."""
 
     code = OK
     held = 0
@@ -87,7 +90,8 @@ class NoSwitches:
 
 
 class RecordedOutputs:
-    """Lights and camera that remember what they were told: `calls`, and the `signals` as (tick, mask, values)."""
+    """Lights and camera that remember what they were told: `calls`, and the `signals` as (tick,
+    mask, values)."""
 
     def __init__(self):
         self.calls = []
@@ -104,7 +108,8 @@ class RecordedOutputs:
 
 
 class OperationBench:
-    """Motors on a kernel and the runner of operations on their upload; a pass of the main loop after each tick.
+    """Motors on a kernel and the runner of operations on their upload; a pass of the main loop
+    after each tick.
 
     paths: as for UploadedMove. ticks: what the kernel's counter of ticks shows at first.
     """
@@ -172,6 +177,7 @@ class OperationBench:
         return self.bench.due + self.kernel[stepper.AHEAD]
 
     def place_at(self, cycle, motor=0):
-        """Where a motor is at a moment by the edges on its pins, if it was at 0 before the first of them."""
+        """Where a motor is at a moment by the edges on its pins, if it was at 0 before the first of
+        them."""
         times, ways = self.bench.times(motor)
         return int(ways[times <= cycle].sum())

@@ -1,6 +1,8 @@
-"""Records what happens to a controller on the host HAL, and what it does, so that another runtime can play it again.
+"""Records what happens to a controller on the host HAL, and what it does, so that another runtime
+can play it again.
 
-A recording is a file for runtime/recording_replay.py: a line of JSON with what the board is made of, then
+A recording is a file for runtime/recording_replay.py: a line of JSON with what the board is made
+of, then
 
     H 12 30        a pass, a tick and two passes (the last a millisecond later), each of the
                    milliseconds 12 to 41: what a host does that looks every millisecond
@@ -15,9 +17,10 @@ A recording is a file for runtime/recording_replay.py: a line of JSON with what 
     X 2            what take_lost_commands() says in the next pass, call by call
     Y -1 2         what reclaim() says in the next pass, call by call
 
-`did` are the lines that the replay prints: after each pass that has done something its millisecond and what it was,
-bytes sent (<), outputs driven (o), drivers switched (e), LED (l), lights (d), telegrams to drivers (w, c) and words
-about them (s); after a tick that gave cues its microsecond and those; at the end where the motors are.
+`did` are the lines that the replay prints: after each pass that has done something its millisecond
+and what it was, bytes sent (<), outputs driven (o), drivers switched (e), LED (l), lights (d),
+telegrams to drivers (w, c) and words about them (s); after a tick that gave cues its microsecond
+and those; at the end where the motors are.
 """
 
 import contextlib
@@ -72,7 +75,9 @@ class Recorder:
         hal = self.hal = board.hal
         kernel = hal.kernel
         self.recording = Recording(
-            os.environ.get("PYTEST_CURRENT_TEST", "").removesuffix(" (setup)").removesuffix(" (call)"),
+            os.environ.get("PYTEST_CURRENT_TEST", "")
+            .removesuffix(" (setup)")
+            .removesuffix(" (call)"),
             {
                 "rig": rig,
                 "board": board_data(data),
@@ -145,7 +150,11 @@ class Recorder:
         tick, poll = hal.tick, controller.poll
         receive, open_port, set_level = board.receive, board.open_port, hal.set_level
         drive, enable, led, trouble = hal.drive, hal.enable, hal.led, hal.take_lost_commands
-        wire_send, wire_receive, choose = hal.driver_wire.send, hal.driver_wire.receive, hal.driver_wire.select
+        wire_send, wire_receive, choose = (
+            hal.driver_wire.send,
+            hal.driver_wire.receive,
+            hal.driver_wire.select,
+        )
         port_send, reclaim = hal.port.send, hal.reclaim
 
         def note(kind, a, b):
@@ -282,8 +291,17 @@ class Recorder:
             hal.dmx.show = on_show
         hal.tick, controller.poll = on_tick, on_poll
         board.receive, board.open_port, hal.set_level = on_receive, on_open, on_level
-        hal.drive, hal.enable, hal.led, hal.take_lost_commands = on_drive, on_enable, on_led, on_trouble
-        hal.driver_wire.send, hal.driver_wire.receive, hal.driver_wire.select = on_wire_send, on_wire_receive, on_choose
+        hal.drive, hal.enable, hal.led, hal.take_lost_commands = (
+            on_drive,
+            on_enable,
+            on_led,
+            on_trouble,
+        )
+        hal.driver_wire.send, hal.driver_wire.receive, hal.driver_wire.select = (
+            on_wire_send,
+            on_wire_receive,
+            on_choose,
+        )
         hal.port.send = on_send
         hal.reclaim = on_reclaim
 
@@ -349,12 +367,20 @@ def differences(runtime, recording: Recording, path: Path) -> str:
     """
     write(recording, path)
     ticks, ms = NEAR_THE_END
-    did, said = recording.did, runtime.run(REPLAY, path, ticks, ms, heap="16M", timeout=1000).split("\n")[:-1]
+    did, said = (
+        recording.did,
+        runtime.run(REPLAY, path, ticks, ms, heap="16M", timeout=1000).split("\n")[:-1],
+    )
     if said == did:
         return ""
     path.with_suffix(".did").write_text("\n".join(did))
-    at = next((i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b), min(len(did), len(said)))
-    lines = [f"here:  {line}" for line in did[at : at + 3]] + [f"there: {line}" for line in said[at : at + 3]]
+    at = next(
+        (i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b),
+        min(len(did), len(said)),
+    )
+    lines = [f"here:  {line}" for line in did[at : at + 3]] + [
+        f"there: {line}" for line in said[at : at + 3]
+    ]
     return "\n".join([f"{recording.test}: {path}, line {at}", *lines])
 
 
@@ -372,9 +398,20 @@ def recorded(most_passes: float = math.inf):
         given = signature.bind(self, *args, **kwargs)
         given.apply_defaults()
         flash = given.arguments["flash"]
-        held = None if flash is False else [bytes(block).hex() for block in (flash or HostFlash()).content]
+        held = (
+            None
+            if flash is False
+            else [bytes(block).hex() for block in (flash or HostFlash()).content]
+        )
         made(self, *args, **kwargs)
-        found.append(Recorder(self, *(given.arguments[name] for name in ("rig", "board", "broken")), held, most_passes))
+        found.append(
+            Recorder(
+                self,
+                *(given.arguments[name] for name in ("rig", "board", "broken")),
+                held,
+                most_passes,
+            )
+        )
 
     HostBoard.__init__ = make  # type: ignore[method-assign]
     try:

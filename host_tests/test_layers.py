@@ -9,7 +9,8 @@ from functools import cache
 
 from framestep_tools.files import ROOT, sources
 
-# A module is in the first layer that names it or its package. Packages of one layer do not import each other.
+# A module is in the first layer that names it or its package. Packages of one layer do not import
+# each other.
 LAYERS = (
     ("native_cpython",),
     ("native",),
@@ -35,12 +36,18 @@ _MADE = {"board", "ram_files"}  # by the build
 
 
 def dotted(path: str) -> str:
-    return path.removeprefix("framestep/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    return (
+        path.removeprefix("framestep/")
+        .removesuffix(".py")
+        .removesuffix("/__init__")
+        .replace("/", ".")
+    )
 
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """{module: modules of framestep that it imports, wherever in it}, without `framestep.` in front."""
+    """{module: modules of framestep that it imports, wherever in it}, without `framestep.` in
+    front."""
     modules = {dotted(path) for path in sources()} - {"__init__"}
     found: dict[str, set[str]] = {}
     for path, file in sources().items():
@@ -53,7 +60,9 @@ def imports() -> dict[str, set[str]]:
 def _of(tree: ast.AST, modules: set[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         match node:
-            case ast.ImportFrom(module=str(module), names=names) if module.split(".")[0] == "framestep":
+            case ast.ImportFrom(module=str(module), names=names) if (
+                module.split(".")[0] == "framestep"
+            ):
                 base = module.removeprefix("framestep").removeprefix(".")
                 for alias in names:
                     full = f"{base}.{alias.name}".removeprefix(".")
@@ -62,7 +71,11 @@ def _of(tree: ast.AST, modules: set[str]) -> Iterator[str]:
                     elif base:
                         yield base
             case ast.Import(names=names):
-                yield from (a.name.removeprefix("framestep.") for a in names if a.name.startswith("framestep."))
+                yield from (
+                    a.name.removeprefix("framestep.")
+                    for a in names
+                    if a.name.startswith("framestep.")
+                )
 
 
 def layer(module: str) -> int:
@@ -81,26 +94,41 @@ def edges() -> Iterator[tuple[str, str]]:
 def test_nothing_imports_upward():
     for module, other in edges():
         same = module.split(".")[0] == other.split(".")[0]
-        assert layer(other) < layer(module) or (layer(other) == layer(module) and same), f"{module} imports {other}"
+        assert layer(other) < layer(module) or (layer(other) == layer(module) and same), (
+            f"{module} imports {other}"
+        )
 
 
 def test_the_protocol_is_known_to_requests_and_above():
     """From the controller on, and to what takes requests apart."""
     knowing = {module for module, other in edges() if other.startswith("protocol.")}
-    below = {module for module in knowing if layer(module) < layer("reports") and not module.startswith("protocol.")}
+    below = {
+        module
+        for module in knowing
+        if layer(module) < layer("reports") and not module.startswith("protocol.")
+    }
     assert {module for module in below if not module.endswith(".requests")} == set()
 
 
 def test_payloads_are_taken_apart_and_made_by_requests():
-    """Below the controller nothing else has a FrameReader or a FrameWriter in its hands, by these names."""
+    """Below the controller nothing else has a FrameReader or a FrameWriter in its hands, by these
+    names."""
     for path, file in sources().items():
         module = dotted(path)
-        if module.split(".")[0] not in ("motion", "motors", "io", "moves", "virtuals") or module.endswith(".requests"):
+        if module.split(".")[0] not in (
+            "motion",
+            "motors",
+            "io",
+            "moves",
+            "virtuals",
+        ) or module.endswith(".requests"):
             continue
         for node in ast.walk(ast.parse(file.read_text())):
             match node:
                 case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name):
-                    assert name not in ("reader", "writer"), f"{module}, line {node.lineno}, has a {name}"
+                    assert name not in ("reader", "writer"), (
+                        f"{module}, line {node.lineno}, has a {name}"
+                    )
 
 
 def test_layers_are_told():

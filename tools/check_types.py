@@ -1,4 +1,5 @@
-"""Type checks: the host tools leniently, and the code that only runs on a board against MicroPython's type stubs."""
+"""Type checks: the host tools leniently, and the code that only runs on a board against
+MicroPython's type stubs."""
 
 import ast
 import os
@@ -8,7 +9,14 @@ import sys
 
 from framestep_tools.files import CACHE, FIRMWARE, ROOT
 
-MYPY = [sys.executable, "-m", "mypy", "--config-file", ROOT / "pyproject.toml", "--no-error-summary"]
+MYPY = [
+    sys.executable,
+    "-m",
+    "mypy",
+    "--config-file",
+    ROOT / "pyproject.toml",
+    "--no-error-summary",
+]
 # Functions in languages of their own, of whose words and types mypy knows nothing.
 FOREIGN = {"asm_pio", "viper"}
 
@@ -29,11 +37,22 @@ def foreign_lines(source: str) -> set[int]:
 
 
 def check_board() -> int:
-    files = [p for chip in ("rp2", "esp32") for p in sorted((FIRMWARE / "framestep/hal").glob(f"{chip}*.py"))]
+    files = [
+        p
+        for chip in ("rp2", "esp32")
+        for p in sorted((FIRMWARE / "framestep/hal").glob(f"{chip}*.py"))
+    ]
     if not files:
         return 0
     result = subprocess.run(
-        [*MYPY, "--cache-dir", CACHE / "mypy-board", "--no-site-packages", "--check-untyped-defs", *files],
+        [
+            *MYPY,
+            "--cache-dir",
+            CACHE / "mypy-board",
+            "--no-site-packages",
+            "--check-untyped-defs",
+            *files,
+        ],
         cwd=ROOT,
         env={**os.environ, "MYPYPATH": str(CACHE / "stubs")},
         stdout=subprocess.PIPE,

@@ -1,7 +1,7 @@
 """From power-on to a running controller.
 
-The uploaded move gets, in one piece, the memory that is left once all else is loaded. So the heap is
-collected often while modules load, as loading leaves holes; the code that reads the rig file is
+The uploaded move gets, in one piece, the memory that is left once all else is loaded. So the heap
+is collected often while modules load, as loading leaves holes; the code that reads the rig file is
 dropped after use; and the move's memory is allocated last.
 
 Memory for the REPL and for a user's own code is set aside first of all, at the low end of the heap.
@@ -15,7 +15,10 @@ import sys
 from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
-_SAVE = "framestep: an image (make image) has more memory; or set a smaller motor_count or virtuals in rig.json"
+_SAVE = (
+    "framestep: an image (make image) has more memory; "
+    "or set a smaller motor_count or virtuals in rig.json"
+)
 # Bytes for the REPL and a user's own code, in one piece; framestep's commands take more of it as
 # copied files than in an image
 _LEFT_BY_FILES = const(11 * 1024)
@@ -102,7 +105,8 @@ def start():
         return
     gc.threshold(_DENSE)
     _load_into_ram()
-    from framestep.hal.rp2_pins import drivers_off  # at once: while the rest is loaded they would float
+    # at once: while the rest is loaded they would float
+    from framestep.hal.rp2_pins import drivers_off
 
     settings, mistake = _settings(BOARD)
     del BOARD
@@ -117,7 +121,10 @@ def start():
 
         hal = Rp2Hal(settings.board, settings)
         if hal.watchdog.caused_reset and settings.ports == 2:
-            print("framestep: the watchdog has started the board: the firmware hung while motors moved")
+            print(
+                "framestep: the watchdog has started the board: "
+                "the firmware hung while motors moved"
+            )
         runner = Runner(hal, settings.ports == 2)
         controller = Controller(hal, settings, broken=mistake is not None)
     except MemoryError:
@@ -125,7 +132,8 @@ def start():
         raise
     # rp2_code, where there is one: a module that is loaded later loads it again
     _forget("framestep.io.restore", "framestep.hal.rp2_claim", "framestep.hal.rp2_code")
-    held = _held(settings.board)  # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
+    # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
+    held = _held(settings.board)
     if held:
         gc.threshold(-1)
         print("framestep: not started,", held)
@@ -135,7 +143,8 @@ def start():
     try:
         controller.moves.take_memory()
     except ValueError as error:
-        if settings.ports == 2:  # else the port is the protocol's by now; HI tells that there is room for no frame
+        # with one port it is the protocol's by now; HI tells that there is room for no frame
+        if settings.ports == 2:
             print("framestep: too little memory is left for moves:", error)
             print(_SAVE)
     release(spare)

@@ -133,7 +133,8 @@ class Controller:
             part.handlers = None  # gives its memory back
 
     def _restore_positions(self):
-        """Bring back the positions of before the power cut. Returns the journal, None without one."""
+        """Bring back the positions of before the power cut. Returns the journal, None without
+        one."""
         from framestep.io.position_journal import PositionJournal
         from framestep.io.restore import restore
 
@@ -177,7 +178,11 @@ class Controller:
             return busy
         since = elapsed(now, self.housekept_at)
         reports = self.reports
-        if reports.was_moving and since < 2 * _HOUSEKEEP_MS and elapsed(now, reports.sent_at) >= reports.period_ms:
+        if (
+            reports.was_moving
+            and since < 2 * _HOUSEKEEP_MS
+            and elapsed(now, reports.sent_at) >= reports.period_ms
+        ):
             self._housekeep(now, False, news)
         elif since >= _HOUSEKEEP_MS or news:
             self.housekept_at = now
@@ -221,7 +226,9 @@ class Controller:
             self._on_fault(lost)
         self.reports.send()
         if self.journal:
-            self.journal.poll(now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged)
+            self.journal.poll(
+                now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged
+            )
         self.unsent = self.port.send(self.writer)
 
     def _plan(self, now):
@@ -293,7 +300,11 @@ class Controller:
         if self.motors.pending_acceleration:
             self.motors.apply_pending_acceleration()
         kind = reader.type
-        if kind != m.MSG_MOTOR_STATUS and kind != m.MSG_MOTOR_GET_POSITION and kind != m.MSG_RT_UPLOAD_MOVE_AXIS:
+        if (
+            kind != m.MSG_MOTOR_STATUS
+            and kind != m.MSG_MOTOR_GET_POSITION
+            and kind != m.MSG_RT_UPLOAD_MOVE_AXIS
+        ):
             self.planning = True  # at once, not when it is time for housekeeping
         state = self.operations.state
         if (state == READY or state == LEAVING) and kind not in _KEEPS_EARLY_PLAN:
@@ -501,7 +512,11 @@ class Controller:
             if self.journal is None or not self.journal.working:
                 bits |= m.CONDITION_POSITIONS_UNSAVABLE
             else:
-                bits |= m.CONDITION_POSITIONS_SAVED if self.positions.saved else m.CONDITION_POSITIONS_PENDING
+                bits |= (
+                    m.CONDITION_POSITIONS_SAVED
+                    if self.positions.saved
+                    else m.CONDITION_POSITIONS_PENDING
+                )
         return bits
 
     def _condition(self):

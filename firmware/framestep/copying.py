@@ -7,15 +7,18 @@ from framestep.native import CPYTHON, micropython, ptr8, ptr16, ptr32
 if CPYTHON:
 
     def copy_bytes(to, to_at, source, at, count):
-        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its front."""
+        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its
+        front."""
         to[to_at : to_at + count] = source[at : at + count]
 
     def copy_dwords(words, source, index, at, count):
-        """Copy the `count` little-endian DWORDs from source[at] on, which may begin at any byte, to words[index] on."""
+        """Copy the `count` little-endian DWORDs from source[at] on, which may begin at any byte, to
+        words[index] on."""
         words[index : index + count] = array("i", bytes(source[at : at + 4 * count]))
 
     def move_words(to, at, count, words):
-        """Move `count` words within an array('i'), from words[at] on to words[to] on; the places may overlap."""
+        """Move `count` words within an array('i'), from words[at] on to words[to] on; the places
+        may overlap."""
         words[to : to + count] = words[at : at + count]
 
     def move_halves(to, at, count, halves):
@@ -26,7 +29,8 @@ else:
 
     @micropython.viper
     def copy_bytes(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
-        # The two registers that viper has for locals on ARM hold the two places: `to` is the one, `to_at` the other.
+        # The two registers that viper has for locals on ARM hold the two places: `to` is the one,
+        # `to_at` the other.
         to = ptr8(int(to) + to_at)
         to_at = int(source) + at
         if count >= 16:
@@ -46,8 +50,12 @@ else:
                     count -= 16
             elif to_at & 1:
                 while count >= 8:
-                    ptr32(to)[0] = ptr8(to_at)[0] | (ptr16(to_at + 1)[0] << 8) | (ptr8(to_at)[3] << 24)
-                    ptr32(to)[1] = ptr8(to_at)[4] | (ptr16(to_at + 1)[2] << 8) | (ptr8(to_at)[7] << 24)
+                    ptr32(to)[0] = (
+                        ptr8(to_at)[0] | (ptr16(to_at + 1)[0] << 8) | (ptr8(to_at)[3] << 24)
+                    )
+                    ptr32(to)[1] = (
+                        ptr8(to_at)[4] | (ptr16(to_at + 1)[2] << 8) | (ptr8(to_at)[7] << 24)
+                    )
                     to = ptr8(int(to) + 8)
                     to_at += 8
                     count -= 8

@@ -1,4 +1,5 @@
-"""Why motors were stopped, as text. Always loaded: what prints it may neither import nor allocate."""
+"""Why motors were stopped, as text. Always loaded: what prints it may neither import nor
+allocate."""
 
 from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN

@@ -84,9 +84,15 @@ class HostBoard:
     def set_input(self, name, level):
         """Put an input pin to a level, by its name (gio3, estop) or its number."""
         hal = self.hal
-        pin = name if isinstance(name, int) else next((p for p, n in hal.names.items() if n == name), None)
+        pin = (
+            name
+            if isinstance(name, int)
+            else next((p for p, n in hal.names.items() if n == name), None)
+        )
         if pin is None:
-            raise ValueError("no pin %r; there are %s and numbers" % (name, ", ".join(hal.names.values())))
+            raise ValueError(
+                "no pin %r; there are %s and numbers" % (name, ", ".join(hal.names.values()))
+            )
         hal.set_level(pin, level)
 
     def run_until(self, ns):

@@ -41,7 +41,8 @@ map_device = addressof  # anything with __getitem__ and __setitem__ may lie at a
 def forget():
     """Give back the memory of what nobody but the table of addresses holds any more.
 
-    For programs that make many controllers one after the other. Devices must be held by whoever mapped them.
+    For programs that make many controllers one after the other. Devices must be held by whoever
+    mapped them.
     """
     import gc
     import sys

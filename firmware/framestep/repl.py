@@ -50,15 +50,18 @@ def move(motor, step):
 
 
 def jog(motor=1, speed=1000):
-    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key ends.
+    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key
+    ends.
 
-    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's jog_timeout_ms.
+    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's
+    jog_timeout_ms.
     """
     _call("motion", "jog", motor, speed)
 
 
 def stop():
-    """Ramp all motors down; within a second of another one the hard stop. Ends Dragonframe's run."""
+    """Ramp all motors down; within a second of another one the hard stop. Ends Dragonframe's
+    run."""
     _call("motion", "stop")
 
 

@@ -1,11 +1,14 @@
-"""What the host is told: HI, positions, and all that is sent unasked as soon as there is room for it."""
+"""What the host is told: HI, positions, and all that is sent unasked as soon as there is room for
+it."""
 
 from framestep.clock import elapsed
 from framestep.motion import stepper
 from framestep.protocol import messages as m
 
 VERSION = (0, 1, 0)
-CAPABILITIES = m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
+CAPABILITIES = (
+    m.CAP_REALTIME | m.CAP_GO_MOTION | m.CAP_GO_MOTION2 | m.CAP_LOOP | m.CAP_CAMERA | m.CAP_COUPLE
+)
 
 
 class Reports:
@@ -23,7 +26,8 @@ class Reports:
         self.virtual = False
         self.end = False
         self.go = False
-        self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.caused_reset else -1  # its reason
+        # the reason of a hard stop, -1 for none
+        self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.caused_reset else -1
         self.was_moving = False
         self.period_ms = controller.rig.report_ms
         self.sent_at = 0  # when positions were, ms

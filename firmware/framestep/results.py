@@ -1,7 +1,7 @@
 """The result of a request or of a move: OK, or why not. All layers may use it.
 
-The numbers are the protocol's response codes, which takes them from here, so that no table is needed
-to answer.
+The numbers are the protocol's response codes, which takes them from here, so that no table is
+needed to answer.
 """
 
 from framestep.native import const

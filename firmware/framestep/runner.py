@@ -61,7 +61,8 @@ class Runner:
         hal.report_driver = self.report_driver
         self.background = background
         self._inside = hal.inside
-        self._sayings = 0  # lines about drivers since the last were printed; only the newest are kept
+        # lines about drivers since the last were printed; only the newest are kept
+        self._sayings = 0
         self._saying_motors = bytearray(_SAYINGS)
         self._saying_texts = [""] * _SAYINGS
         # Made now, as there may be no memory for them later
@@ -91,11 +92,14 @@ class Runner:
         self._news = True
 
     def run(self, controller):
-        """Run the controller: in the background, and return at once; or until Ctrl-C on its port."""
+        """Run the controller: in the background, and return at once; or until Ctrl-C on its
+        port."""
         self._controller = controller
         self.alive = True
         if self.background:
-            self._hal.passes.init(period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback)
+            self._hal.passes.init(
+                period=_PASS_MS, mode=Timer.PERIODIC, callback=self._pass_callback
+            )
             return
         idle = self._hal.idle
         try:
@@ -122,8 +126,8 @@ class Runner:
             self._inside[PASS] = 0
             heap_unlock()
 
-    # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front of _turn(), which
-    # expects it, nor behind the last line, which passes it on.
+    # MicroPython raises a Ctrl-C that is pending at the next branch. So there is none here in front
+    # of _turn(), which expects it, nor behind the last line, which passes it on.
     def _pass(self, _timer):
         heap_lock()
         try:
@@ -213,23 +217,38 @@ class Runner:
         self._news = False
         told = self._controller.operations.player.exceeded  # type: ignore[union-attr]
         if unreported & UNREPORTED and told[WHAT]:
-            print("framestep: the last move asks too much of motor", told[1] + 1, "at frame", told[2], "- see status()")
+            print(
+                "framestep: the last move asks too much of motor",
+                told[1] + 1,
+                "at frame",
+                told[2],
+                "- see status()",
+            )
         if self._failed:
             self._failed = False
-            print("framestep: Ctrl-C came in the middle of the controller's work; the motors were ramped down")
+            print(
+                "framestep: Ctrl-C came in the middle of the controller's work; "
+                "the motors were ramped down"
+            )
         sayings = self._sayings
         self._sayings = 0
         if sayings > _SAYINGS:
             print("framestep: drivers:", sayings - _SAYINGS, "earlier lines are lost")
         for i in range(max(0, sayings - _SAYINGS), sayings):
-            print("framestep: driver of motor", self._saying_motors[i % _SAYINGS], self._saying_texts[i % _SAYINGS])
+            print(
+                "framestep: driver of motor",
+                self._saying_motors[i % _SAYINGS],
+                self._saying_texts[i % _SAYINGS],
+            )
 
     def _tell_all(self):
         """After the protocol has given the port back to the REPL: print all that had to wait."""
         try:
             from framestep import texts
 
-            bits = self._controller.condition() & (CONDITION_WATCHDOG_RESET | CONDITION_POSITIONS_UNSAVABLE)
+            bits = self._controller.condition() & (
+                CONDITION_WATCHDOG_RESET | CONDITION_POSITIONS_UNSAVABLE
+            )
             for line in texts.conditions(bits):
                 print("framestep:", line)
         except MemoryError:

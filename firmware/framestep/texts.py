@@ -1,4 +1,5 @@
-"""Conditions as text: for the REPL, and for `framestep status` on the host. Loaded when somebody asks; allocates."""
+"""Conditions as text: for the REPL, and for `framestep status` on the host. Loaded when somebody
+asks; allocates."""
 
 from framestep.faults import FAULTS, outcome
 from framestep.motors.positions import (
@@ -50,18 +51,29 @@ CONDITIONS = {
     CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL says which)",
     CONDITION_ESTOP: "the E-stop is held",
     CONDITION_POSITIONS_SAVED: "positions are remembered: power may go",
-    CONDITION_POSITIONS_PENDING: "positions are not remembered yet: wait until the motors have stood for 2 seconds",
-    CONDITION_POSITIONS_UNSAVABLE: "positions cannot be remembered: the flash or its files do not take them",
-    CONDITION_WATCHDOG_RESET: "the watchdog has started the board: the firmware hung while motors moved",
+    CONDITION_POSITIONS_PENDING: (
+        "positions are not remembered yet: wait until the motors have stood for 2 seconds"
+    ),
+    CONDITION_POSITIONS_UNSAVABLE: (
+        "positions cannot be remembered: the flash or its files do not take them"
+    ),
+    CONDITION_WATCHDOG_RESET: (
+        "the watchdog has started the board: the firmware hung while motors moved"
+    ),
     CONDITION_EXCEEDED: "the last move asks more of a motor than it is set to",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
-LIMITS_COUNT = "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
+LIMITS_COUNT = (
+    "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"
+)
 
 
 def trust(state, reason):
     """Such as "lost: not set since power-up"."""
-    return "%s: %s" % (STATES.get(state, "state %d" % state), REASONS.get(reason, "reason %d" % reason))
+    return "%s: %s" % (
+        STATES.get(state, "state %d" % state),
+        REASONS.get(reason, "reason %d" % reason),
+    )
 
 
 EXCEEDED = {
@@ -83,7 +95,10 @@ def exceeded(what, motor, frame, by):
     """
     if what not in EXCEEDED:
         return []
-    return ["the last move exceeds, at frame %d of motor %d, " % (frame, motor) + EXCEEDED[what].replace("%d", str(by))]
+    return [
+        "the last move exceeds, at frame %d of motor %d, " % (frame, motor)
+        + EXCEEDED[what].replace("%d", str(by))
+    ]
 
 
 def conditions(bits):
@@ -107,7 +122,8 @@ def positions(controller):
     lines = []
     for motor in range(found.count):
         lines.append(
-            "motor %d: %d, %s" % (motor + 1, axes.reported[motor], trust(found.states[motor], found.reasons[motor]))
+            "motor %d: %d, %s"
+            % (motor + 1, axes.reported[motor], trust(found.states[motor], found.reasons[motor]))
         )
     if LOST in list(found.states):  # MicroPython does not look for a number in a bytearray
         lines.append(LIMITS_COUNT)

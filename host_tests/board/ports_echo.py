@@ -5,7 +5,8 @@ from framestep.protocol.frames import DAMAGED, FRAME, FrameReader
 
 
 class Echo:
-    """Reader and writer of the port. `damaged` counts bad frames, `frames` good ones; `limit` stops taking bytes."""
+    """Reader and writer of the port. `damaged` counts bad frames, `frames` good ones; `limit` stops
+    taking bytes."""
 
     def __init__(self, size=4096):
         self.reader = FrameReader()

@@ -1,11 +1,11 @@
-"""Any requests in any order on the emulated board, while somebody works on its REPL: memory taken to the last byte,
-long C calls, Ctrl-C, files read, prints, bench commands.
+"""Any requests in any order on the emulated board, while somebody works on its REPL: memory taken
+to the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
     python -m host_tests.board.strain [--requests 20000] [--seed 1]      (make strain)
 
-Every sound request is answered once and in time, whatever stops the motors is answered for, the motors end where their
-edges say, and the firmware is alive at the end. HARD_STOP 100 may come where the REPL keeps passes away for longer than
-queues last; how often it came, and why, is told.
+Every sound request is answered once and in time, whatever stops the motors is answered for, the
+motors end where their edges say, and the firmware is alive at the end. HARD_STOP 100 may come where
+the REPL keeps passes away for longer than queues last; how often it came, and why, is told.
 """
 
 import argparse
@@ -33,8 +33,9 @@ REST_S = 40
 CHUNK = 250
 REPLY = 0x8000
 
-# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again in any case; in
-# small pieces, as any word in memory that looks like a pointer to one keeps that one.
+# What somebody does on the REPL. What takes memory holds it in a function, so that it is free again
+# in any case; in small pieces, as any word in memory that looks like a pointer to one keeps that
+# one.
 HELPERS = """
 import gc, os, time
 def take(ms, size=1024):
@@ -75,7 +76,12 @@ WORK = (
     "import framestep.repl; framestep.repl.stop()",
     "import framestep.repl; framestep.repl.timing()",
 )
-ENDLESS = ("while True: pass", "while True: take(5)", "while True: gc.collect()", "while True: read('/rig.json')")
+ENDLESS = (
+    "while True: pass",
+    "while True: take(5)",
+    "while True: gc.collect()",
+    "while True: read('/rig.json')",
+)
 BEARABLE = ("MemoryError", "KeyboardInterrupt")
 
 
@@ -90,7 +96,12 @@ def pool():
         scripts = [importlib.import_module(name).script() for name in SCRIPTS]
     finally:
         sys.path.remove(str(RUNTIME))
-    return [(f.type, f.payload) for script in scripts for _, data in script for f in FrameDecoder().feed(data)]
+    return [
+        (f.type, f.payload)
+        for script in scripts
+        for _, data in script
+        for f in FrameDecoder().feed(data)
+    ]
 
 
 def words(*values):
@@ -120,7 +131,8 @@ class Strain:
         self.busy = False  # the REPL runs something
         self.endless = False
         board.protocol.open_port(True)
-        self.ask(m.MSG_HI)  # framestep is up: opening the REPL sends Ctrl-C, which would end its start
+        # framestep is up: opening the REPL sends Ctrl-C, which would end its start
+        self.ask(m.MSG_HI)
         self.repl = board.emulator.repl()
         self.repl.exec(HELPERS)
 
@@ -136,7 +148,9 @@ class Strain:
             self.take(frame)
         if self.decoder.skipped:
             raise self.broken(f"{self.decoder.skipped} bytes came that are no frame")
-        late = [kind for sent, kind in self.waiting.values() if board.now_ns - sent > ANSWER_S * 1e9]
+        late = [
+            kind for sent, kind in self.waiting.values() if board.now_ns - sent > ANSWER_S * 1e9
+        ]
         if late:
             raise self.broken(f"no answer to {[hex(kind) for kind in late]}")
 
@@ -175,7 +189,9 @@ class Strain:
         return self.answer.payload
 
     def broken(self, what):
-        return Broken(f"{what} at {self.board.now_ns * 1e-9:.3f} s, after {self.counts['requests']} requests")
+        return Broken(
+            f"{what} at {self.board.now_ns * 1e-9:.3f} s, after {self.counts['requests']} requests"
+        )
 
     # ---- what comes
 
@@ -200,7 +216,9 @@ class Strain:
             self.send(m.MSG_MOTOR_SET_SPEED, bytes((motor,)) + words(20_000, 100_000))
             steps = [round(motor * 3 * k * k / 8) for k in range(frames)]
             for at in range(0, frames, 4):
-                self.send(m.MSG_RT_UPLOAD_MOVE_AXIS, bytes((motor,)) + words(at, *steps[at : at + 4]))
+                self.send(
+                    m.MSG_RT_UPLOAD_MOVE_AXIS, bytes((motor,)) + words(at, *steps[at : at + 4])
+                )
             self.work()
             self.pass_time(dice.choice((1, 5)))
         self.send(m.MSG_RT_UPLOAD_MOVE_END, b"")
@@ -277,7 +295,8 @@ class Strain:
             serial.timeout = 0
             self.heard += serial.read(100_000)
             out, *ended = self.heard.split(b"\x04", 2)
-            if len(ended) < 2 or b">" not in ended[1]:  # the firmware may say something before the prompt or after
+            # the firmware may say something before the prompt or after
+            if len(ended) < 2 or b">" not in ended[1]:
                 return
             self.busy = False
             err = ended[0]
@@ -325,7 +344,10 @@ class Strain:
         if self.positions and not self.renumbered and not self.lost:
             for motor, (before, now) in enumerate(zip(self.positions, positions, strict=True)):
                 if (before + made[motor] - now) & 0xFFFFFFFF:
-                    raise self.broken(f"motor {motor + 1} is told at {now}: was at {before}, {made[motor]} edges since")
+                    raise self.broken(
+                        f"motor {motor + 1} is told at {now}: was at {before}, "
+                        f"{made[motor]} edges since"
+                    )
         self.positions = positions
         self.edges.clear()
         self.renumbered = False
@@ -354,13 +376,17 @@ class Strain:
             self.check()
             chunks += 1
             if chunks % 20 == 0:
-                self.say(f"{self.counts['requests']} requests, {self.board.now_ns * 1e-9:.0f} s of the board's, "
-                         f"{time.monotonic() - begun:.0f} s")  # fmt: skip
+                self.say(
+                    f"{self.counts['requests']} requests, "
+                    f"{self.board.now_ns * 1e-9:.0f} s of the board's, "
+                    f"{time.monotonic() - begun:.0f} s"
+                )
         self.calm()
         self.check()
         alive = "(lambda it: (it.alive, it.failure))(__import__('framestep.boot').boot.runner)"
         for _ in range(5):
-            with contextlib.suppress(ReplError):  # what had filled the memory may not be found free at once
+            # what had filled the memory may not be found free at once
+            with contextlib.suppress(ReplError):
                 if self.repl.eval(alive) != (True, None):
                     raise self.broken("the firmware is not alive")
                 return self

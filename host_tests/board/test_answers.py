@@ -1,4 +1,5 @@
-"""How soon requests are answered while motors play, by the emulated clock, with the model of the flash cache."""
+"""How soon requests are answered while motors play, by the emulated clock, with the model of the
+flash cache."""
 
 import numpy as np
 import pytest
@@ -38,7 +39,8 @@ def test_right_after_go_and_in_play(session, fps):
 
 @pytest.mark.parametrize("again", [False, True], ids=["first", "again"])
 def test_from_go_to_the_first_edge(session, again):
-    """READY for 300 ms, what waits is there already: acknowledgement and edges at once, those of all motors in step."""
+    """READY for 300 ms, what waits is there already: acknowledgement and edges at once, those of
+    all motors in step."""
     client = session.client
     board = session.board
     session.prepare({motor: np.arange(20) * 2000 for motor in range(1, 9)}, 60_000, 25)

@@ -1,8 +1,9 @@
-"""Pins that framestep has claimed stay its own, also on chips B0 and B1, whose USB takes GPIO 15 at times.
+"""Pins that framestep has claimed stay its own, also on chips B0 and B1, whose USB takes GPIO 15 at
+times.
 
-Erratum RP2040-E5: after each bus reset the SDK's work-around puts GPIO 15 to a function of the USB controller for a
-millisecond, and then writes back what it had found there (pico_fix/rp2040_usb_device_enumeration). On the emulated B1
-the SDK's own code does it.
+Erratum RP2040-E5: after each bus reset the SDK's work-around puts GPIO 15 to a function of the USB
+controller for a millisecond, and then writes back what it had found there
+(pico_fix/rp2040_usb_device_enumeration). On the emulated B1 the SDK's own code does it.
 """
 
 from pathlib import Path
@@ -12,7 +13,14 @@ import pytest
 from framestep.motors.positions import KNOWN, LOST, SET, STEPS
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import DeviceInfo, GetCondition, HardStop, MotorMove, MotorResetPosition, RtGo
+from framestep_tools.payloads import (
+    DeviceInfo,
+    GetCondition,
+    HardStop,
+    MotorMove,
+    MotorResetPosition,
+    RtGo,
+)
 from host_tests.board.modules import board_modules
 from host_tests.end_to_end.session import Session, run_request
 
@@ -20,7 +28,8 @@ STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
 B1 = ("--chip", "B1")
 # Half a second later a call in C that takes a third of a second
 AWAY = (
-    "import machine; machine.Timer(-1, period=500, mode=machine.Timer.ONE_SHOT, callback=lambda _: sum(range(60000)))"
+    "import machine; machine.Timer(-1, period=500, mode=machine.Timer.ONE_SHOT, "
+    "callback=lambda _: sum(range(60000)))"
 )
 MODULES = ("__init__", "native", "hal/__init__", "hal/rp2_pins", "hal/rp2_claims", "hal/rp2_pulses")
 CLAIM = Path(__file__).parent / "claims_setup.py"
@@ -28,7 +37,8 @@ CLAIM = Path(__file__).parent / "claims_setup.py"
 
 @pytest.mark.parametrize("chip", ["B1", "B2"])
 def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
-    """The direction pin follows its engine, whenever the pin was claimed, and USB comes up again."""
+    """The direction pin follows its engine, whenever the pin was claimed, and USB comes up
+    again."""
     emu = emulator(files=board_modules(MODULES), args=["--chip", chip])
     repl = emu.repl()
     repl.exec(CLAIM.read_text())
@@ -44,7 +54,9 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
         emu.wait_usb(after=begun)
         repl.finish(1)
         trace = emu.trace_stop()
-        made = [trace["level"][trace["pin"] == pin].astype(int).tolist() for pin in (STEP, DIRECTION)]
+        made = [
+            trace["level"][trace["pin"] == pin].astype(int).tolist() for pin in (STEP, DIRECTION)
+        ]
         if made[0][1:] != [1, 0] * 5 or made[1][-4:] != [1, 0, 1, 0]:
             dead.append((us, made))
     assert dead == []
@@ -79,8 +91,9 @@ def comes_back(found):
 
 @pytest.mark.parametrize("late", [True, False])
 def test_a_bus_reset_in_motion(rig, late):
-    """Motor 7 turns round every 17 ms when the bus is reset. It ramps down before the chip lets go of its direction
-    pin, even while a long call holds the main loop up (late): every step that was made is counted."""
+    """Motor 7 turns round every 17 ms when the bus is reset. It ramps down before the chip lets go
+    of its direction pin, even while a long call holds the main loop up (late): every step that was
+    made is counted."""
     emulator = rig.board.emulator
     frames = 120
     rig.upload({7: [3 * (i & 1) for i in range(frames)]})
@@ -110,7 +123,8 @@ def test_a_bus_reset_in_motion(rig, late):
 
 
 def test_a_pin_that_something_else_takes(rig):
-    """It is given back before the motor moves again; its position is lost, as pulses may have been."""
+    """It is given back before the motor moves again; its position is lost, as pulses may have
+    been."""
     emulator = rig.board.emulator
     rig.accept(MotorResetPosition(1, 0), MotorResetPosition(7, 0))
     emulator.repl().exec("from machine import Pin\nPin(15, Pin.IN)")
@@ -128,7 +142,8 @@ def test_a_pin_that_something_else_takes(rig):
 
 
 def test_a_bus_reset_in_motion_with_one_port():
-    """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as for a lost host."""
+    """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as
+    for a lost host."""
     found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, args=B1), motors=7, reply_s=0.1)
     with found.board:
         emulator = found.board.emulator

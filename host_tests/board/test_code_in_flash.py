@@ -17,8 +17,9 @@ RAM, RAM_SIZE = 0x2000_0000, 264 * 1024
 CODE_OF_A_FUNCTION = 12  # offset of the pointer to its code (py/objfun.h, mp_obj_fun_bc_t)
 MOST_NAMES = 1210  # the 1261st takes 7.7 kB (framestep_tools.names), and the REPL adds some 50
 
-# Every function of a module, and of the classes in it, with what is nested in it: a loaded function has a table of that
-# (py/emitglue.h, mp_raw_code_t), whose length is not known: what follows it is looked at, too.
+# Every function of a module, and of the classes in it, with what is nested in it: a loaded function
+# has a table of that (py/emitglue.h, mp_raw_code_t), whose length is not known: what follows it is
+# looked at, too.
 LOOK = f"""
 from machine import mem32
 import sys
@@ -95,9 +96,14 @@ def test_it_runs_from_flash_with_room_for_a_long_move(board):
 
 def test_no_module_calls_a_placeholder_while_it_is_imported(emulator, files):
     """A placeholder that is called raises."""
-    names = [name.removesuffix(".mpy").replace("/", ".").removesuffix(".__init__") for name in board_modules()]
+    names = [
+        name.removesuffix(".mpy").replace("/", ".").removesuffix(".__init__")
+        for name in board_modules()
+    ]
     emu = emulator(files=without("/main.py", files))
-    printed = emu.repl().exec(f"NAMES = {names!r}\n" + IMPORT_ALL + "print(len(NAMES), 'are there')", timeout=60)
+    printed = emu.repl().exec(
+        f"NAMES = {names!r}\n" + IMPORT_ALL + "print(len(NAMES), 'are there')", timeout=60
+    )
     assert f"{len(names)} are there" in printed
 
 
@@ -122,11 +128,15 @@ for name in ("bytecode", "machine_code", "generator"):
 
 
 def test_a_placeholder_that_is_called_raises(emulator, files):
-    """Called so that framestep_tools.code_file does not see it; when the module is there they run."""
+    """Called so that framestep_tools.code_file does not see it; when the module is there they
+    run."""
     source = SOURCE.replace("@", "import micropython\n@", 1) + CALL_AT_IMPORT
     code = CodeFile()
     module = code.take("t.py", source, compiled("t.py", source.encode() + FORWARD, "armv6m"))
-    needed = {f"/lib/framestep/{name}.mpy" for name in ("__init__", "native", "hal/__init__", "hal/rp2_code")}
+    needed = {
+        f"/lib/framestep/{name}.mpy"
+        for name in ("__init__", "native", "hal/__init__", "hal/rp2_code")
+    }
     own = {name: content for name, content in files.items() if name in needed}
     emu = emulator(files={**own, CODE: code.packed(), "/t.mpy": module})
     repl = emu.repl()
@@ -158,9 +168,20 @@ def flipped(content, at):
         (lambda files: {**files, CODE: flipped(files[CODE], INDEX + 1)}, "code.bin is damaged"),
         (lambda files: {**files, CODE: files[CODE][:50_000]}, "code.bin is damaged"),
         (lambda files: {**files, CODE: b""}, "code.bin is damaged"),
-        (lambda files: {**files, CODE: CodeFile({1: b"old"}).packed()}, "code.bin is of another version"),
+        (
+            lambda files: {**files, CODE: CodeFile({1: b"old"}).packed()},
+            "code.bin is of another version",
+        ),
     ],
-    ids=["missing", "a bit of code", "a bit of the head", "a bit of the index", "cut", "empty", "old"],
+    ids=[
+        "missing",
+        "a bit of code",
+        "a bit of the head",
+        "a bit of the index",
+        "cut",
+        "empty",
+        "old",
+    ],
 )
 def test_a_code_file_that_is_not_right(emulator, files, spoil, said):
     """Told on the REPL, which works, with what to do."""
@@ -198,17 +219,32 @@ except RuntimeError as error:
 def test_a_traceback_names_file_and_line(board):
     """Of a function in flash."""
     tree = ast.parse((FIRMWARE / "framestep/moves/operations.py").read_text())
-    (method,) = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "poll")
+    (method,) = (
+        node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "poll"
+    )
     line = method.body[1].lineno  # after the docstring
     emulator = board()
     emulator.wait_usb(10_000, ports=2)
     repl = emulator.repl()
     printed = repl.exec(
-        "import sys\nfrom framestep.moves.requests import OperationRunner\ntry:\n    OperationRunner.poll(None)\n"
-        "except AttributeError as error:\n    sys.print_exception(error)"
+        "import sys\n"
+        "from framestep.moves.requests import OperationRunner\n"
+        "try:\n"
+        "    OperationRunner.poll(None)\n"
+        "except AttributeError as error:\n"
+        "    sys.print_exception(error)"
     )
     found = re.search(r'File "framestep.moves.requests", line (\d+), in poll', printed)
     assert found
     merged = groups({path: file.read_text() for path, file in sources().items()})
-    assert where("framestep/moves/requests.py", int(found[1]), merged) == ("framestep/moves/operations.py", line)
-    assert FLASH <= repl.eval(f"__import__('machine').mem32[id(OperationRunner.poll) + {CODE_OF_A_FUNCTION}]") < RAM
+    assert where("framestep/moves/requests.py", int(found[1]), merged) == (
+        "framestep/moves/operations.py",
+        line,
+    )
+    assert (
+        FLASH
+        <= repl.eval(
+            f"__import__('machine').mem32[id(OperationRunner.poll) + {CODE_OF_A_FUNCTION}]"
+        )
+        < RAM
+    )

@@ -1,5 +1,5 @@
-"""TMC2209 drivers on the emulated board's UART, simulated chips at the other end: set up before they are enabled, and
-stopped by a fault."""
+"""TMC2209 drivers on the emulated board's UART, simulated chips at the other end: set up before
+they are enabled, and stopped by a fault."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,13 @@ from framestep_tools import driver_chips as chip
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.driver_chips import Chip, Chips
 from framestep_tools.files import board_data
-from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorResetPosition, MotorStatus
+from framestep_tools.payloads import (
+    GetCondition,
+    HardStop,
+    MotorMove,
+    MotorResetPosition,
+    MotorStatus,
+)
 from host_tests.end_to_end.session import Session, deceleration
 
 ENABLE = tuple(board_data("skr_pico")["enable"])
@@ -19,11 +25,17 @@ ADDRESSES = tuple(board_data("skr_pico")["drivers"]["address"])
 UART = 1
 SLICE_NS = 500_000
 BYTE_NS = 1e10 / chip.BAUD
-RIG = {"virtuals": 0, "motors": [{"driver": {"run_ma": 300 * motor, "microsteps": 2**motor}} for motor in (1, 2, 3, 4)]}
+RIG = {
+    "virtuals": 0,
+    "motors": [
+        {"driver": {"run_ma": 300 * motor, "microsteps": 2**motor}} for motor in (1, 2, 3, 4)
+    ],
+}
 
 
 class DrivenBoard(EmulatedBoard):
-    """A board whose driver UART leads to chips, once `connected`; they begin to answer within half a millisecond."""
+    """A board whose driver UART leads to chips, once `connected`; they begin to answer within half
+    a millisecond."""
 
     def __init__(self, **settings):
         self.connected = False
@@ -95,7 +107,8 @@ def test_nothing_moves_before_the_drivers_answer(talk):
 
 
 def test_set_up_then_enabled(talk):
-    """The supply comes on: every register arrives, whole and confirmed, and only then a driver is switched on."""
+    """The supply comes on: every register arrives, whole and confirmed, and only then a driver is
+    switched on."""
     board = talk.board
     talk.forget()
     board.connect()
@@ -123,8 +136,8 @@ def test_set_up_then_enabled(talk):
 
 
 def test_watching_delays_neither_tick_nor_reply(moving):
-    """Edges while the drivers are asked are as even as without: a constant velocity in constant intervals. Answers come
-    within the 10 ms that they may take beside motion."""
+    """Edges while the drivers are asked are as even as without: a constant velocity in constant
+    intervals. Answers come within the 10 ms that they may take beside motion."""
     talk = moving
     for motor in (2, 3):
         talk.speed(motor, 10_000, 100_000)
@@ -147,7 +160,9 @@ def test_watching_delays_neither_tick_nor_reply(moving):
         assert len(times) == 4000
         cruise = times[(times > times[0] + 0.15) & (times < times[-1] - 0.15)]
         assert np.abs(np.diff(cruise) - 1e-4).max() < 1e-6
-    look = f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
+    look = (
+        f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
+    )
     assert int(talk.board.emulator.repl().exec(look)) < 150
     talk.board.repl.open_port(True)
 
@@ -192,7 +207,8 @@ def test_a_fault_in_motion(moving):
 
 
 def test_one_port_tells_it_with_ctrl_c():
-    """`ports: 1`: the host gets nothing but messages; what could not be said comes with the REPL's prompt."""
+    """`ports: 1`: the host gets nothing but messages; what could not be said comes with the REPL's
+    prompt."""
     with DrivenBoard(ports=1) as board:
         talk = Session(board, motors=4, reply_s=0.1)
         talk.run(1.3)

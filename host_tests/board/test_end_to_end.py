@@ -1,4 +1,5 @@
-"""The firmware as a board gets it: both dialects, the REPL beside a run, nothing allocated, one port for both.
+"""The firmware as a board gets it: both dialects, the REPL beside a run, nothing allocated, one
+port for both.
 
 What the motors do is in test_realtime.py; how the ports behave by themselves in test_ports.py.
 """
@@ -23,7 +24,8 @@ def move(session, motors=(1, 2, 3, 4), frames=FRAMES):
     stands = session.positions
     k = np.arange(frames)
     return {
-        motor: stands[motor] + np.round((100 + 150 * motor) * (1 - np.cos(2 * np.pi * k / (frames - 1)))).astype(int)
+        motor: stands[motor]
+        + np.round((100 + 150 * motor) * (1 - np.cos(2 * np.pi * k / (frames - 1)))).astype(int)
         for motor in motors
     }
 
@@ -52,7 +54,11 @@ def session():
 
 def assert_form(session, wide):
     ok = int(Ack.OK).to_bytes(4 if wide else 2, "little")
-    for kind, payload in ((m.MSG_MOTOR_STOP, b"\1"), (m.MSG_MOTOR_STOP_ALL, b""), (m.MSG_MOTOR_CONFIGURE, b"\1\1")):
+    for kind, payload in (
+        (m.MSG_MOTOR_STOP, b"\1"),
+        (m.MSG_MOTOR_STOP_ALL, b""),
+        (m.MSG_MOTOR_CONFIGURE, b"\1\1"),
+    ):
         answer = session.answer_to(kind, payload)
         assert answer.is_ack
         assert answer.payload == ok
@@ -68,7 +74,8 @@ def assert_form(session, wide):
 
 
 def test_form_of_the_answers(session):
-    """Field note 1.4, and that the next host is greeted again (1.5) by a rig that has come to rest (1.11)."""
+    """Field note 1.4, and that the next host is greeted again (1.5) by a rig that has come to rest
+    (1.11)."""
     assert_form(session, wide=False)
     session.leave()
     session.board.run_until(session.board.now_ns + 10**9)
@@ -85,7 +92,8 @@ def test_form_of_the_answers_in_the_other_dialect():
 
 
 def test_repl_beside_a_run(session):
-    """Whoever works on the REPL meanwhile, calculating and collecting garbage, disturbs neither edges nor answers."""
+    """Whoever works on the REPL meanwhile, calculating and collecting garbage, disturbs neither
+    edges nor answers."""
     positions = move(session)
     stands = load(session, positions)
     repl = session.board.emulator.repl()
@@ -104,7 +112,8 @@ def test_repl_beside_a_run(session):
 
 
 def test_nothing_is_allocated(session):
-    """Over a whole session the heap grows by no byte; what the REPL itself takes is measured first and taken off."""
+    """Over a whole session the heap grows by no byte; what the REPL itself takes is measured first
+    and taken off."""
     positions = move(session)
     repl = session.board.emulator.repl()
     repl.exec("import gc")
@@ -138,7 +147,8 @@ def test_nothing_is_allocated(session):
 
 
 def test_one_port():
-    """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives the REPL back."""
+    """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives
+    the REPL back."""
     with EmulatedBoard({"ports": 1}) as board:
         session = Session(board)
         positions = move(session, (1, 2))
@@ -154,7 +164,8 @@ def test_one_port():
             return board.protocol.transmit()
 
         assert typed(b"\r\x03").endswith(b">>> ")
-        # it is a REPL as any other: Ctrl-C ends a program, what an exception in the core says is seen
+        # it is a REPL as any other: Ctrl-C ends a program, what an exception in the core says is
+        # seen
         assert b">>> " not in typed(b"while True: pass\r\r")
         assert b"KeyboardInterrupt" in typed(b"\x03")
         typed(b"import framestep.repl\r")
@@ -164,15 +175,21 @@ def test_one_port():
         assert b'File "framestep.controller", line' in said
         assert b"TypeError" in said
         assert said.endswith(b">>> ")
-        assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], "the host is told first"
+        assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], (
+            "the host is told first"
+        )
 
 
 def test_one_port_closed_within_a_frame():
-    """There is no DTR to be seen. A frame's beginning left by the client before is never carried out, nor any mixture
-    of it with what comes next: that is damaged at most. And the next client's first request is answered."""
+    """There is no DTR to be seen. A frame's beginning left by the client before is never carried
+    out, nor any mixture of it with what comes next: that is damaged at most. And the next client's
+    first request is answered."""
     with EmulatedBoard({"ports": 1}) as board:
         port = board.protocol
-        left = (encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77), encode(m.MSG_DMX, bytes(300), 78))
+        left = (
+            encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77),
+            encode(m.MSG_DMX, bytes(300), 78),
+        )
         port.open_port(True)
         for data in left:
             for cut in (1, 2, 5, 9, 10, 13, len(data) - 1):
@@ -189,5 +206,7 @@ def test_one_port_closed_within_a_frame():
                     frames += decoder.feed(port.transmit())
                 *before, answer = frames
                 assert (answer.type, answer.id) == (m.MSG_HI, 1000 + cut)
-                assert all(struct.unpack("<H", frame.payload[:2]) == (m.ERR_CHECKSUM,) for frame in before)
+                assert all(
+                    struct.unpack("<H", frame.payload[:2]) == (m.ERR_CHECKSUM,) for frame in before
+                )
         assert "m1" not in {signal for _, signal, _ in board.edges()}

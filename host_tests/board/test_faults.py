@@ -1,4 +1,5 @@
-"""What goes wrong on the emulated board: every edge until the motors stand, the outputs, and what the host is told.
+"""What goes wrong on the emulated board: every edge until the motors stand, the outputs, and what
+the host is told.
 
 E-stop and limit switches in motion and an exception in the main loop are in test_io.py.
 """
@@ -8,7 +9,17 @@ import pytest
 
 from framestep.io.watchdog import HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.motion import stepper
-from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, KNOWN, LOST, RESTORED, SET, STEPS, UNSET
+from framestep.motors.positions import (
+    BEFORE,
+    BROKEN_OFF,
+    HELD,
+    KNOWN,
+    LOST,
+    RESTORED,
+    SET,
+    STEPS,
+    UNSET,
+)
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
@@ -29,7 +40,8 @@ def hang(urgent):
         pass
 b.controller.axes.feed = hang
 """
-# Ticks queued, of the motor in motion with more to come that has the fewest, at the least of so many looks
+# Ticks queued, of the motor in motion with more to come that has the fewest, at the least of so
+# many looks
 QUEUED = f"""
 import framestep.boot as b
 def least(looks):
@@ -42,7 +54,7 @@ def least(looks):
                     ticks += queue[k % {stepper.SEGMENTS} * {stepper.SEGMENT_WORDS}]
                 found = min(found, ticks)
     return found
-"""
+"""  # noqa: E501
 RAISE = """
 import framestep.boot as b
 def handler():
@@ -85,7 +97,8 @@ def away(found, steps=30_000):
 
 
 def ramped_down(found, motor, before, failed, within):
-    """The motor came to rest after the fault at its own deceleration, inside its limits, and no step is missing."""
+    """The motor came to rest after the fault at its own deceleration, inside its limits, and no
+    step is missing."""
     times, signs = found.steps(motor)
     assert 0 < times[-1] - failed < within
     assert_within(times, signs, VELOCITY * 1.001, ACCELERATION)
@@ -117,7 +130,8 @@ def rig():
 
 
 def test_the_port_is_dropped_in_the_middle_of_a_run(rig):
-    path = np.cumsum(np.minimum(40 * np.arange(60), 240)).tolist()  # 5760 steps/s from the seventh frame on
+    # 5760 steps/s from the seventh frame on
+    path = np.cumsum(np.minimum(40 * np.arange(60), 240)).tolist()
     rig.upload({1: path, 2: [-place for place in path]})
     rig.ready(run_request(end=len(path), pre=200))
     before = rig.positions
@@ -145,7 +159,8 @@ def test_a_queue_that_is_not_filled_in_time(rig):
     before = start(rig, *away(rig))
     repl = rig.board.emulator.repl()
     repl.exec("import framestep.boot as b\nb.controller.axes.feed = lambda urgent: None")
-    watched = "print(machine.mem32[0x40058000] >> 30 & 1)"  # ENABLE of the watchdog's CTRL, RP2040 datasheet 4.7.6
+    # ENABLE of the watchdog's CTRL, RP2040 datasheet 4.7.6
+    watched = "print(machine.mem32[0x40058000] >> 30 & 1)"
     assert repl.exec("import machine\n" + watched) == "1\n"
     failed = rig.now
     rig.run(1)
@@ -180,7 +195,8 @@ def test_a_command_that_finds_its_fifo_full(rig):
 
 
 def test_a_host_that_takes_nothing(rig):
-    """Its port is open, but nobody reads: no request would get an answer, so nobody could stop the rig."""
+    """Its port is open, but nobody reads: no request would get an answer, so nobody could stop the
+    rig."""
     before = start(rig, *away(rig, 80_000))
     emulator = rig.board.emulator
     emulator.cmd("hold", port=1, on=True)
@@ -197,9 +213,14 @@ def test_a_host_that_takes_nothing(rig):
 
 
 def test_positions_outlive_the_power(rig):
-    """After two seconds at rest they are kept; the first motion spoils what is kept before its first step."""
+    """After two seconds at rest they are kept; the first motion spoils what is kept before its
+    first step."""
     emulator = rig.board.emulator
-    rig.accept(p.MotorResetPosition(1, 2**31 - 1), p.MotorResetPosition(2, -12345), p.MotorMove(1, 2**31 - 3000))
+    rig.accept(
+        p.MotorResetPosition(1, 2**31 - 1),
+        p.MotorResetPosition(2, -12345),
+        p.MotorMove(1, 2**31 - 3000),
+    )
     rig.wait_idle()
     assert rig.ask(p.GetCondition()).bits == m.CONDITION_POSITIONS_PENDING
     rig.run(2.1)
@@ -248,7 +269,8 @@ def test_an_exception_inside_a_handler(rig):
 
 
 def test_a_main_loop_that_hangs(rig):
-    """The queues run dry and the tick ramps the motors down; then the watchdog starts the board again."""
+    """The queues run dry and the tick ramps the motors down; then the watchdog starts the board
+    again."""
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
         rig.accept(p.MotorResetPosition(motor, 0))
@@ -258,7 +280,9 @@ def test_a_main_loop_that_hangs(rig):
     assert emulator.pin(ENABLE) == 0
     emulator.events(clear=True)
     # the watchdog's time cut short, to spare this computer some
-    emulator.repl().start(f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 4})\n" + HANG)
+    emulator.repl().start(
+        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 4})\n" + HANG
+    )
     failed = rig.now
     emulator.wait_event("reset", TIMEOUT_MS)
     reset = emulator.ns * 1e-9
@@ -275,12 +299,14 @@ def test_a_main_loop_that_hangs(rig):
     assert condition.bits == m.CONDITION_WATCHDOG_RESET | m.CONDITION_POSITIONS_PENDING
     assert set(condition.positions) == {p.Trust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
-        "from framestep import texts; import framestep.boot as b\nprint(texts.conditions(b.controller.condition()))"
+        "from framestep import texts; import framestep.boot as b\n"
+        "print(texts.conditions(b.controller.condition()))"
     )
 
 
 def test_how_long_the_main_loop_may_be_away(rig, capsys):
-    """What is queued for the motor that has the least, at its worst: the figures that the README has."""
+    """What is queued for the motor that has the least, at its worst: the figures that the README
+    has."""
     motors = range(1, 7)
     for motor in motors:
         rig.speed(motor, VELOCITY, ACCELERATION)
@@ -307,14 +333,17 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
     repl.exec("sum(range(60000))")
     took = (rig.board.emulator.ns - begun) / 1e6
     with capsys.disabled():
-        print("\nthe main loop may be away for, ms:", found, f"; sum(range(60000)) takes {took:.0f}")
+        print(
+            "\nthe main loop may be away for, ms:", found, f"; sum(range(60000)) takes {took:.0f}"
+        )
     assert found["24 frames/s"] >= 100
     assert found["60 frames/s"] >= 50
     assert found["constant velocity"] >= 300
 
 
 def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
-    """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host is told, and all goes on."""
+    """On the REPL, in C, in motion: the motors ramp down, nothing is lost, the host is told, and
+    all goes on."""
     for motor in (1, 2):
         rig.speed(motor, VELOCITY, ACCELERATION)
         rig.accept(p.MotorResetPosition(motor, 0))
@@ -324,7 +353,9 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
     repl = emulator.repl()
     # the watchdog's time cut short, to spare this computer some
     failed = rig.now
-    repl.start(f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nsum(range(110000))")
+    repl.start(
+        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nsum(range(110000))"
+    )
     repl.finish(20)
     assert emulator.ns * 1e-9 - failed > TIMEOUT_MS / 5000 + 0.5
     rig.board.run_until(emulator.ns + 500_000_000)
@@ -343,13 +374,17 @@ def test_a_call_that_takes_longer_than_the_watchdog_waits(rig):
 
 
 def test_a_tick_that_has_died(rig):
-    """While a call on the REPL takes long: nothing looks after the motors any more, so the board starts again."""
+    """While a call on the REPL takes long: nothing looks after the motors any more, so the board
+    starts again."""
     start(rig, p.MotorMove(1, rig.position(1) + 30_000), p.MotorMove(2, rig.position(2) - 30_000))
     emulator = rig.board.emulator
     emulator.events(clear=True)
     died = rig.now
     emulator.repl().start(
-        f"import framestep.boot as b\nb.hal.watchdog.arm({TIMEOUT_MS // 5})\nb.hal.ticker.deinit()\nsum(range(110000))"
+        "import framestep.boot as b\n"
+        f"b.hal.watchdog.arm({TIMEOUT_MS // 5})\n"
+        "b.hal.ticker.deinit()\n"
+        "sum(range(110000))"
     )
     emulator.wait_event("reset", TIMEOUT_MS)
     assert emulator.ns * 1e-9 - died == pytest.approx(TIMEOUT_MS / 5000, abs=0.3)
@@ -359,7 +394,8 @@ def test_a_tick_that_has_died(rig):
 
 
 def test_the_watchdog_leaves_the_repl_alone(rig):
-    """A soft reset at rest, as mpremote makes one before it copies files: framestep starts again, nothing strikes."""
+    """A soft reset at rest, as mpremote makes one before it copies files: framestep starts again,
+    nothing strikes."""
     rig.accept(p.MotorMove(1, rig.position(1) + 100))
     rig.wait_idle()
     emulator = rig.board.emulator

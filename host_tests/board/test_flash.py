@@ -1,4 +1,5 @@
-"""`make flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one board for all, in order."""
+"""`make flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one board
+for all, in order."""
 
 import os
 import re
@@ -27,13 +28,26 @@ PATIENCE_S = 1200
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """A board with MicroPython and a rig file, and the paths of its two ports."""
-    with Emulator(files={"/rig.json": RIG}, lockstep=False, speed=2) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    with (
+        Emulator(files={"/rig.json": RIG}, lockstep=False, speed=2) as emu,
+        emu.pty(0) as repl,
+        emu.pty(1) as protocol,
+    ):
         emu.wait_usb()
-        yield SimpleNamespace(emu=emu, repl=repl, protocol=protocol, folder=tmp_path_factory.mktemp("flash"))
+        yield SimpleNamespace(
+            emu=emu, repl=repl, protocol=protocol, folder=tmp_path_factory.mktemp("flash")
+        )
 
 
 def command(bench):
-    return ["make", "-s", "flash", "BOARD=pico", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
+    return [
+        "make",
+        "-s",
+        "flash",
+        "BOARD=pico",
+        f"PORT={bench.repl}",
+        f"ARGS=--protocol {bench.protocol}",
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +83,9 @@ def copied(text):
 
 def kill_at(bench, line):
     """Begin, and kill it all a moment after this line."""
-    process = subprocess.Popen(command(bench), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command(bench), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
     assert any(said.startswith(line) for said in process.stdout)
     time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
@@ -78,14 +94,17 @@ def kill_at(bench, line):
 
 
 def test_interrupted_half_way_the_next_run_repairs_it(bench, wanted):
-    for line in ("copying 5/", "copying 12/"):  # the second time without a power cycle: the REPL is where it was left
+    # the second time without a power cycle: the REPL is where it was left
+    for line in ("copying 5/", "copying 12/"):
         kill_at(bench, line)
     begun = bench.emu.ns
     bench.emu.reset()  # a power cycle: it comes up as plain MicroPython
     bench.emu.wait_usb(after=begun, ports=1, ms=PATIENCE_S * 1000)
     assert "/main.py" not in files(bench)
 
-    done = subprocess.run(command(bench), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    done = subprocess.run(
+        command(bench), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     said = done.stdout
     numbers = copied(said)
@@ -119,11 +138,15 @@ def test_refused_while_something_moves(bench, flash):
 
 
 def edit(bench, monkeypatch, capsys, old, new, status=0):
-    """`framestep rig edit` with an editor that replaces text, and nothing to answer questions with."""
+    """`framestep rig edit` with an editor that replaces text, and nothing to answer questions
+    with."""
     monkeypatch.setenv("EDITOR", f"sed -i 's/{old}/{new}/'")
     monkeypatch.delenv("VISUAL", raising=False)
     monkeypatch.setattr("builtins.input", lambda question: "n")
-    assert cli.app.status(["rig", "edit", "--port", bench.repl, "--protocol", bench.protocol]) == status
+    assert (
+        cli.app.status(["rig", "edit", "--port", bench.repl, "--protocol", bench.protocol])
+        == status
+    )
     return "".join(capsys.readouterr())
 
 
@@ -158,13 +181,16 @@ def test_one_port(bench, flash, monkeypatch, capsys):
 
 
 def test_installed_by_mip(tmp_path, wanted):
-    """`make dist`, then mpremote mip install of the folder's package.json, then a reset: framestep answers."""
+    """`make dist`, then mpremote mip install of the folder's package.json, then a reset: framestep
+    answers."""
     dist.write(tmp_path / "dist")
     with Emulator(lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb()
         mpremote = [sys.executable, "-m", "mpremote", "connect", repl]
         package = tmp_path / "dist" / "armv6m" / "package.json"
-        done = subprocess.run([*mpremote, "mip", "install", str(package)], capture_output=True, text=True)
+        done = subprocess.run(
+            [*mpremote, "mip", "install", str(package)], capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         assert files(SimpleNamespace(emu=emu, folder=tmp_path)) == wanted
         begun = emu.ns

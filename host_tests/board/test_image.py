@@ -1,4 +1,5 @@
-"""`make image`: the UF2 boots on the emulated board and is framestep, with a user's files counting."""
+"""`make image`: the UF2 boots on the emulated board and is framestep, with a user's files
+counting."""
 
 import os
 import struct
@@ -21,17 +22,28 @@ CODE_OF_A_FUNCTION = 12  # offset of the pointer to its machine code (py/objfun.
 
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory):
-    """What a board's boot ROM makes of the UF2 (github.com/microsoft/uf2): an image from the start of the flash."""
+    """What a board's boot ROM makes of the UF2 (github.com/microsoft/uf2): an image from the start
+    of the flash."""
     # not ARGS of a `make test ARGS=...`, which make would hand on
-    clean = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES")}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES")
+    }
     subprocess.run(["make", "-s", "image", "BOARD=pico"], cwd=ROOT, check=True, env=clean)
     uf2 = (ROOT / "build" / "pico.uf2").read_bytes()
     image, count = bytearray(), len(uf2) // BLOCK
     assert len(uf2) == count * BLOCK
     for number in range(count):
         block = uf2[number * BLOCK : (number + 1) * BLOCK]
-        magic, second, flags, address, size, index, blocks, family = struct.unpack_from("<8I", block)
-        assert (magic, second, struct.unpack_from("<I", block, BLOCK - 4)[0]) == (0x0A324655, 0x9E5D5157, 0x0AB16F30)
+        magic, second, flags, address, size, index, blocks, family = struct.unpack_from(
+            "<8I", block
+        )
+        assert (magic, second, struct.unpack_from("<I", block, BLOCK - 4)[0]) == (
+            0x0A324655,
+            0x9E5D5157,
+            0x0AB16F30,
+        )
         assert flags == 0x2000, "the boot ROM takes only blocks of its own family"
         assert family == RP2040, "the boot ROM takes only blocks of its own family"
         assert (address, size, index, blocks) == (FLASH + len(image), 256, number, count)
@@ -58,13 +70,17 @@ def test_it_boots(firmware):
         code = repl.eval(f"__import__('machine').mem32[{tick} + {CODE_OF_A_FUNCTION}]")
         assert RAM <= code < RAM + RAM_SIZE, "the tick runs from RAM, not through the flash cache"
         # numbers in a frozen tuple are no objects, with which a pass could not calculate
-        looked = "[id(bits) & 1 for bits, _ in __import__('framestep.io.tmc2209', None, None, ('WORDS',)).WORDS]"
+        looked = (
+            "[id(bits) & 1 for bits, _ in "
+            "__import__('framestep.io.tmc2209', None, None, ('WORDS',)).WORDS]"
+        )
         assert set(repl.eval(looked)) == {1}
         assert board_data("pico")["name"] in repl.eval("__import__('sys').implementation._machine")
 
 
 def test_the_longest_move_that_is_promised(firmware):
-    """As many frames as HI tells, for all motors, their steps per frame changing by 511 all the time."""
+    """As many frames as HI tells, for all motors, their steps per frame changing by 511 all the
+    time."""
     with Emulator(firmware) as emu:
         emu.wait_usb(10_000, ports=2)
         with Client(emu.serial(1)) as client:
@@ -73,12 +89,18 @@ def test_the_longest_move_that_is_promised(firmware):
             changes = 511 * np.sign(np.sin(np.outer(np.arange(info.motors) + 1, frames) / 20))
             moves = changes.cumsum(1).cumsum(1).astype(int)
             client.upload_move(1, info.upload_frames, dict(enumerate(moves, 1)), 4)
-        wanted = [int(motor[frame]) for motor in moves for frame in (0, 5555, info.upload_frames - 1)]
+        wanted = [
+            int(motor[frame]) for motor in moves for frame in (0, 5555, info.upload_frames - 1)
+        ]
         code = (
-            "import framestep.boot as boot, array; words = array.array('i', (0,)); store = boot.controller.moves.store"
+            "import framestep.boot as boot, array; words = array.array('i', (0,)); "
+            "store = boot.controller.moves.store"
         )
         emu.repl().exec(code)
-        read = f"[store.position(m, f, words, 0) and words[0] for m in range({info.motors}) for f in (0, 5555, {{}})]"
+        read = (
+            "[store.position(m, f, words, 0) and words[0] "
+            f"for m in range({info.motors}) for f in (0, 5555, {{}})]"
+        )
         assert emu.repl().eval(read.format(info.upload_frames - 1)) == wanted
 
 

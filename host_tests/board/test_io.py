@@ -1,4 +1,5 @@
-"""The emulated board: DMX decoded off the wire, pins, E-stop and limit switches during motion, every edge judged."""
+"""The emulated board: DMX decoded off the wire, pins, E-stop and limit switches during motion,
+every edge judged."""
 
 import numpy as np
 import pytest
@@ -30,7 +31,8 @@ class Wire:
         self.emulator.trace_read()
 
     def frames(self, records):
-        """[(start of break, break, mark after break in ns, slots, longest gap between slots in ns)]"""
+        """[(start of break, break, mark after break in ns, slots, longest gap between slots in
+        ns)]"""
         mine = records[records["pin"] == DMX_PIN]
         times, levels = mine["t"].astype(np.int64), mine["level"]
         falls = times[levels == 0]
@@ -43,7 +45,9 @@ class Wire:
             inside = (times >= begin) & (times < until)
             slots, gaps = self.slots(times[inside], levels[inside], until)
             first = falls[at + 1]
-            found.append((int(falls[at]), int(ends[at] - falls[at]), int(first - begin), slots, gaps))
+            found.append(
+                (int(falls[at]), int(ends[at] - falls[at]), int(first - begin), slots, gaps)
+            )
         return found
 
     @staticmethod
@@ -69,7 +73,8 @@ class Wire:
 
 
 def test_dmx_on_the_wire():
-    """Standard: ANSI E1.11; frames at 40 a second or better, whole states only, whatever the motors do."""
+    """Standard: ANSI E1.11; frames at 40 a second or better, whole states only, whatever the motors
+    do."""
     board_session, board = session()
     with board:
         wire = Wire(board)
@@ -83,7 +88,8 @@ def test_dmx_on_the_wire():
         check_timing(frames)
         for frame in frames:
             assert frame[3] == b"\0" + levels
-        # A ramp, while eight motors move: each frame is one state of the lights, and they follow the line
+        # A ramp, while eight motors move: each frame is one state of the lights, and they follow
+        # the line
         for motor in EIGHT:
             board_session.speed(motor, 50_000, 200_000)
             board_session.accept(p.MotorMove(motor, 20_000))
@@ -104,7 +110,9 @@ def test_dmx_on_the_wire():
         for start, _, _, slots, _ in frames:
             assert slots[0] == 0
             line = 250 * min(1.0, max(0.0, (start * 1e-9 - begin) / 0.5))
-            assert all(abs(level - line) <= 250 * 0.040 / 0.5 for level in (min(slots[1:]), max(slots[1:])))
+            assert all(
+                abs(level - line) <= 250 * 0.040 / 0.5 for level in (min(slots[1:]), max(slots[1:]))
+            )
         assert frames[-1][3] == b"\0" + bytes([250] * 512)
         board_session.wait_idle()
         assert board_session.positions == dict.fromkeys(EIGHT, 20_000)
@@ -122,7 +130,8 @@ def check_timing(frames):
 
 
 def ramp_edges(rig):
-    """Times of the steps of four motors, and by how many microseconds a tick came late at worst meanwhile."""
+    """Times of the steps of four motors, and by how many microseconds a tick came late at worst
+    meanwhile."""
     board_session, board = session(rig)
     motors = (1, 2, 3, 4)
     with board:
@@ -133,8 +142,13 @@ def ramp_edges(rig):
             board_session.accept(p.Dmx(1, 1, [250] * 512))
         board_session.accept(*(p.MotorMove(motor, 4000) for motor in motors))
         board_session.wait_idle()
-        look = f"import framestep.boot as b; print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
-        return [board_session.steps(motor)[0] for motor in motors], int(board.emulator.repl().exec(look))
+        look = (
+            "import framestep.boot as b; "
+            f"print(b.controller.axes.kernel.state[{stepper.WORST_LATE}])"
+        )
+        return [board_session.steps(motor)[0] for motor in motors], int(
+            board.emulator.repl().exec(look)
+        )
 
 
 def test_ticks_are_not_delayed():
@@ -143,12 +157,15 @@ def test_ticks_are_not_delayed():
     for a, b in zip(with_dmx, without, strict=True):
         assert len(a) == len(b) == 4000
         assert np.abs(np.diff(a) - np.diff(b)).max() < 100e-9
-    # Planning a motion holds a tick off for some 80 µs if it is just then due; edges move from 1800 µs on.
+    # Planning a motion holds a tick off for some 80 µs if it is just then due; edges move from 1800
+    # µs on.
     assert max(late, late_without) < 150
 
 
 def test_pins():
-    board_session, board = session({"outputs": [{"pin": 22, "on": "low"}, {"pin": 26}], "shutter_on": "low"})
+    board_session, board = session(
+        {"outputs": [{"pin": 22, "on": "low"}, {"pin": 26}], "shutter_on": "low"}
+    )
     with board:
         emulator = board.emulator
 
@@ -279,12 +296,15 @@ def test_limit():
 
 
 def test_an_exception():
-    """What ends the main loop: motors ramp down, outputs go to their safe levels, the host is told."""
+    """What ends the main loop: motors ramp down, outputs go to their safe levels, the host is
+    told."""
     board_session, board = session({"outputs": [{"pin": 26}, {"pin": 22, "safe": "on"}]})
     with board:
         for motor in (1, 2):
             board_session.speed(motor, 10_000, 50_000)
-        board_session.accept(p.GioOut(1), p.GioCam(1), p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
+        board_session.accept(
+            p.GioOut(1), p.GioCam(1), p.MotorMove(1, 30_000), p.MotorMove(2, -30_000)
+        )
         board_session.run(0.4)
         assert [board.emulator.pin(pin) for pin in (26, 22, 20)] == [1, 0, 1]
         board.emulator.repl().exec("import framestep.boot as b; b.controller.axes.feed = None")

@@ -1,4 +1,5 @@
-"""The kinematics of the virtual axes as machine code of the RP2040: the bits of CPython, in less than a millisecond."""
+"""The kinematics of the virtual axes as machine code of the RP2040: the bits of CPython, in less
+than a millisecond."""
 
 from framestep_tools.files import compiled_tree
 from framestep_tools.virtual_cost import virtual_update_us
@@ -7,7 +8,9 @@ from host_tests.runtime.test_virtuals import REPLAY, expected, script
 
 
 def test_bits_and_cost(emulator):
-    repl = emulator(put={str(compiled_tree("armv6m")): "/lib"}, files={"/replay.py": REPLAY.read_bytes()}).repl()
+    repl = emulator(
+        put={str(compiled_tree("armv6m")): "/lib"}, files={"/replay.py": REPLAY.read_bytes()}
+    ).repl()
     repl.exec("from replay import play")
     for rig in RIGS.values():
         lines = script(rig, 8)

@@ -1,4 +1,5 @@
-"""The store of light levels and triggers as the board's machine code: it answers as on CPython, and in time."""
+"""The store of light levels and triggers as the board's machine code: it answers as on CPython, and
+in time."""
 
 from pathlib import Path
 
@@ -9,7 +10,16 @@ from host_tests.board.modules import board_modules
 from host_tests.moves import lightplots
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
-MODULES = ("__init__", "native", "clock", "copying", "results", "hal/__init__", "io/__init__", "io/lights")
+MODULES = (
+    "__init__",
+    "native",
+    "clock",
+    "copying",
+    "results",
+    "hal/__init__",
+    "io/__init__",
+    "io/lights",
+)
 MODULES += ("moves/__init__", "moves/light_levels", "moves/triggers")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames")
 ANSWER = """
@@ -27,16 +37,25 @@ def board_files(**more):
 
 @given(st.lists(lightplots.plots(), min_size=12, max_size=12))
 @settings(
-    max_examples=3, derandomize=True, database=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+    max_examples=3,
+    derandomize=True,
+    database=None,
+    phases=[Phase.generate],
+    suppress_health_check=list(HealthCheck),
 )
 def test_any_plot(emulator, scripts):
     script = [step for script in scripts for step in script]
     lines = "".join(line + "\n" for line, _ in script)
     files = board_files(
-        **{"/lightplots_replay.py": (RUNTIME / "lightplots_replay.py").read_bytes(), "/script.txt": lines.encode()}
+        **{
+            "/lightplots_replay.py": (RUNTIME / "lightplots_replay.py").read_bytes(),
+            "/script.txt": lines.encode(),
+        }
     )
     answers = emulator(files=files).repl().exec(ANSWER, timeout=60).split("\n")
-    for (line, step), answer, wanted in zip(script, answers, lightplots.expected(script), strict=False):
+    for (line, step), answer, wanted in zip(
+        script, answers, lightplots.expected(script), strict=False
+    ):
         assert answer.strip() == wanted, (line[:60], step[:4])
     assert len(answers) >= len(script)
 
@@ -44,7 +63,9 @@ def test_any_plot(emulator, scripts):
 def test_times(emulator):
     printed = emulator(files=board_files()).repl().exec(MEASURE.read_text(), timeout=60)
     print(printed)
-    measured = {line.split()[0]: [int(x) for x in line.split()[1:]] for line in printed.splitlines()}
+    measured = {
+        line.split()[0]: [int(x) for x in line.split()[1:]] for line in printed.splitlines()
+    }
     assert measured["bytes"][0] < 30_500
     assert 0 < measured["still"][0] < 700
     assert all(0 < us < 8000 for us in measured["fades"])

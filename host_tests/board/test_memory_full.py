@@ -1,4 +1,5 @@
-"""Not a byte of memory is left for anybody: every request is answered, every stop works, and the REPL tells it."""
+"""Not a byte of memory is left for anybody: every request is answered, every stop works, and the
+REPL tells it."""
 
 import pytest
 
@@ -22,8 +23,9 @@ from host_tests.end_to_end.session import Session, assert_within
 ESTOP, OUTPUT = 19, 22
 VELOCITY, ACCELERATION = 10_000, 50_000
 RIG = {"estop": "nc", "outputs": [{"pin": OUTPUT}], "dmx": False}
-# Takes all memory in ever smaller pieces. While the output is on, something on the REPL holds interrupts off, which is
-# a fault where motors move. Once the output has been on, off and on again, it lets go of the memory.
+# Takes all memory in ever smaller pieces. While the output is on, something on the REPL holds
+# interrupts off, which is a fault where motors move. Once the output has been on, off and on again,
+# it lets go of the memory.
 FILL = f"""
 import gc, time, machine
 pin = machine.Pin({OUTPUT})

@@ -1,5 +1,5 @@
-"""The FYSETC ERB on the emulated board: each driver's UART is one pin, which PIO talks and listens on. The bits on the
-pins are decoded, and chips answer on the same pins, bit by bit."""
+"""The FYSETC ERB on the emulated board: each driver's UART is one pin, which PIO talks and listens
+on. The bits on the pins are decoded, and chips answer on the same pins, bit by bit."""
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from framestep_tools.payloads import GetCondition, Hi, MotorMove
 from host_tests.end_to_end.session import Session
 
 PINS = (20, 17)  # v1
-RIG = {"virtuals": 0, "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}]}
+RIG = {
+    "virtuals": 0,
+    "motors": [{"driver": {"run_ma": 800, "pin": 20}}, {"driver": {"run_ma": 300}}],
+}
 BIT_NS = 1e9 / chip.BAUD
 SLICE_NS = 500_000
 

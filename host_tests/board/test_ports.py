@@ -1,4 +1,5 @@
-"""The protocol ports (hal/usb_port.py, hal/stdin_port.py) on the emulated board, against a host that may misbehave."""
+"""The protocol ports (hal/usb_port.py, hal/stdin_port.py) on the emulated board, against a host
+that may misbehave."""
 
 import itertools
 import random
@@ -12,7 +13,13 @@ from framestep_emulator import ReplError
 from host_tests.board.modules import board_modules
 
 MODULES = ("native", "hal/__init__", "hal/rp2_usb", "hal/usb_port", "hal/stdin_port")
-MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames", "__init__")
+MODULES += (
+    "protocol/__init__",
+    "protocol/messages",
+    "protocol/checksum",
+    "protocol/frames",
+    "__init__",
+)
 MODULES += ("copying", "hal/rp2_stack")
 SETUP = """
 import gc, time, micropython
@@ -26,7 +33,10 @@ count = Count()
 
 def port_files():
     """What the ports need of the core, and the main loop that answers each frame with itself."""
-    return {**board_modules(MODULES), "/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes()}
+    return {
+        **board_modules(MODULES),
+        "/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes(),
+    }
 
 
 def sealed(number, payload):
@@ -36,7 +46,8 @@ def sealed(number, payload):
 
 
 def frame(size, number, last=None):
-    """A good frame of `size` bytes in all, its payload random; with `last`, one that ends with this byte."""
+    """A good frame of `size` bytes in all, its payload random; with `last`, one that ends with this
+    byte."""
     for seed in itertools.count(number):
         data = sealed(number, random.Random(seed).randbytes(size - 12))
         if last in (None, data[-1]):
@@ -78,7 +89,8 @@ def answered(port, data, ms=20):
 
 
 def test_second_port_and_its_name(usb):
-    """The host sees the REPL's port and one with a name, and the board's serial number; over a soft reset both stay."""
+    """The host sees the REPL's port and one with a name, and the board's serial number; over a soft
+    reset both stay."""
     emu, repl, port = usb
     event = [e for e in emu.events() if e["type"] == "usb-configured"][-1]
     assert event["names"] == ["Board CDC", "framestep DMC"]
@@ -102,7 +114,8 @@ def test_second_port_and_its_name(usb):
 
 
 def test_a_bus_reset_after_a_soft_reset(usb):
-    """The host has found one port only by the time that the next port starts: the board goes, and comes with two."""
+    """The host has found one port only by the time that the next port starts: the board goes, and
+    comes with two."""
     emu, repl, port = usb
     port.close()
     repl.leave()
@@ -122,7 +135,8 @@ def test_a_bus_reset_after_a_soft_reset(usb):
 
 
 def test_every_length(usb):
-    """Each frame is answered at once, whatever its length: multiples of a packet as well, and those like the mark."""
+    """Each frame is answered at once, whatever its length: multiples of a packet as well, and those
+    like the mark."""
     _emu, repl, port = usb
     run(repl)
     late = [size for size in range(12, 1049) if not answered(port, frame(size, size), ms=25)]
@@ -138,12 +152,15 @@ def test_every_length(usb):
 
 
 def test_packet_like_the_mark(usb):
-    """A packet that is byte for byte what an empty place holds is noticed with the next one; nothing is lost."""
+    """A packet that is byte for byte what an empty place holds is noticed with the next one;
+    nothing is lost."""
     emu, repl, port = usb
     mark = bytearray(64)
     struct.pack_into("<3I", mark, 0, 0x1B7E35C9, 0x2C49D716, 0x35A2684F)
     struct.pack_into("<I", mark, 60, 0x2B951CE7)
-    repl.start("print('go')\nwhile count.total < 129: port.poll(count)\nprint(count.total)", until="go")
+    repl.start(
+        "print('go')\nwhile count.total < 129: port.poll(count)\nprint(count.total)", until="go"
+    )
     port.write(bytes(mark))
     port.write(bytes(mark))
     emu.advance(20)
@@ -152,12 +169,16 @@ def test_packet_like_the_mark(usb):
 
 
 def test_throughput(usb, capsys):
-    """Blocks of the size that uploads have, with a handler that does nothing and with one that takes 1 ms; and out."""
+    """Blocks of the size that uploads have, with a handler that does nothing and with one that
+    takes 1 ms; and out."""
     emu, repl, port = usb
     figures = {}
     for size in (1036, 1024):
         total = 150 * size
-        repl.start(f"count.total = 0\nprint('go')\nwhile count.total < {total}: port.poll(count)", until="go")
+        repl.start(
+            f"count.total = 0\nprint('go')\nwhile count.total < {total}: port.poll(count)",
+            until="go",
+        )
         for _ in range(150):
             port.write(bytes(size))
         begun = emu.ns
@@ -165,7 +186,10 @@ def test_throughput(usb, capsys):
         figures[f"in, {size}"] = total / (emu.ns - begun) * 1e6
         repl.finish()
     repl.start(
-        "count.total = 0\nprint('go')\nwhile count.total < 103600:\n    if port.poll(count): time.sleep_us(1000)",
+        "count.total = 0\n"
+        "print('go')\n"
+        "while count.total < 103600:\n"
+        "    if port.poll(count): time.sleep_us(1000)",
         until="go",
     )
     for _ in range(100):
@@ -181,21 +205,28 @@ def test_throughput(usb, capsys):
     figures["out"] = 100000 / (emu.ns - begun) * 1e6
     repl.finish()
     with capsys.disabled():
-        print("\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items()))
+        print(
+            "\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items())
+        )
     assert min(rate for name, rate in figures.items() if name.startswith("in")) > 400
     # 297 to 305, as the loop that asks whether to go on meets the ends of packets
     assert figures["out"] > 290
 
 
 def test_latency_and_cost(usb, capsys):
-    """From the last byte written to the first byte of the answer; what a turn costs in which nothing happens."""
+    """From the last byte written to the first byte of the answer; what a turn costs in which
+    nothing happens."""
     emu, repl, port = usb
     idle = repl.eval(
-        "[(t := time.ticks_us()), [port.poll(count) for _ in range(500)], time.ticks_diff(time.ticks_us(), t)][2] / 500"
+        "[(t := time.ticks_us()), [port.poll(count) for _ in range(500)], "
+        "time.ticks_diff(time.ticks_us(), t)][2] / 500"
     )
     run(
         repl,
-        "while True:\n    port.poll(echo.reader)\n    if echo.reader.poll(): count.left = 12\n    port.send(count)",
+        "while True:\n"
+        "    port.poll(echo.reader)\n"
+        "    if echo.reader.poll(): count.left = 12\n"
+        "    port.send(count)",
     )
     times = []
     for n in range(40):
@@ -208,7 +239,10 @@ def test_latency_and_cost(usb, capsys):
     stop(repl)
     times.sort()
     with capsys.disabled():
-        print(f"\nUSB port, µs: idle poll {idle:.0f}, 12-byte frame to answer {times[0]:.0f} to {times[-1]:.0f}")
+        print(
+            f"\nUSB port, µs: idle poll {idle:.0f}, "
+            f"12-byte frame to answer {times[0]:.0f} to {times[-1]:.0f}"
+        )
     assert times[len(times) // 2] < 600
     assert times[-1] < 1000
 
@@ -257,7 +291,8 @@ def test_reader_that_takes_nothing(usb):
     stop(repl)
     run(
         repl,
-        "echo.feed = lambda buffer, start, count: echo.reader.feed(buffer, start, min(count, 7))\nloop(port, echo)",
+        "echo.feed = lambda buffer, start, count: echo.reader.feed(buffer, start, min(count, 7))\n"
+        "loop(port, echo)",
     )
     port.timeout = 3
     assert port.read(len(data)) == data
@@ -265,7 +300,8 @@ def test_reader_that_takes_nothing(usb):
 
 
 def test_host_that_does_not_read(usb):
-    """The main loop goes on at its pace, and what was under way comes out whole and in order afterwards."""
+    """The main loop goes on at its pace, and what was under way comes out whole and in order
+    afterwards."""
     emu, repl, port = usb
     run(repl)
     port.hold()
@@ -301,7 +337,8 @@ def test_closing_with_bytes_under_way(usb):
 
 
 def test_closing_within_a_frame(usb):
-    """Half a frame of a client that has left does not hold up a frame of the next one, even one of whole packets."""
+    """Half a frame of a client that has left does not hold up a frame of the next one, even one of
+    whole packets."""
     emu, repl, port = usb
     run(
         repl,
@@ -319,7 +356,8 @@ def test_closing_within_a_frame(usb):
     stop(repl)
 
 
-# A main loop in the background, as the controller's: callbacks of the port come between two turns only
+# A main loop in the background, as the controller's: callbacks of the port come between two turns
+# only
 SESSIONS = """
 import machine
 seen = 0
@@ -337,7 +375,8 @@ timer = machine.Timer(period=1, callback=turn)
 
 
 def test_closing_and_opening_at_each_byte(usb):
-    """However little time passes between them: nothing sent before is taken after, and nothing after is lost."""
+    """However little time passes between them: nothing sent before is taken after, and nothing
+    after is lost."""
     emu, repl, port = usb
     repl.exec(SESSIONS)
     whole = frame(1048, 3)
@@ -352,7 +391,8 @@ def test_closing_and_opening_at_each_byte(usb):
 
 
 def test_what_is_sent_while_the_port_closes(usb):
-    """A whole frame that comes just before the port closes, or while it is closed, is not carried out any more."""
+    """A whole frame that comes just before the port closes, or while it is closed, is not carried
+    out any more."""
     emu, repl, port = usb
     repl.exec(SESSIONS)
     for gap_us in range(0, 1000, 100):
@@ -370,8 +410,8 @@ def test_what_is_sent_while_the_port_closes(usb):
 
 
 def test_a_host_that_leaves_dtr_alone(usb):
-    """As Qt on Windows. What its driver sets, and a packet that nobody collects, tell that it has closed the port; the
-    next one gets its own answers, no packet meant for the last."""
+    """As Qt on Windows. What its driver sets, and a packet that nobody collects, tell that it has
+    closed the port; the next one gets its own answers, no packet meant for the last."""
     emu, repl, port = usb
     port.close()
     emu.advance(200)
@@ -396,7 +436,8 @@ def test_a_host_that_leaves_dtr_alone(usb):
 
 
 def test_dtr(usb):
-    """`open` follows DTR at once; a host that leaves DTR alone has the port open once it has sent something."""
+    """`open` follows DTR at once; a host that leaves DTR alone has the port open once it has sent
+    something."""
     emu, repl, port = usb
     assert repl.eval("(port.open, port.openings)") == (True, 1)
     port.close()
@@ -440,7 +481,10 @@ def test_cable_pulled_out(usb):
 def test_cable_pulled_out_is_noticed(usb):
     emu, repl, _port = usb
     repl.start(
-        "t = time.ticks_ms()\nprint('go')\nwhile port.open: port.poll(count)\nt = time.ticks_diff(time.ticks_ms(), t)",
+        "t = time.ticks_ms()\n"
+        "print('go')\n"
+        "while port.open: port.poll(count)\n"
+        "t = time.ticks_diff(time.ticks_ms(), t)",
         until="go",
     )
     begun = emu.ns
@@ -455,7 +499,8 @@ def test_cable_pulled_out_is_noticed(usb):
 
 
 def test_repl_while_bytes_flow(usb):
-    """The raw REPL works beside a main loop in the background and a flooded port; Ctrl-C gets into one in front."""
+    """The raw REPL works beside a main loop in the background and a flooded port; Ctrl-C gets into
+    one in front."""
     emu, repl, port = usb
     repl.exec("import machine\ntimer = machine.Timer(period=1, callback=lambda _: echo.turn(port))")
     sent = b"".join(frame(300, n) for n in range(80))
@@ -505,9 +550,12 @@ def stdin(emulator):
 
 @pytest.fixture(params=["rp2", "plain"])
 def any_stdin(request, stdin):
-    """The same; "plain" is what a chip gets of whose USB nothing is known, and whose reads have no time limit."""
+    """The same; "plain" is what a chip gets of whose USB nothing is known, and whose reads have no
+    time limit."""
     if request.param == "plain":
-        stdin[1].exec("import framestep.hal.stdin_port as module\nmodule.chip = None\nport = StdinPort()")
+        stdin[1].exec(
+            "import framestep.hal.stdin_port as module\nmodule.chip = None\nport = StdinPort()"
+        )
     return stdin
 
 
@@ -523,7 +571,8 @@ def leave_single_port(repl):
 
 
 def test_single_port_every_length(any_stdin):
-    """Each frame is answered, Ctrl-C among its bytes; a Ctrl-C between frames gives the REPL back, in working order."""
+    """Each frame is answered, Ctrl-C among its bytes; a Ctrl-C between frames gives the REPL back,
+    in working order."""
     _emu, repl, port = any_stdin
     enter_single_port(repl)
     late = [
@@ -548,9 +597,14 @@ def test_single_port_throughput(stdin, capsys):
     port.flush()
     rate_in = 40 * 1036 / (emu.ns - begun) * 1e6
     leave_single_port(repl)
-    enter_single_port(repl, "port.send(count) if count.left else port.poll(count)".join(("lambda port: ", "")))
+    enter_single_port(
+        repl, "port.send(count) if count.left else port.poll(count)".join(("lambda port: ", ""))
+    )
     leave_single_port(repl)
-    repl.start("count.left = 50000\nprint('go')\nwhile count.left: port.send(count)\nprint('end')", until="go")
+    repl.start(
+        "count.left = 50000\nprint('go')\nwhile count.left: port.send(count)\nprint('end')",
+        until="go",
+    )
     begun = emu.ns
     port.timeout = 5
     assert len(port.read(50000)) == 50000
@@ -567,11 +621,13 @@ def test_single_port_throughput(stdin, capsys):
         assert len(port.read(12)) == 12
     leave_single_port(repl)
     idle = repl.eval(
-        "[(t := time.ticks_us()), [port.poll(count) for _ in range(200)], time.ticks_diff(time.ticks_us(), t)][2] / 200"
+        "[(t := time.ticks_us()), [port.poll(count) for _ in range(200)], "
+        "time.ticks_diff(time.ticks_us(), t)][2] / 200"
     )
     with capsys.disabled():
         print(
-            f"\nsingle-port mode: in {rate_in:.0f} kB/s, out {rate_out:.0f} kB/s, idle poll {idle:.0f} µs, "
+            f"\nsingle-port mode: in {rate_in:.0f} kB/s, out {rate_out:.0f} kB/s, "
+            f"idle poll {idle:.0f} µs, "
             f"12-byte frame to answer {min(times):.0f} to {max(times):.0f} µs"
         )
     assert rate_in > 80
@@ -611,7 +667,8 @@ def test_single_port_nothing_allocates(stdin):
 
 
 def test_single_port_frame_that_stops(any_stdin):
-    """A host that stops within a frame holds the main loop up once, for 20 ms at most; the rest may come any time."""
+    """A host that stops within a frame holds the main loop up once, for 20 ms at most; the rest may
+    come any time."""
     emu, repl, port = any_stdin
     data = frame(300, 1)
     for part in (1, 2, 5, 9, 10, 11, 73, 74, 75, 200, 299):
@@ -631,7 +688,8 @@ def test_single_port_frame_that_stops(any_stdin):
 
 
 def test_single_port_frame_that_goes_on(stdin):
-    """The host goes on while the read of its frame is being ended: no byte is lost, and none put in."""
+    """The host goes on while the read of its frame is being ended: no byte is lost, and none put
+    in."""
     emu, repl, port = stdin
     for gap_us in range(9900, 17500, 200):  # the host goes on while the read is being ended
         data = sealed(gap_us, bytes(random.Random(gap_us).choices((0, 0, 0xFF, 0x44), k=100)))
@@ -661,7 +719,9 @@ def test_single_port_frame_given_up(any_stdin):
     assert answered(port, frame(200, 2), ms=60)
     leave_single_port(repl)
     repl.exec(
-        "def turn(port):\n    echo.turn(port)\n    if time.ticks_diff(time.ticks_ms(), late) > 200: echo.reader.clear()"
+        "def turn(port):\n"
+        "    echo.turn(port)\n"
+        "    if time.ticks_diff(time.ticks_ms(), late) > 200: echo.reader.clear()"
     )
     repl.exec("late = time.ticks_ms()")
     enter_single_port(repl, "turn")
@@ -688,13 +748,15 @@ def test_single_port_ctrl_c_in_noise(any_stdin):
 
 
 def test_single_port_host_that_does_not_read(stdin):
-    """Writing never holds the main loop up; `open` tells that nobody collects, and what comes meanwhile is dropped."""
+    """Writing never holds the main loop up; `open` tells that nobody collects, and what comes
+    meanwhile is dropped."""
     emu, repl, port = stdin
     repl.exec(
         "seen = []\n"
         "def turn(port):\n"
         "    echo.turn(port)\n"
-        "    if not seen or seen[-1] != (port.open, port.openings): seen.append((port.open, port.openings))\n"
+        "    if not seen or seen[-1] != (port.open, port.openings): "
+        "seen.append((port.open, port.openings))\n"
     )
     enter_single_port(repl, "turn")
     port.hold()

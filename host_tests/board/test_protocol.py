@@ -1,4 +1,5 @@
-"""The kernels of protocol and upload store as code for the RP2040's processor, with the heap locked."""
+"""The kernels of protocol and upload store as code for the RP2040's processor, with the heap
+locked."""
 
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from host_tests.protocol import streams
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
 MODULES = (
-    "__init__ native copying results protocol/__init__ protocol/messages protocol/checksum protocol/frames"
+    "__init__ native copying results"
+    " protocol/__init__ protocol/messages protocol/checksum protocol/frames"
     " moves/__init__ moves/upload_codec moves/upload_store"
 )
 ONCE = {"deadline": None, "phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
@@ -32,7 +34,9 @@ def run(emulator, module, call, lines):
 @given(st.lists(streams.cases(), min_size=15, max_size=15))
 @settings(max_examples=3, **ONCE)
 def test_any_stream_in_any_pieces(emulator, cases):
-    answers = run(emulator, "frames_echo", "frames_echo.main(lines)", [case.line() for case in cases])
+    answers = run(
+        emulator, "frames_echo", "frames_echo.main(lines)", [case.line() for case in cases]
+    )
     assert len(answers) == len(cases) + 1
     for case, answer in zip(cases, answers, strict=False):
         assert answer == streams.expected(case).hex(), case
@@ -45,5 +49,7 @@ def test_any_upload(emulator, scripts):
     call = "for answer in store_replay.replay(line.strip() for line in lines): print(answer)"
     answers = run(emulator, "store_replay", call, [line + "\n" for line, _ in script])
     assert len(answers) == len(script) + 1
-    for (line, step), answer, wanted in zip(script, answers, uploads.expected(script), strict=False):
+    for (line, step), answer, wanted in zip(
+        script, answers, uploads.expected(script), strict=False
+    ):
         assert answer == wanted, (line[:60], step[:4])

@@ -1,4 +1,5 @@
-"""Pulses of the real kernel and PIO program on the emulated RP2040: every edge on the pins, and what it costs."""
+"""Pulses of the real kernel and PIO program on the emulated RP2040: every edge on the pins, and
+what it costs."""
 
 import re
 from fractions import Fraction
@@ -30,11 +31,13 @@ class Board:
         self.exec(SETUP.read_text())
 
     def exec(self, code):
-        """Run code in which the kernel's constants, which the board does not know by name, stand as stepper.NAME."""
+        """Run code in which the kernel's constants, which the board does not know by name, stand as
+        stepper.NAME."""
         return self.repl.exec(_CONSTANT.sub(lambda m: str(getattr(stepper, m[1])), code)).strip()
 
     def play(self, profile, ms, motors=MOTORS, rest=True, brake=ONE // 10, meanwhile="", pins=None):
-        """Play a motion on the first motors, and give the edges; `cost_us` and `worst_us` are those of the ticks."""
+        """Play a motion on the first motors, and give the edges; `cost_us` and `worst_us` are those
+        of the ticks."""
         segments = [(*segment, 0, PER_TICK) for segment in profile.segments(rest)]
         for i in range(0, len(segments), 20):
             self.exec(f"moves.extend({segments[i : i + 20]})")
@@ -45,7 +48,9 @@ class Board:
         self.cost_us = ticks["cycles"] / ticks["count"] / PER_US
         self.worst_us = ticks["max"] / PER_US
         self.edges = self.emu.trace_stop()
-        self.place, self.faults, self.late_us, self.lost, self.mode, self.spread = eval(self.exec("print(result())"))
+        self.place, self.faults, self.late_us, self.lost, self.mode, self.spread = eval(
+            self.exec("print(result())")
+        )
         assert not self.lost
         return self
 
@@ -91,7 +96,8 @@ def errors_us(board, profile, motor=0, ticks=None, skipped=0.0):
 
 @pytest.mark.parametrize("rate, motors", [(350_000, MOTORS), (500_000, 1)])
 def test_steady(pulses, rate, motors):
-    """design: 350 000 steps/s by eight motors, 500 000 by one, edges within 0.5 µs, at most 60 µs a tick."""
+    """design: 350 000 steps/s by eight motors, 500 000 by one, edges within 0.5 µs, at most 60 µs a
+    tick."""
     profile = Profile([(160, 0)], v=Fraction(rate, 1000))
     board = pulses.play(profile, 140, motors, rest=False)
     for motor in range(motors):
@@ -103,15 +109,23 @@ def test_steady(pulses, rate, motors):
 
 
 def test_ramp(pulses):
-    """design: 2 µs in a ramp of 100 000 steps/s². And the same edges as the model of the engine has them."""
+    """design: 2 µs in a ramp of 100 000 steps/s². And the same edges as the model of the engine has
+    them."""
     profile = trapezoid(400, Fraction(1, 10), 20)
     board = pulses.play(profile, 840)
     for motor in range(MOTORS):
         error = errors_us(board, profile, motor)
         assert np.abs(error[:-1]).max() < 2
-        assert abs(error[-1]) < 50  # where the velocity is nothing, the last bit of the position is long
-    assert (board.place, board.spread, board.faults, board.mode) == (profile.end, 0, 0, stepper.IDLE)
-    # all motors in step: what lies between two of them is the microsecond of the clock and the code between
+        # where the velocity is nothing, the last bit of the position is long
+        assert abs(error[-1]) < 50
+    assert (board.place, board.spread, board.faults, board.mode) == (
+        profile.end,
+        0,
+        0,
+        stepper.IDLE,
+    )
+    # all motors in step: what lies between two of them is the microsecond of the clock and the code
+    # between
     first = np.array([board.rises(motor) for motor in range(MOTORS)])
     assert np.ptp(first, axis=0).max() < 2500
     bench = Bench().settle()
@@ -119,7 +133,9 @@ def test_ramp(pulses):
     assert np.array_equal(np.diff(first[0]), np.diff(bench.times()[0]) * NS)
 
 
-@pytest.mark.parametrize("width, setup_us, invert", [(0, 5, False), (4, 20, True), (15, 100, False)])
+@pytest.mark.parametrize(
+    "width, setup_us, invert", [(0, 5, False), (4, 20, True), (15, 100, False)]
+)
 def test_pulses_and_turns(pulses, width, setup_us, invert):
     """Pulse width and set-up time as they were asked for, and each edge as in the model."""
     pulses.exec(f"configure({width}, {setup_us * PER_US}, {invert})")
@@ -136,8 +152,12 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
     model = bench.engines[0]
     model_turns = np.array(model.turns)
     assert np.array_equal(np.diff(rises), np.diff(model.rises) * NS)
-    # The model has direction pins change a cycle late; the first change belongs to the start, timed by the clock.
-    there, here = (times[times > first] - first for times, first in ((turns, rises[0]), (model_turns, model.rises[0])))
+    # The model has direction pins change a cycle late; the first change belongs to the start, timed
+    # by the clock.
+    there, here = (
+        times[times > first] - first
+        for times, first in ((turns, rises[0]), (model_turns, model.rises[0]))
+    )
     assert len(there) == len(here)
     assert np.abs(there - here * NS).max(initial=0) <= NS
     assert board.place == profile.end
@@ -145,9 +165,15 @@ def test_pulses_and_turns(pulses, width, setup_us, invert):
 
 @pytest.mark.parametrize("after_us, away_us", [(500, 200), (500, 1000), (50, 2000)])
 def test_interrupts_off_for_a_while(pulses, after_us, away_us):
-    """No edge moves. after_us: from a tick to the hole; the tick is then late by what the hole goes beyond the next."""
+    """No edge moves. after_us: from a tick to the hole; the tick is then late by what the hole goes
+    beyond the next."""
     profile = Profile([(160, 0)], v=Fraction(20_000, 1000))
-    meanwhile = f"time.sleep_ms(20)\naway({after_us}, {away_us})\ntime.sleep_ms(5)\naway({after_us}, {away_us})"
+    meanwhile = (
+        "time.sleep_ms(20)\n"
+        f"away({after_us}, {away_us})\n"
+        "time.sleep_ms(5)\n"
+        f"away({after_us}, {away_us})"
+    )
     board = pulses.play(profile, 110, rest=False, meanwhile=meanwhile)
     for motor in range(MOTORS):
         assert np.abs(errors_us(board, profile, motor, 130, skipped=3)).max() < 0.5
@@ -157,7 +183,8 @@ def test_interrupts_off_for_a_while(pulses, after_us, away_us):
 
 @pytest.mark.parametrize("after_us, away_us", [(900, 2000), (500, 50_000)])
 def test_interrupts_off_for_too_long(pulses, after_us, away_us):
-    """A fault and a ramp from what velocity is left: no edge faster than before, no burst, no step lost or added."""
+    """A fault and a ramp from what velocity is left: no edge faster than before, no burst, no step
+    lost or added."""
     rate, brake = 20_000, 1000  # a brake of 1000 steps/s each ms
     profile = Profile([(160, 0)], v=Fraction(rate, 1000))
     meanwhile = f"time.sleep_ms(20)\naway({after_us}, {away_us})"
@@ -180,7 +207,10 @@ def test_interrupts_off_for_too_long(pulses, after_us, away_us):
         assert after.max() <= rate - brake + 1
         assert (np.diff(after) < 20).all()
     # what comes next is exact again
-    pulses.exec("kernel.state[stepper.FAULTS] = 0\nfor b in kernel.blocks: b[stepper.POSITION] = b[stepper.FAULT] = 0")
+    pulses.exec(
+        "kernel.state[stepper.FAULTS] = 0\n"
+        "for b in kernel.blocks: b[stepper.POSITION] = b[stepper.FAULT] = 0"
+    )
     profile = trapezoid(40, Fraction(1, 10), 0)
     board = pulses.play(profile, 100)
     assert (board.place, board.spread, board.faults) == (profile.end, 0, 0)

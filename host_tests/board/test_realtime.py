@@ -42,7 +42,8 @@ START_S = 0.05  # in which the phases are planned after GO
 
 
 def levels_sent(session, channel):
-    """[(time, level)] of a channel in the DMX frames sent since the last call; a break is a gap of 0.1 ms or more."""
+    """[(time, level)] of a channel in the DMX frames sent since the last call; a break is a gap of
+    0.1 ms or more."""
     data = session.board.emulator.uart_read(0)[0]
     found, slot, last = [], -1000, data[0][0]  # what is read begins anywhere in a frame
     for ns, value in data:
@@ -81,21 +82,28 @@ def test_eight_motors_to_a_frame(session):
 
 def test_shoot_frames(session):
     """Both kinds, within a step and 100 µs of the shutter's edges; by pairs and path."""
-    before, _, opened, closed = shoot(session, RtShootFrame2(10, 400, 90, 270, [BlurMotor(2, 0, 720)]), START_S)
+    before, _, opened, closed = shoot(
+        session, RtShootFrame2(10, 400, 90, 270, [BlurMotor(2, 0, 720)]), START_S
+    )
     assert closed - opened == pytest.approx(0.4, abs=3e-5)
     assert_angles(session, 2, before, opened, closed, 90, 270, 0, 720)
     middle = int(MOVE[1][9])
     assert_angles(session, 1, before, opened, closed, 90, 270, middle - 30, middle + 30)
-    before, _, opened, closed = shoot(session, RtShootFrame(10, 0, 125, 600, [BlurMotor(1, -100, 400)]), START_S)
+    before, _, opened, closed = shoot(
+        session, RtShootFrame(10, 0, 125, 600, [BlurMotor(1, -100, 400)]), START_S
+    )
     assert closed - opened == pytest.approx(0.125, abs=3e-5)
     assert_window(session, 1, before, opened, closed, 300, 0)
 
 
 def test_loop_bloop_video_and_two_stops(session):
-    """A pass and a half; bloop by pin and channel; a camera started and stopped; a hard stop after a soft one."""
+    """A pass and a half; bloop by pin and channel; a camera started and stopped; a hard stop after
+    a soft one."""
     session.speed(1, VELOCITY, 4000)  # so that there is time for the second STOP_ALL
     session.accept(Dmx(0, 5, [33]))
-    run = run_request(FPS, 1, 9, 500, 500, flags=0x12, bloop_outputs=0b10, bloop_channel=5, bloop_ms=120)
+    run = run_request(
+        FPS, 1, 9, 500, 500, flags=0x12, bloop_outputs=0b10, bloop_channel=5, bloop_ms=120
+    )
     session.ready(run)
     before = session.positions
     session.forget()
@@ -130,7 +138,11 @@ def test_loop_bloop_video_and_two_stops(session):
     assert session.positions[1] == before[1] + signs.sum()
     # bloop
     (on, _), (off, level) = changes(session, "gio2")
-    assert (on, off, level) == (pytest.approx(starts, abs=0.001), pytest.approx(starts + 0.12, abs=0.001), 0)
+    assert (on, off, level) == (
+        pytest.approx(starts, abs=0.001),
+        pytest.approx(starts + 0.12, abs=0.001),
+        0,
+    )
     lights = levels_sent(session, 5)
     (lit, dark) = [t for (_, old), (t, new) in itertools.pairwise(lights) if old != new]
     assert {level for _, level in lights} == {33, 255}
@@ -149,7 +161,8 @@ def test_loop_bloop_video_and_two_stops(session):
 
 
 def test_ping_pong(session):
-    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each on its frames."""
+    """Three passes over nine frames, with stills and triggers, STOP_LOOP in the third; each on its
+    frames."""
     more = {"flags": 0x21, "open_angle": 90, "close_angle": 270, "sync_dmx": 1}
     session.ready(run_request(FPS, 1, 9, 200, 200, **more))
     before = session.positions
@@ -169,13 +182,19 @@ def test_ping_pong(session):
     for i, p in enumerate(told):
         frames = turning(1, 9) if i % 2 == 0 else turning(9, 1)
         positions = {m: steps[frames - 1] for m, steps in MOVE.items()}
-        verdict = judge_pass(session, p[0][0] - 1 / FPS - 0.1, p[-1][0] + 0.1, before, positions, FPS)
+        verdict = judge_pass(
+            session, p[0][0] - 1 / FPS - 0.1, p[-1][0] + 0.1, before, positions, FPS
+        )
         times = frame_times(verdict, FPS, 9)
         assert np.abs(openings[9 * i : 9 * i + 9] - (times + 0.25 / FPS)).max() < 0.001
         for bit in (0, 1):
             level = Levels(session, f"gio{bit + 1}")
             for time, frame in zip(times, frames - 1, strict=True):
-                assert level(time + 0.001) == level(time + 1 / FPS - 0.001) == TRIGGERS.get(int(frame), 0) >> bit & 1
+                assert (
+                    level(time + 0.001)
+                    == level(time + 1 / FPS - 0.001)
+                    == TRIGGERS.get(int(frame), 0) >> bit & 1
+                )
 
 
 def test_jog_all(session):
@@ -197,6 +216,8 @@ def test_jog_all(session):
     at, turned = session.steps(2)
     places = MOVE[2][2] + np.concatenate(([0], np.cumsum(turned)))
     for k in range(60, len(times) + 1, 60):
-        near = places[np.searchsorted(at, times[k - 1] - 3e-5) : np.searchsorted(at, times[k - 1] + 3e-5) + 1]
+        near = places[
+            np.searchsorted(at, times[k - 1] - 3e-5) : np.searchsorted(at, times[k - 1] + 3e-5) + 1
+        ]
         assert np.abs(near - MOVE[2][2 + k // 60]).min() <= 1
     assert not session.events(RtEnd)

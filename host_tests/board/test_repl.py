@@ -1,4 +1,5 @@
-"""The operator's side on the emulated board: bench commands beside a run, LED, faults in words, how not to start."""
+"""The operator's side on the emulated board: bench commands beside a run, LED, faults in words, how
+not to start."""
 
 import pytest
 
@@ -34,7 +35,8 @@ def shows(pattern, shown):
 
 
 def test_bench_commands_beside_a_run(session):
-    """An import, printing, measuring and collecting while four motors run: every edge is where it is to be."""
+    """An import, printing, measuring and collecting while four motors run: every edge is where it
+    is to be."""
     board = session.board
     repl = board.emulator.repl()
     assert shows(CONNECTED, led(board))
@@ -81,7 +83,8 @@ while struck < {count}:
 
 
 def test_ctrl_c_beside_a_run(session):
-    """It ends a program on the REPL each time, also where it strikes in a pass, and moves no edge."""
+    """It ends a program on the REPL each time, also where it strikes in a pass, and moves no
+    edge."""
     positions = move(session, frames=60)
     stands = load(session, positions)
     session.accept(RtGo())
@@ -121,13 +124,15 @@ def test_jog_by_keys(session):
 
 
 def test_faults_in_words(session):
-    """What stopped the motors stands on the REPL, and the LED shows it; then an exception, with its traceback."""
+    """What stopped the motors stands on the REPL, and the LED shows it; then an exception, with its
+    traceback."""
     board = session.board
     repl = board.emulator.repl()
     repl.exec("import time, framestep.boot as b")
     # more than are kept until they can be told
     text = repl.exec(
-        "b.runner.task = lambda: [b.hal.report_driver(1, 'does %d' % i) for i in range(20)]\ntime.sleep_ms(100)"
+        "b.runner.task = lambda: [b.hal.report_driver(1, 'does %d' % i) for i in range(20)]\n"
+        "time.sleep_ms(100)"
     )
     lines = [f"framestep: driver of motor 1 does {i}" for i in range(4, 20)]
     assert text.splitlines() == ["framestep: drivers: 4 earlier lines are lost", *lines]
@@ -135,7 +140,10 @@ def test_faults_in_words(session):
     session.run(0.3)
     # a file is written, which holds off interrupts
     text = repl.exec("with open('/x', 'w') as f: f.write('x' * 600)\ntime.sleep_ms(800)")
-    assert "framestep: the interrupt came too late, so pulses broke off; the motors were ramped down" in text
+    assert (
+        "framestep: the interrupt came too late, so pulses broke off; the motors were ramped down"
+        in text
+    )
     assert "motor 1" in repl.exec("status()")
     assert not session.moving
     assert shows(FAULT, led(board))
@@ -149,7 +157,11 @@ def test_faults_in_words(session):
     session.run(0.05)
     assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
     assert repl.eval("6 * 7") == 42
-    assert repl.exec("import framestep.repl; status()").splitlines()[2].startswith("framestep has stopped by a fault")
+    assert (
+        repl.exec("import framestep.repl; status()")
+        .splitlines()[2]
+        .startswith("framestep has stopped by a fault")
+    )
 
 
 def test_a_move_that_asks_too_much_is_told_unasked():
@@ -177,7 +189,9 @@ def test_bootsel_and_jumper_keep_it_from_starting():
         def found():
             """What there is of framestep once main.py has ended."""
             boot = "__import__('framestep.boot').boot"
-            return emulator.repl().eval(f"({boot}.hal is not None, {boot}.hal is not None and {boot}.runner.alive)")
+            return emulator.repl().eval(
+                f"({boot}.hal is not None, {boot}.hal is not None and {boot}.runner.alive)"
+            )
 
         emulator.press_bootsel()
         emulator.reset()
@@ -186,7 +200,8 @@ def test_bootsel_and_jumper_keep_it_from_starting():
         emulator.set_pin(JUMPER, 0)
         emulator.reset()
         assert found() == (False, False)
-        # Pressed before power-up, BOOTSEL starts the chip's own loader, so a person presses it later
+        # Pressed before power-up, BOOTSEL starts the chip's own loader, so a person presses it
+        # later
         emulator.set_pin(JUMPER, None)
         emulator.reset()
         emulator.advance(1200)

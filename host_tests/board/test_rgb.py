@@ -1,4 +1,5 @@
-"""The RGB LED on the emulated board: the bits on its pin, their times, and the motors' edges beside them."""
+"""The RGB LED on the emulated board: the bits on its pin, their times, and the motors' edges beside
+them."""
 
 import numpy as np
 import pytest
@@ -36,7 +37,8 @@ class LitBoard(EmulatedBoard):
         return kept
 
     def words(self):
-        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last call.
+        """[(time of its end in ns, its colours)] of what has been sent to the LED since the last
+        call.
 
         What is on its way still is left for the next call.
         """
@@ -44,21 +46,26 @@ class LitBoard(EmulatedBoard):
         records = np.concatenate(self.light)
         times, levels = records["t"].astype(np.int64), records["level"]
         rise, fall = times[levels == 1], times[levels == 0]
-        fall = fall[fall > rise[0]] if len(rise) else fall[:0]  # the first record is the level at the start
+        # the first record is the level at the start
+        fall = fall[fall > rise[0]] if len(rise) else fall[:0]
         whole = min(len(rise), len(fall)) // 24 * 24
         self.light = [records[times >= rise[whole]] if whole < len(rise) else records[:0]]
         rise, fall = rise[:whole], fall[:whole]
         high, period = fall - rise, np.diff(rise)
         within = np.arange(1, len(rise)) % 24 != 0
         one = high > 525
-        assert ((high >= 200) & (high <= 500) | one & (high >= 550) & (high <= 1000)).all(), np.unique(high)
+        assert ((high >= 200) & (high <= 500) | one & (high >= 550) & (high <= 1000)).all(), (
+            np.unique(high)
+        )
         assert (period[within] >= 1100).all(), np.unique(period[within])
         assert (period[within] <= 2000).all(), np.unique(period[within])
         assert (rise[24::24] - fall[23:-1:24] > RESET_NS).all()
         bits = np.pad(one.reshape(-1, 24), ((0, 0), (8, 0)))
         sent = [
             (int(end), colours(word))
-            for end, word in zip(fall[23::24], np.packbits(bits, axis=1).view(">u4")[:, 0], strict=True)
+            for end, word in zip(
+                fall[23::24], np.packbits(bits, axis=1).view(">u4")[:, 0], strict=True
+            )
         ]
         if sent:
             self.colour = sent[-1][1]
@@ -87,7 +94,8 @@ def assert_shows(session, pattern, wanted):
 
 @pytest.mark.parametrize(("name", "motors"), [("skr_pico", 4), ("fysetc_erb", 2)])
 def test_light(name, motors):
-    """From waiting to a fault. (fysetc_erb: beside the motors in one PIO block; skr_pico: in a block of its own.)"""
+    """From waiting to a fault. (fysetc_erb: beside the motors in one PIO block; skr_pico: in a
+    block of its own.)"""
     with LitBoard(name) as board:
         session = Session(board, motors=motors, reply_s=0.1)
         session.run(0.3)

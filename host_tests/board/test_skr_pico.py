@@ -1,8 +1,18 @@
-"""The firmware on the emulated RP2040 with the pins of the SKR Pico: steps, directions, enables, stops, outputs."""
+"""The firmware on the emulated RP2040 with the pins of the SKR Pico: steps, directions, enables,
+stops, outputs."""
 
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import GioCam, GioIn, GioOut, HardStop, Hi, MotorConfigure, MotorMove, MotorSetLimits
+from framestep_tools.payloads import (
+    GioCam,
+    GioIn,
+    GioOut,
+    HardStop,
+    Hi,
+    MotorConfigure,
+    MotorMove,
+    MotorSetLimits,
+)
 from host_tests.end_to_end.session import Session
 
 ENABLE = (12, 7, 2, 15)  # boards/skr_pico: low switches a driver on

@@ -1,4 +1,5 @@
-"""A soft reset, as mpremote makes one before each of its commands: the USB device stays, framestep starts again."""
+"""A soft reset, as mpremote makes one before each of its commands: the USB device stays, framestep
+starts again."""
 
 import json
 import subprocess
@@ -43,7 +44,9 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
     package = tmp_path / "hello"
     package.mkdir()
     (package / "hello.py").write_text("print('hello from a package')\n")
-    (package / "package.json").write_text(json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"}))
+    (package / "package.json").write_text(
+        json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"})
+    )
     with board(kind, lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
         frames = answers(protocol).upload_frames
@@ -52,16 +55,21 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
         assert answers(protocol).name == "soft"
         if kind == "image":  # where a start takes a second, not five
             assert mpremote(repl, "exec", "print(6 * 7)") == "42\n"
-        said = mpremote(repl, "mip", "install", str(package / "package.json"), "+", "exec", "import hello")
+        said = mpremote(
+            repl, "mip", "install", str(package / "package.json"), "+", "exec", "import hello"
+        )
         assert "hello from a package" in said
         info = answers(protocol)
         assert (info.name, info.motors) == ("soft", 8)
         assert info.upload_frames > 0.95 * frames, "memory is what it was"
-        assert not [event for event in emu.events() if event["type"].startswith(("usb", "reset", "halt"))]
+        assert not [
+            event for event in emu.events() if event["type"].startswith(("usb", "reset", "halt"))
+        ]
 
 
 def test_whoever_has_the_protocol_port_open():
-    """What was sent before and what comes in between is of nobody; after it the host begins anew."""
+    """What was sent before and what comes in between is of nobody; after it the host begins
+    anew."""
     with board("copied") as emu:
         emu.wait_usb(20_000, ports=2)
         repl, port = emu.serial(0), emu.serial(1)
@@ -83,7 +91,8 @@ def test_whoever_has_the_protocol_port_open():
 
 
 def test_in_motion():
-    """The motors stand at once, their drivers go off, and nothing strikes later; the host is told what is lost."""
+    """The motors stand at once, their drivers go off, and nothing strikes later; the host is told
+    what is lost."""
     with board("copied", {"remember_positions": True, "dmx": False}) as emu:
         emu.wait_usb(20_000, ports=2)
         client = Client(emu.serial(1))
@@ -117,7 +126,8 @@ def test_in_motion():
 
 
 def test_lights_leave_memory_alone():
-    """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does not start again."""
+    """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does
+    not start again."""
     with board("copied") as emu:
         emu.wait_usb(20_000, ports=2)
         emu.advance(200)
@@ -129,4 +139,9 @@ def test_lights_leave_memory_alone():
         emu.advance(500)
         repl = emu.repl()
         assert repl.eval("'framestep' in __import__('sys').modules") is False
-        assert repl.eval("[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]") == [0] * 12
+        assert (
+            repl.eval(
+                "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
+            )
+            == [0] * 12
+        )

@@ -1,5 +1,5 @@
-"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on, and nothing
-is written below the stack, where the heap ends.
+"""Whatever of MicroPython's stack a program on the REPL has in use: the controller goes on, and
+nothing is written below the stack, where the heap ends.
 """
 
 import pytest
@@ -84,7 +84,8 @@ def test_a_runaway_recursion_while_a_motor_moves(session):
 
 
 def test_the_estop_acts_in_a_runaway_recursion(session):
-    """Pressed at any depth: its interrupt runs to its end, where MicroPython's limit would end it."""
+    """Pressed at any depth: its interrupt runs to its end, where MicroPython's limit would end
+    it."""
     session.speed(8, VELOCITY, ACCELERATION)
     session.repl.exec(LOW)
     for turn in range(6):

@@ -1,9 +1,17 @@
-"""Requests close upon each other on the emulated board, where planning takes its time and ticks go on meanwhile."""
+"""Requests close upon each other on the emulated board, where planning takes its time and ticks go
+on meanwhile."""
 
 import pytest
 
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import HardStop, MotorConfigure, MotorJog, MotorMove, MotorStop, MotorStopAll
+from framestep_tools.payloads import (
+    HardStop,
+    MotorConfigure,
+    MotorJog,
+    MotorMove,
+    MotorStop,
+    MotorStopAll,
+)
 from host_tests.end_to_end.session import Session
 
 RIG = {"motors": [{"jerk": 0}, {"jerk": 0}, {"jerk": 100, "backlash": 24}, {"jerk": 100}]}
@@ -20,9 +28,12 @@ def session():
 
 
 @pytest.mark.parametrize("motor", [1, 3])
-@pytest.mark.parametrize("requests", [2 * [MotorStopAll()], [MotorStopAll()], []], ids=["hard stop", "stop", "move"])
+@pytest.mark.parametrize(
+    "requests", [2 * [MotorStopAll()], [MotorStopAll()], []], ids=["hard stop", "stop", "move"]
+)
 def test_a_move_at_once_after_a_stop(session, motor, requests):
-    """Motion 10 to 70 ms old: the plan is made in time or waits, and no queue runs dry (HARD_STOP 100)."""
+    """Motion 10 to 70 ms old: the plan is made in time or waits, and no queue runs dry (HARD_STOP
+    100)."""
     for k in range(12):
         session.ask(MotorMove(motor, 3000 if k % 2 else -3000))
         session.run(0.010 + 0.0052 * k)
@@ -35,14 +46,17 @@ def test_a_move_at_once_after_a_stop(session, motor, requests):
 
 
 def test_a_stream_of_anything(session):
-    """Jogs to and fro, stops and moves every few milliseconds, of a plain pair and of one with jerk limit and play."""
+    """Jogs to and fro, stops and moves every few milliseconds, of a plain pair and of one with jerk
+    limit and play."""
     requests = [MotorJog, MotorMove, MotorStop, MotorJog]
     for k in range(60):
         for motor in 1, 3:
             kind = requests[(k * 7 // 3 + motor) % 4]
             target = (-1) ** (k // 3) * 4000
             session.ask(
-                kind(motor) if kind is MotorStop else kind(motor, *([6000] if kind is MotorJog else []), target)
+                kind(motor)
+                if kind is MotorStop
+                else kind(motor, *([6000] if kind is MotorJog else []), target)
             )
         session.run(0.003 * (k % 9))
     for motor in 1, 3:

@@ -1,4 +1,5 @@
-"""A piece of `make strain`: any requests on the emulated board beside any work on its REPL. See strain.py."""
+"""A piece of `make strain`: any requests on the emulated board beside any work on its REPL. See
+strain.py."""
 
 from host_tests.board.strain import strain
 

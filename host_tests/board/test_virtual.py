@@ -5,7 +5,15 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import HardStop, MotorMove, SetVirtAimPoint, VirtConfig, VirtJog, VirtMove, VirtStop
+from framestep_tools.payloads import (
+    HardStop,
+    MotorMove,
+    SetVirtAimPoint,
+    VirtConfig,
+    VirtJog,
+    VirtMove,
+    VirtStop,
+)
 from framestep_tools.virtual_reference import aim, world
 from host_tests.end_to_end.session import Session
 from host_tests.end_to_end.virtual import BOOM_NODAL, UNIT, Track, assert_straight, joints, pose
@@ -26,7 +34,8 @@ def session():
 
 
 def test_a_boom_swing_track_move(session):
-    """Straight within a step at every millisecond, within the motors' limits, and nothing has run dry."""
+    """Straight within a step at every millisecond, within the motors' limits, and nothing has run
+    dry."""
     before = session.positions
     session.forget()
     asked = session.now
@@ -37,8 +46,12 @@ def test_a_boom_swing_track_move(session):
     length = 250 - BOOM_NODAL.axes[1].position
     track, _ = assert_straight(BOOM_NODAL, session, before, UNIT[m.VIRT_MOTOR_EW], length)
     track.limits(VELOCITY, ACCELERATION)
-    print(f"answered after {(answered - asked) * 1000:.0f} ms, began {(track.begin - asked) * 1000:.0f} ms after that")
-    assert pose(session)[1] == pytest.approx(250, abs=0.03)  # half a step of SWING is 0.027 at this reach
+    print(
+        f"answered after {(answered - asked) * 1000:.0f} ms, "
+        f"began {(track.begin - asked) * 1000:.0f} ms after that"
+    )
+    # half a step of SWING is 0.027 at this reach
+    assert pose(session)[1] == pytest.approx(250, abs=0.03)
 
 
 def test_a_jog_is_stopped_on_its_line(session):

@@ -12,7 +12,9 @@ from framestep_emulator.image import collect, make_image, read_image
 def test_boots_to_repl(emulator):
     emu = emulator()
     emu.serial().read_until(b">>> ")
-    out = emu.repl().exec("import sys, machine; print(sys.implementation[1], sys.implementation[2], machine.freq())")
+    out = emu.repl().exec(
+        "import sys, machine; print(sys.implementation[1], sys.implementation[2], machine.freq())"
+    )
     assert "1, 26, 1" in out
     assert "RP2040" in out
     assert "125000000" in out
@@ -34,7 +36,12 @@ def test_resets(emulator):
     assert emu.repl().eval("__import__('machine').reset_cause()") == 1, "power-on"
     assert reset_cause_after("import machine; machine.reset()") == 3
     begun = emu.ns
-    assert reset_cause_after("import machine\nw = machine.WDT(timeout=200)\nw.feed()\nwhile True: pass") == 3
+    assert (
+        reset_cause_after(
+            "import machine\nw = machine.WDT(timeout=200)\nw.feed()\nwhile True: pass"
+        )
+        == 3
+    )
     last = [e for e in emu.events() if e["type"] == "reset"][-1]
     assert 200 < (last["t"] - begun) / 1e6 < 260, "the watchdog's time"
     emu.repl().start("import machine; machine.bootloader()")
@@ -51,7 +58,9 @@ def test_files_from_directories(emulator, tmp_path):
     (tmp_path / "one.txt").write_bytes(b"\x00one")
     put = {tmp_path / "lib": "/lib", tmp_path / "one.txt": "/data/"}
     assert set(collect(put)) == {"/lib/deep/module.py", "/data/one.txt"}
-    emu = emulator(files={"/main.py": "import deep.module\nprint('main', deep.module.answer)"}, put=put)
+    emu = emulator(
+        files={"/main.py": "import deep.module\nprint('main', deep.module.answer)"}, put=put
+    )
     assert "main 42" in emu.repl().serial.read_until(b">>> ").decode()
     repl = emu.repl()
     assert repl.eval("open('/data/one.txt', 'rb').read()") == b"\x00one"

@@ -56,7 +56,9 @@ OPERATIONS = {
 
 def float_inputs(kind, rng, n):
     def one(scale):
-        (x,) = struct.unpack("<f", struct.pack("<f", rng.choice([-1, 1]) * math.exp(rng.uniform(-scale, scale))))
+        (x,) = struct.unpack(
+            "<f", struct.pack("<f", rng.choice([-1, 1]) * math.exp(rng.uniform(-scale, scale)))
+        )
         return x
 
     if kind == "positive":
@@ -75,7 +77,8 @@ def ulps(a, b):
 
 @pytest.mark.filterwarnings("ignore:overflow")
 def test_floats(emulator):
-    """Single-precision arithmetic is exact; the functions are within a few units of the last place."""
+    """Single-precision arithmetic is exact; the functions are within a few units of the last
+    place."""
     rng = random.Random(2)
     repl = emulator().repl()
     repl.exec(FLOAT_CODE)

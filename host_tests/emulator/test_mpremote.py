@@ -74,9 +74,12 @@ while True:
 """
 
 
-@pytest.mark.parametrize("key, leave, works", [(3, False, True), (-1, False, False), (-1, True, True)])
+@pytest.mark.parametrize(
+    "key, leave, works", [(3, False, True), (-1, False, False), (-1, True, True)]
+)
 def test_breaking_into_a_program(emulator, key, leave, works):
-    """mpremote cannot break into a program that has switched Ctrl-C off, unless the program lets go."""
+    """mpremote cannot break into a program that has switched Ctrl-C off, unless the program lets
+    go."""
     emu = emulator(files={"/main.py": MAIN.format(key=key, leave=leave)}, lockstep=False)
     with emu.pty() as path:
         emu.wait_usb()

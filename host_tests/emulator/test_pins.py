@@ -24,7 +24,9 @@ def test_pins_pwm_adc(emulator):
         emu.set_pin(10, level)
         emu.advance(1)
     emu.set_pin(11, 1)
-    assert repl.eval("(a.value(), b.value(), hits[0])") == (1, 1, 2), "pull-up, outside drive, interrupts"
+    assert repl.eval("(a.value(), b.value(), hits[0])") == (1, 1, 2), (
+        "pull-up, outside drive, interrupts"
+    )
     emu.trace_start([13])
     repl.exec("p = machine.PWM(machine.Pin(13), freq=1000, duty_u16=16384); time.sleep_ms(20)")
     edges = emu.trace_stop()
@@ -42,7 +44,8 @@ def test_uart_dmx(emulator):
     repl = emu.repl()
     repl.exec(
         "from machine import UART, Pin\n"
-        "u = UART(1, baudrate=250000, bits=8, parity=None, stop=2, tx=Pin(4), rx=Pin(5), txbuf=1024)\n"
+        "u = UART(1, baudrate=250000, bits=8, parity=None, stop=2, "
+        "tx=Pin(4), rx=Pin(5), txbuf=1024)\n"
         "frame = bytes([0]) + bytes(range(256)) * 2\n"
     )
     emu.uart_start(1)

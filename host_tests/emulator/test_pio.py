@@ -20,9 +20,13 @@ def test_pio_pulses(emulator):
         half = 50 + 10 * i
         period = (2 * half + 7) * 200  # cycles of the program at 5 MHz
         assert len(rising) == len(falling) == 200, f"machine {i}: {len(rising)} pulses"
-        assert (np.diff(rising) == period).all(), f"machine {i}: {np.unique(np.diff(rising))}, not {period}"
+        assert (np.diff(rising) == period).all(), (
+            f"machine {i}: {np.unique(np.diff(rising))}, not {period}"
+        )
         assert (falling - rising == (half + 2) * 200).all(), f"machine {i}: pulse width"
-        assert (edge_times(edges, 2 * i + 1, 1) < rising[0]).all(), "direction before the first step"
+        assert (edge_times(edges, 2 * i + 1, 1) < rising[0]).all(), (
+            "direction before the first step"
+        )
 
 
 def test_pio_programs(emulator):
@@ -47,7 +51,8 @@ def test_pio_programs(emulator):
     assert abs(gaps.mean() - 8 * (41 + 170 / 256) * 8) < 1, f"average {gaps.mean()}"
 
     repl.exec(
-        "@asm_pio(sideset_init=PIO.OUT_LOW, out_shiftdir=PIO.SHIFT_LEFT, autopull=True, pull_thresh=24)\n"
+        "@asm_pio(sideset_init=PIO.OUT_LOW, out_shiftdir=PIO.SHIFT_LEFT, "
+        "autopull=True, pull_thresh=24)\n"
         "def pixels():\n"
         "    wrap_target()\n"
         "    label('bit')\n"
@@ -61,7 +66,9 @@ def test_pio_programs(emulator):
         "sm.active(1)\n"
     )
     emu.trace_start([1])
-    repl.exec("for v in (0xff00aa, 0x123456, 0x000001): sm.put(v, 8)\ntime.sleep_ms(1)\nsm.active(0)")
+    repl.exec(
+        "for v in (0xff00aa, 0x123456, 0x000001): sm.put(v, 8)\ntime.sleep_ms(1)\nsm.active(0)"
+    )
     edges = emu.trace_stop()
     width = edge_times(edges, 1, 0)[1:] - edge_times(edges, 1, 1)
     bits = "".join("1" if w == 1400 else "0" if w == 400 else "?" for w in width)
@@ -97,13 +104,17 @@ def test_pio_programs(emulator):
             emu.set_pin(4 + i, (value >> i) & 1)
         emu.set_pin(8, clock)
         emu.advance(0.1)
-    assert repl.eval("(sampling.get(), sampling.get(), sampling.rx_fifo())") == (0x59, 0x3C, 0), "sampler"
+    assert repl.eval("(sampling.get(), sampling.get(), sampling.rx_fifo())") == (0x59, 0x3C, 0), (
+        "sampler"
+    )
     for us in (100, 37, 1000):
         emu.set_pin(9, 1)
         emu.advance(us / 1000)
         emu.set_pin(9, 0)
         emu.advance(0.1)
-    assert repl.eval("[timing.get() for i in range(timing.rx_fifo())]") == [500, 185, 5000], "stopwatch"
+    assert repl.eval("[timing.get() for i in range(timing.rx_fifo())]") == [500, 185, 5000], (
+        "stopwatch"
+    )
 
     repl.exec(
         "@asm_pio(set_init=PIO.OUT_LOW)\n"
@@ -123,7 +134,9 @@ def test_pio_programs(emulator):
     repl.exec("b.active(1); a.active(1); time.sleep_ms(1); a.active(0); b.active(0)")
     edges = emu.trace_stop()
     for pin in (10, 11):
-        assert (np.diff(edge_times(edges, pin, 1)) == 22_000).all(), f"flags: {np.diff(edge_times(edges, pin, 1))}"
+        assert (np.diff(edge_times(edges, pin, 1)) == 22_000).all(), (
+            f"flags: {np.diff(edge_times(edges, pin, 1))}"
+        )
 
     out = repl.exec(
         "@asm_pio()\n"
@@ -136,9 +149,11 @@ def test_pio_programs(emulator):
         "    return c.get()\n"
         "c.put(0x80000003)\n"
         "c.exec('pull()')\n"
-        "print(hex(value('mov(x, reverse(osr))', 'mov(isr, x)')), hex(value('set(y, 21)', 'mov(isr, invert(y))')))\n"
+        "print(hex(value('mov(x, reverse(osr))', 'mov(isr, x)')), "
+        "hex(value('set(y, 21)', 'mov(isr, invert(y))')))\n"
         "c.put(0x12345678)\n"
-        "print(hex(value('pull()', 'out(x, 8)', 'mov(isr, x)')), value('set(x, 3)', 0x0040, 'in_(x, 32)'))\n"
+        "print(hex(value('pull()', 'out(x, 8)', 'mov(isr, x)')), "
+        "value('set(x, 3)', 0x0040, 'in_(x, 32)'))\n"
     )
     assert out.split() == ["0xc0000001", "0xffffffea", "0x12", "2"], out
 
@@ -160,12 +175,14 @@ def test_dma_and_pio_irq(emulator):
     )
     assert out.strip() == "True [1]", out
     repl.exec(
-        "@rp2.asm_pio(out_init=rp2.PIO.OUT_LOW, autopull=True, pull_thresh=32, fifo_join=rp2.PIO.JOIN_TX)\n"
+        "@rp2.asm_pio(out_init=rp2.PIO.OUT_LOW, autopull=True, pull_thresh=32, "
+        "fifo_join=rp2.PIO.JOIN_TX)\n"
         "def shifter():\n"
         "    out(pins, 1)\n"
         "sm = rp2.StateMachine(0, shifter, freq=1_000_000, out_base=machine.Pin(6))\n"
         "words = array.array('I', [0xaaaaaaaa] * 32)\n"
-        "d.config(read=words, write=sm, count=32, ctrl=d.pack_ctrl(size=2, inc_write=False, treq_sel=0))\n"
+        "d.config(read=words, write=sm, count=32, "
+        "ctrl=d.pack_ctrl(size=2, inc_write=False, treq_sel=0))\n"
     )
     emu.trace_start([6])
     repl.exec("d.active(1); sm.active(1); time.sleep_ms(3); sm.active(0)")
@@ -177,7 +194,8 @@ def test_dma_and_pio_irq(emulator):
         "machine.Pin(7, machine.Pin.OUT)\n"
         "ones = array.array('I', [1 << 7] * 40)\n"
         "e = rp2.DMA()\n"
-        "e.config(read=ones, write=0xd000001c, count=40, ctrl=e.pack_ctrl(size=2, inc_write=False, treq_sel=0x3b))\n"
+        "e.config(read=ones, write=0xd000001c, count=40, "
+        "ctrl=e.pack_ctrl(size=2, inc_write=False, treq_sel=0x3b))\n"
     )
     emu.trace_start([7])
     repl.exec("e.active(1); time.sleep_ms(5)")

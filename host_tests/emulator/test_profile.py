@@ -1,4 +1,5 @@
-"""The profile: every cycle is somebody's, and Python functions are followed through calls and exceptions."""
+"""The profile: every cycle is somebody's, and Python functions are followed through calls and
+exceptions."""
 
 import pytest
 
@@ -31,7 +32,10 @@ def test_profile(emulator):
     emu = emulator()
     repl = emu.repl()
     repl.exec(SETUP)
-    with emu.measure() as measured, Profile(emu, builds.micropython("rp2").with_suffix(".elf")) as profile:
+    with (
+        emu.measure() as measured,
+        Profile(emu, builds.micropython("rp2").with_suffix(".elf")) as profile,
+    ):
         repl.exec("outer()")
     assert sum(profile.firmware.values()) == pytest.approx(measured["busy_cycles"] / 125, rel=1e-3)
     assert profile.ms == pytest.approx(measured["ms"], rel=1e-3)

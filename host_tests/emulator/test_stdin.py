@@ -1,4 +1,5 @@
-"""Binary data over the builtin USB serial port: what a program can do, and what Ctrl-C does then."""
+"""Binary data over the builtin USB serial port: what a program can do, and what Ctrl-C does
+then."""
 
 import ast
 import struct
@@ -9,7 +10,8 @@ from framestep_emulator import ReplError
 
 
 def test_poll_then_readinto(emulator):
-    """Frames of all byte values, read without blocking for long: poll, then exactly what must be coming."""
+    """Frames of all byte values, read without blocking for long: poll, then exactly what must be
+    coming."""
     emu = emulator()
     repl = emu.repl()
     repl.start(
@@ -38,14 +40,19 @@ def test_poll_then_readinto(emulator):
         repl.serial.write(struct.pack("<BBH", 0xA5, i, len(payload)) + payload)
     emu.advance(50)
     out = repl.finish()
-    assert out.encode("latin-1")[:6] == b"".join(bytes([i + 1, sum(payload) & 255]) for i in range(3)), repr(out)
+    assert out.encode("latin-1")[:6] == b"".join(
+        bytes([i + 1, sum(payload) & 255]) for i in range(3)
+    ), repr(out)
 
 
 def test_readinto_and_ctrl_c(emulator):
     """readinto blocks until its buffer is full; Ctrl-C breaks it only while kbd_intr is not -1."""
     emu = emulator()
     repl = emu.repl()
-    repl.start("import sys\nb = bytearray(1000)\nprint('ready')\nprint(sys.stdin.buffer.readinto(b))", until="ready")
+    repl.start(
+        "import sys\nb = bytearray(1000)\nprint('ready')\nprint(sys.stdin.buffer.readinto(b))",
+        until="ready",
+    )
     repl.serial.write(b"x" * 10)
     emu.advance(200)
     assert repl.serial.in_waiting == 0, "readinto came back early"

@@ -6,10 +6,15 @@ from framestep_emulator import device_file
 
 
 def test_second_usb_port(emulator):
-    """A CDC made with machine.USBDevice comes up next to the builtin one and goes with a soft reset."""
+    """A CDC made with machine.USBDevice comes up next to the builtin one and goes with a soft
+    reset."""
     emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
     repl = emu.repl()
-    repl.exec("import cdc2\nsizes = []\nport = cdc2.CDC2(lambda p, n: sizes.append((n, bytes(p.rx[:4]))))\n")
+    repl.exec(
+        "import cdc2\n"
+        "sizes = []\n"
+        "port = cdc2.CDC2(lambda p, n: sizes.append((n, bytes(p.rx[:4]))))\n"
+    )
     start = emu.ns
     repl.serial.write(b"port.start()\x04")
     emu.wait_usb(after=start, ports=2)
@@ -42,7 +47,8 @@ def test_second_usb_port(emulator):
 
 
 def test_what_a_host_sees_of_it(emulator):
-    """Names and serial number; a full packet is not handed on before a read is full or a packet is short."""
+    """Names and serial number; a full packet is not handed on before a read is full or a packet is
+    short."""
     emu = emulator(files={"/cdc2.py": device_file("cdc2.py")})
     repl = emu.repl()
     event = next(e for e in emu.events() if e["type"] == "usb-configured")
@@ -56,14 +62,21 @@ def test_what_a_host_sees_of_it(emulator):
     emu.advance(20)
     repl = emu.repl()
     second = emu.serial(1)
-    for data, seen in ((bytes(64), 0), (b"", 64), (bytes(64), 0), (bytes(64), 128), (bytes(63), 63)):
+    for data, seen in (
+        (bytes(64), 0),
+        (b"", 64),
+        (bytes(64), 0),
+        (bytes(64), 128),
+        (bytes(63), 63),
+    ):
         repl.exec(f"port.write({data!r})")
         emu.advance(5)
         assert len(second.read_all()) == seen
 
 
 def test_double_buffered_endpoints(paths):
-    """The controller's side of what newer drivers do: buffers that take turns, a buffer that is taken back."""
+    """The controller's side of what newer drivers do: buffers that take turns, a buffer that is
+    taken back."""
     script = paths.root / "tools/emulator/board/test/usb.mjs"
     result = subprocess.run(["node", script], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr

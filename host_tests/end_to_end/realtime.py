@@ -1,4 +1,5 @@
-"""What the tests of real-time operations share: an upload with lights and triggers, and what its edges must be."""
+"""What the tests of real-time operations share: an upload with lights and triggers, and what its
+edges must be."""
 
 import numpy as np
 
@@ -17,7 +18,8 @@ MOVE = {
 }
 LEVELS = {17: (np.arange(FRAMES) * 7 % 256).astype(int), 300: np.repeat([200, 0, 90, 90, 250], 5)}
 MASK = 0b0111
-TRIGGERS = {0: 0b001, 3: 0b010, 4: 0b010, 5: 0b110, 11: 0b1001, 24: 0b100}  # bit 3 is not in the mask
+# bit 3 is not in the mask
+TRIGGERS = {0: 0b001, 3: 0b010, 4: 0b010, 5: 0b110, 11: 0b1001, 24: 0b100}
 ALL_OFF = ("shutter", "meter", "gio1", "gio2", "gio3", "gio4")
 RIG = {"outputs": [{"pin": pin} for pin in (22, 26, 27, 28)], "inputs": []}
 
@@ -41,7 +43,9 @@ def upload(session, positions=None, levels=None, triggers=None, mask=MASK, start
     for channel, row in (levels or {}).items():
         session.accept(p.RtUploadMoveDmx(channel, p.LAST_SECTION, row))
     if triggers is not None:
-        session.accept(p.RtUploadMoveTriggers(mask, tuple(p.Trigger(i, on) for i, on in triggers.items())))
+        session.accept(
+            p.RtUploadMoveTriggers(mask, tuple(p.Trigger(i, on) for i, on in triggers.items()))
+        )
     session.accept(p.RtUploadMoveEnd())
 
 
@@ -87,7 +91,8 @@ def level_now(session, signal):
 
 
 def passes_told(session):
-    """[[(time, scene frame), …], …]: the frames that position reports have told of, a list per pass.
+    """[[(time, scene frame), …], …]: the frames that position reports have told of, a list per
+    pass.
 
     The frame on which a pass begins is not in it: its MOVE TIME stands before it is reached.
     """
@@ -100,14 +105,19 @@ def passes_told(session):
         step = frame - before
         before = frame
         if abs(step) == 1:
-            if not told or told[-1][-1][1] != frame - step or (len(told[-1]) > 1 and told[-1][-2][1] == frame):
+            if (
+                not told
+                or told[-1][-1][1] != frame - step
+                or (len(told[-1]) > 1 and told[-1][-2][1] == frame)
+            ):
                 told.append([])
             told[-1].append((time, frame))
     return told
 
 
 def pass_trace(session, begin, end, start):
-    """The edges between two moments (s) as a trace of their own, and where the motors are at its begin."""
+    """The edges between two moments (s) as a trace of their own, and where the motors are at its
+    begin."""
     trace = session.trace()
     cut, places = {}, {}
     for name, (times, values) in trace.signals.items():
@@ -171,7 +181,8 @@ def judged(session, before, fps=24, first=1, last=FRAMES, roll=0.5):
 
 
 def assert_held(session, signal, row, times):
-    """A signal has each frame's level from 1 ms after the frame's time until 1 ms before the next one's."""
+    """A signal has each frame's level from 1 ms after the frame's time until 1 ms before the next
+    one's."""
     level = Levels(session, signal)
     ends = np.append(times[1:], times[-1] + np.diff(times).min())
     for i, (time, end) in enumerate(zip(times, ends, strict=True)):
@@ -185,7 +196,9 @@ def assert_levels(session, times, frames):
 
 def assert_triggers(session, times, frames):
     for bit in range(3):
-        assert_held(session, f"gio{bit + 1}", [TRIGGERS.get(frame, 0) >> bit & 1 for frame in frames], times)
+        assert_held(
+            session, f"gio{bit + 1}", [TRIGGERS.get(frame, 0) >> bit & 1 for frame in frames], times
+        )
 
 
 def camera(session):

@@ -1,4 +1,5 @@
-"""What is answered to each message in each state of the real-time operations: the table that docs/realtime.md shows.
+"""What is answered to each message in each state of the real-time operations: the table that
+docs/realtime.md shows.
 
 python -m host_tests.end_to_end.realtime_answers > docs/realtime.md
 """
@@ -11,7 +12,8 @@ STATES = {
     "upload": "between UPLOAD_MOVE_BEGIN and UPLOAD_MOVE_END",
     "idle": "a move is uploaded, nothing prepared, all at rest",
     "move": "the same while a motor moves: by MOVE, JOG or POSITION_FRAME",
-    "way": "RUN_MOVE, SHOOT_FRAME or SHOOT_FRAME2 acknowledged, motors on their way to where it begins",
+    "way": "RUN_MOVE, SHOOT_FRAME or SHOOT_FRAME2 acknowledged, "
+    "motors on their way to where it begins",
     "ready": "the motors are there, GO is awaited",
     "run": "a RUN_MOVE runs",
     "back": "a loop goes back to its start",
@@ -22,7 +24,7 @@ STATES = {
 }
 
 # Response codes: the last two digits; OK stands for 0x0010 and for an answer with data
-#                                      empty upload idle move way ready run back stop shoot jog estop
+#                         empty upload idle move way ready run back stop shoot jog estop
 _ALWAYS = "OK OK OK OK OK OK OK OK OK OK OK OK"
 _NEVER = "13 13 13 13 13 13 13 13 13 13 13 13"
 _NO_VIRTUALS = "15 15 15 15 15 15 15 15 15 15 15 15"
@@ -49,9 +51,17 @@ ANSWERS = (
     ),
     ("MOTOR_CONFIGURE: the same flags, or another motor", p.MotorConfigure(1, 3), _ALWAYS),
     ("", p.MotorConfigure(8, 3), _ALWAYS),
-    ("MOTOR_MOVE, MOTOR_JOG: a motor that has a part", p.MotorMove(1, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
+    (
+        "MOTOR_MOVE, MOTOR_JOG: a motor that has a part",
+        p.MotorMove(1, 900),
+        "OK OK OK OK OK OK 12 12 12 12 12 15",
+    ),
     ("", p.MotorJog(1, 5000, 900), "OK OK OK OK OK OK 12 12 12 12 12 15"),
-    ("MOTOR_MOVE, MOTOR_JOG: another one", p.MotorMove(8, 50), "OK OK OK OK OK OK OK OK OK OK OK 15"),
+    (
+        "MOTOR_MOVE, MOTOR_JOG: another one",
+        p.MotorMove(8, 50),
+        "OK OK OK OK OK OK OK OK OK OK OK 15",
+    ),
     ("", p.MotorJog(8, 5000, 50), "OK OK OK OK OK OK OK OK OK OK OK 15"),
     ("MOTOR_STOP", p.MotorStop(1), _ALWAYS),
     ("MOTOR_STOP_ALL", p.MotorStopAll(), _ALWAYS),
@@ -64,7 +74,11 @@ ANSWERS = (
     ("RT_UPLOAD_MOVE_BEGIN", p.RtUploadMoveBegin(1, 9), "OK OK OK OK OK OK 12 12 12 12 12 OK"),
     ("RT_UPLOAD_MOVE_AXIS", p.RtUploadMoveAxis(1, 0, [5]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
     ("RT_UPLOAD_MOVE_DMX", p.RtUploadMoveDmx(7, 0, [5]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
-    ("RT_UPLOAD_MOVE_TRIGGERS", p.RtUploadMoveTriggers(1, [p.Trigger(0, 1)]), "15 OK 15 15 15 15 12 12 12 12 12 15"),
+    (
+        "RT_UPLOAD_MOVE_TRIGGERS",
+        p.RtUploadMoveTriggers(1, [p.Trigger(0, 1)]),
+        "15 OK 15 15 15 15 12 12 12 12 12 15",
+    ),
     ("RT_UPLOAD_MOVE_END", p.RtUploadMoveEnd(), "15 OK OK OK OK OK 12 12 12 12 12 OK"),
     ("RT_POSITION_FRAME", p.RtPositionFrame(3), "15 15 OK OK OK OK 12 12 12 12 12 15"),
     ("RT_RUN_MOVE", _RUN, "15 15 OK 12 12 OK 12 12 12 12 12 15"),
@@ -123,7 +137,7 @@ for each frame at which its level differs from the frame before, and one for eac
 triggers takes one. Of the memory for uploads there is one entry for levels in every 140 bytes, one for triggers in
 every 1120; the rest holds positions. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing:
 the upload stays as it was, can be ended without it and run.
-"""
+"""  # noqa: E501
 
 _DIAGRAM = """\
                  prepare              all there               GO
@@ -145,11 +159,17 @@ def expected(state):
 def page():
     """docs/realtime.md."""
     lines = ["# Real-time operations: states and answers", ""]
-    lines += ["This page is made by `host_tests/end_to_end/realtime_answers.py`; tests hold the firmware to it.", ""]
+    lines += [
+        "This page is made by `host_tests/end_to_end/realtime_answers.py`; "
+        "tests hold the firmware to it.",
+        "",
+    ]
     lines += [_DIAGRAM, "| state | |", "|---|---|"]
     lines += [f"| `{state}` | {meaning} |" for state, meaning in STATES.items()]
     lines += ["", "| message | " + " | ".join(STATES) + " |", "|---" * (len(STATES) + 1) + "|"]
-    lines += [f"| {name} | " + " | ".join(answers.split()) + " |" for name, _, answers in ANSWERS if name]
+    lines += [
+        f"| {name} | " + " | ".join(answers.split()) + " |" for name, _, answers in ANSWERS if name
+    ]
     return "\n".join([*lines, "", _NOTES])
 
 

@@ -1,6 +1,8 @@
-"""A session with a controller as Dragonframe has one: requests, unasked messages, and the edges on the pins.
+"""A session with a controller as Dragonframe has one: requests, unasked messages, and the edges on
+the pins.
 
-Everything the tests here know comes over the protocol port or off the pins; only `settings` looks inside.
+Everything the tests here know comes over the protocol port or off the pins; only `settings` looks
+inside.
 """
 
 import re
@@ -107,7 +109,11 @@ class Session:
 
     def events(self, kind):
         """[(time, message)] of the unasked messages of a class so far."""
-        return [(event.time_s, event.message) for event in self.client.events if isinstance(event.message, kind)]
+        return [
+            (event.time_s, event.message)
+            for event in self.client.events
+            if isinstance(event.message, kind)
+        ]
 
     def forget(self):
         """Drop the unasked messages and the edges until now."""
@@ -158,7 +164,8 @@ class Session:
         self.wait_idle()
 
     def play(self, run, timeout_s=60):
-        """A whole run. Returns where the motors stood before the trace, with nothing but the run's edges in it."""
+        """A whole run. Returns where the motors stood before the trace, with nothing but the run's
+        edges in it."""
         self.ready(run)
         before = self.positions
         self.forget()
@@ -184,7 +191,7 @@ def run_request(fps=24, start=1, end=2, pre=500, post=500, **more):
     return RtRunMove(round(fps * 1000), start, end, pre, post, **more)
 
 
-# ---- what edges tell ---------------------------------------------------------------------------------------
+# ---- what edges tell -----------------------------------------------------------------------------
 
 
 def velocities(times, signs, window, begin=None, end=None):
@@ -197,9 +204,11 @@ def velocities(times, signs, window, begin=None, end=None):
 
 
 def assert_within(times, signs, velocity, acceleration, window=0.04):
-    """No edge comes sooner after another than the velocity allows, and none asks for more than the acceleration.
+    """No edge comes sooner after another than the velocity allows, and none asks for more than the
+    acceleration.
 
-    Positions are whole steps, so a change of velocity between two windows is only known to 2 steps per window.
+    Positions are whole steps, so a change of velocity between two windows is only known to 2 steps
+    per window.
     """
     assert len(times) > 2
     assert np.diff(times).min() >= 1 / velocity - 5e-6
@@ -210,18 +219,21 @@ def assert_within(times, signs, velocity, acceleration, window=0.04):
 
 
 def deceleration(times, signs, after):
-    """How steeply a motor slowed down to rest after a moment, steps/s²: a parabola through the edges of the ramp."""
+    """How steeply a motor slowed down to rest after a moment, steps/s²: a parabola through the
+    edges of the ramp."""
     late = times > after
     position = np.cumsum(signs[late])
     left = np.abs(position - position[-1])
-    ramp = (left > 0.02 * left[0]) & (left < 0.7 * left[0])  # without the first ms, in which nothing has happened yet
+    # without the first ms, in which nothing has happened yet
+    ramp = (left > 0.02 * left[0]) & (left < 0.7 * left[0])
     assert ramp.sum() >= 8, "too few steps to tell"
     return abs(2 * np.polyfit(times[late][ramp] - after, position[ramp], 2)[0])
 
 
-# ---- what is inside ----------------------------------------------------------------------------------------
+# ---- what is inside ------------------------------------------------------------------------------
 
-# What changes with time or with any request, what is only worked with, and memory beyond the entries in use
+# What changes with time or with any request, what is only worked with, and memory beyond the
+# entries in use
 _SCRATCH = re.compile(
     r"\.(now|now_ns|housekept_at|active_passes|beat|colour|unreported|watchdog|_clock|port|header|kernel\.state|reader|writer|heard_at|begun_at|words"
     r"|(axes\.)?samples|store\._words|values|draft|moves\.places|player\.(numbers|window|place|exceeded|rate)|(run|operation)\.(lasts|rests)|triggers\._table)(\.|$)"
@@ -229,7 +241,8 @@ _SCRATCH = re.compile(
 
 
 def state(session):
-    """Everything that the controller keeps, {path: value}, but for what it works with: what no refusal may change."""
+    """Everything that the controller keeps, {path: value}, but for what it works with: what no
+    refusal may change."""
     found, seen = {}, set()
 
     def walk(thing, path):
@@ -244,7 +257,9 @@ def state(session):
             elif isinstance(thing, dict):
                 parts = thing.items()
             else:
-                parts = vars(thing).items() if type(thing).__module__.startswith("framestep.") else ()
+                parts = (
+                    vars(thing).items() if type(thing).__module__.startswith("framestep.") else ()
+                )
             for name, part in parts:
                 walk(part, f"{path}.{name}")
 

@@ -1,7 +1,7 @@
 """Uploads inside the motors' limits, at every frame rate, judged from the edges.
 
-At each frame's time each motor has made exactly the uploaded position's steps (± 1 while moving, 0 at rest) within
-20 µs, and between frames velocity is continuous (field note 5.6).
+At each frame's time each motor has made exactly the uploaded position's steps (± 1 while moving, 0
+at rest) within 20 µs, and between frames velocity is continuous (field note 5.6).
 """
 
 import numpy as np
@@ -23,9 +23,13 @@ def smooth(fps, frames, swing, phase):
     # seconds of one swing, so that velocity and acceleration are kept
     time = np.arange(frames) / fps
     period = max(1.0, 6 / fps)
-    amplitude = swing * min(VELOCITY * period / (2 * np.pi), ACCELERATION * (period / (2 * np.pi)) ** 2)
+    amplitude = swing * min(
+        VELOCITY * period / (2 * np.pi), ACCELERATION * (period / (2 * np.pi)) ** 2
+    )
     slope = 0.1 * VELOCITY / fps
-    return np.round(amplitude * np.sin(2 * np.pi * time / period + phase) + slope * np.arange(frames)).astype(int)
+    return np.round(
+        amplitude * np.sin(2 * np.pi * time / period + phase) + slope * np.arange(frames)
+    ).astype(int)
 
 
 def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
@@ -35,7 +39,14 @@ def played(session, positions, fps, first=1, pre=500, post=500, limits=None):
     session.upload(positions, first)
     frames = max(len(steps) for steps in positions.values())
     before = session.play(run_request(fps, first, first + frames - 1, pre, post), 300)
-    return judge(session.trace(), positions, round(fps * 1000), before, session.positions, limits=limits or Limits())
+    return judge(
+        session.trace(),
+        positions,
+        round(fps * 1000),
+        before,
+        session.positions,
+        limits=limits or Limits(),
+    )
 
 
 @pytest.mark.parametrize("fps", RATES)
@@ -45,7 +56,8 @@ def test_every_rate(fps):
         1: smooth(fps, frames, 0.6, 0.0),
         3: smooth(fps, frames, 0.4, 2.0),
         5: np.round(0.6 * VELOCITY / fps * np.arange(frames)).astype(int),
-        8: np.minimum(np.round(3 * np.arange(frames)), 3 * frames // 2).astype(int),  # slow, then at rest
+        # slow, then at rest
+        8: np.minimum(np.round(3 * np.arange(frames)), 3 * frames // 2).astype(int),
     }
     verdict = played(simulated(), positions, fps)
     assert verdict.good, verdict.complaints
@@ -63,7 +75,8 @@ def test_the_camera_move():
 
 
 def test_all_motors_with_jitter():
-    """Positions that are not smooth: each frame off by up to two steps, as noisy as an upload may be."""
+    """Positions that are not smooth: each frame off by up to two steps, as noisy as an upload may
+    be."""
     chance = np.random.default_rng(7)
     positions = {
         motor: np.round(200 * np.arange(30) * (motor / 8)).astype(int) + chance.integers(-2, 3, 30)
@@ -76,7 +89,8 @@ def test_all_motors_with_jitter():
 
 @st.composite
 def moves(draw):
-    """A frame rate and positions of three motors that keep to 0.8 of velocity and acceleration at each frame."""
+    """A frame rate and positions of three motors that keep to 0.8 of velocity and acceleration at
+    each frame."""
     fps = draw(st.sampled_from(RATES[1:]))
     frames = draw(st.integers(5, 16))
     fastest = 0.8 * VELOCITY / fps
@@ -84,7 +98,9 @@ def moves(draw):
     positions = {1: np.round(draw(st.floats(0.02, 1)) * fastest * np.arange(frames)).astype(int)}
     for motor in (2, 6):
         rate, place, steps = draw(st.sampled_from((0.0, 0.3, -0.7))) * fastest, 0.0, []
-        changes = st.lists(st.sampled_from((-1, -0.5, 0, 0, 0.25, 1, "rest")), min_size=frames, max_size=frames)
+        changes = st.lists(
+            st.sampled_from((-1, -0.5, 0, 0, 0.25, 1, "rest")), min_size=frames, max_size=frames
+        )
         for change in draw(changes):
             steps.append(round(place))
             if change == "rest":

@@ -1,6 +1,7 @@
 """The play of gears is taken up before an operation begins, by a motion within the motor's limits.
 
-Judged from the edges: no motor is ever faster or steeper than it is set to, and the load is where it was asked for.
+Judged from the edges: no motor is ever faster or steeper than it is set to, and the load is where
+it was asked for.
 """
 
 import numpy as np
@@ -27,7 +28,8 @@ def rig(**settings):
 
 
 def load(signs, play=PLAY):
-    """Where the load is after each step of the motor; both begin at 0, the play taken up for a motion up."""
+    """Where the load is after each step of the motor; both begin at 0, the play taken up for a
+    motion up."""
     motor, place, places = 0, 0, []
     for step in signs:
         motor += step
@@ -80,12 +82,15 @@ def test_every_pass(flags):
     session.client.wait_event(p.RtEnd, 20)
     session.wait_idle()
     assert_kept(session)
-    frames = [message for _, message in session.events(p.Positions) if message.move_time == 1000 * FRAMES]
+    frames = [
+        message for _, message in session.events(p.Positions) if message.move_time == 1000 * FRAMES
+    ]
     assert len(frames) >= 3
 
 
 def test_a_turn_at_the_first_and_the_last_frame():
-    """The ramp before a peak goes up, the frame behind it down; likewise at the other end, and in a ping-pong."""
+    """The ramp before a peak goes up, the frame behind it down; likewise at the other end, and in a
+    ping-pong."""
     session = rig()
     peak = np.concatenate((400 - 4 * np.abs(np.arange(-8, 9)) ** 2, [148, 150, 152, 154, 156, 158]))
     upload(session, {1: peak, 2: -peak}, frames=len(peak))
@@ -161,18 +166,23 @@ def test_shoot_frame(way, second):
     session.wait_idle()
     for at in (0, 300, -300):
         motors = tuple(p.BlurMotor(motor, at + 50 * way, at - 50 * way) for motor in (1, 2))
-        request = p.RtShootFrame2(12, 1000, 0, 360, motors) if second else p.RtShootFrame(12, 0, 1000, 1000, motors)
+        request = (
+            p.RtShootFrame2(12, 1000, 0, 360, motors)
+            if second
+            else p.RtShootFrame(12, 0, 1000, 1000, motors)
+        )
         assert_no_play_made(session, request)
     assert_no_play_made(
-        session, p.RtShootFrame2(12, 1000, 0, 360) if second else p.RtShootFrame(12, way > 0, 1000, 500)
+        session,
+        p.RtShootFrame2(12, 1000, 0, 360) if second else p.RtShootFrame(12, way > 0, 1000, 500),
     )
 
 
 @pytest.mark.parametrize("start", [1, 17])
 @pytest.mark.parametrize("fps", [6, 24])
 def test_a_turn_within_the_path(fps, start):
-    """Between two frames the motor makes up for all of the play: refused where that is faster than it may be, and
-    where it is not refused no edge comes too soon."""
+    """Between two frames the motor makes up for all of the play: refused where that is faster than
+    it may be, and where it is not refused no edge comes too soon."""
     taken = refused = 0
     for play in (20, 60, 100, 150, 240):
         session = rig(motors=[{"backlash": play}, {}])
@@ -202,9 +212,37 @@ def test_a_turn_within_the_path(fps, start):
 
 @pytest.mark.parametrize("jog", [False, True])
 def test_the_load_turns_where_the_path_does(jog):
-    """At an uneven peak the curve alone may go past the frame: the load would stay there while the play is taken up."""
+    """At an uneven peak the curve alone may go past the frame: the load would stay there while the
+    play is taken up."""
     session = rig()
-    peak = np.array([0, 5, 10, 20, 40, 70, 60, 55, 50, 45, 40, 35, 30, 25, 20, 18, 16, 18, 48, 98, 140, 160, 170, 175])
+    peak = np.array(
+        [
+            0,
+            5,
+            10,
+            20,
+            40,
+            70,
+            60,
+            55,
+            50,
+            45,
+            40,
+            35,
+            30,
+            25,
+            20,
+            18,
+            16,
+            18,
+            48,
+            98,
+            140,
+            160,
+            170,
+            175,
+        ]
+    )
     upload(session, {1: peak, 2: -peak}, frames=len(peak))
     session.accept(p.RtPositionFrame(1))
     session.wait_idle()

@@ -28,7 +28,8 @@ def session(name, rig=None):
 
 @pytest.mark.parametrize("name", board_names())
 def test_example_rig_with_its_switches(name):
-    """As `make sim` has it: the motors move, as the stop button and the limit switches are there."""
+    """As `make sim` has it: the motors move, as the stop button and the limit switches are
+    there."""
     talk, board = session(name, read(ROOT / "boards" / name / "rig.json"))
     talk.run(2.0)
     talk.refuse(m.ERR_GENERAL, MotorMove(1, 100))
@@ -44,7 +45,8 @@ def test_example_rig_with_its_switches(name):
 
 
 def test_twelve_motors():
-    """Upload, run to the exact frames, limits of the last motor: whatever holds a bit or a word per motor."""
+    """Upload, run to the exact frames, limits of the last motor: whatever holds a bit or a word per
+    motor."""
     twelve = tuple(range(1, 13))
     rig = {"estop": "nc"}
     talk, board = session("pico2", rig)

@@ -37,7 +37,8 @@ from host_tests.end_to_end.session import run_request
 @pytest.mark.parametrize("flags", [VIDEO, VIDEO | LOOP, VIDEO | PING_PONG])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_video(flags, reverse):
-    """Field note 6.9: meter and shutter for 100 ms at GO, before anything moves, and once the post-roll is over."""
+    """Field note 6.9: meter and shutter for 100 ms at GO, before anything moves, and once the
+    post-roll is over."""
     session = loaded()
     first, last = (FRAMES, 1) if reverse else (1, FRAMES)
     go(session, run_request(24, first, last, 500, 300, flags=flags))
@@ -111,7 +112,8 @@ def test_video_of_few_frames():
 
 
 def test_video_stop_loop_after_the_last_frame():
-    """STOP_LOOP in the post-roll of what was not to be the last pass: the camera is stopped at its end."""
+    """STOP_LOOP in the post-roll of what was not to be the last pass: the camera is stopped at its
+    end."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=VIDEO | LOOP))
     session.run(1.7)
@@ -124,7 +126,10 @@ def test_video_stop_loop_after_the_last_frame():
 def test_both_camera_flags():
     """Field note 6.9: stills win."""
     session = loaded()
-    go(session, run_request(24, 1, FRAMES, 300, 300, flags=VIDEO | STILLS, open_angle=10, close_angle=300))
+    go(
+        session,
+        run_request(24, 1, FRAMES, 300, 300, flags=VIDEO | STILLS, open_angle=10, close_angle=300),
+    )
     to_the_end(session)
     assert len(camera(session)) == FRAMES
 
@@ -132,9 +137,12 @@ def test_both_camera_flags():
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("angles", [(0, 180), (90, 270), (350, 360), (0, 1)])
 def test_stills(fps, angles):
-    """Field note 6.9: shutter and meter while frame phase × 360° lies in [open, close], the last frame as well."""
+    """Field note 6.9: shutter and meter while frame phase × 360° lies in [open, close], the last
+    frame as well."""
     session = loaded()
-    request = run_request(fps, 1, FRAMES, 500, 0, flags=STILLS, open_angle=angles[0], close_angle=angles[1])
+    request = run_request(
+        fps, 1, FRAMES, 500, 0, flags=STILLS, open_angle=angles[0], close_angle=angles[1]
+    )
     before = go(session, request)
     ended = to_the_end(session)
     (verdict,) = judged(session, before, fps, roll=0.02)
@@ -172,7 +180,9 @@ def test_stills_without_angles(more):
 def test_stills_of_whole_frames():
     """From 0 to 360: open from the first frame's beginning to the last one's end."""
     session = loaded()
-    before = go(session, run_request(29.97, 1, FRAMES, 500, 0, flags=STILLS, open_angle=0, close_angle=360))
+    before = go(
+        session, run_request(29.97, 1, FRAMES, 500, 0, flags=STILLS, open_angle=0, close_angle=360)
+    )
     to_the_end(session)
     (verdict,) = judged(session, before, 29.97, roll=0.02)
     ((on, off),) = camera(session)
@@ -182,12 +192,19 @@ def test_stills_of_whole_frames():
 
 @pytest.mark.parametrize("fps", [0.5, 200])
 def test_all_at_once_at_extreme_rates(fps):
-    """Stills, lights, triggers and bloop together, slower and faster than any film: nothing is lost or late."""
+    """Stills, lights, triggers and bloop together, slower and faster than any film: nothing is lost
+    or late."""
     session = rig()
     slow = {1: 5 * np.arange(FRAMES), 2: np.zeros(FRAMES, int)}
     upload(session, slow, LEVELS, {i: 1 + i % 2 for i in range(FRAMES)})
     last = FRAMES if fps > 1 else 3
-    more = {"bloop_outputs": 4, "bloop_ms": 30, "flags": STILLS, "open_angle": 90, "close_angle": 270}
+    more = {
+        "bloop_outputs": 4,
+        "bloop_ms": 30,
+        "flags": STILLS,
+        "open_angle": 90,
+        "close_angle": 270,
+    }
     go(session, run_request(fps, 1, last, 500, 500, sync_dmx=1, **more))
     to_the_end(session)
     openings = camera(session)
@@ -207,11 +224,18 @@ def test_angles_refused():
     session = loaded()
     for angles in ((0, 361), (361, 361), (0, 65535)):
         session.refuse(
-            Ack.ERR_RANGE, run_request(24, 1, 5, 500, 500, flags=STILLS, open_angle=angles[0], close_angle=angles[1])
+            Ack.ERR_RANGE,
+            run_request(
+                24, 1, 5, 500, 500, flags=STILLS, open_angle=angles[0], close_angle=angles[1]
+            ),
         )
     # only used with that flag (specification)
     session.accept(run_request(24, 1, 5, 500, 500, flags=0, open_angle=500, close_angle=65535))
     session.wait_idle()
-    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 5, flags=0x04), run_request(24, 1, 5, flags=0x8000))
-    session.refuse(Ack.ERR_RANGE, run_request(24, 1, 5, sync_dmx=2), run_request(24, 1, 5, bloop_channel=513))
+    session.refuse(
+        Ack.ERR_RANGE, run_request(24, 1, 5, flags=0x04), run_request(24, 1, 5, flags=0x8000)
+    )
+    session.refuse(
+        Ack.ERR_RANGE, run_request(24, 1, 5, sync_dmx=2), run_request(24, 1, 5, bloop_channel=513)
+    )
     assert not session.moving

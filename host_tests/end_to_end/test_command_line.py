@@ -1,4 +1,5 @@
-"""Commands of `framestep` against the whole controller: what they print, and refusals that say what is set where."""
+"""Commands of `framestep` against the whole controller: what they print, and refusals that say what
+is set where."""
 
 import json
 
@@ -70,11 +71,17 @@ def test_for_programs(framestep, board):
     board.run_until(board.now_ns + 100_000_000)
     found = json.loads(framestep("switches --json"))
     assert found == {
-        "estop": "released", "inputs": {"1": False, "2": False}, "limits": {"1": ["upper"], "2": []},
-    }  # fmt: skip
+        "estop": "released",
+        "inputs": {"1": False, "2": False},
+        "limits": {"1": ["upper"], "2": []},
+    }
     assert framestep("switches").splitlines() == [
-        "E-stop: released", "input 1: off", "input 2: off", "limit set 1: upper switch active", "limit set 2: -",
-    ]  # fmt: skip
+        "E-stop: released",
+        "input 1: off",
+        "input 2: off",
+        "limit set 1: upper switch active",
+        "limit set 2: -",
+    ]
     board._board.set_input(22, 1)
     board.run_until(board.now_ns + 100_000_000)
 
@@ -104,12 +111,18 @@ def test_refused_in_words(framestep, board, line, words):
 @pytest.mark.parametrize(
     ("path", "line", "words"),
     [
-        ([0, 0, 300, 300], "run 11 14", "motor 3 at frame 13 would need 7200 steps/s at 24 frames/s, its "),
-        ([0, 0, 0, -1], "run 11 14", "motor 3 at frame 14 would be past its lower soft limit, 0 (set by SET_LIMITS"),
-        ([49_990, 49_999, 50_001, 50_003], "run 11 14", "motor 3 at frame 13 would be past its upper soft limit"),
-        ([100, 200, 300, 400], "run 11 14", "in its pre-roll of 1000 ms motor 3 would need more than its 20000"),
-        ([100, 200, 300, 400], "run 11 14 --preroll-ms 1", "in its pre-roll of 1 ms motor 3"),
-        ([100, 101, 102, 103], "run 11 20", "frames 11 to 20 at 24 frames/s are not all in the upload"),
+        ([0, 0, 300, 300], "run 11 14",
+         "motor 3 at frame 13 would need 7200 steps/s at 24 frames/s, its "),
+        ([0, 0, 0, -1], "run 11 14",
+         "motor 3 at frame 14 would be past its lower soft limit, 0 (set by SET_LIMITS"),
+        ([49_990, 49_999, 50_001, 50_003], "run 11 14",
+         "motor 3 at frame 13 would be past its upper soft limit"),
+        ([100, 200, 300, 400], "run 11 14",
+         "in its pre-roll of 1000 ms motor 3 would need more than its 20000"),
+        ([100, 200, 300, 400], "run 11 14 --preroll-ms 1",
+         "in its pre-roll of 1 ms motor 3"),
+        ([100, 101, 102, 103], "run 11 20",
+         "frames 11 to 20 at 24 frames/s are not all in the upload"),
     ],
 )  # fmt: skip
 def test_a_run_refused_in_words(framestep, board, path, line, words):
@@ -138,7 +151,11 @@ def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypat
 
     def stopping(client, data):
         take(client, data)
-        late = [e for e in client.events if isinstance(e.message, Positions) and e.message.move_time > 3000]
+        late = [
+            e
+            for e in client.events
+            if isinstance(e.message, Positions) and e.message.move_time > 3000
+        ]
         if client.on_event and late and stops:
             client.send(stops.pop())
 

@@ -1,5 +1,5 @@
-"""Coupled motors (field note 3.1): one load on two motors. They stay together whatever happens, and each within its
-limits."""
+"""Coupled motors (field note 3.1): one load on two motors. They stay together whatever happens, and
+each within its limits."""
 
 import itertools
 
@@ -35,7 +35,8 @@ SETTINGS = [
 @pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
 @pytest.mark.parametrize("at", range(len(SETTINGS) + 1))
 def test_the_stricter_setting_counts_in_any_order(at, flag, sense):
-    """Speed and acceleration of the slower motor; limits of both, those of the follower as the leader sees them."""
+    """Speed and acceleration of the slower motor; limits of both, those of the follower as the
+    leader sees them."""
     session = simulated()
     requests = [*SETTINGS[:at], p.MotorConfigure(1, 1 | flag), *SETTINGS[at:]]
     session.accept(*requests)
@@ -74,7 +75,11 @@ def test_together_in_every_stop(cause, flag, sense):
     for each in "estop", 26, 27:
         switch(each, 0)
     session.run(0.1)
-    session.accept(p.MotorConfigure(1, 1 | flag), p.MotorSetSpeed(1, 9000, 60_000), p.MotorSetSpeed(2, 20_000, 9_000))
+    session.accept(
+        p.MotorConfigure(1, 1 | flag),
+        p.MotorSetSpeed(1, 9000, 60_000),
+        p.MotorSetSpeed(2, 20_000, 9_000),
+    )
     if cause.endswith("limit"):
         motor = 1 if cause.startswith("leader") else 2
         session.accept(p.MotorSetLimits(motor, 0, 0, 0, 0, 1))
@@ -111,7 +116,9 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
     rng = np.random.default_rng(5)
     session = simulated()
     session.accept(
-        p.MotorConfigure(1, 1 | flag), p.MotorSetSpeed(1, 23_000, 170_000), p.MotorSetSpeed(2, 23_000, 170_000)
+        p.MotorConfigure(1, 1 | flag),
+        p.MotorSetSpeed(1, 23_000, 170_000),
+        p.MotorSetSpeed(2, 23_000, 170_000),
     )
     for _ in range(150):
         session.ask(p.MotorMove(1, int(rng.integers(-4000, 4000))))
@@ -124,12 +131,15 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
 
 
 def test_a_disabled_partner_keeps_both_still():
-    """Without power on one of them the other would pull at the load: the leader is refused, nothing is switched on."""
+    """Without power on one of them the other would pull at the load: the leader is refused, nothing
+    is switched on."""
     session = simulated()
     session.upload({1: [0, 10, 20], 3: [0, 10, 20]})
     session.accept(p.MotorConfigure(1, 1 | COUPLE), p.MotorConfigure(2, 0), p.MotorConfigure(3, 1))
     session.forget()
-    session.refuse(p.Ack.ERR_GENERAL, p.MotorMove(1, 100), p.MotorJog(1, 5000, 100), p.MotorMove(2, 100))
+    session.refuse(
+        p.Ack.ERR_GENERAL, p.MotorMove(1, 100), p.MotorJog(1, 5000, 100), p.MotorMove(2, 100)
+    )
     session.accept(p.MotorConfigure(1, 1 | COUPLE), p.RtPositionFrame(1), run_request(end=3))
     session.wait_idle()
     session.accept(p.RtGo())
@@ -148,7 +158,9 @@ def test_a_follower_is_not_switched_off_in_motion():
     session.accept(p.MotorConfigure(1, 1 | COUPLE))
     session.ask(p.MotorMove(1, 3000))
     session.run(0.2)
-    session.refuse(p.Ack.ERR_MOVING, p.MotorConfigure(2, 0), p.MotorConfigure(1, 0), p.MotorResetPosition(2, 5))
+    session.refuse(
+        p.Ack.ERR_MOVING, p.MotorConfigure(2, 0), p.MotorConfigure(1, 0), p.MotorResetPosition(2, 5)
+    )
     session.wait_idle()
     assert session.positions[2] == 3000
 
@@ -179,7 +191,9 @@ def test_the_stricter_jerk():
         session.ask(p.MotorMove(1, 2000))
         session.wait_idle()
         # 2·(v/a + a/j) + way at full speed
-        assert np.ptp(session.steps(1)[0]) == pytest.approx(2000 / 5000 + 5000 / 20000 + 20000 / 200e3, abs=0.06)
+        assert np.ptp(session.steps(1)[0]) == pytest.approx(
+            2000 / 5000 + 5000 / 20000 + 20000 / 200e3, abs=0.06
+        )
 
 
 def test_coupled_at_the_ends_of_the_range():

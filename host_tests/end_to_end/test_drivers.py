@@ -1,5 +1,5 @@
-"""TMC2209 drivers behind the whole controller, in virtual time: enabled only once set up, refused while they do not
-work, and what a fault in motion does to the rig."""
+"""TMC2209 drivers behind the whole controller, in virtual time: enabled only once set up, refused
+while they do not work, and what a fault in motion does to the rig."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,9 @@ def test_enabled_only_once_set_up():
 def test_a_dead_driver_holds_up_its_motor_and_every_run():
     talk, board = session(dead=(2,))
     talk.run(SET_UP_S)
-    assert said(board) == ["driver of motor 2 does not answer (has it power, and the right address?)"]
+    assert said(board) == [
+        "driver of motor 2 does not answer (has it power, and the right address?)"
+    ]
     assert talk.ask(GetCondition()).bits == m.CONDITION_DRIVER
     talk.refuse(m.ERR_GENERAL, MotorMove(2, 100))
     talk.accept(MotorMove(1, 100))
@@ -110,7 +112,8 @@ def under_way(talk):
 
 
 def assert_stopped(talk, board, at, lost):
-    """All came to rest by a ramp; the host knows; the motor whose driver failed is off and its position lost."""
+    """All came to rest by a ramp; the host knows; the motor whose driver failed is off and its
+    position lost."""
     assert not talk.moving
     assert [message for _, message in talk.events(HardStop)] == [HardStop(m.HARD_STOP_FAULT)]
     other = 3 - lost

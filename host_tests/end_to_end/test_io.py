@@ -1,4 +1,5 @@
-"""Lights, inputs and outputs, E-stop and limit switches on the host simulation: bytes in, levels and edges out."""
+"""Lights, inputs and outputs, E-stop and limit switches on the host simulation: bytes in, levels
+and edges out."""
 
 import math
 import struct
@@ -112,7 +113,14 @@ def test_a_ramp_is_a_straight_line_of_half_a_second():
 
 @pytest.mark.parametrize(
     "payload",
-    [(0, 0, b"\1"), (1, 513, b"\1"), (0, 512, b"\1\1"), (1, 2, b"\1" * 512), (2, 1, b"\1"), (0, 513, b"")],
+    [
+        (0, 0, b"\1"),
+        (1, 513, b"\1"),
+        (0, 512, b"\1\1"),
+        (1, 2, b"\1" * 512),
+        (2, 1, b"\1"),
+        (0, 513, b""),
+    ],
 )
 def test_lights_that_are_not_there(payload):
     session = simulated()
@@ -137,7 +145,9 @@ def test_outputs():
 def test_camera():
     session = simulated({"meter_on": "low"})
     session.forget()
-    session.accept(GioCam(m.GIO_CAM_SHUTTER), GioCam(m.GIO_CAM_SHUTTER | m.GIO_CAM_METER), GioCam(0))
+    session.accept(
+        GioCam(m.GIO_CAM_SHUTTER), GioCam(m.GIO_CAM_SHUTTER | m.GIO_CAM_METER), GioCam(0)
+    )
     assert [level for _, level in shown(session, "shutter")] == [1, 0]
     assert [level for _, level in shown(session, "meter")] == [0, 1]
 
@@ -291,7 +301,8 @@ def test_estop(motion, factor):
     assert not session.moving
     assert not session.events(HardStop)
     assert not session.events(RtEnd)
-    assert not [signal for signal in session.trace().signals if signal.startswith("m")]  # nothing starts by itself
+    # nothing starts by itself
+    assert not [signal for signal in session.trace().signals if signal.startswith("m")]
     session.refuse(m.ERR_GENERAL, RtGo())
     session.accept(MotorJog(3, 10000, 500))
 
@@ -300,7 +311,9 @@ def test_requests_that_move_nothing_are_answered_while_the_estop_is_held():
     session = simulated({"estop": "no"})
     set_input(session, "estop", 0)
     session.run(0.01)
-    session.accept(GioOut(1), Dmx(1, 1, [5]), MotorSetLimits(1, 0, 0, 0, 0, 0), MotorConfigure(1, 1))
+    session.accept(
+        GioOut(1), Dmx(1, 1, [5]), MotorSetLimits(1, 0, 0, 0, 0, 0), MotorConfigure(1, 1)
+    )
     assert inputs(session) == 0
     assert session.ask(Hi()).motors == 8
 
@@ -336,9 +349,13 @@ def test_limit(direction, swap):
     here = session.position(4)
     refusal = m.ERR_HARD_UP if direction > 0 else m.ERR_HARD_LOW
     session.forget()
-    session.refuse(refusal, MotorMove(4, here + direction), MotorJog(4, 5000, here + 1000 * direction))
+    session.refuse(
+        refusal, MotorMove(4, here + direction), MotorJog(4, 5000, here + 1000 * direction)
+    )
     session.upload({4: [here + 100 * direction] * 2})
-    shoot = RtShootFrame2(1, 100, 0, 180, [BlurMotor(4, here + 100 * direction, here + 110 * direction)])
+    shoot = RtShootFrame2(
+        1, 100, 0, 180, [BlurMotor(4, here + 100 * direction, here + 110 * direction)]
+    )
     session.refuse(refusal, RtPositionFrame(1), run_request(), shoot)
     assert not session.steps(4)[0].size
     session.accept(MotorMove(4, here - 100 * direction))
@@ -375,15 +392,19 @@ def test_sets_that_are_not_there():
     session = simulated(SWITCHES)
     session.accept(*(MotorSetLimits(1, 0, 0, 0, 0, n) for n in (1, 2, 0x81, 0x82, 0, 0x80)))
     session.accept(MotorSetLimits(1, 0, 0, 0, 0, 1))
-    session.refuse(m.ERR_RANGE, MotorSetLimits(1, 0, 0, 0, 0, 3), MotorSetLimits(1, 0, 0, 0, 0, 0x83))
+    session.refuse(
+        m.ERR_RANGE, MotorSetLimits(1, 0, 0, 0, 0, 3), MotorSetLimits(1, 0, 0, 0, 0, 0x83)
+    )
     session.refuse(m.ERR_RANGE, MotorSetLimits(1, 1, 5, 1, 4, 0))  # crossed soft limits
-    session.refuse(m.ERR_HARD_UP, MotorMove(1, 10))  # set 1 is still in force, and nothing is wired to it
+    # set 1 is still in force, and nothing is wired to it
+    session.refuse(m.ERR_HARD_UP, MotorMove(1, 10))
     session.accept(MotorSetLimits(1, 0, 0, 0, 0, 0))
     assert session.ask(MotorMove(1, 10)).moving
 
 
 def test_a_pin_that_something_else_has_taken():
-    """At rest it is put back before a motion may begin, in motion within a tenth of a second: everything ramps down."""
+    """At rest it is put back before a motion may begin, in motion within a tenth of a second:
+    everything ramps down."""
     session = simulated()
     hal = session.board._board.hal
     session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
@@ -403,12 +424,13 @@ def test_a_pin_that_something_else_has_taken():
     assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, KNOWN]
 
 
-# ---------------------------------------------------------------- GO from an input (field note 6.13)
+# --------------------------------------------------------------- GO from an input (field note 6.13)
 
 
 @pytest.mark.parametrize("dialect", ["spec", "dmc-lite"])
 def test_go_from_an_input(dialect):
-    """Debounced, only where GO would be taken; RT_GO comes unasked, once, before the first frame."""
+    """Debounced, only where GO would be taken; RT_GO comes unasked, once, before the first
+    frame."""
     session = simulated({"go_input": 1, "dialect": dialect})
     board = session.board._board
     session.upload({1: 20 * np.arange(25)})
@@ -444,7 +466,8 @@ def test_go_from_an_input(dialect):
 
 
 def test_go_from_an_input_is_told_once_the_host_listens():
-    """To a host that has taken nothing until there was no room for it; and what comes behind it in its turn."""
+    """To a host that has taken nothing until there was no room for it; and what comes behind it in
+    its turn."""
     session = simulated({"go_input": 1})
     board = session.board._board
     session.upload({1: 20 * np.arange(25)})
@@ -462,7 +485,11 @@ def test_go_from_an_input_is_told_once_the_host_listens():
     session.run(3.0)
     port.send = send
     session.run(0.2)
-    assert [type(event.message) for event in session.client.events if isinstance(event.message, RtGo | RtEnd)] == [
+    assert [
+        type(event.message)
+        for event in session.client.events
+        if isinstance(event.message, RtGo | RtEnd)
+    ] == [
         RtGo,
         RtEnd,
     ]

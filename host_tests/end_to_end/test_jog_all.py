@@ -1,4 +1,5 @@
-"""JOG_ALL on the host simulation: along the path as one axis, frames as its unit (field note 6.10)."""
+"""JOG_ALL on the host simulation: along the path as one axis, frames as its unit (field note
+6.10)."""
 
 import numpy as np
 import pytest
@@ -27,7 +28,8 @@ def standing():
 
 
 def indices(session):
-    """The frame, as a fraction, that motor 1 stands on: it makes PER_FRAME steps from one to the next."""
+    """The frame, as a fraction, that motor 1 stands on: it makes PER_FRAME steps from one to the
+    next."""
     return session.position(1) / PER_FRAME
 
 
@@ -38,7 +40,9 @@ def assert_followed(session, start, fps):
     frames = start + np.cumsum(signs) / PER_FRAME
     at, turned = session.steps(2)
     places = int(PATH[2][start]) + np.concatenate(([0], np.cumsum(turned)))
-    for time, frame in zip(times[frames == np.round(frames)], frames[frames == np.round(frames)], strict=True):
+    for time, frame in zip(
+        times[frames == np.round(frames)], frames[frames == np.round(frames)], strict=True
+    ):
         # the moment at which motor 1 makes the frame's step
         near = places[np.searchsorted(at, time - 2e-5) : np.searchsorted(at, time + 2e-5) + 1]
         assert np.abs(near - PATH[2][round(frame)]).min() <= 1, frame
@@ -76,7 +80,8 @@ def test_at_speed(standing, fps, way):
     standing.client.wait_idle(200, 0.05)
     assert_on_frame(standing, 120 + way)
     assert_followed(standing, 120, fps)
-    # as fast as the axis allows, but that the first and the last frame are a ramp each: twice as long as the others
+    # as fast as the axis allows, but that the first and the last frame are a ramp each: twice as
+    # long as the others
     top = min(fps, (ACCELERATION * abs(way)) ** 0.5)
     ideal = abs(way) / top + top / ACCELERATION
     times, _ = standing.steps(1)
@@ -153,8 +158,8 @@ def test_lower_and_higher_speed_under_way(standing):
 @pytest.mark.parametrize("after", [0.02, 0.5, 1.1, 1.75, 3.3])
 @pytest.mark.parametrize("request_", [p.MotorStopAll(), p.MotorStop(2)])
 def test_stop_lands_on_a_frame(standing, fps, after, request_):
-    """Field note 6.10: on the next one that can be reached at 4 frames/s², or at a frame per second where that takes
-    more than 2 s. A STOP of one motor stops the axis."""
+    """Field note 6.10: on the next one that can be reached at 4 frames/s², or at a frame per second
+    where that takes more than 2 s. A STOP of one motor stops the axis."""
     standing.accept(p.RtJogAll(round(fps * 1000), 220))
     standing.run(after)
     times, signs = standing.steps(1)
@@ -172,7 +177,9 @@ def test_stop_lands_on_a_frame(standing, fps, after, request_):
     # 0.05 s pass until it acts; what a queued ramp up still adds is little
     rate += 0.05 * ACCELERATION
     assert at - before <= 1 + rate * 0.06 + rate**2 / (2 * ACCELERATION) + 0.05
-    assert times[-1] - begun <= max(2.1, 0.1 + 2 * (at - before) / max(rate - 0.2, 0.1) if rate > 1.2 else 2.1)
+    assert times[-1] - begun <= max(
+        2.1, 0.1 + 2 * (at - before) / max(rate - 0.2, 0.1) if rate > 1.2 else 2.1
+    )
     # it stands on a frame: it may go on from there, on its own
     standing.accept(p.RtJogAll(12000, 121))
     standing.client.wait_idle(60, 0.05)
@@ -222,8 +229,15 @@ def test_second_stop_all_is_hard(standing):
 
 def test_refused(standing):
     """Numbers out of range, not on a frame, in a run; nothing moves."""
-    standing.refuse(p.Ack.ERR_RANGE, p.RtJogAll(24000, 0), p.RtJogAll(24000, FRAMES + 1), p.RtJogAll(0, 5))
-    standing.refuse(p.Ack.ERR_RANGE, p.RtJogAll(200001, 5), p.RtJogAll(2**32 - 1, 5), p.RtJogAll(24000, -(2**31)))
+    standing.refuse(
+        p.Ack.ERR_RANGE, p.RtJogAll(24000, 0), p.RtJogAll(24000, FRAMES + 1), p.RtJogAll(0, 5)
+    )
+    standing.refuse(
+        p.Ack.ERR_RANGE,
+        p.RtJogAll(200001, 5),
+        p.RtJogAll(2**32 - 1, 5),
+        p.RtJogAll(24000, -(2**31)),
+    )
     assert standing.ask(p.MotorMove(2, standing.position(2) + 1))
     assert standing.wait_idle() is None
     standing.forget()
@@ -246,7 +260,8 @@ def test_refused(standing):
 
 
 def test_too_far_to_be_checked_under_way():
-    """ERR_MOVING, and the jog goes on to where it was going; from rest there is time to check the way."""
+    """ERR_MOVING, and the jog goes on to where it was going; from rest there is time to check the
+    way."""
     frames = 3600
     session = rig()
     upload(session, {1: 10 * np.arange(frames), 2: -7 * np.arange(frames)}, frames=frames)
@@ -277,7 +292,9 @@ def test_where_it_stands_is_found_by_positions(standing):
     standing.wait_idle()
     assert_on_frame(standing, 79)
     assert_followed(standing, 77, 12)
-    standing.accept(p.MotorResetPosition(1, int(PATH[1][3])), p.MotorResetPosition(2, int(PATH[2][3])))
+    standing.accept(
+        p.MotorResetPosition(1, int(PATH[1][3])), p.MotorResetPosition(2, int(PATH[2][3]))
+    )
     standing.accept(p.RtJogAll(12000, 1))
     standing.wait_idle()
     assert_on_frame(standing, 0)
@@ -342,7 +359,11 @@ def test_slows_down_to_what_the_motors_can_follow(standing, case, to):
 @pytest.mark.parametrize("to", [200, 20])
 def test_only_the_frames_between_count(standing, to):
     """Motor 3 is steep, but elsewhere."""
-    upload(standing, {**PATH, 3: np.where(K < 15, K * 3000 - 42_000, np.clip(K - 205, 0, None) * 3000)}, frames=FRAMES)
+    upload(
+        standing,
+        {**PATH, 3: np.where(K < 15, K * 3000 - 42_000, np.clip(K - 205, 0, None) * 3000)},
+        frames=FRAMES,
+    )
     standing.speed(3, 1000, 100_000)
     standing.accept(p.RtPositionFrame(121))
     standing.wait_idle()
@@ -355,7 +376,8 @@ def test_only_the_frames_between_count(standing, to):
 
 @pytest.mark.parametrize("grain", range(10))
 def test_slows_down_under_way(grain):
-    """Sent on into frames that it can follow at less than its speed only: it has come down to that before them."""
+    """Sent on into frames that it can follow at less than its speed only: it has come down to that
+    before them."""
     session = rig()
     gathering = np.cumsum(100 + 10 * np.clip(K - 150, 0, 50)) - 100
     upload(session, {1: gathering}, frames=FRAMES)
@@ -368,9 +390,8 @@ def test_slows_down_under_way(grain):
     assert session.moving
     session.accept(p.RtJogAll(12000, 221))
     session.run(15)
-    session.accept(
-        p.RtJogAll(12000, 140), p.RtJogAll(12000, 201)
-    )  # there and back, at the speed of the frames it is in
+    # there and back, at the speed of the frames it is in
+    session.accept(p.RtJogAll(12000, 140), p.RtJogAll(12000, 201))
     session.client.wait_idle(300, 0.05)
     assert session.position(1) == gathering[200]
     assert_within(*session.steps(1), 400 * 1.01, 3000 * 1.02, window=0.2)
@@ -415,8 +436,8 @@ CORNERS = {
 @pytest.mark.parametrize(("velocity", "acceleration"), [(1000, 100_000), (20_000, 2000)])
 @pytest.mark.parametrize("play", [0, 40])
 def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
-    """On the curve between frames as well, where the cubic is faster than its mean and steeper than its corner:
-    gathering speed, turning, stopping anywhere and going on."""
+    """On the curve between frames as well, where the cubic is faster than its mean and steeper than
+    its corner: gathering speed, turning, stopping anywhere and going on."""
     session = rig(motors=[{"backlash": play}, {}]) if play else rig()
     upload(session, {1: CORNERS[corners][:61]}, frames=61)
     session.speed(1, velocity, acceleration)
@@ -444,7 +465,8 @@ def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
 
 @pytest.mark.parametrize("grain", range(8))
 def test_stopped_just_before_a_turn(grain):
-    """The play is taken up for the way behind the turn, also where the last bit before it is one with that."""
+    """The play is taken up for the way behind the turn, also where the last bit before it is one
+    with that."""
     session = rig(motors=[{"backlash": 40}, {}])
     positions = CORNERS["anywhere"][:61]
     upload(session, {1: positions}, frames=61)
@@ -484,7 +506,8 @@ def test_motors_without_a_part(standing):
 
 
 def test_limit_switches():
-    """Refused where it would begin by going on into a limit, however long the motor stands still before that."""
+    """Refused where it would begin by going on into a limit, however long the motor stands still
+    before that."""
     session = rig(limits=[{"high": 22, "contact": "no"}], outputs=[], inputs=[])
     held = np.clip(20 * (K - 150), 0, None)  # holds until frame 151
     upload(session, {**PATH, 3: held}, frames=FRAMES)

@@ -26,7 +26,9 @@ def jog_for(rig, seconds, request, every=0.1):
         rig.run(every)
 
 
-@pytest.mark.parametrize(("speed", "share"), [(10000, 1.0), (5000, 0.5), (300, 0.03), (100, 0.01), (1, 0.01)])
+@pytest.mark.parametrize(
+    ("speed", "share"), [(10000, 1.0), (5000, 0.5), (300, 0.03), (100, 0.01), (1, 0.01)]
+)
 def test_jog_speed(rig, speed, share):
     """Field note 4.2: velocity and acceleration scaled, with a small floor."""
     rig.speed(1, 8000, 16000)
@@ -157,7 +159,8 @@ UNDER_WAY = {
 @pytest.mark.parametrize("room", [9_000, 1_000], ids=["in time", "too late"])
 @pytest.mark.parametrize("requests", UNDER_WAY.values(), ids=UNDER_WAY)
 def test_a_soft_limit_set_under_way_holds(requests, room, backlash, jerk):
-    """The motor comes to rest on it; where it is too near to stop there, it comes back (field note 4.3)."""
+    """The motor comes to rest on it; where it is too near to stop there, it comes back (field note
+    4.3)."""
     rig = simulated({"motors": [{"jerk": jerk, "backlash": backlash}], "jog_timeout_ms": 0})
     rig.accept(MotorSetSpeed(1, 20_000, 40_000))
     for request in requests:
@@ -224,8 +227,12 @@ def test_jog_past_a_limit_goes_back_only(rig):
 
 
 def test_jog_refused(both):
-    both.refuse(Ack.ERR_RANGE, MotorJog(1, 0, 100), MotorJog(1, 10001, 100), MotorJog(1, 65535, 100))
-    both.refuse(Ack.ERR_RANGE, MotorJog(0, 100, 100), MotorJog(9, 100, 100), MotorJog(255, 100, 100))
+    both.refuse(
+        Ack.ERR_RANGE, MotorJog(1, 0, 100), MotorJog(1, 10001, 100), MotorJog(1, 65535, 100)
+    )
+    both.refuse(
+        Ack.ERR_RANGE, MotorJog(0, 100, 100), MotorJog(9, 100, 100), MotorJog(255, 100, 100)
+    )
     both.run(0.2)
     assert both.moving == []
     assert both.made(1) == 0

@@ -1,4 +1,5 @@
-"""The LED on the host simulation: what it shows in each state, in which colour, and when a fault no longer shows."""
+"""The LED on the host simulation: what it shows in each state, in which colour, and when a fault no
+longer shows."""
 
 import pytest
 
@@ -19,7 +20,8 @@ COLOURS = {WAITING: BLUE, CONNECTED: WHITE, MOVING: GREEN, FAULT: RED}
 
 
 def shown(session):
-    """The LED over its two seconds, 128 ms each, from where it begins; its one colour is the pattern's."""
+    """The LED over its two seconds, 128 ms each, from where it begins; its one colour is the
+    pattern's."""
     board = session.board
     colours = set()
     until = -(-board.now_ns // (2048 * 10**6)) * 2048 * 10**6

@@ -39,7 +39,8 @@ from host_tests.end_to_end.session import run_request, simulated, state
 @pytest.mark.parametrize("fps", [12, 24, 29.97, 60])
 @pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (5, 18)])
 def test_lights_and_triggers(fps, first, last):
-    """Field note 6.8: uploaded levels and triggers on their frames within 1 ms, forward, backward, in part."""
+    """Field note 6.8: uploaded levels and triggers on their frames within 1 ms, forward, backward,
+    in part."""
     session = loaded()
     for motor in MOVE:
         session.speed(motor, VELOCITY, 2 * ACCELERATION)
@@ -82,7 +83,8 @@ def uploaded(session):
 
 
 def test_no_room_for_more_lights_and_triggers(monkeypatch):
-    """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept, and played."""
+    """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept,
+    and played."""
     monkeypatch.setattr(host, "UPLOAD_BYTES", 140 * 8 * 5)  # 40 changes, 5 frames with triggers
     session = rig()
     session.accept(p.RtUploadMoveBegin(1, FRAMES))
@@ -142,18 +144,26 @@ def test_position_frame_sets_triggers(frame):
     session.accept(p.RtPositionFrame(frame))
     session.run(0.005)
     on = TRIGGERS.get(frame - 1, 0) & MASK | 0b1000
-    assert [level_now(session, f"gio{bit + 1}") for bit in range(4)] == [on >> bit & 1 for bit in range(4)]
+    assert [level_now(session, f"gio{bit + 1}") for bit in range(4)] == [
+        on >> bit & 1 for bit in range(4)
+    ]
     session.wait_idle()
 
 
 @pytest.mark.parametrize("sync", [0, 1])
 @pytest.mark.parametrize("flags", [None, LOOP])
 def test_bloop(sync, flags):
-    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes back."""
+    """Field note 6.7: on for BLOOP TIME from the first frame, once in a run; the channel goes
+    back."""
     session = loaded()
     session.accept(p.Dmx(0, 300, [0x0C]), p.Dmx(0, 40, [0x22]))
     for channel, old in ((40, 0x22), (300, LEVELS[300][3] if sync else 0x0C)):
-        bloop = {"bloop_outputs": 0x80000008, "bloop_channel": channel, "bloop_ms": 120, "flags": flags}
+        bloop = {
+            "bloop_outputs": 0x80000008,
+            "bloop_channel": channel,
+            "bloop_ms": 120,
+            "flags": flags,
+        }
         before = go(session, run_request(24, 1, FRAMES, 300, 200, sync_dmx=sync, **bloop))
         session.run(4)
         if flags:
@@ -166,7 +176,9 @@ def test_bloop(sync, flags):
         assert on == (pytest.approx(zero, abs=0.001), 1)
         assert off == (pytest.approx(zero + 0.12, abs=0.001), 0)
         if sync and not flags:
-            assert_triggers(session, frame_times(judged(session, before, roll=0.2)[0], 24), range(FRAMES))
+            assert_triggers(
+                session, frame_times(judged(session, before, roll=0.2)[0], 24), range(FRAMES)
+            )
         levels = [e for e in changes(session, f"dmx{channel}") if e[0] < zero + 0.13]
         assert levels[0] == (pytest.approx(zero, abs=0.002), 255)
         assert levels[-1] == (pytest.approx(zero + 0.12, abs=0.002), old)
@@ -232,7 +244,8 @@ def test_bloop_outlives_a_stop(after, ms):
 
 
 def test_bloop_and_another_run():
-    """A run without a bloop leaves that of the one before on; the next with one begins its own at its first frame."""
+    """A run without a bloop leaves that of the one before on; the next with one begins its own at
+    its first frame."""
     session = loaded()
     session.accept(p.Dmx(0, 40, [0x22]))
     run = run_request(24, 1, 3, 200, 100, bloop_ms=4000, **BLOOP)
@@ -260,11 +273,17 @@ def test_bloop_and_another_run():
 @pytest.mark.parametrize("how", ["E-stop", "lost host"])
 @pytest.mark.parametrize("after", [0.5, 2.2])
 def test_bloop_and_safe_levels(how, after):
-    """A fault puts outputs to their safe levels, in the run and after it, and nothing comes behind that."""
+    """A fault puts outputs to their safe levels, in the run and after it, and nothing comes behind
+    that."""
     session = simulated(
         {
             "estop": "nc",
-            "outputs": [{"pin": 22, "safe": "off"}, {"pin": 26}, {"pin": 27}, {"pin": 28, "safe": "on"}],
+            "outputs": [
+                {"pin": 22, "safe": "off"},
+                {"pin": 26},
+                {"pin": 27},
+                {"pin": 28, "safe": "on"},
+            ],
             "inputs": [],
         }
     )

@@ -40,7 +40,8 @@ from host_tests.end_to_end.session import assert_within, run_request
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG, LOOP | PING_PONG])
 @pytest.mark.parametrize(("first", "last"), [(1, FRAMES), (FRAMES, 1), (4, 20)])
 def test_passes(flags, first, last):
-    """Every pass keeps to its frames as a single one does, with ramps inside the limits between them; one RT_END."""
+    """Every pass keeps to its frames as a single one does, with ramps inside the limits between
+    them; one RT_END."""
     session = loaded()
     before = go(session, run_request(24, first, last, 500, 300, flags=flags))
     session.run(4.8)
@@ -62,11 +63,13 @@ def test_passes(flags, first, last):
 
 # seconds after GO; the passes that are then played to their ends
 @pytest.mark.parametrize(
-    ("after", "ping_pong", "loop"), [(0.2, 1, 1), (1.0, 1, 1), (1.8, 1, 1), (2.3, 2, 1), (3.0, 2, 2)]
+    ("after", "ping_pong", "loop"),
+    [(0.2, 1, 1), (1.0, 1, 1), (1.8, 1, 1), (2.3, 2, 1), (3.0, 2, 2)],
 )
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop(after, ping_pong, loop, flags):
-    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass, post-roll, next roll."""
+    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass,
+    post-roll, next roll."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(after)
@@ -90,7 +93,8 @@ def test_stop_loop(after, ping_pong, loop, flags):
 @pytest.mark.parametrize("after", [1.2, 1.3, 1.45, 1.499, 1.51])
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop_late_in_a_pass(after, flags):
-    """Field note 6.11: when the ramp behind the end frame is queued, it becomes the post-roll, within the limits."""
+    """Field note 6.11: when the ramp behind the end frame is queued, it becomes the post-roll,
+    within the limits."""
     session = loaded()
     go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     begun = session.now
@@ -108,7 +112,8 @@ def test_stop_loop_late_in_a_pass(after, flags):
 
 
 def test_stop_loop_on_the_way_back():
-    """Between two passes of a loop: the rig ends at the start, an end point, and plays no further pass."""
+    """Between two passes of a loop: the rig ends at the start, an end point, and plays no further
+    pass."""
     session = rig()
     far = {1: 4000 * np.arange(FRAMES) // 24, 2: np.zeros(FRAMES, int)}
     upload(session, far)
@@ -127,7 +132,8 @@ def test_stop_loop_on_the_way_back():
 @pytest.mark.parametrize("flags", [LOOP, PING_PONG])
 @pytest.mark.parametrize("wait", [0.0, 0.02, 2.0])
 def test_stop_loop_before_go(flags, wait):
-    """Field note 6.12: it takes the loop away, on the way to the pre-roll position and while GO is awaited."""
+    """Field note 6.12: it takes the loop away, on the way to the pre-roll position and while GO is
+    awaited."""
     session = loaded()
     session.accept(run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(wait)
@@ -193,7 +199,8 @@ def test_lights_alone():
     session.accept(RtGo())
     asked = session.now
     ended = to_the_end(session)
-    assert ended - asked == pytest.approx(0.3 + FRAMES / 24, abs=0.01)  # the last frame has a trigger on
+    # the last frame has a trigger on
+    assert ended - asked == pytest.approx(0.3 + FRAMES / 24, abs=0.01)
     first = edges(session, "gio1")[0][0]
     assert first - asked == pytest.approx(0.3, abs=0.005)
     assert_triggers(session, first + np.arange(FRAMES) / 24, range(FRAMES))

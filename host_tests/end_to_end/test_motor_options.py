@@ -1,4 +1,5 @@
-"""Backlash, coupled motors, live control and the jerk limit, over the protocol on the host simulation."""
+"""Backlash, coupled motors, live control and the jerk limit, over the protocol on the host
+simulation."""
 
 import random
 
@@ -205,7 +206,8 @@ def test_a_live_motor_stays_free_during_a_run():
 
 @pytest.mark.parametrize("jerk", [0, 200])
 def test_ramps_keep_the_jerk(jerk):
-    """jerk: 1000 steps/s³. The steepest change of acceleration, from the edges of a 4000-step move."""
+    """jerk: 1000 steps/s³. The steepest change of acceleration, from the edges of a 4000-step
+    move."""
     board, client = connect({"motors": [{"jerk": jerk}]})
     client.request(MotorSetSpeed(1, 10000, 40000))
     board.edges()
@@ -225,7 +227,8 @@ def test_ramps_keep_the_jerk(jerk):
 
 
 def steepest_change(edges, window=0.01):
-    """Greatest jerk (steps/s³) and acceleration of motor 1, from differences over windows of time."""
+    """Greatest jerk (steps/s³) and acceleration of motor 1, from differences over windows of
+    time."""
     t = np.array([t for t, _ in steps(edges, 1)]) * 1e-9
     made = np.cumsum([value for _, value in steps(edges, 1)])
     grid = np.arange(t[0] + 2 * window, t[-1] - 2 * window, window)
@@ -234,7 +237,8 @@ def steepest_change(edges, window=0.01):
 
 
 def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
-    """The edges of a move that is stopped after a time, how long that took, and the position reported at the end."""
+    """The edges of a move that is stopped after a time, how long that took, and the position
+    reported at the end."""
     board, client = connect({"motors": [{"jerk": jerk}]})
     client.request(MotorSetSpeed(1, 10000, 40000))
     board.edges()
@@ -253,8 +257,8 @@ def moved_and_stopped(jerk, after_s, request, target=4000, stops=1):
 @pytest.mark.parametrize("target", [4000, -4000])
 @pytest.mark.parametrize("after_s", [0.06, 0.12, 0.2, 0.3, 0.45, 0.6, 0.7])
 def test_a_stop_keeps_the_jerk(after_s, target, request_):
-    """Gathering speed, at full acceleration, cruising, slowing down: the motor comes to rest at once, and never
-    past the target that it had."""
+    """Gathering speed, at full acceleration, cruising, slowing down: the motor comes to rest at
+    once, and never past the target that it had."""
     edges, took, at = moved_and_stopped(200, after_s, request_, target)
     jerk, acceleration = steepest_change(edges)
     assert jerk < 200_000 * 1.3
@@ -262,7 +266,8 @@ def test_a_stop_keeps_the_jerk(after_s, target, request_):
     signs = {value for _, value in steps(edges, 1)}
     assert signs == {1 if target > 0 else -1}
     assert len(steps(edges, 1)) == abs(at) <= 4000
-    # at most: lose the acceleration, then a ramp of A/j + v/A, after the twelve ticks that a plan waits
+    # at most: lose the acceleration, then a ramp of A/j + v/A, after the twelve ticks that a plan
+    # waits
     assert took < 0.2 + 0.2 + 0.25 + 0.02
 
 
@@ -307,13 +312,19 @@ def test_a_move_may_follow_a_stop_under_way():
     client.request(MotorMove(1, 77))
     client.wait_idle()
     edges = board.edges()
-    assert position(client, 1) == position(client, 2) == 77 == sum(value for _, value in steps(edges, 1))
+    assert (
+        position(client, 1)
+        == position(client, 2)
+        == 77
+        == sum(value for _, value in steps(edges, 1))
+    )
     assert [value for _, value in steps(edges, 1)] == [value for _, value in steps(edges, 2)]
 
 
 @pytest.mark.parametrize("jerk", [200, 2000])
 def test_retarget_near_a_soft_limit(jerk):
-    """A motor that slows down onto its limit and is called back comes to rest before it, then turns."""
+    """A motor that slows down onto its limit and is called back comes to rest before it, then
+    turns."""
     session = simulated({"motors": [{"jerk": jerk}]})
     session.speed(1, 10_000, 40_000)
     session.accept(MotorSetLimits(1, 0, 0, 1, 6000))
@@ -327,7 +338,7 @@ def test_retarget_near_a_soft_limit(jerk):
         assert np.cumsum(signs).max() <= 6000
 
 
-# ---------------------------------------------------------------- the ends of the range of positions
+# --------------------------------------------------------------- the ends of the range of positions
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 

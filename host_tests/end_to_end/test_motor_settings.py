@@ -38,7 +38,8 @@ def test_configure(both):
 
 
 def test_set_speed_refused(both):
-    """Velocity 0, and more than the board can step: with pulses of 1 µs, high and low, 480769 steps/s."""
+    """Velocity 0, and more than the board can step: with pulses of 1 µs, high and low, 480769
+    steps/s."""
     for velocity in (0, 480_770, 500_001, 2**30, 2**31, 2**32 - 1):
         both.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, velocity, 1000))
     both.refuse(Ack.ERR_RANGE, MotorSetSpeed(0, 1000, 1000), MotorSetSpeed(9, 1000, 1000))
@@ -48,7 +49,9 @@ def test_set_speed_refused(both):
     assert 1 / np.diff(times).min() == pytest.approx(5000, rel=2e-3), "a refused speed is in force"
 
 
-@pytest.mark.parametrize(("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 242_248), (4.0, 121_595)])
+@pytest.mark.parametrize(
+    ("pulse_us", "fastest"), [(0.25, 500_000), (0.8, 500_000), (2.0, 242_248), (4.0, 121_595)]
+)
 def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig = simulated({"motors": [{"pulse_us": pulse_us}]})
     rig.refuse(Ack.ERR_RANGE, MotorSetSpeed(1, fastest + 1, 1000))
@@ -58,15 +61,25 @@ def test_fastest_speed_depends_on_the_pulse(pulse_us, fastest):
     rig.wait_idle()
     times, _ = rig.steps(1)
     assert len(times) == way
-    assert 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(fastest, rel=0.01)
+    assert 1 / np.median(np.diff(times)[way // 2 - 1000 :][:2000]) == pytest.approx(
+        fastest, rel=0.01
+    )
 
 
 @pytest.mark.parametrize(
     ("velocity", "acceleration", "expected"),
-    [(4000, 0, 2000), (10, 0, 5), (1, 0, 5), (3, 40, 40), (1000, 2**32 - 1, None), (480_000, 4_000_000, None)],
+    [
+        (4000, 0, 2000),
+        (10, 0, 5),
+        (1, 0, 5),
+        (3, 40, 40),
+        (1000, 2**32 - 1, None),
+        (480_000, 4_000_000, None),
+    ],
 )
 def test_set_speed(rig, velocity, acceleration, expected):
-    """Field note 4.1: acceleration 0 is half the velocity, and velocity has a floor of 10 steps/s."""
+    """Field note 4.1: acceleration 0 is half the velocity, and velocity has a floor of 10
+    steps/s."""
     rig.speed(1, velocity, acceleration)
     top = max(velocity, 10)
     way = int(top * 1.5 * (top / expected if expected else 0.1)) + 30
@@ -97,7 +110,11 @@ def test_set_speed_in_motion(rig):
 def test_soft_limits(both):
     """Field note 4.3: 0x20 above, 0x21 below, nothing moves; a motor past a limit may come back."""
     both.accept(MotorSetLimits(1, 1, -500, 1, 800))
-    for target, code in ((801, Ack.ERR_SOFT_UP), (FARTHEST, Ack.ERR_SOFT_UP), (-501, Ack.ERR_SOFT_LOW)):
+    for target, code in (
+        (801, Ack.ERR_SOFT_UP),
+        (FARTHEST, Ack.ERR_SOFT_UP),
+        (-501, Ack.ERR_SOFT_LOW),
+    ):
         both.refuse(code, MotorMove(1, target))
     both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, LOWEST))
     both.run(0.1)
@@ -134,9 +151,13 @@ def test_limits_off_and_one_sided(rig):
 def test_limits_refused(both):
     """Limits that cross, a flag that is neither 0 nor 1, a limit set that the rig does not have."""
     both.accept(MotorSetLimits(1, 1, -100, 1, 100))
-    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 1, 101, 1, 100), MotorSetLimits(1, 1, FARTHEST, 1, LOWEST))
+    both.refuse(
+        Ack.ERR_RANGE, MotorSetLimits(1, 1, 101, 1, 100), MotorSetLimits(1, 1, FARTHEST, 1, LOWEST)
+    )
     both.refuse(Ack.ERR_RANGE, MotorSetLimits(0, 1, 0, 1, 1), MotorSetLimits(9, 1, 0, 1, 1))
-    both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 2, -300, 1, 300), MotorSetLimits(1, 1, -300, 255, 300))
+    both.refuse(
+        Ack.ERR_RANGE, MotorSetLimits(1, 2, -300, 1, 300), MotorSetLimits(1, 1, -300, 255, 300)
+    )
     both.refuse(Ack.ERR_RANGE, MotorSetLimits(1, 1, -300, 1, 300, limit_set=3))
     both.refuse(Ack.ERR_SOFT_UP, MotorMove(1, 101))
     both.refuse(Ack.ERR_SOFT_LOW, MotorMove(1, -101))
@@ -145,4 +166,6 @@ def test_limits_refused(both):
 
 def test_no_such_motor(both):
     for motor in (0, 9, 32, 255):
-        both.refuse(Ack.ERR_RANGE, MotorMove(motor, 5), MotorStop(motor), MotorResetPosition(motor, 5))
+        both.refuse(
+            Ack.ERR_RANGE, MotorMove(motor, 5), MotorStop(motor), MotorResetPosition(motor, 5)
+        )

@@ -1,4 +1,5 @@
-"""Requests for single motors on the host simulation: what is answered, and what the pins then do."""
+"""Requests for single motors on the host simulation: what is answered, and what the pins then
+do."""
 
 import struct
 
@@ -13,12 +14,13 @@ FARTHEST, LOWEST = 2**31 - 1, -(2**31)
 
 
 def is_ack(session, frame, code=p.Ack.OK):
-    """Whether a frame acknowledges with this code, in the form of the session's dialect (field note 1.4)."""
+    """Whether a frame acknowledges with this code, in the form of the session's dialect (field note
+    1.4)."""
     size = 4 if session.dword_acks else 2
     return frame.is_ack and frame.payload == int(code).to_bytes(size, "little")
 
 
-# ---- who is there ------------------------------------------------------------------------------------------
+# ---- who is there --------------------------------------------------------------------------------
 
 
 def test_hi(both):
@@ -53,7 +55,8 @@ def test_name_of_the_rig_file():
 
 
 def test_form_of_every_answer(both):
-    """Acknowledgements have the request's ID and type and a code of the dialect's width; data has no flag."""
+    """Acknowledgements have the request's ID and type and a code of the dialect's width; data has
+    no flag."""
     for kind, payload in (
         (m.MSG_MOTOR_STOP, b"\x01"),
         (m.MSG_MOTOR_STOP_ALL, b""),
@@ -77,7 +80,11 @@ def test_form_of_every_answer(both):
     assert is_ack(both, both.answer_to(m.MSG_RT_GO))
     assert is_ack(both, both.answer_to(m.MSG_RT_GO), p.Ack.ERR_MOVING)
     both.wait_idle()
-    for kind, size in ((m.MSG_HI, 51), (m.MSG_MOTOR_STATUS, 5), (m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8)):
+    for kind, size in (
+        (m.MSG_HI, 51),
+        (m.MSG_MOTOR_STATUS, 5),
+        (m.MSG_MOTOR_GET_POSITION, 4 + 4 * 8),
+    ):
         answer = both.answer_to(kind)
         assert not answer.is_ack
         assert answer.id == 77
@@ -90,7 +97,8 @@ def test_form_of_every_answer(both):
 
 
 def test_answer_to_a_move(both):
-    """One status byte as specified, an acknowledgement in the dialect of dmc-lite (field note 1.4)."""
+    """One status byte as specified, an acknowledgement in the dialect of dmc-lite (field note
+    1.4)."""
     answer = both.answer_to(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 2, 100))
     if both.dword_acks:
         assert is_ack(both, answer)
@@ -102,12 +110,18 @@ def test_answer_to_a_move(both):
     assert is_ack(both, answer) if both.dword_acks else answer.payload == b"\x00"
 
 
-# ---- MOVE --------------------------------------------------------------------------------------------------
+# ---- MOVE ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("target", "velocity", "acceleration"),
-    [(8000, 5000, 20000), (-3000, 9000, 30000), (1, 5000, 20000), (-2, 40, 7), (4000, 120_000, 400_000)],
+    [
+        (8000, 5000, 20000),
+        (-3000, 9000, 30000),
+        (1, 5000, 20000),
+        (-2, 40, 7),
+        (4000, 120_000, 400_000),
+    ],
 )
 def test_move(rig, target, velocity, acceleration):
     rig.speed(3, velocity, acceleration)
@@ -150,7 +164,8 @@ def test_no_distance(both):
 
 
 def test_retarget_farther_nearer_and_back(rig):
-    """Field note 4.8: no stop where the way ahead is long enough, and never more than the acceleration."""
+    """Field note 4.8: no stop where the way ahead is long enough, and never more than the
+    acceleration."""
     rig.ask(p.MotorMove(1, 4000))
     rig.run(0.5)
     rig.ask(p.MotorMove(1, 9000))
@@ -183,7 +198,8 @@ def test_retarget_nearer_than_it_can_stop(rig):
 
 
 def test_retarget_storm(rig):
-    """A new target every 30 ms, with changes of speed between: steps and position agree, limits are kept."""
+    """A new target every 30 ms, with changes of speed between: steps and position agree, limits are
+    kept."""
     chance = np.random.default_rng(4)
     for target in chance.integers(-4000, 4000, 40):
         rig.ask(p.MotorMove(1, int(target)))
@@ -196,7 +212,11 @@ def test_retarget_storm(rig):
 
 def test_large_positions(both):
     """Where a position is no small integer of a 32-bit MicroPython."""
-    for start, target in ((FARTHEST - 300, FARTHEST), (LOWEST + 300, LOWEST), (2**30 - 5, 2**30 + 5)):
+    for start, target in (
+        (FARTHEST - 300, FARTHEST),
+        (LOWEST + 300, LOWEST),
+        (2**30 - 5, 2**30 + 5),
+    ):
         both.accept(p.MotorResetPosition(5, start))
         assert both.code(p.MotorMove(5, target)) == p.Ack.OK
         both.wait_idle()
@@ -221,13 +241,18 @@ def test_inverted_motor():
     for motor in (1, 2):
         rig.ask(p.MotorMove(motor, 50))
     rig.wait_idle()
-    levels = {signal: values[-1] for signal, (_, values) in rig.trace().signals.items() if signal.startswith("dir")}
+    levels = {
+        signal: values[-1]
+        for signal, (_, values) in rig.trace().signals.items()
+        if signal.startswith("dir")
+    }
     assert levels == {"dir1": 1}  # motor 2's pin stays low
     assert rig.made(1) == rig.made(2) == 50 == rig.position(2)
 
 
 def test_jerk_limit():
-    """With `jerk` in the rig file velocity and acceleration are held as well, and the move is exact and longer."""
+    """With `jerk` in the rig file velocity and acceleration are held as well, and the move is exact
+    and longer."""
     rig = simulated({"motors": [{"jerk": 200}]})
     for motor in (1, 2):
         rig.speed(motor, 8000, 40000)
@@ -240,12 +265,16 @@ def test_jerk_limit():
     assert durations[1] - durations[2] == pytest.approx(40000 / 200_000, abs=0.04)
 
 
-# ---- reports -----------------------------------------------------------------------------------------------
+# ---- reports -------------------------------------------------------------------------------------
 
 
 def test_moving_bits(both):
     """Field note 4.7: set from the acknowledgement on, clear once the last step is out."""
-    for motor, request in ((1, p.MotorMove(1, 300)), (3, p.MotorJog(3, 10000, -300)), (8, p.MotorMove(8, 1))):
+    for motor, request in (
+        (1, p.MotorMove(1, 300)),
+        (3, p.MotorJog(3, 10000, -300)),
+        (8, p.MotorMove(8, 1)),
+    ):
         both.code(request)
         assert motor in both.moving
     assert both.ask(p.MotorStatus()).motor_bits == 0b10000101
@@ -296,7 +325,7 @@ def test_positions_in_motion(report_ms):
     assert rig.ask(p.MotorGetPosition()).steps == message.steps
 
 
-# ---- STOP --------------------------------------------------------------------------------------------------
+# ---- STOP ----------------------------------------------------------------------------------------
 
 
 def test_stop(rig):
@@ -331,7 +360,8 @@ def test_stop_before_the_first_step(rig):
 @pytest.mark.parametrize("factor", [None, 2])
 @pytest.mark.parametrize("flags", [None, 1])
 def test_stop_all_once_and_twice(factor, flags):
-    """Field note 4.4: a second one within 1000 ms decelerates `hard_stop_factor` times as steeply."""
+    """Field note 4.4: a second one within 1000 ms decelerates `hard_stop_factor` times as
+    steeply."""
     rig = simulated({"hard_stop_factor": factor} if factor else None)
     for motor, acceleration in ((1, 20000), (2, 8000)):
         rig.speed(motor, 5000, acceleration)
@@ -379,7 +409,7 @@ def test_second_stop_all_under_way(rig):
     assert deceleration(*rig.steps(1), asked) == pytest.approx(2000, rel=0.02)
 
 
-# ---- RESET_POSITION ----------------------------------------------------------------------------------------
+# ---- RESET_POSITION ------------------------------------------------------------------------------
 
 
 def test_reset_position(both):
@@ -404,12 +434,13 @@ def test_reset_position(both):
     assert both.made(4) == 0
 
 
-# ---- a host that is gone -----------------------------------------------------------------------------------
+# ---- a host that is gone -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("jogging", [False, True])
 def test_port_closed_in_motion(rig, jogging):
-    """Field note 1.11: motors decelerate to a stop, and the next host finds them where the steps say."""
+    """Field note 1.11: motors decelerate to a stop, and the next host finds them where the steps
+    say."""
     rig.ask(p.MotorMove(1, 30000))
     rig.code(p.MotorJog(2, 10000, LOWEST) if jogging else p.MotorMove(2, -30000))
     rig.run(0.4)
@@ -423,7 +454,9 @@ def test_port_closed_in_motion(rig, jogging):
     rig.come_back()
     rig.forget()
     frames = rig.bytes_for(b"", 0.05)
-    assert [f.type for f in frames] == [m.MSG_HI], "what the last host did not read reaches the next"
+    assert [f.type for f in frames] == [m.MSG_HI], (
+        "what the last host did not read reaches the next"
+    )
     assert rig.moving == []
 
 

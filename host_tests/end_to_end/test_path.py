@@ -14,7 +14,8 @@ LIMITS = Limits(path_us=5)
 
 
 def swing(fps, frames):
-    """Turns that no frame lies on: the path has its peaks between frames and passes the frames beside them."""
+    """Turns that no frame lies on: the path has its peaks between frames and passes the frames
+    beside them."""
     time = np.arange(frames) / fps
     period = max(1.3, 6.3 / fps)
     reach = min(0.5 * 20_000 * period, 0.5 * 100_000 * period**2 / (2 * np.pi)) / (2 * np.pi)
@@ -29,7 +30,10 @@ def test_every_edge_is_on_the_path(fps, backward):
     steps = {
         1: swing(fps, frames),
         2: np.rint(0.4 * 20_000 / fps * index),
-        4: np.rint(0.1 * np.where(index < frames // 2, 0, swing(fps, frames) - swing(fps, frames)[frames // 2])),
+        4: np.rint(
+            0.1
+            * np.where(index < frames // 2, 0, swing(fps, frames) - swing(fps, frames)[frames // 2])
+        ),
     }
     upload = {motor: positions.astype(int) for motor, positions in steps.items()}
     board = SimulatedBoard(None)
@@ -58,7 +62,8 @@ def test_every_edge_is_on_the_path(fps, backward):
     assert all(path(motor, -1.0) == start[motor] for motor in upload)  # waits where the path begins
     run = Trace.from_edges([edge for edge in edges if edge[0] < ended_ns])
     for motor in upload:
-        assert path(motor, 1000.0) == start[motor] + run.steps(motor)[1].sum()  # comes to rest where it ends
+        # comes to rest where it ends
+        assert path(motor, 1000.0) == start[motor] + run.steps(motor)[1].sum()
         assert end[motor] == upload[motor][last]  # and goes back to the end frame
     assert any(len(m.edge_error_us) > 1000 for m in verdict.motors)
     print(fps, max(m.worst_edge_us for m in verdict.motors))

@@ -63,7 +63,9 @@ def test_set_and_moved(moving):
 def test_a_driver_that_was_off(moving):
     moving.accept(MotorStopAll())
     moving.wait_idle()
-    moving.accept(*(MotorConfigure(motor, 0) for motor in (1, 4)), MotorConfigure(1, m.MOTOR_ENABLED))
+    moving.accept(
+        *(MotorConfigure(motor, 0) for motor in (1, 4)), MotorConfigure(1, m.MOTOR_ENABLED)
+    )
     assert trust(moving, 1, 2, 4) == [Trust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
     moving.accept(MotorMove(1, 0))
     moving.wait_idle()
@@ -98,7 +100,8 @@ def test_pulses_that_broke_off(moving):
 
 @pytest.mark.inside
 def test_stops_that_lose_nothing(moving):
-    """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is counted."""
+    """The main loop away, an E-stop, a limit, a lost host: the motors ramp down, and every step is
+    counted."""
     axes = moving.board._board.controller.axes
     feed, axes.feed = axes.feed, lambda urgent: None
     moving.run(2)

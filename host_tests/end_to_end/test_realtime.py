@@ -1,4 +1,5 @@
-"""Real-time runs on the host simulation: what is planned before GO, what is refused, what stops them."""
+"""Real-time runs on the host simulation: what is planned before GO, what is refused, what stops
+them."""
 
 import random
 
@@ -25,12 +26,13 @@ from host_tests.end_to_end.realtime import (
 )
 from host_tests.end_to_end.session import assert_within, run_request
 
-# ---- what is planned before GO ---------------------------------------------------------------------------
+# ---- what is planned before GO -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ms", [0, 1, 2, 3, 5, 8, 12, 20, 50])
 def test_go_at_any_moment_of_planning(ms):
-    """The same run, whether its beginning has been planned, is being planned, or was dropped meanwhile."""
+    """The same run, whether its beginning has been planned, is being planned, or was dropped
+    meanwhile."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 300, 300))
     session.speed(1, VELOCITY, ACCELERATION)  # begun anew
@@ -104,7 +106,7 @@ def test_what_is_planned_before_go_makes_no_edge():
     assert len(judged(session, before, roll=0.3)) == 1
 
 
-# ---- what is refused, with nothing moved ------------------------------------------------------------------
+# ---- what is refused, with nothing moved ---------------------------------------------------------
 
 RUN_VELOCITY = 60 * 24
 REFUSED = {
@@ -130,7 +132,11 @@ REFUSED = {
     ),
     "a frame above": (p.MotorSetLimits(1, 0, 0, 1, 1000), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_UP),
     "a frame below": (p.MotorSetLimits(1, 1, 200, 0, 0), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_LOW),
-    "a frame of another motor": (p.MotorSetLimits(2, 0, 0, 1, 390), (1, FRAMES, 500, 500), p.Ack.ERR_SOFT_UP),
+    "a frame of another motor": (
+        p.MotorSetLimits(2, 0, 0, 1, 390),
+        (1, FRAMES, 500, 500),
+        p.Ack.ERR_SOFT_UP,
+    ),
     "a frame behind the end": (None, (1, FRAMES + 1, 500, 500), p.Ack.ERR_RANGE),
     "a pre-roll that is too steep": (None, (1, FRAMES, 5, 500), p.Ack.ERR_PREROLL),
     "a post-roll that is too steep": (None, (1, FRAMES, 500, 5), p.Ack.ERR_POSTROLL),
@@ -158,8 +164,15 @@ def test_refused_before_motion(case, flags):
 def test_refused_keeps_what_waits():
     """A run that waits is not harmed by one that is refused."""
     session = loaded()
-    session.ready(run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180))
-    session.refuse(p.Ack.ERR_RANGE, run_request(24, 1, 99), run_request(12, 0, 5), p.RtShootFrame(99, 1, 100, 500))
+    session.ready(
+        run_request(24, 1, FRAMES, 500, 500, flags=STILLS, open_angle=90, close_angle=180)
+    )
+    session.refuse(
+        p.Ack.ERR_RANGE,
+        run_request(24, 1, 99),
+        run_request(12, 0, 5),
+        p.RtShootFrame(99, 1, 100, 500),
+    )
     session.refuse(p.Ack.ERR_PREROLL, run_request(12, 20, 3, 1, 500, flags=VIDEO))
     session.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(3, 100, 50, 20), p.RtJogAll(24000, 99))
     before = session.positions
@@ -171,10 +184,12 @@ def test_refused_keeps_what_waits():
 
 
 @pytest.mark.parametrize(
-    "request_", [run_request(24, 25, 1), p.RtShootFrame(20, 1, 100, 500), p.RtShootFrame2(20, 300, 0, 180)]
+    "request_",
+    [run_request(24, 25, 1), p.RtShootFrame(20, 1, 100, 500), p.RtShootFrame2(20, 300, 0, 180)],
 )
 def test_go_too_early(request_):
-    """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is taken."""
+    """Field note 6.1: 0x16 until all are there; a client that waits for zero then says GO and it is
+    taken."""
     session = loaded()
     for motor in MOVE:
         session.speed(motor, 4000, 20_000)
@@ -211,12 +226,16 @@ def test_go_with_a_motor_disabled_meanwhile():
         to_the_end(session)
 
 
-# ---- stopped at any moment -------------------------------------------------------------------------------
+# ---- stopped at any moment -----------------------------------------------------------------------
 
 
 OPERATIONS = {
-    "run": run_request(24, 1, FRAMES, 400, 400, sync_dmx=1, bloop_outputs=8, bloop_channel=40, bloop_ms=300),
-    "stills": run_request(24, FRAMES, 1, 400, 400, flags=STILLS, sync_dmx=1, open_angle=0, close_angle=300),
+    "run": run_request(
+        24, 1, FRAMES, 400, 400, sync_dmx=1, bloop_outputs=8, bloop_channel=40, bloop_ms=300
+    ),
+    "stills": run_request(
+        24, FRAMES, 1, 400, 400, flags=STILLS, sync_dmx=1, open_angle=0, close_angle=300
+    ),
     "loop": run_request(24, 1, FRAMES, 300, 0, flags=LOOP, sync_dmx=1),
     "ping-pong": run_request(24, 1, 9, 0, 200, flags=PING_PONG | STILLS),
     "shoot": p.RtShootFrame(12, 1, 400, 700),
@@ -246,7 +265,8 @@ def stop(session, how, rng):
 @pytest.mark.parametrize("how", STOPS)
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_stopped_at_any_moment(name, how):
-    """At rest in the end, by ramps inside the limits, RT_END once for runs and exposures, nothing left on."""
+    """At rest in the end, by ramps inside the limits, RT_END once for runs and exposures, nothing
+    left on."""
     rng = random.Random(f"{name} {how}")
     session = loaded()
     for _ in range(3):
@@ -314,7 +334,8 @@ def test_lost_host_while_it_waits():
 
 
 def test_lost_host_that_comes_back_at_once():
-    """While the motors still ramp down: the next host is not told of an end that it knows nothing of."""
+    """While the motors still ramp down: the next host is not told of an end that it knows nothing
+    of."""
     session = loaded()
     for motor in MOVE:
         session.speed(motor, VELOCITY, 20_000)

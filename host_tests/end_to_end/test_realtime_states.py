@@ -21,7 +21,17 @@ CODES = {
 SLOW = 2000, 4000  # so that a state lasts for all the messages
 # What no state minds
 QUESTIONS = {
-    r.TYPE for r in (p.Hi, p.MotorStatus, p.MotorGetPosition, p.Dmx, p.GioOut, p.GioIn, p.GioCam, p.MotorSetLimits)
+    r.TYPE
+    for r in (
+        p.Hi,
+        p.MotorStatus,
+        p.MotorGetPosition,
+        p.Dmx,
+        p.GioOut,
+        p.GioIn,
+        p.GioCam,
+        p.MotorSetLimits,
+    )
 }
 
 
@@ -32,7 +42,11 @@ def slow(session):
 
 def enter(state):
     """A session in that state."""
-    session = rig() if state in ("empty", "upload") else loaded(estop="no" if state == "estop" else "none")
+    session = (
+        rig()
+        if state in ("empty", "upload")
+        else loaded(estop="no" if state == "estop" else "none")
+    )
     if state == "upload":
         session.accept(p.RtUploadMoveBegin(1, 9))
     elif state == "idle":
@@ -48,7 +62,8 @@ def enter(state):
         session.run(0.005)
     elif state in ("ready", "run", "stop"):
         for motor in (1, 2):
-            session.speed(motor, 20_000, 20_000)  # just enough for the run, so that a stop takes a while
+            # just enough for the run, so that a stop takes a while
+            session.speed(motor, 20_000, 20_000)
         session.ready(run_request(24, 1, FRAMES))
         if state != "ready":
             session.accept(p.RtGo())
@@ -91,7 +106,13 @@ def inside(session):
     """What a refusal may not change."""
     moves = session.board._board.controller.moves
     operations = moves.operations
-    return operations.state, operations.operation, operations.running, moves.store.state, moves.run.looping
+    return (
+        operations.state,
+        operations.operation,
+        operations.running,
+        moves.store.state,
+        moves.run.looping,
+    )
 
 
 @pytest.mark.parametrize("state", realtime_answers.STATES)
@@ -142,7 +163,8 @@ def test_every_message_is_in_the_table():
     asked = {request.TYPE for _, request, _ in realtime_answers.ANSWERS}
     missing = ", ".join(sorted(names[kind] for kind in m.REQUESTS.keys() - asked))
     assert not missing, (
-        f"add a line to ANSWERS in realtime_answers.py, what is answered in each of its STATES, for {missing}; then "
+        "add a line to ANSWERS in realtime_answers.py, what is answered in each of its STATES, "
+        f"for {missing}; then "
         "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
     )
     for _, request, answers in realtime_answers.ANSWERS:
@@ -153,10 +175,12 @@ def test_every_message_is_in_the_table():
 def test_page():
     """docs/realtime.md is what the table says."""
     page = (ROOT / "docs" / "realtime.md").read_text()
-    assert page == realtime_answers.page(), "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
+    assert page == realtime_answers.page(), (
+        "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
+    )
 
 
-# ---- MOTOR_STATUS (field note 4.7) -------------------------------------------------------------------------
+# ---- MOTOR_STATUS (field note 4.7) ---------------------------------------------------------------
 
 
 class Poll:
@@ -164,7 +188,8 @@ class Poll:
 
     def __init__(self, session):
         self.session = session
-        self.told = []  # (from when the answer holds at the latest, until when at the earliest, bits)
+        # (from when the answer holds at the latest, until when at the earliest, bits)
+        self.told = []
 
     def once(self):
         asked = self.session.now
@@ -183,7 +208,8 @@ class Poll:
             self.once()
 
     def check(self):
-        """No edge of a motor while its bit was 0: neither before an answer with 0 nor between two of them."""
+        """No edge of a motor while its bit was 0: neither before an answer with 0 nor between two
+        of them."""
         for motor in range(1, 9):
             times, _ = self.session.steps(motor)
             for (_, told, bits), (asked, _, later) in zip(self.told, self.told[1:], strict=False):
@@ -210,7 +236,8 @@ def polled():
     ],
 )
 def test_wait_for_zero_then_go(polled, request_):
-    """The bits are set from the acknowledgement on; where they are zero GO is taken, and after it the next request."""
+    """The bits are set from the acknowledgement on; where they are zero GO is taken, and after it
+    the next request."""
     session, poll = polled
     for _ in range(2):
         session.accept(request_)
@@ -248,7 +275,8 @@ def test_no_zero_in_a_loop(polled, flags, pre):
 
 
 def test_status_of_holds_and_waits(polled):
-    """A motor that holds still within a run, or waits for its ramp, counts as moving: it is about to."""
+    """A motor that holds still within a run, or waits for its ramp, counts as moving: it is about
+    to."""
     session, poll = polled
     session.accept(p.RtShootFrame2(9, 3000, -180, 360))
     poll.until_zero()

@@ -1,4 +1,5 @@
-"""A refused request changes nothing: not in what the controller keeps, and not in what it does next."""
+"""A refused request changes nothing: not in what the controller keeps, and not in what it does
+next."""
 
 import struct
 
@@ -26,10 +27,11 @@ def prepared(dialect="spec"):
     return rig
 
 
-# ---- lengths -----------------------------------------------------------------------------------------------
+# ---- lengths -------------------------------------------------------------------------------------
 
-# Payload lengths of field note 2, once more and apart from the firmware's own table: (least, of each further entry), or
-# all known forms, the longest of which may be followed by more (field note 1.8)
+# Payload lengths of field note 2, once more and apart from the firmware's own table: (least, of
+# each further entry), or all known forms, the longest of which may be followed by more (field note
+# 1.8)
 LENGTHS = {
     0x0001: [0],
     0x0020: (3, 1),
@@ -65,7 +67,8 @@ LENGTHS = {
     0x0206: [3],
     0x0207: [13],
 }
-# not tried below: VIRT_CONFIG has a form for each type (test_virtual_moves.py), framestep's own take any length
+# not tried below: VIRT_CONFIG has a form for each type (test_virtual_moves.py), framestep's own
+# take any length
 APART = {0x0200, 0x4600, 0x4601}
 TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
 
@@ -88,20 +91,29 @@ def test_wrong_lengths(dialect):
     """Field note 1.8: 0x14 for each length that is too short or uneven, and nothing has changed."""
     rig = prepared(dialect)
     handled = set(rig.board._board.controller.handlers)
-    assert {0x0001, *range(0x0020, 0x0024), *range(0x0030, 0x003A), *range(0x0100, 0x0105)} <= handled
+    assert {
+        0x0001,
+        *range(0x0020, 0x0024),
+        *range(0x0030, 0x003A),
+        *range(0x0100, 0x0105),
+    } <= handled
     assert {*range(0x0110, 0x0114), 0x0115, 0x0116, 0x0120} <= handled
     before = state(rig)
     asked = 0
     for kind in LENGTHS:
         wrong = [length for length in TRIED if not fits(kind, length)]
         expected = p.Ack.ERR_RANGE if kind in handled else p.Ack.ERR_UNSUPPORTED
-        data = b"".join(encode(kind, bytes(i % 7 for i in range(length)), 1 + length) for length in wrong)
+        data = b"".join(
+            encode(kind, bytes(i % 7 for i in range(length)), 1 + length) for length in wrong
+        )
         answers = {f.id: f for f in rig.bytes_for(data, 0.2)}
         assert sorted(answers) == [1 + length for length in wrong]
         asked += len(wrong)
         for frame in answers.values():
             assert frame.type == kind | m.MSG_FLAG_ACK, f"type {kind:#06x}, {frame.id - 1} bytes"
-            assert p.Ack.unpack(frame.payload) == expected, f"type {kind:#06x}, {frame.id - 1} bytes"
+            assert p.Ack.unpack(frame.payload) == expected, (
+                f"type {kind:#06x}, {frame.id - 1} bytes"
+            )
     assert asked > 300
     assert state(rig) == before
     assert rig.moving == []
@@ -127,14 +139,23 @@ LONGER = [
 
 
 def settings_of(rig):
-    kept = (".flags", ".velocity", ".acceleration", ".bounds", ".store.state", ".store.start", ".store.end")
+    kept = (
+        ".flags",
+        ".velocity",
+        ".acceleration",
+        ".bounds",
+        ".store.state",
+        ".store.start",
+        ".store.end",
+    )
     return {path: value for path, value in state(rig).items() if path.endswith(kept)}
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("more", [1, 2, 3, 4, 9, 40, 1000])
 def test_longer_than_known(dialect, more):
-    """Field note 1.8: a fixed layout that goes on is taken, and what follows is ignored, whatever it is."""
+    """Field note 1.8: a fixed layout that goes on is taken, and what follows is ignored, whatever
+    it is."""
     plain, longer = (simulated({"dialect": dialect}) for _ in range(2))
     answers = []
     for rig, tail in ((plain, b""), (longer, bytes(range(200, 256)) * 20)):
@@ -156,7 +177,8 @@ def test_longer_than_known(dialect, more):
 
 
 def test_run_move_between_its_forms():
-    """Field note 1.8: a RUN_MOVE of 30 bytes is one of 29, one of 32 to 34 has flags and no angles, more have all."""
+    """Field note 1.8: a RUN_MOVE of 30 bytes is one of 29, one of 32 to 34 has flags and no angles,
+    more have all."""
     rig = prepared()
     run = rig.board._board.controller.moves.run
     whole = p.RtRunMove(**RUN, flags=0x22, open_angle=10, close_angle=300).pack()
@@ -174,22 +196,31 @@ def test_run_move_between_its_forms():
         frame = rig.answer_to(m.MSG_RT_RUN_MOVE, (whole + bytes([255] * 90))[:length])
         assert p.Ack.unpack(frame.payload) == p.Ack.OK
         plan = run.plan
-        assert (plan.loops, plan.stills, plan.turns, plan.video) == (flags != 0, flags != 0, False, False), length
+        assert (plan.loops, plan.stills, plan.turns, plan.video) == (
+            flags != 0,
+            flags != 0,
+            False,
+            False,
+        ), length
         assert ((run.plan.open_angle, run.plan.close_angle) == (10, 300)) == bool(angles), length
 
 
-@pytest.mark.parametrize("kind", [0x0000, 0x0002, 0x003A, 0x0114, 0x0204, 0x0300, 0x7FFF, 0x8031, 0xFFFF])
+@pytest.mark.parametrize(
+    "kind", [0x0000, 0x0002, 0x003A, 0x0114, 0x0204, 0x0300, 0x7FFF, 0x8031, 0xFFFF]
+)
 def test_unknown_types(kind):
     """Field note 1.7: 0x13 whatever the length; an acknowledgement is no request."""
     rig = prepared()
     before = state(rig)
     for length in (0, 1, 5, 1036):
         frames = [f for f in rig.bytes_for(encode(kind, bytes(length), 9)) if f.id == 9]
-        assert [(f.type, p.Ack.unpack(f.payload)) for f in frames] == [(kind | 0x8000, p.Ack.ERR_UNSUPPORTED)]
+        assert [(f.type, p.Ack.unpack(f.payload)) for f in frames] == [
+            (kind | 0x8000, p.Ack.ERR_UNSUPPORTED)
+        ]
     assert state(rig) == before
 
 
-# ---- what is kept ------------------------------------------------------------------------------------------
+# ---- what is kept --------------------------------------------------------------------------------
 
 RUN = dict(fps_milli=24000, start_frame=5, end_frame=29, preroll_ms=500, postroll_ms=500)
 FAR = 2**31 - 1
@@ -281,7 +312,11 @@ def test_refusals_leave_everything_as_it_was():
 
 def in_an_upload():
     rig = simulated()
-    rig.accept(p.RtUploadMoveBegin(1, 10), p.RtUploadMoveAxis(1, 0, (1, 2, 3)), p.RtUploadMoveAxis(3, 5, (7,)))
+    rig.accept(
+        p.RtUploadMoveBegin(1, 10),
+        p.RtUploadMoveAxis(1, 0, (1, 2, 3)),
+        p.RtUploadMoveAxis(3, 5, (7,)),
+    )
     return rig
 
 
@@ -312,13 +347,16 @@ def test_refusals_within_an_upload():
 
 
 ANY = st.one_of(
-    st.integers(0, 12), st.sampled_from((24000, 2**31 - 1, 2**31, 2**32 - 1, 5, 29, 30, 500)), st.binary(max_size=4)
+    st.integers(0, 12),
+    st.sampled_from((24000, 2**31 - 1, 2**31, 2**32 - 1, 5, 29, 30, 500)),
+    st.binary(max_size=4),
 )
 
 
 @st.composite
 def requests(draw):
-    """Frames of any type, of a length that fits as a rule, with numbers in them that make sense now and then."""
+    """Frames of any type, of a length that fits as a rule, with numbers in them that make sense now
+    and then."""
     kind = draw(st.sampled_from(sorted(LENGTHS)))
     lengths = LENGTHS[kind]
     length = (
@@ -351,11 +389,12 @@ def test_whatever_is_refused_changes_nothing(frames, waiting):
         rig.port.channel.receive(encode(m.MSG_MOTOR_STOP_ALL))
 
 
-# ---- what is done ------------------------------------------------------------------------------------------
+# ---- what is done --------------------------------------------------------------------------------
 
 
 def session_with(refusals):
-    """A session at fixed times; `refusals` says whether everything that can be refused is asked for in between."""
+    """A session at fixed times; `refusals` says whether everything that can be refused is asked for
+    in between."""
     rig = simulated()
 
     def wait_until(seconds):
@@ -378,31 +417,57 @@ def session_with(refusals):
 
     at(0.1)
     for motor in MOVE:
-        rig.accept(p.MotorSetSpeed(motor, 15000, 90_000), p.MotorSetLimits(motor, 1, -5000, 1, 5000))
+        rig.accept(
+            p.MotorSetSpeed(motor, 15000, 90_000), p.MotorSetLimits(motor, 1, -5000, 1, 5000)
+        )
     rig.accept(p.MotorConfigure(6, 0))
     rig.upload(MOVE, start_frame=5)
-    bother(0.5, ALWAYS + [refusal for refusal in AT_REST if refusal[0] != p.Ack.ERR_NOT_IN_POSITION])
+    bother(
+        0.5, ALWAYS + [refusal for refusal in AT_REST if refusal[0] != p.Ack.ERR_NOT_IN_POSITION]
+    )
     at(1.0, p.RtRunMove(**RUN))
     bother(
         1.01,
-        ALWAYS + [(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())] + moving([p.RtRunMove(**RUN), p.MotorResetPosition(1, 5)]),
+        ALWAYS
+        + [(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())]
+        + moving([p.RtRunMove(**RUN), p.MotorResetPosition(1, 5)]),
     )
     bother(2.0, ALWAYS + AT_REST)
     at(3.0, p.RtGo())
     disturbing = {type(request) for request in RUNNING} - {p.RtJogAll}
-    bother(3.1, moving(RUNNING) + ALWAYS + [(p.Ack.ERR_MOVING, r) for _, r in AT_REST if type(r) in disturbing])
+    bother(
+        3.1,
+        moving(RUNNING)
+        + ALWAYS
+        + [(p.Ack.ERR_MOVING, r) for _, r in AT_REST if type(r) in disturbing],
+    )
     at(6.0)
     bother(6.0, ALWAYS + [(p.Ack.ERR_GENERAL, p.RtGo())])
     at(6.5, p.MotorJog(1, 10000, FAR), p.MotorMove(2, -5000))
-    bother(6.6, ALWAYS + [(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 5001)), (p.Ack.ERR_MOVING, p.MotorResetPosition(1, 0))])
+    bother(
+        6.6,
+        ALWAYS
+        + [
+            (p.Ack.ERR_SOFT_UP, p.MotorMove(1, 5001)),
+            (p.Ack.ERR_MOVING, p.MotorResetPosition(1, 0)),
+        ],
+    )
     at(9.0, p.RtPositionFrame(20))
     at(11.0)
-    said = [(round(e.time_s, 6), e.message) for e in rig.client.events if isinstance(e.message, p.Positions | p.RtEnd)]
-    return {signal: (times.tolist(), values.tolist()) for signal, (times, values) in rig.trace().signals.items()}, said
+    said = [
+        (round(e.time_s, 6), e.message)
+        for e in rig.client.events
+        if isinstance(e.message, p.Positions | p.RtEnd)
+    ]
+    return {
+        signal: (times.tolist(), values.tolist())
+        for signal, (times, values) in rig.trace().signals.items()
+    }, said
 
 
 def test_refusals_leave_no_trace_on_the_pins():
-    """Edge by edge and report by report the session is the same with and without two hundred refused requests in it."""
+    """Edge by edge and report by report the session is the same with and without two hundred
+    refused requests in it."""
     edges, said = session_with(refusals=False)
     assert len(edges["m1"][0]) > 5000
     assert len(edges["m2"][0]) > 5000

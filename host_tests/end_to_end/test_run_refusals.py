@@ -1,4 +1,5 @@
-"""Runs that are refused on the host simulation: too fast, too steep, limits in the way, while moving."""
+"""Runs that are refused on the host simulation: too fast, too steep, limits in the way, while
+moving."""
 
 import numpy as np
 import pytest
@@ -25,15 +26,21 @@ def test_run_refused_for_its_numbers(loaded):
 
 
 def test_too_fast_is_refused_at_its_rate(loaded):
-    """Field note 5.5: refused where the rate asks for more than the motor's maxima, taken where it does not."""
+    """Field note 5.5: refused where the rate asks for more than the motor's maxima, taken where it
+    does not."""
     loaded.speed(1, 1500, 100_000)  # 60 steps a frame: 25 fps
-    loaded.refuse(p.Ack.ERR_RANGE, run_request(30, 1, FRAMES), run_request(26, 1, FRAMES), run_request(30, FRAMES, 1))
+    loaded.refuse(
+        p.Ack.ERR_RANGE,
+        run_request(30, 1, FRAMES),
+        run_request(26, 1, FRAMES),
+        run_request(30, FRAMES, 1),
+    )
     before = loaded.play(run_request(24, 1, FRAMES, 200, 200))
     assert_played(loaded, before, MOVE, 24)
 
 
-# At 4 frames/s 1280 steps/s from frame to frame, but 2560 at either end by the parabola that leads there;
-# and 1920 and 2440 at the third frame
+# At 4 frames/s 1280 steps/s from frame to frame, but 2560 at either end by the parabola that leads
+# there; and 1920 and 2440 at the third frame
 STEEP_ENDS = [0, 320, 0, 320]
 STEEP_FRAME = [300, 0, 480, 960, 660]
 
@@ -44,7 +51,9 @@ def gap(times, signs):
 
 
 @pytest.mark.parametrize(("first", "last"), [(1, 4), (4, 1)])
-@pytest.mark.parametrize(("flags", "rolls"), [(0, (300, 300)), (0, (0, 0)), (1, (300, 200)), (2, (0, 300))])
+@pytest.mark.parametrize(
+    ("flags", "rolls"), [(0, (300, 300)), (0, (0, 0)), (1, (300, 200)), (2, (0, 300))]
+)
 def test_no_end_of_a_run_is_faster_than_its_motor(fast, first, last, flags, rolls):
     """Of the last frame's period, the rolls, the turns of a loop and the frames, none."""
     fast.upload({1: STEEP_ENDS})
@@ -80,7 +89,8 @@ CORNERS = np.array([0, 0, 0, 50, 100, 150, 150, 150])  # 50 steps/frame² at 24 
 
 @pytest.mark.parametrize("acceleration", [500, 20_000, 100_000])
 def test_corners_are_played_as_uploaded(fast, acceleration):
-    """Field note 5.5: acceleration is no reason to refuse, and each frame is met; what is exceeded is told."""
+    """Field note 5.5: acceleration is no reason to refuse, and each frame is met; what is exceeded
+    is told."""
     positions = {1: CORNERS, 2: 10 * np.arange(8)}
     fast.upload(positions, start_frame=11)
     fast.speed(1, 20000, acceleration)
@@ -114,7 +124,9 @@ def test_strict_moves():
 
 def test_what_is_exceeded_is_told(fast):
     """Velocity: the first frame to which it is too far, and by how much."""
-    fast.upload({1: np.zeros(30, int), 3: np.concatenate((np.zeros(20, int), 1000 + np.zeros(10, int)))})
+    fast.upload(
+        {1: np.zeros(30, int), 3: np.concatenate((np.zeros(20, int), 1000 + np.zeros(10, int)))}
+    )
     fast.speed(3, 20_000, 100_000)
     fast.refuse(p.Ack.ERR_RANGE, run_request(24, 1, 30))
     told = fast.ask(p.GetExceeded())
@@ -124,7 +136,8 @@ def test_what_is_exceeded_is_told(fast):
 @pytest.mark.parametrize("fps", [24, 60, 200])
 @pytest.mark.parametrize("shape", ["jump", "stop", "zigzag"])
 def test_the_sharpest_corners_that_the_board_can_make(fast, fps, shape):
-    """Up to what its numbers hold each frame is met; beyond that it is refused, never played wrongly."""
+    """Up to what its numbers hold each frame is met; beyond that it is refused, never played
+    wrongly."""
     unit = {
         "jump": np.array([0, 0, 0, 0, 1, 1, 1, 1, 1]),
         "stop": np.array([0, 1, 2, 3, 4, 4, 4, 4, 4]),

@@ -1,4 +1,5 @@
-"""Uploaded moves on the host simulation: upload, positioning, runs forward and backward, whole and in part."""
+"""Uploaded moves on the host simulation: upload, positioning, runs forward and backward, whole and
+in part."""
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from framestep_tools.judge import frame_times_ns, judge
 from host_tests.end_to_end.session import assert_within, deceleration, run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played, section
 
-# ---- RUN_MOVE, GO, RT_END ----------------------------------------------------------------------------------
+# ---- RUN_MOVE, GO, RT_END ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("more", [{}, {"flags": 0}, {"flags": 0, "open_angle": 0, "close_angle": 180}])
+@pytest.mark.parametrize(
+    "more", [{}, {"flags": 0}, {"flags": 0, "open_angle": 0, "close_angle": 180}]
+)
 def test_run_in_all_three_lengths(both, more):
     for motor in MOVE:
         both.speed(motor, 20000, 100_000)
@@ -23,7 +26,8 @@ def test_run_in_all_three_lengths(both, more):
 
 
 def test_run_told(loaded):
-    """One position report at each frame's time with its MOVE TIME, then RT_END once; field notes 4.6 and 6.4."""
+    """One position report at each frame's time with its MOVE TIME, then RT_END once; field notes
+    4.6 and 6.4."""
     loaded.ready(run_request(24, 1, FRAMES, 700, 300))
     before = loaded.positions
     loaded.forget()
@@ -34,7 +38,9 @@ def test_run_told(loaded):
     ((end, _),) = loaded.events(p.RtEnd)
     times = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
     kinds = [type(event.message) for event in loaded.client.events]
-    assert kinds.index(p.RtEnd) > max(i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd))
+    assert kinds.index(p.RtEnd) > max(
+        i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd)
+    )
     # the first report of each frame
     told = {}
     for time, message in loaded.events(p.Positions):
@@ -56,8 +62,8 @@ def test_run_told(loaded):
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20), (20, 4), (7, 8)])
 @pytest.mark.parametrize("roll", [(1000, 400), (400, 1000)])
 def test_roll_positions(loaded, first, last, roll):
-    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; behind the last one a frame
-    at the same velocity and then ½·v·T."""
+    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; behind
+    the last one a frame at the same velocity and then ½·v·T."""
     pre, post = (ms / 1000 for ms in roll)
     fps = 24
     loaded.ready(run_request(fps, first, last, *roll))
@@ -70,7 +76,9 @@ def test_roll_positions(loaded, first, last, roll):
     end = loaded.now
     loaded.run(0.5)
     times, signs = loaded.steps(1)
-    assert before[1] + signs[times < end].sum() == round(MOVE[1][last - 1] + velocity * (1 / fps + post / 2))
+    assert before[1] + signs[times < end].sum() == round(
+        MOVE[1][last - 1] + velocity * (1 / fps + post / 2)
+    )
     assert loaded.position(1) == MOVE[1][last - 1]
     times, signs = times[times < end], signs[times < end]
     rate = abs(velocity)
@@ -90,7 +98,9 @@ def test_sections_and_backward(loaded, first, last):
     before = loaded.play(run_request(25, first, last, 500, 500))
     assert_played(loaded, before, section(first, last), 25)
     step = 1 if last > first else -1
-    assert [t for t in loaded.frames_told() if t] == [1000 * f for f in range(first, last + step, step)]
+    assert [t for t in loaded.frames_told() if t] == [
+        1000 * f for f in range(first, last + step, step)
+    ]
 
 
 def test_single_frame(loaded):
@@ -110,7 +120,8 @@ def test_single_frame(loaded):
 @pytest.mark.parametrize("post", [0, 500])
 @pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1)])
 def test_pre_roll_of_no_time(loaded, first, last, post):
-    """Field note 6.2: as short as the motor's own acceleration allows, where it moves at the first frame."""
+    """Field note 6.2: as short as the motor's own acceleration allows, where it moves at the first
+    frame."""
     loaded.speed(1, 20000, 20_000)
     before = loaded.play(run_request(24, first, last, 0, post))
     assert_played(loaded, before, section(first, last), 24)
@@ -121,14 +132,17 @@ def test_pre_roll_of_no_time(loaded, first, last, post):
         _, signs = loaded.steps(1)
         farthest = before[1] + (np.cumsum(signs).max() if velocity > 0 else np.cumsum(signs).min())
         assert farthest == pytest.approx(MOVE[1][last - 1] + velocity / 24 + way, abs=1)
-    # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to it
+    # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to
+    # it
     for motor, acceleration in ((1, 20_000), (2, 100_000)):
         times, signs = loaded.steps(motor)
         assert_within(times, signs, 20000, acceleration)
         n = int(abs(before[motor] - MOVE[motor][first - 1]))
         assert n > 8
         ramp = times[:n] - times[0]
-        assert ramp == pytest.approx(((2 * np.arange(1, n + 1)) ** 0.5 - 2**0.5) / acceleration**0.5, abs=3e-4)
+        assert ramp == pytest.approx(
+            ((2 * np.arange(1, n + 1)) ** 0.5 - 2**0.5) / acceleration**0.5, abs=3e-4
+        )
 
 
 def test_no_roll_at_rest(fast):
@@ -166,7 +180,9 @@ def test_motors_without_a_part_hold_still(loaded):
     loaded.forget()
     loaded.accept(p.RtGo())
     loaded.run(0.2)
-    assert loaded.code(p.MotorMove(4, 300)) == p.Ack.OK, "a motor under live control moves during a run"
+    assert loaded.code(p.MotorMove(4, 300)) == p.Ack.OK, (
+        "a motor under live control moves during a run"
+    )
     loaded.run(0.3)
     loaded.accept(p.MotorJog(4, 5000, 500), p.MotorStop(4))
     loaded.client.wait_event(p.RtEnd, 10)
@@ -234,13 +250,14 @@ def test_moving_bits_from_the_acknowledgement_on(loaded):
     loaded.client.wait_event(p.RtEnd, 10)
 
 
-# ---- stopping a run ----------------------------------------------------------------------------------------
+# ---- stopping a run ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("after", [0.2, 0.5, 0.9, 1.6])
 @pytest.mark.parametrize("hard", [False, True])
 def test_stop_all_in_a_run(loaded, after, hard):
-    """Field note 6.6: ramp down, RT_END once; in the pre-roll, at its end, between frames, in the post-roll."""
+    """Field note 6.6: ramp down, RT_END once; in the pre-roll, at its end, between frames, in the
+    post-roll."""
     loaded.speed(1, 20000, 20_000)
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     before = loaded.positions
@@ -275,7 +292,8 @@ def test_stop_of_one_motor_ends_the_run(loaded):
 
 
 def test_stop_all_before_go(loaded):
-    """A run that waits, or is still on its way to where it begins, is given up: RT_END, and no GO any more."""
+    """A run that waits, or is still on its way to where it begins, is given up: RT_END, and no GO
+    any more."""
     for wait in (0.03, 3):
         loaded.accept(run_request(24, 1, FRAMES))
         loaded.run(wait)
@@ -289,7 +307,8 @@ def test_stop_all_before_go(loaded):
 
 
 def test_port_closed_in_a_run(loaded):
-    """Field note 1.11: a lost host; motors ramp down, the run is over, the next host finds a rig at rest."""
+    """Field note 1.11: a lost host; motors ramp down, the run is over, the next host finds a rig at
+    rest."""
     loaded.ready(run_request(24, 1, FRAMES))
     before = loaded.positions
     loaded.forget()

@@ -1,4 +1,5 @@
-"""What is set between the request and GO, or during a loop, counts: GO checks again (field note 6.12)."""
+"""What is set between the request and GO, or during a loop, counts: GO checks again (field note
+6.12)."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ CHANGES = [
     (p.MotorConfigure(1, 0x00), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(1, 0x09), p.Ack.ERR_GENERAL),
     (p.MotorConfigure(2, 0x11), p.Ack.OK),
-    (p.MotorConfigure(1, 0x11), p.Ack.ERR_GENERAL),  # motor 2 would be led by it, but has a part of its own
+    # motor 2 would be led by it, but has a part of its own
+    (p.MotorConfigure(1, 0x11), p.Ack.ERR_GENERAL),
     (p.MotorResetPosition(1, 5), p.Ack.ERR_NOT_IN_POSITION),
     (p.MotorResetPosition(1, LOWER), p.Ack.OK),
     (p.MotorSetSpeed(1, 1500, 3000), p.Ack.OK),
@@ -107,7 +109,11 @@ def test_before_go_of_an_exposure(second):
         (p.MotorConfigure(1, 0x02), p.Ack.ERR_GENERAL, p.Ack.ERR_GENERAL),
     ):
         session = loaded()
-        request = p.RtShootFrame2(12, 1000, 0, 360, pairs) if second else p.RtShootFrame(12, 1, 1000, 1000, pairs)
+        request = (
+            p.RtShootFrame2(12, 1000, 0, 360, pairs)
+            if second
+            else p.RtShootFrame(12, 1, 1000, 1000, pairs)
+        )
         session.ready(request)
         session.accept(change)
         code = angles if second else first
@@ -122,10 +128,15 @@ def test_before_go_of_an_exposure(second):
 @pytest.mark.parametrize("after", [1.0, 1.9], ids=["in the pass", "between two"])
 @pytest.mark.parametrize(
     "change",
-    [p.MotorSetSpeed(1, 1300, ACCELERATION), p.MotorSetLimits(1, 0, 0, 1, 2000), p.MotorSetSpeed(1, 20_000, 2000)],
+    [
+        p.MotorSetSpeed(1, 1300, ACCELERATION),
+        p.MotorSetLimits(1, 0, 0, 1, 2000),
+        p.MotorSetSpeed(1, 20_000, 2000),
+    ],
 )
 def test_in_a_loop(flags, after, change):
-    """The pass under way ends as it was acknowledged, the next one would not be: the run ends there."""
+    """The pass under way ends as it was acknowledged, the next one would not be: the run ends
+    there."""
     session = loaded()
     session.ready(run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.accept(p.RtGo())

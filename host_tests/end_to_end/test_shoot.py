@@ -1,4 +1,5 @@
-"""Go-motion on the host simulation: the window against the shutter's edges, speed, motors, refusals."""
+"""Go-motion on the host simulation: the window against the shutter's edges, speed, motors,
+refusals."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ def ready():
 
 
 def shoot(session, request, start_s=0.005):
-    """Prepare, go, wait for the one RT_END. Where the motors waited; when GO was, the shutter opened and closed.
+    """Prepare, go, wait for the one RT_END. Where the motors waited; when GO was, the shutter
+    opened and closed.
 
     start_s: at most so long after its acknowledgement the meter goes on.
     """
@@ -44,8 +46,11 @@ def shoot(session, request, start_s=0.005):
     return before, went, opened, closed
 
 
-def assert_window(session, motor, before, opened, closed, at_open, at_close, exact=True, duration=None):
-    """A motor passes its window, steps at_open to at_close, while the shutter is open, at constant speed.
+def assert_window(
+    session, motor, before, opened, closed, at_open, at_close, exact=True, duration=None
+):
+    """A motor passes its window, steps at_open to at_close, while the shutter is open, at constant
+    speed.
 
     exact: the ends are whole steps that the motor meets at the shutter's edges.
     """
@@ -71,21 +76,24 @@ def assert_window(session, motor, before, opened, closed, at_open, at_close, exa
     assert_within(times, signs, VELOCITY, ACCELERATION)
 
 
-# ---- SHOOT_FRAME -----------------------------------------------------------------------------------------
+# ---- SHOOT_FRAME ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("exposure", [17, 100, 1000, 5000])
 @pytest.mark.parametrize("direction", [1, 0])
 @pytest.mark.parametrize("pair", [(100, 700), (300, -500), (0, 40)])
 def test_whole_window(ready, exposure, direction, pair):
-    """Field note 7.1: POS A to POS B in the exposure time, DIRECTION 0 turns them; 1.0 s run-up and run-out."""
+    """Field note 7.1: POS A to POS B in the exposure time, DIRECTION 0 turns them; 1.0 s run-up and
+    run-out."""
     if exposure == 17 and abs(pair[1] - pair[0]) > 300:
         pair = (pair[0], pair[0] + (pair[1] - pair[0]) // 4)
     request = p.RtShootFrame(FRAME, direction, exposure, 1000, [p.BlurMotor(1, *pair)])
     before, went, opened, closed = shoot(ready, request)
     a, b = pair if direction else pair[::-1]
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
-    assert opened - went == pytest.approx(1.0, abs=0.006), "fixed, so that Dragonframe can time its shutter"
+    assert opened - went == pytest.approx(1.0, abs=0.006), (
+        "fixed, so that Dragonframe can time its shutter"
+    )
     assert_window(ready, 1, before, opened, closed, a, b)
     times, _ = ready.steps(1)
     assert times[-1] - closed <= 1.0 + 1e-4
@@ -99,7 +107,9 @@ def test_whole_window(ready, exposure, direction, pair):
 def test_blur(ready, blur, direction):
     """The middle `blur` of the way, by step."""
     for a, b in ((0, 4000), (1000, -3001)):
-        before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, direction, 400, blur, [p.BlurMotor(1, a, b)]))
+        before, _, opened, closed = shoot(
+            ready, p.RtShootFrame(FRAME, direction, 400, blur, [p.BlurMotor(1, a, b)])
+        )
         if not direction:
             a, b = b, a
         middle, half = (a + b) / 2, (b - a) * blur / 2000
@@ -108,11 +118,13 @@ def test_blur(ready, blur, direction):
 
 def test_long_exposure(ready):
     before, _, opened, closed = shoot(
-        ready, p.RtShootFrame(FRAME, 1, 60000, 500, [p.BlurMotor(1, 0, 12000), p.BlurMotor(2, 8, 0)])
+        ready,
+        p.RtShootFrame(FRAME, 1, 60000, 500, [p.BlurMotor(1, 0, 12000), p.BlurMotor(2, 8, 0)]),
     )
     assert closed - opened == pytest.approx(60, abs=2e-5)
     assert_window(ready, 1, before, opened, closed, 3000, 9000)
-    # at a step in 15 s a microstep's time is only known to the kernel's resolution, some ten-thousandths of a step
+    # at a step in 15 s a microstep's time is only known to the kernel's resolution, some
+    # ten-thousandths of a step
     assert_window(ready, 2, before, opened, closed, 6, 2, exact=False)
     request = p.RtShootFrame2(FRAME, 60000, -45, 405, [p.BlurMotor(1, 0, 12000)])
     before, _, opened, closed = shoot(ready, request)
@@ -122,7 +134,8 @@ def test_long_exposure(ready):
 
 def test_pairs_of_several_motors(ready):
     before, _, opened, closed = shoot(
-        ready, p.RtShootFrame(FRAME, 1, 300, 1000, [p.BlurMotor(1, 10, 400), p.BlurMotor(2, 500, -20)])
+        ready,
+        p.RtShootFrame(FRAME, 1, 300, 1000, [p.BlurMotor(1, 10, 400), p.BlurMotor(2, 500, -20)]),
     )
     assert_window(ready, 1, before, opened, closed, 10, 400)
     assert_window(ready, 2, before, opened, closed, 500, -20)
@@ -131,7 +144,10 @@ def test_pairs_of_several_motors(ready):
 def test_only_motors_that_blur_move(ready):
     """Field note 7.1: enabled and with the blur flag."""
     ready.accept(
-        p.MotorConfigure(1, 0x01), p.MotorConfigure(3, 0x03), p.MotorConfigure(4, 0x02), p.MotorConfigure(5, 0x03)
+        p.MotorConfigure(1, 0x01),
+        p.MotorConfigure(3, 0x03),
+        p.MotorConfigure(4, 0x02),
+        p.MotorConfigure(5, 0x03),
     )
     pairs = [p.BlurMotor(m, 0, 300) for m in (1, 2, 3, 4)]
     before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 300, 1000, pairs))
@@ -156,17 +172,19 @@ def test_without_motors(ready):
     assert not ready.trace().motors
 
 
-# ---- SHOOT_FRAME2 ----------------------------------------------------------------------------------------
+# ---- SHOOT_FRAME2 --------------------------------------------------------------------------------
 
 
 def ideal(turns):
-    """The share of the way from A to B that is made after so many turns: an eighth of ramp, six at constant speed."""
+    """The share of the way from A to B that is made after so many turns: an eighth of ramp, six at
+    constant speed."""
     t = np.clip(turns, 0, 1) * 8
     return np.where(t < 1, t * t / 2, np.where(t < 7, t - 0.5, 7 - (8 - t) ** 2 / 2)) / 7
 
 
 def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
-    """Field note 7.3, from the shutter's edges: on A until angle 0, all motion in 360 degrees, at rest on B."""
+    """Field note 7.3, from the shutter's edges: on A until angle 0, all motion in 360 degrees, at
+    rest on B."""
     times, signs = session.steps(motor)
     degree = (closed - opened) / (closes - opens)
     zero = opened - opens * degree
@@ -186,20 +204,36 @@ def assert_angles(session, motor, before, opened, closed, opens, closes, a, b):
     if inside.sum() > 20:
         gaps = np.diff(times[inside])
         assert gaps.max() / gaps.min() - 1 < 0.01, "constant speed"
-        assert gaps.mean() == pytest.approx(360 * degree * 7 / 8 / abs(way), rel=0.005 + 2 / abs(way))
+        assert gaps.mean() == pytest.approx(
+            360 * degree * 7 / 8 / abs(way), rel=0.005 + 2 / abs(way)
+        )
 
 
 @pytest.mark.parametrize(
-    "angles", [(0, 360), (90, 270), (45, 315), (0, 180), (-90, 270), (90, 450), (-60, 400), (-300, -90), (400, 600)]
+    "angles",
+    [
+        (0, 360),
+        (90, 270),
+        (45, 315),
+        (0, 180),
+        (-90, 270),
+        (90, 450),
+        (-60, 400),
+        (-300, -90),
+        (400, 600),
+    ],
 )
 @pytest.mark.parametrize("exposure", [100, 400, 3000])
 def test_angles(ready, angles, exposure):
-    """Field note 7.3: waits on A, starts at GO, rests on B; the shutter opens and closes by its angles."""
+    """Field note 7.3: waits on A, starts at GO, rests on B; the shutter opens and closes by its
+    angles."""
     for motor in MOVE:
         ready.speed(motor, 200_000, 4_000_000)
     opens, closes = angles
     a, b = (720, 0) if exposure == 400 else (0, 36) if exposure == 100 else (-360, 3600)
-    before, went, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, exposure, opens, closes, [p.BlurMotor(1, a, b)]))
+    before, went, opened, closed = shoot(
+        ready, p.RtShootFrame2(FRAME, exposure, opens, closes, [p.BlurMotor(1, a, b)])
+    )
     assert closed - opened == pytest.approx(exposure / 1000, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, opens, closes, a, b)
     # GO is angle 0, or where the shutter opens before that, the opening
@@ -218,16 +252,22 @@ def test_the_end_of_angles(ready):
         went = ready.now
         ready.client.wait_event(p.RtEnd, 10)
         degree = 0.5 / (closes - opens)
-        assert ready.now - went == pytest.approx((max(closes, 360) + max(-opens, 0)) * degree, abs=0.03)
+        assert ready.now - went == pytest.approx(
+            (max(closes, 360) + max(-opens, 0)) * degree, abs=0.03
+        )
         assert not ready.moving
 
 
 def test_exposure_and_blur_of_nothing(ready):
     """Field note 7.3: EXPOSURE 0 counts as 1000 ms, BLUR 0 as 100 %."""
-    before, _, opened, closed = shoot(ready, p.RtShootFrame(FRAME, 1, 0, 0, [p.BlurMotor(1, 100, 700)]))
+    before, _, opened, closed = shoot(
+        ready, p.RtShootFrame(FRAME, 1, 0, 0, [p.BlurMotor(1, 100, 700)])
+    )
     assert closed - opened == pytest.approx(1.0, abs=2e-5)
     assert_window(ready, 1, before, opened, closed, 100, 700)
-    before, _, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, 0, 90, 270, [p.BlurMotor(1, 100, 700)]))
+    before, _, opened, closed = shoot(
+        ready, p.RtShootFrame2(FRAME, 0, 90, 270, [p.BlurMotor(1, 100, 700)])
+    )
     assert closed - opened == pytest.approx(1.0, abs=2e-5)
     assert_angles(ready, 1, before, opened, closed, 90, 270, 100, 700)
 
@@ -237,10 +277,18 @@ def test_positions_too_far_apart(ready, far):
     """Refused, never wrapped, however slow the motion would be; what is near is not."""
     ready.speed(1, 200_000, 4_000_000)
     for blur in (1, 500, 1000):
-        ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 1, 3_600_000, blur, [p.BlurMotor(1, -far, far)]))
-        ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 0, 3_600_000, blur, [p.BlurMotor(1, far, 0)]))
-    ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, -far, far)]))
-    ready.refuse(p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, far, 0)]))
+        ready.refuse(
+            p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 1, 3_600_000, blur, [p.BlurMotor(1, -far, far)])
+        )
+        ready.refuse(
+            p.Ack.ERR_RANGE, p.RtShootFrame(FRAME, 0, 3_600_000, blur, [p.BlurMotor(1, far, 0)])
+        )
+    ready.refuse(
+        p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, -far, far)])
+    )
+    ready.refuse(
+        p.Ack.ERR_RANGE, p.RtShootFrame2(FRAME, 3_600_000, 0, 360, [p.BlurMotor(1, far, 0)])
+    )
     ready.run(0.1)
     assert not ready.trace().motors
     ready.accept(p.RtShootFrame2(FRAME, 1000, 0, 360, [p.BlurMotor(1, 300, 100)]))
@@ -249,7 +297,8 @@ def test_positions_too_far_apart(ready, far):
 @pytest.mark.parametrize("frame", [1, 2, 7, 24, 25])
 @pytest.mark.parametrize("kind", ["1", "1 backward", "2"])
 def test_window_from_the_path(ready, frame, kind):
-    """Field note 7.2: without pairs, A and B are where the path is half a frame before and after; 7.1 by analogy."""
+    """Field note 7.2: without pairs, A and B are where the path is half a frame before and after;
+    7.1 by analogy."""
     if kind == "2":
         request = p.RtShootFrame2(frame, 500, 0, 360)
     else:
@@ -269,17 +318,23 @@ def test_window_from_the_path(ready, frame, kind):
     position = before[2] + np.cumsum(signs)
     for moment, place in ((opened, a), (closed, b)):
         there = position[times <= moment][-1] if np.any(times <= moment) else before[2]
-        assert abs(there - place) <= (3 if 1 < frame < 25 else 6), "beyond the ends the path goes on straight"
+        assert abs(there - place) <= (3 if 1 < frame < 25 else 6), (
+            "beyond the ends the path goes on straight"
+        )
 
 
 def test_pairs_and_path(ready):
     """SHOOT_FRAME2 with a pair for one motor: the other blurs along the path."""
-    before, _, opened, closed = shoot(ready, p.RtShootFrame2(FRAME, 500, 0, 360, [p.BlurMotor(2, 0, 90)]))
-    assert_angles(ready, 1, before, opened, closed, 0, 360, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30)
+    before, _, opened, closed = shoot(
+        ready, p.RtShootFrame2(FRAME, 500, 0, 360, [p.BlurMotor(2, 0, 90)])
+    )
+    assert_angles(
+        ready, 1, before, opened, closed, 0, 360, MOVE[1][FRAME - 1] - 30, MOVE[1][FRAME - 1] + 30
+    )
     assert_angles(ready, 2, before, opened, closed, 0, 360, 0, 90)
 
 
-# ---- refused ---------------------------------------------------------------------------------------------
+# ---- refused -------------------------------------------------------------------------------------
 
 PAIR = [p.BlurMotor(1, 0, 400)]
 
@@ -301,14 +356,19 @@ PAIR = [p.BlurMotor(1, 0, 400)]
         (p.RtShootFrame2(FRAME, 500, 180, 180, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 500, 180, 0, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame(FRAME, 1, 17, 1000, PAIR), p.Ack.ERR_RANGE),  # 23 500 steps/s
-        (p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]), p.Ack.ERR_RANGE),
+        (
+            p.RtShootFrame(FRAME, 1, 500, 1000, [p.BlurMotor(1, -(2**31), 2**31 - 1)]),
+            p.Ack.ERR_RANGE,
+        ),
         (p.RtShootFrame2(FRAME, 17, 0, 360, PAIR), p.Ack.ERR_RANGE),
         (p.RtShootFrame2(FRAME, 60000, 0, 1, PAIR), p.Ack.ERR_RANGE),  # six hours from A to B
-        (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),  # 22 days until it opens
+        # 22 days until it opens
+        (p.RtShootFrame2(FRAME, 60000, 32766, 32767, PAIR), p.Ack.ERR_RANGE),
+        # 4 days from then until the motors start
         (
             p.RtShootFrame2(FRAME, 10000, -32768, -32767, PAIR),
             p.Ack.ERR_RANGE,
-        ),  # 4 days from then until the motors start
+        ),
         (p.RtShootFrame2(FRAME, 120, -32768, -32767, PAIR), p.Ack.ERR_RANGE),
     ],
 )
@@ -400,6 +460,13 @@ def test_refused_while_moving(ready):
     ready.wait_idle()
     ready.ready(both[0])
     ready.accept(p.RtGo())
-    ready.refuse(p.Ack.ERR_MOVING, *both, p.RtGo(), p.RtPositionFrame(1), p.RtJogAll(24000, 3), run_request(24, 1, 5))
+    ready.refuse(
+        p.Ack.ERR_MOVING,
+        *both,
+        p.RtGo(),
+        p.RtPositionFrame(1),
+        p.RtJogAll(24000, 3),
+        run_request(24, 1, 5),
+    )
     ready.client.wait_event(p.RtEnd, 10)
     ready.accept(both[1])

@@ -1,12 +1,21 @@
-"""What follows a stop by the kernel (a hard stop, an E-stop, a limit switch, a fault): limits hold, whatever is asked.
+"""What follows a stop by the kernel (a hard stop, an E-stop, a limit switch, a fault): limits hold,
+whatever is asked.
 
-The kernel's stop keeps no limit of the jerk; that must not get into the plan of what comes after it.
+The kernel's stop keeps no limit of the jerk; that must not get into the plan of what comes after
+it.
 """
 
 import numpy as np
 import pytest
 
-from framestep_tools.payloads import Ack, MotorJog, MotorMove, MotorSetLimits, MotorStop, MotorStopAll
+from framestep_tools.payloads import (
+    Ack,
+    MotorJog,
+    MotorMove,
+    MotorSetLimits,
+    MotorStop,
+    MotorStopAll,
+)
 from host_tests.end_to_end.session import deceleration, simulated
 
 VELOCITY, ACCELERATION = 5000, 20000
@@ -22,13 +31,19 @@ def speeding(rig, seconds=1.0):
 
 
 def assert_calm(session, before, target, overshoot):
-    """From the moment `before` on: never too fast, and by `overshoot` steps past the target at most."""
+    """From the moment `before` on: never too fast, and by `overshoot` steps past the target at
+    most."""
     times, signs = session.steps(1)
     assert np.diff(times).min() >= 1 / VELOCITY - 5e-6
     places = np.cumsum(signs)
     at = places[np.searchsorted(times, before)]
     low, high = sorted((at, target))
-    assert low - overshoot <= places[times > before].min() <= places[times > before].max() <= high + overshoot
+    assert (
+        low - overshoot
+        <= places[times > before].min()
+        <= places[times > before].max()
+        <= high + overshoot
+    )
     assert session.position(1) == places[-1] == target
 
 
@@ -39,7 +54,8 @@ HARD = [MotorStopAll(), MotorStopAll()]
 @pytest.mark.parametrize("jerk", [0, 1, 100, 10_000])
 @pytest.mark.parametrize("way", [50, -50, 3000, -3000])
 def test_a_move_after_a_hard_stop(jerk, wait, way):
-    """Whatever the jerk limit: no farther than the motor needs to stop, and never faster than it may be."""
+    """Whatever the jerk limit: no farther than the motor needs to stop, and never faster than it
+    may be."""
     session = speeding({"motors": [{"jerk": jerk}]}, 8.0 if jerk == 1 else 1.0)
     session.accept(*HARD)
     asked = session.now
@@ -53,7 +69,8 @@ def test_a_move_after_a_hard_stop(jerk, wait, way):
 
 @pytest.mark.parametrize("jerk", [1, 100])
 def test_any_stops_and_moves(jerk):
-    """One upon the other at any moment: the motor is never too fast, and in the end where it was sent last."""
+    """One upon the other at any moment: the motor is never too fast, and in the end where it was
+    sent last."""
     rng = np.random.default_rng(jerk)
     session = simulated({"motors": [{"jerk": jerk}]})
     session.speed(1, VELOCITY, ACCELERATION)
@@ -77,7 +94,8 @@ def test_any_stops_and_moves(jerk):
 
 @pytest.mark.parametrize("jerk", [0, 100])
 def test_a_move_as_a_stop_ends(jerk):
-    """In the last ticks of a stop, and of any motion, a plan would not be made in time: it waits for the rest."""
+    """In the last ticks of a stop, and of any motion, a plan would not be made in time: it waits
+    for the rest."""
     for wait in np.arange(0, 0.025, 0.001):
         session = simulated({"motors": [{"jerk": jerk}]})
         session.speed(1, VELOCITY, ACCELERATION)
@@ -94,7 +112,8 @@ def test_a_move_as_a_stop_ends(jerk):
 @pytest.mark.parametrize("jerk", [0, 100])
 @pytest.mark.parametrize("factor", [1, 4])
 def test_the_second_stop_is_the_kernels(factor, jerk):
-    """Field note 4.4: by the motor's deceleration times the factor, from the next tick on, also where that is 1."""
+    """Field note 4.4: by the motor's deceleration times the factor, from the next tick on, also
+    where that is 1."""
     session = speeding({"hard_stop_factor": factor, "motors": [{"jerk": jerk}]})
     session.accept(MotorStopAll())
     session.run(0.05)
@@ -102,11 +121,14 @@ def test_the_second_stop_is_the_kernels(factor, jerk):
     asked = session.now
     session.wait_idle()
     times, signs = session.steps(1)
-    assert deceleration(times, signs, asked + 0.003) == pytest.approx(factor * ACCELERATION, rel=0.03)
+    assert deceleration(times, signs, asked + 0.003) == pytest.approx(
+        factor * ACCELERATION, rel=0.03
+    )
 
 
 def test_a_slow_jog_stays_slow_when_it_turns():
-    """With a jerk limit a motor that slows down already comes to rest before it turns; its share is not forgotten."""
+    """With a jerk limit a motor that slows down already comes to rest before it turns; its share is
+    not forgotten."""
     session = simulated({"motors": [{"jerk": 200}]})
     session.speed(1, VELOCITY, ACCELERATION)
     session.accept(MotorSetLimits(1, 0, 0, 1, 1500))

@@ -1,4 +1,5 @@
-"""MOVE TIME and positions of a message belong together: both of the same moment, that of the pins (field note 4.6)."""
+"""MOVE TIME and positions of a message belong together: both of the same moment, that of the pins
+(field note 4.6)."""
 
 import numpy as np
 import pytest
@@ -50,7 +51,8 @@ def watch(session, seconds, ask):
 
 
 def assert_of_one_moment(session, pins, messages, motors=(1, 2)):
-    """There is a moment shortly before each message in which the pins of all motors were where it says, to a step."""
+    """There is a moment shortly before each message in which the pins of all motors were where it
+    says, to a step."""
     edges = {motor: session.steps(motor) for motor in motors}
 
     def at(motor, moments):
@@ -60,7 +62,9 @@ def assert_of_one_moment(session, pins, messages, motors=(1, 2)):
 
     for time, message in messages:
         moments = np.arange(time - LATE_S, time, 0.0001)
-        off = np.max([np.abs(at(motor, moments) - message.steps[motor - 1]) for motor in motors], axis=0)
+        off = np.max(
+            [np.abs(at(motor, moments) - message.steps[motor - 1]) for motor in motors], axis=0
+        )
         assert off.min() <= 1, (time, message)
 
 
@@ -84,7 +88,8 @@ def test_in_a_run(fps, way, ask):
         assert all(m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact)
     # between frames MOVE TIME is the play head: motor 1 has a constant speed
     parts = [m for _, m in messages if m.move_time % 1000]
-    assert len(parts) > 30 or (fps == 60 and not ask)  # each frame is told, and comes before the next report is due
+    # each frame is told, and comes before the next report is due
+    assert len(parts) > 30 or (fps == 60 and not ask)
     for m in parts:
         assert m.steps[0] == pytest.approx(PATH[1][0] + 90 * (m.move_time / 1000 - 1), abs=1.6)
     unasked = [m.move_time * way for _, m in session.events(p.Positions)]

@@ -1,4 +1,5 @@
-"""Turning points of an uploaded move: the motor makes their last step, at the frame's time, and the step back."""
+"""Turning points of an uploaded move: the motor makes their last step, at the frame's time, and the
+step back."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ PERIOD = {24: 1 / 24, 23.976: 1 / 23.976, 60: 1 / 60, 25: 1 / 25}
 
 
 def played(positions, fps, flags=1, motor=1):
-    """Steps made at each frame's time, a little before and after it, over all origins that the start may have."""
+    """Steps made at each frame's time, a little before and after it, over all origins that the
+    start may have."""
     session = simulated()
     session.speed(1, 200_000, 4_000_000)
     session.speed(2, 200_000, 4_000_000)

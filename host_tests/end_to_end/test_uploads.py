@@ -1,4 +1,5 @@
-"""Uploads on the host simulation: message by message, refused, a frame more, frame numbers at their ends."""
+"""Uploads on the host simulation: message by message, refused, a frame more, frame numbers at their
+ends."""
 
 import numpy as np
 
@@ -31,36 +32,64 @@ def test_upload_message_by_message(both):
 def test_upload_refused(both):
     """Field notes 5.2 to 5.4, and what was uploaded before stays."""
     info_frames = both.ask(p.Hi()).upload_frames
-    both.refuse(p.Ack.ERR_GENERAL, p.RtUploadMoveAxis(1, 0, (1,)), p.RtUploadMoveEnd(), p.RtPositionFrame(1))
+    both.refuse(
+        p.Ack.ERR_GENERAL, p.RtUploadMoveAxis(1, 0, (1,)), p.RtUploadMoveEnd(), p.RtPositionFrame(1)
+    )
     both.refuse(p.Ack.ERR_GENERAL, run_request(24, 1, 2), p.RtGo())
     both.accept(p.RtUploadMoveBegin(1, 4), p.RtUploadMoveAxis(1, 0, (1, 2, 3, 4)))
     both.refuse(p.Ack.ERR_GENERAL, p.RtPositionFrame(1), run_request(24, 1, 2), p.RtGo())
     both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(5, 4), p.RtUploadMoveBegin(1, 1 + info_frames))
-    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(-(2**31), 2**31 - 1), p.RtUploadMoveBegin(2**31 - 1, -(2**31)))
+    both.refuse(
+        p.Ack.ERR_RANGE,
+        p.RtUploadMoveBegin(-(2**31), 2**31 - 1),
+        p.RtUploadMoveBegin(2**31 - 1, -(2**31)),
+    )
     both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 4, (9,)), p.RtUploadMoveAxis(1, 5, (9, 9)))
-    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveBegin(999_999, 1_000_001), p.RtUploadMoveBegin(-1_000_001, -999_999))
+    both.refuse(
+        p.Ack.ERR_RANGE,
+        p.RtUploadMoveBegin(999_999, 1_000_001),
+        p.RtUploadMoveBegin(-1_000_001, -999_999),
+    )
     both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(0, 0, (9,)), p.RtUploadMoveAxis(9, 0, (9,)))
-    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)), p.RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)))
-    both.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 2**30, (9,)), p.RtUploadMoveAxis(1, 0x10001, (9,)))
+    both.refuse(
+        p.Ack.ERR_RANGE,
+        p.RtUploadMoveAxis(1, 0x7FFFFFFF, (9,)),
+        p.RtUploadMoveAxis(1, 0xFFFFFFFF, (9,)),
+    )
+    both.refuse(
+        p.Ack.ERR_RANGE, p.RtUploadMoveAxis(1, 2**30, (9,)), p.RtUploadMoveAxis(1, 0x10001, (9,))
+    )
     both.accept(p.RtUploadMoveEnd())
-    both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(0), p.RtPositionFrame(5), p.RtPositionFrame(2**31 - 1))
-    both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5))
+    both.refuse(
+        p.Ack.ERR_RANGE, p.RtPositionFrame(0), p.RtPositionFrame(5), p.RtPositionFrame(2**31 - 1)
+    )
+    both.refuse(
+        p.Ack.ERR_RANGE, p.RtPositionFrame(-(2**31)), run_request(24, 0, 3), run_request(24, 1, 5)
+    )
     both.accept(p.RtPositionFrame(4))
     both.wait_idle()
     assert both.position(1) == 4
 
 
 def test_a_frame_more(both):
-    """Field note 5.3: sections that reach past the end are stored as far as they lie inside; END and a run work."""
+    """Field note 5.3: sections that reach past the end are stored as far as they lie inside; END
+    and a run work."""
     for motor in MOVE:
         both.speed(motor, 20000, 100_000)
     both.accept(p.RtUploadMoveBegin(1, FRAMES))
     for motor, steps in MOVE.items():
         both.accept(p.RtUploadMoveAxis(motor, 0, steps[:10]))
-        both.accept(p.RtUploadMoveAxis(motor, 10 | p.LAST_SECTION, (*steps[10:], steps[-1], -(2**31), 2**31 - 1)))
+        both.accept(
+            p.RtUploadMoveAxis(
+                motor, 10 | p.LAST_SECTION, (*steps[10:], steps[-1], -(2**31), 2**31 - 1)
+            )
+        )
         both.accept(p.RtUploadMoveAxis(motor, FRAMES - 1, (steps[-1], 99_999)))
     both.accept(p.RtUploadMoveDmx(9, p.LAST_SECTION, range(FRAMES + 3)))
-    both.accept(p.RtUploadMoveTriggers(1, (p.Trigger(FRAMES - 1, 1), p.Trigger(FRAMES, 1))), p.RtUploadMoveEnd())
+    both.accept(
+        p.RtUploadMoveTriggers(1, (p.Trigger(FRAMES - 1, 1), p.Trigger(FRAMES, 1))),
+        p.RtUploadMoveEnd(),
+    )
     before = both.play(run_request(24, 1, FRAMES))
     assert_played(both, before, MOVE, 24)
     both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(FRAMES + 1))
@@ -91,7 +120,10 @@ def test_negative_frames_and_far_positions(fast):
     """Scene frames below 0, positions of any 32 bits."""
     top = 2**31 - 1
     positions = {1: top - 50 * np.arange(FRAMES)[::-1], 2: -(2**31) + 1 + 50 * np.arange(FRAMES)}
-    fast.accept(p.MotorResetPosition(1, int(positions[1][0]) - 5), p.MotorResetPosition(2, int(positions[2][0]) + 700))
+    fast.accept(
+        p.MotorResetPosition(1, int(positions[1][0]) - 5),
+        p.MotorResetPosition(2, int(positions[2][0]) + 700),
+    )
     fast.upload(positions, start_frame=-10)
     fast.accept(p.RtPositionFrame(-10))
     fast.wait_idle()

@@ -21,7 +21,16 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.virtual_reference import Axis, Rig, aim, world
 from host_tests.end_to_end.session import simulated
-from host_tests.end_to_end.virtual import BOOM, BOOM_NODAL, SWING_PAN, XYZ, Track, configured, joints, pose
+from host_tests.end_to_end.virtual import (
+    BOOM,
+    BOOM_NODAL,
+    SWING_PAN,
+    XYZ,
+    Track,
+    configured,
+    joints,
+    pose,
+)
 
 FINE = (250.0, 300.0, 80.0, 1000.0, 1000.0, 250.0)
 AXES = tuple(Axis(a.motor, n, a.position) for n, a in zip(FINE, BOOM.axes, strict=True))
@@ -88,7 +97,8 @@ def test_the_camera_stays_on_the_point(rig):
 
 @pytest.mark.parametrize("back", [False, True], ids=["the same way", "back"])
 def test_a_jog_that_is_asked_for_while_one_stops(back):
-    """Field note 4.2: once is enough; it sets out when the one before has come to rest, the camera on its point."""
+    """Field note 4.2: once is enough; it sets out when the one before has come to rest, the camera
+    on its point."""
     session = enabled(NODAL_FINE)
     before = session.positions
     session.forget()
@@ -172,9 +182,12 @@ def test_the_safe_distance():
     assert np.hypot(end[0] - x, end[2] - (z - 200)) == pytest.approx(150, abs=0.2)
 
 
-@pytest.mark.parametrize(("point", "pan", "tilt"), [((10, 0, 0), -90, 0), ((0, 10, -1), 0, 84.2894)])
+@pytest.mark.parametrize(
+    ("point", "pan", "tilt"), [((10, 0, 0), -90, 0), ((0, 10, -1), 0, 84.2894)]
+)
 def test_worked_values(point, pan, tilt):
-    """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera already looks at the point, and goes on to."""
+    """Field note 9.9, in the coordinates of VIRT_CONFIG: the camera already looks at the point, and
+    goes on to."""
     axes = tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((0.0, 0.0, 0.0, pan, tilt, 0.0)))
     rig = Rig(4, axes)
     session = configured(rig)
@@ -192,7 +205,9 @@ def test_answers():
     session = simulated()
     session.refuse(Ack.ERR_GENERAL, SetVirtAimPoint(1, 1, 2, 3))
     session = configured(XYZ)
-    answer = session.answer_to(m.MSG_VIRT_AIM_POINT, SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack())
+    answer = session.answer_to(
+        m.MSG_VIRT_AIM_POINT, SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
+    )
     assert not answer.is_ack
     assert answer.payload == SetVirtAimPoint(1, 5, -(2**31), 2**31 - 1).pack()
     p = session.ask(VirtGetPosition())
@@ -203,7 +218,13 @@ def test_answers():
     assert (p.aim_enabled, p.aim_x, p.aim_y, p.aim_z) == (0, 1, 2, 3)
     session.ask(SetVirtAimPoint(1, 1, 2, 3000))
     session.accept(VirtMove(1, 302 * 100000))
-    session.refuse(Ack.ERR_MOVING, SetVirtAimPoint(0, 0, 0, 0), MotorMove(1, 0), MotorMove(4, 0), MotorJog(1, 100, 0))
+    session.refuse(
+        Ack.ERR_MOVING,
+        SetVirtAimPoint(0, 0, 0, 0),
+        MotorMove(1, 0),
+        MotorMove(4, 0),
+        MotorJog(1, 100, 0),
+    )
     session.wait_idle()
     session.ask(MotorMove(2, 1000))
     session.refuse(Ack.ERR_MOVING, MotorMove(2, 0), MotorMove(3, 0), VirtMove(1, 0))

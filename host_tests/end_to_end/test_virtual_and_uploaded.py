@@ -1,4 +1,5 @@
-"""Virtual motion of motors that an uploaded move has as well: one thing at a time has a motor, whatever comes when."""
+"""Virtual motion of motors that an uploaded move has as well: one thing at a time has a motor,
+whatever comes when."""
 
 import numpy as np
 import pytest
@@ -45,7 +46,8 @@ def names(requests):
 
 @pytest.fixture
 def rig():
-    """Motors 1 and 2 carry the camera of a virtual rig, and have an uploaded move; they stand on its first frame."""
+    """Motors 1 and 2 carry the camera of a virtual rig, and have an uploaded move; they stand on
+    its first frame."""
     session = simulated(motors=6)
     for motor in range(1, 7):
         session.speed(motor, VELOCITY, ACCELERATION)
@@ -70,7 +72,8 @@ def code_of(payload):
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
 @pytest.mark.parametrize("operation", OPERATIONS, ids=names(OPERATIONS))
 def test_refused_from_the_acknowledgement_on(rig, start, operation):
-    """Field notes 4.7 and 6.1: while MOTOR_STATUS has a bit, 0x12; the virtual motion has begun with its answer."""
+    """Field notes 4.7 and 6.1: while MOTOR_STATUS has a bit, 0x12; the virtual motion has begun
+    with its answer."""
     begun, status, refused = at_once(rig, start, MotorStatus(), operation)
     assert code_of(begun) == m.OK
     assert status[0] == 0b1111
@@ -87,10 +90,13 @@ def test_go_while_the_motors_set_out(rig, start):
 
 
 @pytest.mark.parametrize("start", STARTS, ids=names(STARTS))
-@pytest.mark.parametrize("stop", [MotorStopAll(), MotorStop(1), "close"], ids=["stop all", "stop", "close"])
+@pytest.mark.parametrize(
+    "stop", [MotorStopAll(), MotorStop(1), "close"], ids=["stop all", "stop", "close"]
+)
 @pytest.mark.parametrize("ms", [0, 10, 300, 700])
 def test_stopped_while_a_run_waits(rig, start, stop, ms):
-    """As without one: along the line, in the time that the ramp takes, and then all is free again. RT_END once."""
+    """As without one: along the line, in the time that the ramp takes, and then all is free again.
+    RT_END once."""
     rig.ready(RUN)
     before = rig.positions
     rig.forget()
@@ -110,13 +116,16 @@ def test_stopped_while_a_run_waits(rig, start, stop, ms):
     times, signs = rig.steps(1)
     if len(times) > 2:
         assert_within(times, signs, VELOCITY, ACCELERATION)
-    assert {n: rig.made(n) for n in before} == {n: place - before[n] for n, place in rig.positions.items()}
+    assert {n: rig.made(n) for n in before} == {
+        n: place - before[n] for n, place in rig.positions.items()
+    }
     rig.refuse(m.ERR_GENERAL, RtGo())
     rig.accept(VirtMove(m.VIRT_MOTOR_EW, 100_000))
 
 
 def test_stop_of_a_motor_beside_the_line_while_a_run_waits(rig):
-    """STOP of a motor of the waiting run ends that; of the virtual motion only its own motors can end it."""
+    """STOP of a motor of the waiting run ends that; of the virtual motion only its own motors can
+    end it."""
     upload(rig, {motor: 100 + 5 * np.arange(FRAMES) for motor in (1, 6)})
     rig.ready(RUN)
     rig.accept(STARTS[1])
@@ -134,7 +143,9 @@ def test_stop_of_a_motor_beside_the_line_while_a_run_waits(rig):
 @pytest.mark.parametrize("motor", [1, 2, 3, 4])
 def test_a_motor_of_a_line_keeps_its_driver(rig, motor, flags):
     """MOTOR_CONFIGURE: off, or coupled, from the acknowledgement of a virtual motion on."""
-    begun, refused, same = at_once(rig, STARTS[0], MotorConfigure(motor, flags), MotorConfigure(motor, m.MOTOR_ENABLED))
+    begun, refused, same = at_once(
+        rig, STARTS[0], MotorConfigure(motor, flags), MotorConfigure(motor, m.MOTOR_ENABLED)
+    )
     assert [code_of(payload) for payload in (begun, refused, same)] == [m.OK, m.ERR_MOVING, m.OK]
 
 
@@ -149,9 +160,12 @@ def test_a_motor_of_a_line_keeps_its_driver_while_others_take_up_their_play():
         session.run(0.005)
 
 
-@pytest.mark.parametrize("start", [VirtMove(m.VIRT_MOTOR_EW, 2_000_000), RtPositionFrame(20), RtJogAll(24000, 20)])
+@pytest.mark.parametrize(
+    "start", [VirtMove(m.VIRT_MOTOR_EW, 2_000_000), RtPositionFrame(20), RtJogAll(24000, 20)]
+)
 def test_another_motors_jog_is_let_go_of_in_time(rig, start):
-    """Field note 4.2: a jog ends half a second after it was asked for last, whatever others have begun meanwhile."""
+    """Field note 4.2: a jog ends half a second after it was asked for last, whatever others have
+    begun meanwhile."""
     if isinstance(start, RtJogAll):
         rig.accept(start)
         rig.run(0.3)

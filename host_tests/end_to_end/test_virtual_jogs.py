@@ -34,7 +34,13 @@ from host_tests.end_to_end.virtual import (
 )
 
 FAR = 2**31 - 1
-STOP_OF_LINE = [m.VIRT_MOTOR_EW, m.VIRT_MOTOR_NS, m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_PAN, m.VIRT_MOTOR_TILT]
+STOP_OF_LINE = [
+    m.VIRT_MOTOR_EW,
+    m.VIRT_MOTOR_NS,
+    m.VIRT_MOTOR_TRACK,
+    m.VIRT_MOTOR_PAN,
+    m.VIRT_MOTOR_TILT,
+]
 
 
 def hold(session, jog, seconds):
@@ -103,7 +109,9 @@ def test_a_destination_is_a_step_of_the_main_motor():
 def test_a_falling_boom_table_turns_the_sense():
     """The main motor's steps may fall where the virtual axis rises."""
     table = tuple(round(-250 * a + 3 * np.sin(a)) for a in range(-60, 61))
-    rig = Rig(1, (Axis(1, 1000.0, 0.0, 0), *BOOM.axes[1:]), BOOM.length, BOOM.extension, table=table)
+    rig = Rig(
+        1, (Axis(1, 1000.0, 0.0, 0), *BOOM.axes[1:]), BOOM.length, BOOM.extension, table=table
+    )
     session = configured(rig)
     start = pose(session)
     hold(session, VirtJog(m.VIRT_MOTOR_NS, 10_000, 5000), 20)
@@ -142,12 +150,15 @@ def test_the_speed_is_a_share():
     assert top[1] == pytest.approx(194, rel=0.1)
 
 
-@pytest.mark.parametrize(("line", "speed"), [(0, 10_000), (1, -4000), (2, -10_000), (3, 6000), (4, -10_000)])
+@pytest.mark.parametrize(
+    ("line", "speed"), [(0, 10_000), (1, -4000), (2, -10_000), (3, 6000), (4, -10_000)]
+)
 def test_a_line_jog_goes_where_the_camera_points(line, speed):
     rig = BOOM_NODAL
     session = configured(rig)
     before = session.positions
-    angles = rig.told(rig.forward(joints(rig, np.zeros(6))))[3:]  # field note 9.6: those of the camera, as told
+    # field note 9.6: those of the camera, as told
+    angles = rig.told(rig.forward(joints(rig, np.zeros(6))))[3:]
     session.forget()
     session.accept(VirtJogOnLine(line, speed))
     session.accept(VirtJogOnLine(line, speed))
@@ -230,7 +241,8 @@ def test_another_jog_begins_when_the_one_under_way_has_come_to_rest():
 
 
 def end_of_a_jog(kind, begun, seconds):
-    """Let go of a jog that has been under way for `seconds`, in one of the ways in which it ends."""
+    """Let go of a jog that has been under way for `seconds`, in one of the ways in which it
+    ends."""
     end = begun.now + seconds
     while begun.now < end - 1e-6:
         begun.run(min(0.2, end - begun.now))
@@ -255,7 +267,9 @@ WAYS_TO_END = ["VIRT_STOP", "STOP", "STOP_ALL", "two STOP_ALL", "another jog", "
 
 
 @pytest.mark.parametrize("kind", WAYS_TO_END)
-@pytest.mark.parametrize(("rig", "motor", "limits"), [(BOOM, 3, (-9000, 400)), (NODAL, 1, (0, 7000))])
+@pytest.mark.parametrize(
+    ("rig", "motor", "limits"), [(BOOM, 3, (-9000, 400)), (NODAL, 1, (0, 7000))]
+)
 def test_a_stop_keeps_the_limit_that_a_jog_brakes_for(rig, motor, limits, kind):
     """In whatever moment it comes: no motor goes farther than it would have gone."""
     for k in range(5):
@@ -287,9 +301,12 @@ def test_a_time_out_keeps_the_limit_that_a_jog_brakes_for(timeout_ms):
     track.limits(10_000, 20_000)
 
 
-@pytest.mark.parametrize("jog", [VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)])
+@pytest.mark.parametrize(
+    "jog", [VirtJog(m.VIRT_MOTOR_EW, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)]
+)
 def test_limits_set_under_way_are_kept(jog):
-    """The jog ends on its line, and begins anew when it is asked for again; wider limits do not end it."""
+    """The jog ends on its line, and begins anew when it is asked for again; wider limits do not end
+    it."""
     session = configured(XYZ, 10_000, 50_000)
     session.accept(jog)
     session.run(0.4)
@@ -306,12 +323,17 @@ def test_limits_set_under_way_are_kept(jog):
     assert not session.events(HardStop)
 
 
-COARSE = Rig(4, tuple(Axis(i + 1, n, 0.0) for i, n in enumerate((10.0,) * 3 + (100.0,) * 3)), nodal=(20.0, -35.5, 20.0))
+COARSE = Rig(
+    4,
+    tuple(Axis(i + 1, n, 0.0) for i, n in enumerate((10.0,) * 3 + (100.0,) * 3)),
+    nodal=(20.0, -35.5, 20.0),
+)
 
 
 @pytest.mark.parametrize("speed", [10_000, 1000])
 def test_a_motor_without_a_part_makes_no_step(speed):
-    """Wherever between two steps the line before has left it, and though its soft limits are where it stands."""
+    """Wherever between two steps the line before has left it, and though its soft limits are where
+    it stands."""
     session = configured(COARSE, 20_000, 50_000)
     for k in range(6):
         # the nodal offset turns with the camera, so X and Z go along an arc
@@ -321,7 +343,9 @@ def test_a_motor_without_a_part_makes_no_step(speed):
         session.wait_idle()
         for number, motor in ((m.VIRT_MOTOR_EW, 1), (m.VIRT_MOTOR_NS, 2), (m.VIRT_MOTOR_TRACK, 3)):
             for other, step in session.positions.items():
-                session.accept(MotorSetLimits(other, int(other != motor), step, int(other != motor), step, 0))
+                session.accept(
+                    MotorSetLimits(other, int(other != motor), step, int(other != motor), step, 0)
+                )
             session.forget()
             for way in (1, -1):
                 hold(session, VirtJog(number, speed, FAR * way), 0.2)
@@ -335,7 +359,9 @@ def test_a_motor_without_a_part_makes_no_step(speed):
 
 
 @pytest.mark.parametrize(
-    "request_", [VirtMove(2, 60 * 100000), VirtJog(2, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)], ids=str
+    "request_",
+    [VirtMove(2, 60 * 100000), VirtJog(2, 10_000, FAR), VirtJogOnLine(m.LINE_X, 10_000)],
+    ids=str,
 )
 def test_a_lower_velocity_set_under_way_is_soon_kept(request_):
     """By a ramp within the acceleration; and what was asked for goes on."""

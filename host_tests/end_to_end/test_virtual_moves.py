@@ -85,7 +85,9 @@ def test_a_move_is_straight(name, number, length):
     target = rig.told(start)[number - 1] + length
     session.forget()
     session.accept(VirtMove(number, round(target * 100000)))
-    assert session.moving == sorted(a.motor for a in rig.axes), "the moving bits are set by the acknowledgement"
+    assert session.moving == sorted(a.motor for a in rig.axes), (
+        "the moving bits are set by the acknowledgement"
+    )
     session.wait_idle()
     way = UNIT[number] * np.sign(length)
     track, s = assert_straight(rig, session, before, way, abs(length))
@@ -99,7 +101,8 @@ def test_a_move_is_straight(name, number, length):
 
 
 def test_a_stop_stays_on_the_line():
-    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, the host's leaving. Of another axis: nothing."""
+    """VIRT_STOP of that axis, STOP of one of its motors, STOP_ALL, the host's leaving. Of another
+    axis: nothing."""
     session = configured(NODAL)
     for stop in (VirtStop(m.VIRT_MOTOR_PAN), MotorStop(1), MotorStopAll(), None):
         session.run(1.1)  # no second STOP_ALL
@@ -117,7 +120,9 @@ def test_a_stop_stays_on_the_line():
         if not stop:
             session.come_back()
         assert session.moving == []
-        track, s = assert_straight(NODAL, session, before, UNIT[4] * (1 if before[4] < 30_000 else -1), 65.0)
+        track, s = assert_straight(
+            NODAL, session, before, UNIT[4] * (1 if before[4] < 30_000 else -1), 65.0
+        )
         assert 5 < s[-1] < 50
         # some hundredths of a second until it slows down, and then as steeply as the motors can
         peak = np.diff(s).max() * 1000
@@ -147,7 +152,9 @@ def test_capabilities_and_their_mask():
     session.accept(VirtConfig.unpack(XYZ.payload()))
     session = simulated({"virtuals": 0})
     assert session.ask(Hi()).capabilities & 0x7C == 0
-    session.refuse(Ack.ERR_UNSUPPORTED, VirtConfig(0), VirtGetPosition(), VirtMove(1, 0), VirtStop(1))
+    session.refuse(
+        Ack.ERR_UNSUPPORTED, VirtConfig(0), VirtGetPosition(), VirtMove(1, 0), VirtStop(1)
+    )
 
 
 def test_without_a_configuration():
@@ -182,11 +189,15 @@ def test_positions_are_told_beside_those_of_the_motors():
 
 @pytest.mark.parametrize("rig", [BOOM_NODAL, SWUNG, COLUMN, XYZ, SWING_PAN])
 def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
-    """Field note 9.2, as a host sees it: also where motors move by themselves, or it is configured anew."""
+    """Field note 9.2, as a host sees it: also where motors move by themselves, or it is configured
+    anew."""
     session = configured(rig)
     begun = {a.motor: a.step for a in rig.axes}
     wanted = (
-        [rig.axes[i].position for i in ((2, 1, 0, 3, 4, 5) if rig.kind != 4 else (2, 0, 1, 3, 4, 5))]
+        [
+            rig.axes[i].position
+            for i in ((2, 1, 0, 3, 4, 5) if rig.kind != 4 else (2, 0, 1, 3, 4, 5))
+        ]
         if rig.kind != 2
         else [0] * 6
     )
@@ -202,7 +213,11 @@ def test_the_pose_is_that_of_the_configuration_and_what_has_changed_since(rig):
     # all positions 0: it reads 0 at once
     if rig.kind != 2:
         zero = Rig(
-            rig.kind, tuple(Axis(a.motor, a.steps_per_unit) for a in rig.axes), rig.length, rig.extension, rig.nodal
+            rig.kind,
+            tuple(Axis(a.motor, a.steps_per_unit) for a in rig.axes),
+            rig.length,
+            rig.extension,
+            rig.nodal,
         )
         session.accept(VirtConfig.unpack(zero.payload()))
         assert pose(session).tolist() == [0] * 6
@@ -254,9 +269,14 @@ def test_what_is_refused_while_something_moves():
     session.accept(VirtMove(1, 305 * 100000))
     config = VirtConfig.unpack(XYZ.payload())
     refused = (
-        config, VirtConfig(0), VirtMove(2, 0), MotorMove(3, 0), MotorJog(1, 100, 0), MotorResetPosition(6, 0),
+        config,
+        VirtConfig(0),
+        VirtMove(2, 0),
+        MotorMove(3, 0),
+        MotorJog(1, 100, 0),
+        MotorResetPosition(6, 0),
         MotorConfigure(2, 0),
-    )  # fmt: skip
+    )
     session.refuse(Ack.ERR_MOVING, *refused)
     session.run(0.2)
     session.refuse(Ack.ERR_MOVING, *refused)
@@ -277,7 +297,8 @@ def limits(low=None, high=None, motor=1):
 
 
 def test_soft_limits_on_the_way():
-    """Any motor anywhere on the path: refused before anything moves. One that is past its limit may come back."""
+    """Any motor anywhere on the path: refused before anything moves. One that is past its limit may
+    come back."""
     session = configured(NODAL)
     session.accept(limits(-500, 500))
     session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 1) * 100000)))
@@ -323,7 +344,8 @@ def test_an_axis_without_a_motor():
 
 
 def test_backlash_is_taken_up_before_the_line_begins():
-    """The load stands until all motors have; nobody is asked for more than its acceleration, or turns on the way."""
+    """The load stands until all motors have; nobody is asked for more than its acceleration, or
+    turns on the way."""
     session = configured(BOOM, settings={"motors": [{"backlash": 300}] * 6})
     for target in (250, 150, 180):
         before = session.positions
@@ -338,7 +360,9 @@ def test_backlash_is_taken_up_before_the_line_begins():
         track.limits(20_000, 50_000)
         for motor, (_, signs) in track.steps.items():
             moved = after[motor] - before[motor]
-            assert len(signs) in (abs(moved), abs(moved) + 300), f"motor {motor} has turned on the way"
+            assert len(signs) in (abs(moved), abs(moved) + 300), (
+                f"motor {motor} has turned on the way"
+            )
 
 
 LOOSE = {"motors": [{"backlash": 200}] * 6}
@@ -359,9 +383,12 @@ LOOSE = {"motors": [{"backlash": 200}] * 6}
 )
 @pytest.mark.parametrize("rig", [BOOM, NODAL], ids=["boom", "x-y-z"])
 def test_play_costs_no_motor_its_limits(rig, request_, stop_s):
-    """Neither at the start, nor where a motor turns under way, nor at the end; at rest all is as it was asked for."""
+    """Neither at the start, nor where a motor turns under way, nor at the end; at rest all is as it
+    was asked for."""
     session = configured(rig, 2000, 20_000, settings={**LOOSE, "jog_timeout_ms": 0})
-    for k, request in enumerate((request_, VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20)))):
+    for k, request in enumerate(
+        (request_, VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20)))
+    ):
         before = session.positions
         session.forget()
         session.accept(request)
@@ -383,7 +410,8 @@ def test_play_costs_no_motor_its_limits(rig, request_, stop_s):
 
 
 def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
-    """The track of a boom goes forth and back while the camera passes the column's side; it ends where it has to."""
+    """The track of a boom goes forth and back while the camera passes the column's side; it ends
+    where it has to."""
     session = configured(BOOM, 4000, 20_000, settings=LOOSE)
     session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
     session.wait_idle()
@@ -424,8 +452,13 @@ TABLE = tuple(round(250 * a + 40 * np.sin(np.radians(2 * a))) for a in range(-60
         (BOOM, m.VIRT_MOTOR_NS, 860.7),  # the boom upright
         (BOOM, m.VIRT_MOTOR_NS, -900),
         (COLUMN, m.VIRT_MOTOR_EW, 640),
-        (Rig(1, (Axis(1, 250.0, 0.0), *BOOM.axes[1:]), 857.7, 78.0, table=TABLE), m.VIRT_MOTOR_NS, 745),  # 60.3 degrees
-        (XYZ, m.VIRT_MOTOR_TRACK, 21_474),  # more steps than there are numbers for is refused as well
+        (
+            Rig(1, (Axis(1, 250.0, 0.0), *BOOM.axes[1:]), 857.7, 78.0, table=TABLE),
+            m.VIRT_MOTOR_NS,
+            745,  # 60.3 degrees
+        ),
+        # more steps than there are numbers for is refused as well
+        (XYZ, m.VIRT_MOTOR_TRACK, 21_474),
     ],
 )
 def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, target):
@@ -439,7 +472,8 @@ def test_what_cannot_be_reached_is_refused_before_anything_moves(rig, number, ta
 
 
 def test_a_limit_switch_or_the_e_stop_in_a_move():
-    """All motors of the rig come to rest, each by its own ramp, the one at the switch by the hard stop's."""
+    """All motors of the rig come to rest, each by its own ramp, the one at the switch by the hard
+    stop's."""
     session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
     board = session.board._board
     board.set_input("estop", 0)
@@ -457,7 +491,9 @@ def test_a_limit_switch_or_the_e_stop_in_a_move():
         assert session.moving == []
         assert len(session.events(HardStop)) == 1
         assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / factor + 0.02
-        session.refuse(Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000))
+        session.refuse(
+            Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000)
+        )
         board.set_input(pin, low)
         session.run(0.1)
         session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
@@ -470,7 +506,20 @@ def test_the_command_line_tells_and_moves(monkeypatch, capsys):
     monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(session.board)))
     assert cli.app.status(["virtual", "socket://x", "pan", "6.5"]) == 0
     assert capsys.readouterr().out.split() == (
-        ["track:", "300.000", "ew:", "10.000", "ns:", "-20.000", "pan:", "6.500", "tilt:", "-3.000", "roll:", "0.000"]
+        [
+            "track:",
+            "300.000",
+            "ew:",
+            "10.000",
+            "ns:",
+            "-20.000",
+            "pan:",
+            "6.500",
+            "tilt:",
+            "-3.000",
+            "roll:",
+            "0.000",
+        ]
     )
     assert cli.app.status(["virtual", "socket://x", "roll", "-1e9"]) != 0
 

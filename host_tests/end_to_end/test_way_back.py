@@ -10,7 +10,8 @@ from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played, sec
 
 
 def played_to(loaded, run):
-    """Play a run up to its RT_END and no further. Where the motors stood before, when RT_END came."""
+    """Play a run up to its RT_END and no further. Where the motors stood before, when RT_END
+    came."""
     loaded.ready(run)
     before = loaded.positions
     loaded.forget()
@@ -23,13 +24,16 @@ def played_to(loaded, run):
 @pytest.mark.parametrize("fps", [12, 24, 29.97])
 @pytest.mark.parametrize("post", [0, 300])
 def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
-    """The end frame's velocity until END + 1 frame, then the ramp; RT_END at its end, then back to the end frame."""
+    """The end frame's velocity until END + 1 frame, then the ramp; RT_END at its end, then back to
+    the end frame."""
     before, end = played_to(loaded, run_request(fps, first, last, 300, post))
     loaded.wait_idle()
     assert not loaded.events(p.RtEnd), "RT_END came twice"
     verdict = assert_played(loaded, before, section(first, last), fps)
     period = 1 / fps
-    reached = (verdict.origin_ns + frame_times_ns(abs(last - first) + 1, round(fps * 1000))[-1]) * 1e-9
+    reached = (
+        verdict.origin_ns + frame_times_ns(abs(last - first) + 1, round(fps * 1000))[-1]
+    ) * 1e-9
     times, signs = loaded.steps(1)
     inside = (times > reached + 1e-5) & (times < reached + period)
     assert abs(inside.sum() - 60) <= 1
@@ -52,7 +56,8 @@ def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
 
 
 def test_the_way_back_is_a_position_frame(loaded):
-    """MOTOR_STATUS tells it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it, RUN_MOVE waits."""
+    """MOTOR_STATUS tells it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it,
+    RUN_MOVE waits."""
     loaded.speed(1, 800, 1500)
     run = run_request(10, 1, FRAMES, 700, 700)
     _, end = played_to(loaded, run)
@@ -84,10 +89,12 @@ def test_the_way_back_is_a_position_frame(loaded):
 
 
 @pytest.mark.parametrize(
-    "request_", [p.MotorMove(4, 4321), p.RtPositionFrame(20), p.MotorStop(1), p.MotorStopAll(), None]
+    "request_",
+    [p.MotorMove(4, 4321), p.RtPositionFrame(20), p.MotorStop(1), p.MotorStopAll(), None],
 )
 def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
-    """They set out one after the other; what is asked in between finds all on their way, and none sets out later."""
+    """They set out one after the other; what is asked in between finds all on their way, and none
+    sets out later."""
     run = run_request(10, 1, FRAMES, 700, 700)
     played_to(loaded, run)
     assert loaded.moving == sorted(MOVE)
@@ -97,7 +104,10 @@ def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
     assert not loaded.moving
     assert not loaded.events(p.RtEnd)
     found = {motor: loaded.position(motor) for motor in MOVE}
-    expected = {motor: steps[19 if request_ == p.RtPositionFrame(20) else 24] for motor, steps in MOVE.items()}
+    expected = {
+        motor: steps[19 if request_ == p.RtPositionFrame(20) else 24]
+        for motor, steps in MOVE.items()
+    }
     if request_ == p.MotorMove(4, 4321):
         expected[4] = 4321
     elif request_ == p.MotorStop(1):
@@ -125,8 +135,11 @@ def test_no_way_back_after_a_stop(loaded):
 
 
 def test_only_motors_of_the_run_go_back(loaded):
-    """A motor that was disabled stays, even if it is enabled by then; one under live control goes where it is sent."""
-    loaded.accept(p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08), p.MotorResetPosition(2, 70))
+    """A motor that was disabled stays, even if it is enabled by then; one under live control goes
+    where it is sent."""
+    loaded.accept(
+        p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08), p.MotorResetPosition(2, 70)
+    )
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     loaded.accept(p.RtGo())
     loaded.run(0.5)
@@ -138,7 +151,8 @@ def test_only_motors_of_the_run_go_back(loaded):
 
 
 def test_the_way_back_keeps_to_limits(loaded):
-    """What POSITION_FRAME would refuse by then is left: the rig stays where the post-roll has ended."""
+    """What POSITION_FRAME would refuse by then is left: the rig stays where the post-roll has
+    ended."""
     loaded.ready(run_request(24, 1, FRAMES, 500, 500))
     loaded.accept(p.RtGo())
     loaded.run(1.0)
@@ -149,9 +163,13 @@ def test_the_way_back_keeps_to_limits(loaded):
 
 
 def test_the_last_period_and_the_ends_of_the_range(fast):
-    """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward and backward."""
+    """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward
+    and backward."""
     top = 2**31 - 1
-    for steps, place in ((top - 98 + 4 * np.arange(25), top - 98), (98 - top - 4 * np.arange(25), 98 - top)):
+    for steps, place in (
+        (top - 98 + 4 * np.arange(25), top - 98),
+        (98 - top - 4 * np.arange(25), 98 - top),
+    ):
         fast.accept(p.MotorResetPosition(1, int(place)))
         fast.upload({1: steps})
         fast.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 1000))

@@ -16,7 +16,9 @@ MOVE = {
 def section(first, last, start_frame=1):
     """The positions of MOVE from one scene frame to another, in the order of play."""
     step = 1 if last >= first else -1
-    return {m: steps[np.arange(first, last + step, step) - start_frame] for m, steps in MOVE.items()}
+    return {
+        m: steps[np.arange(first, last + step, step) - start_frame] for m, steps in MOVE.items()
+    }
 
 
 def assert_played(rig, before, positions, fps, **more):

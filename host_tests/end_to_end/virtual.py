@@ -1,4 +1,5 @@
-"""Virtual motions judged from the edges: straight, within a step of the exact inverse, within the motors' limits."""
+"""Virtual motions judged from the edges: straight, within a step of the exact inverse, within the
+motors' limits."""
 
 import numpy as np
 
@@ -7,12 +8,17 @@ from framestep_tools.payloads import HardStop, MotorResetPosition, VirtConfig, V
 from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.end_to_end.session import Session, assert_within, simulated
 
-XYZ = Rig(4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0))))
+XYZ = Rig(
+    4, tuple(Axis(i + 1, 1000.0, p) for i, p in enumerate((10.0, -20.0, 300.0, 5.0, -3.0, 0.0)))
+)
 NODAL = Rig(4, XYZ.axes, nodal=(20.0, 35.5, -12.0))
 ARM = (3.0, 10.0, 3100.0, -10.0, -3.0, 0.0)  # what the host calls the pose at the beginning
 STEPS = (250.0, 300.0, 80.0, 250.0, 250.0, 250.0)
 BOOM = Rig(
-    1, tuple(Axis(i + 1, n, p) for i, (n, p) in enumerate(zip(STEPS, ARM, strict=True))), length=857.7, extension=78.0
+    1,
+    tuple(Axis(i + 1, n, p) for i, (n, p) in enumerate(zip(STEPS, ARM, strict=True))),
+    length=857.7,
+    extension=78.0,
 )
 BOOM_NODAL = Rig(1, BOOM.axes, BOOM.length, BOOM.extension, nodal=(20.0, 35.5, -12.0))
 # the same, raised by 3 degrees and swung out by 10 when it is configured
@@ -25,7 +31,13 @@ SWUNG = Rig(
     BOOM.length,
     BOOM.extension,
 )
-COLUMN = Rig(3, (Axis(1, 100.0, 30.0), *BOOM.axes[1:]), length=600.0, extension=-20.0, nodal=(0.0, 50.0, 10.0))
+COLUMN = Rig(
+    3,
+    (Axis(1, 100.0, 30.0), *BOOM.axes[1:]),
+    length=600.0,
+    extension=-20.0,
+    nodal=(0.0, 50.0, 10.0),
+)
 SWING_PAN = Rig(2, (Axis(3, 500.0), Axis(2, 100.0)))
 
 
@@ -50,10 +62,13 @@ def configured(rig: Rig, velocity=20_000, acceleration=50_000, settings=None, mo
 
 
 def joints(rig, steps):
-    """Joints for motor steps, an array of a row per moment or one row; of motors, in the order of their numbers."""
+    """Joints for motor steps, an array of a row per moment or one row; of motors, in the order of
+    their numbers."""
     return np.stack(
         [
-            h + (steps[..., a.motor - 1] - a.step) / a.steps_per_unit if a.motor else 0.0 * steps[..., 0]
+            h + (steps[..., a.motor - 1] - a.step) / a.steps_per_unit
+            if a.motor
+            else 0.0 * steps[..., 0]
             for a, h in zip(rig.axes, rig.home, strict=True)
         ],
         axis=-1,
@@ -93,22 +108,28 @@ class Track:
 
 
 def worst_error(rig, track, base, way, length):
-    """The greatest distance of any motor at any millisecond from the exact inverse of one and the same point of the
-    line, in steps; and that point's s at every millisecond.
+    """The greatest distance of any motor at any millisecond from the exact inverse of one and the
+    same point of the line, in steps; and that point's s at every millisecond.
 
-    The point is the one that makes the distance least: where along the line the rig should be by now is not asked.
+    The point is the one that makes the distance least: where along the line the rig should be by
+    now is not asked.
     """
     columns = [i for i, a in enumerate(rig.axes) if a.motor]
     numbers = [rig.axes[i].motor - 1 for i in columns]
     near = joints(rig, track.places[0])
-    # first by where the camera is; then once more next to that, where the motors are as good as linear
-    at = np.array([(rig.forward(joints(rig, row)) - base) @ way / (way @ way) for row in track.places])
+    # first by where the camera is; then once more next to that, where the motors are as good as
+    # linear
+    at = np.array(
+        [(rig.forward(joints(rig, row)) - base) @ way / (way @ way) for row in track.places]
+    )
     at = np.clip(at, 0, length)
     places = track.places[:, numbers]
     for _ in range(2):
         low, high = np.maximum(at - length * 1e-7, 0), np.minimum(at + length * 1e-7, length)
         here = exact(rig, base, way, low, near)[:, columns] - places
-        slope = (exact(rig, base, way, high, near)[:, columns] - places - here) / (high - low)[:, None]
+        slope = (exact(rig, base, way, high, near)[:, columns] - places - here) / (high - low)[
+            :, None
+        ]
         at = np.clip(low + _least(here, slope, -low, length - low), 0, length)
     return float(np.abs(exact(rig, base, way, at, near)[:, columns] - places).max()), at
 
@@ -119,12 +140,16 @@ def _least(here, slope, begin, end):
         third = (end - begin) / 3
         left = np.abs(here + slope * (begin + third)[:, None]).max(axis=1)
         right = np.abs(here + slope * (end - third)[:, None]).max(axis=1)
-        begin, end = np.where(left > right, begin + third, begin), np.where(left > right, end, end - third)
+        begin, end = (
+            np.where(left > right, begin + third, begin),
+            np.where(left > right, end, end - third),
+        )
     return begin
 
 
 def assert_straight(rig, session, before, way, length, within=1.0):
-    """What has moved since `forget` has gone along a line of that length, each motor within a step of the inverse."""
+    """What has moved since `forget` has gone along a line of that length, each motor within a step
+    of the inverse."""
     assert not session.events(HardStop)
     track = Track(session, before)
     base = rig.forward(joints(rig, track.places[0]))
@@ -133,4 +158,6 @@ def assert_straight(rig, session, before, way, length, within=1.0):
     return track, s
 
 
-UNIT = {number: np.eye(6)[number - 1] for number in range(m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_ROLL + 1)}
+UNIT = {
+    number: np.eye(6)[number - 1] for number in range(m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_ROLL + 1)
+}

@@ -24,7 +24,10 @@ class Anyhow(Deeds):
         for _ in range(dice.randint(0, 3)):
             if length >= 4:
                 struct.pack_into(
-                    "<i", payload, dice.randrange(length - 3), dice.choice((*ODD, dice.randint(-300, 300)))
+                    "<i",
+                    payload,
+                    dice.randrange(length - 3),
+                    dice.choice((*ODD, dice.randint(-300, 300))),
                 )
         self.send(kind, bytes(payload[:1036]))
         self.pause(50)

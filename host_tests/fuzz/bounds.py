@@ -1,4 +1,5 @@
-"""What a motor may do, from the requests that have been acknowledged: velocities, accelerations, places, paths."""
+"""What a motor may do, from the requests that have been acknowledged: velocities, accelerations,
+places, paths."""
 
 import numpy as np
 
@@ -24,13 +25,15 @@ class Motor:
         self.limits = (None, None)
         self.coupled = 0  # 1 or -1: the next motor does the same
         self.leader = None
-        self.top = [(0, 5000)]  # (ms, steps/s): what it may do from then on, since it last stood; never less
+        # (ms, steps/s): what it may do from then on, since it last stood; never less
+        self.top = [(0, 5000)]
         self.steep = [(0, 20000)]
         self.least = 20000  # the lowest acceleration since it last stood
         self.jerky = False  # something else than moves of its own since it last stood
         self.low = self.high = 0  # where it may be, since it last stood: of the motor
         self.free = False  # that is not known
-        self.soft: tuple | None = (None, None)  # bounds of the motor by the soft limits, None: not known
+        # bounds of the motor by the soft limits, None: not known
+        self.soft: tuple | None = (None, None)
         self.fresh = True  # it stood before these edges
         self.sent = 0  # places that it has been sent to since it last stood
         self.quiet: int | None = 0  # since when it may not move, ms
@@ -112,7 +115,8 @@ class Upload:
 
 
 def play(path, gap, backlash):
-    """The load's places for the motor's, both arrays; gap: how far the load is above the motor before."""
+    """The load's places for the motor's, both arrays; gap: how far the load is above the motor
+    before."""
     if not backlash:
         return path
     out = np.empty_like(path)
@@ -124,7 +128,8 @@ def play(path, gap, backlash):
 
 
 def bounds_of(path, fps, backlash, top=np.inf):
-    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at most.
+    """Velocity and acceleration that a smooth, monotonic cubic through these frames may have at
+    most.
 
     top: steps/s that its motor is set to, which it does not exceed at any frame.
     """

@@ -1,4 +1,5 @@
-"""Requests of all kinds at once, or a millisecond or two apart: what begins in one is not over in the next."""
+"""Requests of all kinds at once, or a millisecond or two apart: what begins in one is not over in
+the next."""
 
 import struct
 
@@ -65,7 +66,9 @@ class Bursts(Deeds):
 
     def _jog(self):
         dice, i = self.dice, self.motor()
-        return struct.pack("<BHi", i, dice.choice((50, 5000, 10000)), dice.choice((-(2**31), 2**31 - 1)))
+        return struct.pack(
+            "<BHi", i, dice.choice((50, 5000, 10000)), dice.choice((-(2**31), 2**31 - 1))
+        )
 
     def _frame(self):
         return struct.pack("<i", self.world.uploads.number_of_frame())
@@ -75,16 +78,22 @@ class Bursts(Deeds):
         end = uploads.start + uploads.frames - 1
         roll = (dice.choice((0, 50, 300)) for _ in range(2))
         flags = dice.choice((0, 0, 1, 2))
-        return struct.pack("<IiiIIBIHHH", round(uploads.fps * 1000), uploads.start, end, *roll, 0, 0, 0, 0, flags)
+        return struct.pack(
+            "<IiiIIBIHHH", round(uploads.fps * 1000), uploads.start, end, *roll, 0, 0, 0, 0, flags
+        )
 
     def _shot(self):
         i = self.dice.randint(1, self.motors)
         here = self.here(i - 1)
         reach = int(self.host.speeds[i - 1] * 0.2)
-        return struct.pack("<iIhhBii", self.world.uploads.start, 500, 0, 180, i, signed(here), signed(here + reach))
+        return struct.pack(
+            "<iIhhBii", self.world.uploads.start, 500, 0, 180, i, signed(here), signed(here + reach)
+        )
 
     def _jog_all(self):
-        return struct.pack("<Ii", round(self.world.uploads.fps * 1000), self.world.uploads.number_of_frame())
+        return struct.pack(
+            "<Ii", round(self.world.uploads.fps * 1000), self.world.uploads.number_of_frame()
+        )
 
     def _virtual(self):
         return bytes((self.dice.randint(1, 6),))
@@ -94,10 +103,19 @@ class Bursts(Deeds):
 
     def _virtual_jog(self):
         dice = self.dice
-        return struct.pack("<BHi", dice.randint(1, 6), dice.choice((500, 10000)), dice.choice((2**31 - 1, -(2**31))))
+        return struct.pack(
+            "<BHi",
+            dice.randint(1, 6),
+            dice.choice((500, 10000)),
+            dice.choice((2**31 - 1, -(2**31))),
+        )
 
     def _on_line(self):
         return struct.pack("<Bh", self.dice.randint(0, 4), self.dice.choice((1000, -10000, 10000)))
 
     def _aim(self):
-        return struct.pack("<Biii", self.dice.randint(0, 1), *(self.dice.randint(-100_000, 100_000) for _ in range(3)))
+        return struct.pack(
+            "<Biii",
+            self.dice.randint(0, 1),
+            *(self.dice.randint(-100_000, 100_000) for _ in range(3)),
+        )

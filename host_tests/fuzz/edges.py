@@ -27,7 +27,10 @@ class Edges(Part):
         for since, until in quiets:
             late = cycles[(cycles > (since + 1) * MS) & (cycles < until * MS)]
             if len(late):
-                self.fail("quiet", f"{name} makes a step at {late[0] / MS:.2f} ms, but stands since {since} ms")
+                self.fail(
+                    "quiet",
+                    f"{name} makes a step at {late[0] / MS:.2f} ms, but stands since {since} ms",
+                )
         places = motor.at + np.cumsum(signs)
         self._where(motor, name, places, cycles)
         first = int(cycles[0]) // MS + (-1 if motor.fresh else 1)
@@ -52,7 +55,9 @@ class Edges(Part):
                     f"{cycles[1:][signs[1:] == signs[:-1]][apart.argmin()] / MS:.2f} ms, "
                     f"allowed {motor.top[-1][1]:.0f}/s",
                 )
-        motor.load = int(play(np.concatenate(([motor.at], places)), motor.load - motor.at, motor.backlash)[-1])
+        motor.load = int(
+            play(np.concatenate(([motor.at], places)), motor.load - motor.at, motor.backlash)[-1]
+        )
         motor.at = int(places[-1])
         edges.clear()
         motor.seen = motor.made = 0
@@ -65,16 +70,22 @@ class Edges(Part):
             times = cycles // (16 * MS)
             fast = 62.5 * float(np.unique(times, return_counts=True)[1].max())
             slack += int(
-                fast * fast / motor.least + 4 * fast * min((fast / motor.jerk) ** 0.5, motor.steep[-1][1] / motor.jerk)
+                fast * fast / motor.least
+                + 4 * fast * min((fast / motor.jerk) ** 0.5, motor.steep[-1][1] / motor.jerk)
             )
         if not motor.free and (low < motor.low - slack or high > motor.high + slack):
             out = low if low < motor.low - slack else high
             at = cycles[(places < motor.low - slack) | (places > motor.high + slack)][0] / MS
-            self.fail("astray", f"{name} is at {out}, at {at:.1f} ms outside {motor.low} … {motor.high}")
+            self.fail(
+                "astray", f"{name} is at {out}, at {at:.1f} ms outside {motor.low} … {motor.high}"
+            )
         if motor.soft is not None:
             lower, upper = motor.soft
             if (lower is not None and low < lower) or (upper is not None and high > upper):
-                self.fail("limits", f"{name} goes to {low} … {high}, its soft limits are {lower} … {upper}")
+                self.fail(
+                    "limits",
+                    f"{name} goes to {low} … {high}, its soft limits are {lower} … {upper}",
+                )
 
     @staticmethod
     def _bound(changes, ms):
@@ -91,7 +102,8 @@ class Edges(Part):
                 i = int(np.argmax(over))
                 self.fail(
                     "velocity",
-                    f"{name} makes {moved[i]} steps in {w} ms from {ms[i]} ms on, allowed {top[i + w]:.0f}/s",
+                    f"{name} makes {moved[i]} steps in {w} ms from {ms[i]} ms on, "
+                    f"allowed {top[i + w]:.0f}/s",
                 )
             w *= 2
 
@@ -99,23 +111,28 @@ class Edges(Part):
         w = 2
         while 2 * w < len(place) and w <= 512:
             bend = np.abs(place[2 * w :] - 2 * place[w:-w] + place[: -2 * w])
-            # of whole steps each is off by less than one; virtual lines are followed within a step (field note 9.5)
+            # of whole steps each is off by less than one; virtual lines are followed within a step
+            # (field note 9.5)
             allowed = steep[2 * w :] * (w * w * 1.02e-6) + (7.05 if self.trial.virtual else 4.05)
             over = bend > allowed
             if over.any():
                 i = int(np.argmax(over))
                 self.fail(
                     "acceleration",
-                    f"{name} bends by {bend[i]} steps in 2 x {w} ms from {ms[i]} ms on, {allowed[i]:.1f} are allowed",
+                    f"{name} bends by {bend[i]} steps in 2 x {w} ms from {ms[i]} ms on, "
+                    f"{allowed[i]:.1f} are allowed",
                 )
             if motor.jerk and not motor.jerky and 3 * w < len(place):
-                twist = np.abs(place[3 * w :] - 3 * place[2 * w : -w] + 3 * place[w : -2 * w] - place[: -3 * w])
+                twist = np.abs(
+                    place[3 * w :] - 3 * place[2 * w : -w] + 3 * place[w : -2 * w] - place[: -3 * w]
+                )
                 allowed = motor.jerk * (w / 1000) ** 3 * 1.02 + 8.05
                 if (twist > allowed).any():
                     i = int(np.argmax(twist > allowed))
                     self.fail(
                         "jerk",
-                        f"{name} twists by {twist[i]} in 3 x {w} ms from {ms[i]} ms on, {allowed:.1f} are allowed",
+                        f"{name} twists by {twist[i]} in 3 x {w} ms from {ms[i]} ms on, "
+                        f"{allowed:.1f} are allowed",
                     )
             w *= 2
 
@@ -136,6 +153,6 @@ class Edges(Part):
                 i = int(np.argmax(apart > 1))
                 self.fail(
                     "coupled",
-                    f"motors {motor.index + 1} and {partner.index + 1} are {apart.max()} steps apart from "
-                    f"{grid[i] // MS} ms on, {ends} at rest",
+                    f"motors {motor.index + 1} and {partner.index + 1} are "
+                    f"{apart.max()} steps apart from {grid[i] // MS} ms on, {ends} at rest",
                 )

@@ -2,7 +2,8 @@
 
 
 class Finding(Exception):
-    """Something that may never happen. kind: one word for what, by which findings are told apart."""
+    """Something that may never happen. kind: one word for what, by which findings are told
+    apart."""
 
     def __init__(self, kind: str, text: str):
         super().__init__(f"{kind}: {text}")

@@ -32,7 +32,12 @@ def header_of(script: Script) -> Script:
     """The same board and rig, and no events yet."""
     head = Script(script.board, script.rig)
     head.rig, head.rig_text = script.rig, script.rig_text
-    head.motors, head.memory, head.flash, head.says = script.motors, script.memory, script.flash, script.says
+    head.motors, head.memory, head.flash, head.says = (
+        script.motors,
+        script.memory,
+        script.flash,
+        script.says,
+    )
     return head
 
 
@@ -94,7 +99,9 @@ def shrink(script: Script, kind: str, seconds: float = 60.0) -> Script:
         gap = best.events[i][0] - before
         for less in (gap, gap // 2, gap // 4):
             if less > 0:
-                events = [(t - less if k >= i else t, v, a) for k, (t, v, a) in enumerate(best.events)]
+                events = [
+                    (t - less if k >= i else t, v, a) for k, (t, v, a) in enumerate(best.events)
+                ]
                 smaller = tried(events, best.end - less)
                 if smaller is not None:
                     best = smaller
@@ -145,8 +152,14 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
     parser.add_argument("--sessions", type=int, default=10**9)
     parser.add_argument("--requests", type=int, default=600, help="of a session")
-    parser.add_argument("--keep-going", action="store_true", help="after a finding as well; each kind is shrunk once")
-    parser.add_argument("--int32", action="store_true", help="check that every number fits (slower)")
+    parser.add_argument(
+        "--keep-going",
+        action="store_true",
+        help="after a finding as well; each kind is shrunk once",
+    )
+    parser.add_argument(
+        "--int32", action="store_true", help="check that every number fits (slower)"
+    )
     options = parser.parse_args()
     if options.int32:
         from framestep_tools import int32
@@ -164,7 +177,11 @@ def main() -> int:
         from . import reader
 
         tried, _, steps = reader.explore(seed, 0.04 * options.seconds)
-        print(f"frame reader: {tried} streams, {steps} steps from line to line, as the other reader has it", flush=True)
+        print(
+            f"frame reader: {tried} streams, {steps} steps from line to line, "
+            "as the other reader has it",
+            flush=True,
+        )
     for number in range(options.first, options.first + options.sessions):
         if time.monotonic() - began > options.seconds:
             break
@@ -186,14 +203,16 @@ def main() -> int:
             told = now
             print(
                 f"{counts['requests']} requests in {played} sessions, "
-                f"{counts['requests'] / (now - began):.0f}/s, {virtual_ms / 1000 / (now - began):.1f} x time",
+                f"{counts['requests'] / (now - began):.0f}/s, "
+                f"{virtual_ms / 1000 / (now - began):.1f} x time",
                 flush=True,
             )
     took = time.monotonic() - began
     found = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nothing found"
     print(
-        f"seed {seed}: {counts['requests']} requests in {played} sessions, {virtual_ms / 1000:.0f} s of virtual time, "
-        f"{counts['edges']} edges, {counts['runs judged']} runs judged frame by frame, in {took:.0f} s: {found}"
+        f"seed {seed}: {counts['requests']} requests in {played} sessions, "
+        f"{virtual_ms / 1000:.0f} s of virtual time, {counts['edges']} edges, "
+        f"{counts['runs judged']} runs judged frame by frame, in {took:.0f} s: {found}"
     )
     return worst
 

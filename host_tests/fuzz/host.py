@@ -1,4 +1,5 @@
-"""What a host does with its port: it sends, waits for the answer, lets time pass, stops everything."""
+"""What a host does with its port: it sends, waits for the answer, lets time pass, stops
+everything."""
 
 import struct
 from random import Random
@@ -48,12 +49,15 @@ class Over(Exception):
 
 
 class Host:
-    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the link.
+    """A host with its port and a clock. requests, ms: how much at most. links: with faults of the
+    link.
 
     talks: it asks a lot in between, which leaves fewer requests for what moves something.
     """
 
-    def __init__(self, dice: Random, trial: Trial, requests: int, ms: int, links: bool, talks: bool):
+    def __init__(
+        self, dice: Random, trial: Trial, requests: int, ms: int, links: bool, talks: bool
+    ):
         self.dice = dice
         self.trial = trial
         self.requests = requests
@@ -90,7 +94,8 @@ class Host:
         return number
 
     def ask(self, kind, payload=b""):
-        """The code or the payload of the answer: (code, payload); (None, b"") where none comes soon."""
+        """The code or the payload of the answer: (code, payload); (None, b"") where none comes
+        soon."""
         number = self.send(kind, payload)
         self.chatter()
         for _ in range(40):
@@ -101,7 +106,8 @@ class Host:
         return None, b""
 
     def spoil(self, data):
-        """A fault of the link: bytes dropped, doubled, flipped, late, the port closed in the middle."""
+        """A fault of the link: bytes dropped, doubled, flipped, late, the port closed in the
+        middle."""
         dice, do = self.dice, self.trial.do
         at = dice.randrange(len(data))
         kind = dice.randrange(7)
@@ -147,7 +153,8 @@ class Host:
     def halt(self):
         """Stop whatever there is, and see it stand."""
         self.send(
-            m.MSG_MOTOR_STOP_ALL, b"" if self.dice.random() < 0.6 else struct.pack("<I", self.dice.choice((0, 1)))
+            m.MSG_MOTOR_STOP_ALL,
+            b"" if self.dice.random() < 0.6 else struct.pack("<I", self.dice.choice((0, 1))),
         )
         if self.dice.random() < 0.3:
             self.pause(600)
@@ -215,12 +222,23 @@ class Host:
 
 
 class Deeds:
-    """Some of what happens in a session: base of the classes that make it happen. They find each other by `world`."""
+    """Some of what happens in a session: base of the classes that make it happen. They find each
+    other by `world`."""
 
     def __init__(self, world):
         self.world = world
         self.host = host = world.host
-        self.dice, self.trial, self.rig, self.motors = world.dice, world.trial, world.rig, world.motors
+        self.dice, self.trial, self.rig, self.motors = (
+            world.dice,
+            world.trial,
+            world.rig,
+            world.motors,
+        )
         self.send, self.ask, self.query, self.close = host.send, host.ask, host.query, host.close
-        self.tick, self.pause, self.settle, self.halt = host.tick, host.pause, host.settle, host.halt
+        self.tick, self.pause, self.settle, self.halt = (
+            host.tick,
+            host.pause,
+            host.settle,
+            host.halt,
+        )
         self.motor, self.here, self.target = host.motor, host.here, host.target

@@ -1,4 +1,5 @@
-"""The bytes between host and device: the sound frames in what the host sends, and in what the device sends."""
+"""The bytes between host and device: the sound frames in what the host sends, and in what the
+device sends."""
 
 import struct
 from itertools import accumulate
@@ -47,7 +48,13 @@ class Request:
     __slots__ = ("copies", "deadline", "kind", "number", "order", "payload", "sent")
 
     def __init__(self, number, kind, payload, sent, deadline):
-        self.number, self.kind, self.payload, self.sent, self.deadline = number, kind, payload, sent, deadline
+        self.number, self.kind, self.payload, self.sent, self.deadline = (
+            number,
+            kind,
+            payload,
+            sent,
+            deadline,
+        )
         self.copies = 1
         self.order = 0
 
@@ -81,12 +88,15 @@ class Link(Part):
         """The port is open: nothing has come on it."""
         self.stream = bytearray()
         self.since: dict[int, int] = {}  # when that place came, ms
-        self.begun: list[int] = []  # places in the stream where a frame may begin that has not all come
+        # places in the stream where a frame may begin that has not all come
+        self.begun: list[int] = []
 
     def sent(self, data):
         """Find the sound frames in the stream, wherever they begin."""
         stream = self.stream
-        whole = len(data) >= 12 and int.from_bytes(data[8:10], "little") + m.FRAME_OVERHEAD == len(data)
+        whole = len(data) >= 12 and int.from_bytes(data[8:10], "little") + m.FRAME_OVERHEAD == len(
+            data
+        )
         if whole and not self.begun and not stream and self._sound(data, 0) == len(data):
             return  # the usual case
         base = len(stream)

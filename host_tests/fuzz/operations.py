@@ -18,7 +18,9 @@ class Operations(Deeds):
             else (self.world.uploads.number_of_frame(), self.world.uploads.number_of_frame())
         )
         fps = (
-            self.world.uploads.fps if dice.random() < 0.8 else self.world.uploads.fps * dice.choice((0.5, 0.9, 1.1, 2))
+            self.world.uploads.fps
+            if dice.random() < 0.8
+            else self.world.uploads.fps * dice.choice((0.5, 0.9, 1.1, 2))
         )
         milli = round(fps * 1000)
         if dice.random() < 0.03:
@@ -26,7 +28,9 @@ class Operations(Deeds):
         pre, post = (dice.choice((0, 0, 1, 50, 300, 500, 1000, 2000)) for _ in range(2))
         if dice.random() < 0.02:
             pre = dice.choice((600_000, 600_001, WORD))
-        flags = dice.choice((0, 0, 0, 0, 1, 2, 3, 0x10, 0x20, 0x30)) if dice.random() < 0.98 else 0x40
+        flags = (
+            dice.choice((0, 0, 0, 0, 1, 2, 3, 0x10, 0x20, 0x30)) if dice.random() < 0.98 else 0x40
+        )
         payload = struct.pack("<IiiII", milli, begin, end, pre, post)
         payload += struct.pack(
             "<BIHH",
@@ -40,13 +44,19 @@ class Operations(Deeds):
             payload += struct.pack("<H", flags)
         if form == 2:
             payload += struct.pack(
-                "<HH", dice.choice((0, 90, 360, 360 + (dice.random() < 0.1))), dice.choice((0, 180, 360))
+                "<HH",
+                dice.choice((0, 90, 360, 360 + (dice.random() < 0.1))),
+                dice.choice((0, 180, 360)),
             )
         return self.ask(m.MSG_RT_RUN_MOVE, payload)[0], flags if form else 0
 
     def prepare_shot(self):
         dice = self.dice
-        exposure = dice.choice((1, 20, 250, 500, 1000, 0, 60_000)) if dice.random() < 0.9 else dice.choice(ODD) & WORD
+        exposure = (
+            dice.choice((1, 20, 250, 500, 1000, 0, 60_000))
+            if dice.random() < 0.9
+            else dice.choice(ODD) & WORD
+        )
         entries = b""
         if dice.random() < 0.7:
             for i in dice.sample(range(self.motors), dice.randint(1, self.motors)):
@@ -61,11 +71,26 @@ class Operations(Deeds):
             blur = dice.choice((1, 500, 1000, 1000, 0, 1001))
             return self.ask(
                 m.MSG_RT_SHOOT_FRAME,
-                struct.pack("<iBIH", self.world.uploads.number_of_frame(), dice.randint(0, 1), exposure, blur)
+                struct.pack(
+                    "<iBIH",
+                    self.world.uploads.number_of_frame(),
+                    dice.randint(0, 1),
+                    exposure,
+                    blur,
+                )
                 + entries,
             )[0]
         angles = dice.choice(
-            ((0, 360), (90, 270), (-30, 400), (0, 1), (-360, 720), (180, 180), (350, 10), (-32768, 32767))
+            (
+                (0, 360),
+                (90, 270),
+                (-30, 400),
+                (0, 1),
+                (-360, 720),
+                (180, 180),
+                (350, 10),
+                (-32768, 32767),
+            )
         )
         return self.ask(
             m.MSG_RT_SHOOT_FRAME2,
@@ -81,7 +106,9 @@ class Operations(Deeds):
         if dice.random() < 0.8:
             self.world.surroundings.release()  # of what is still pressed
         if dice.random() < 0.2:
-            self.send(m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame()))
+            self.send(
+                m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame())
+            )
             self.pause(300)
             self.settle()
         flags = 0
@@ -159,7 +186,9 @@ class Operations(Deeds):
         if not self.world.uploads.uploaded:
             self.world.uploads.upload()
         if dice.random() < 0.8:
-            self.send(m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame()))
+            self.send(
+                m.MSG_RT_POSITION_FRAME, struct.pack("<i", self.world.uploads.number_of_frame())
+            )
             self.settle() or self.halt()
         for _ in range(dice.choice((1, 1, 2, 4))):
             fps = (
@@ -167,7 +196,9 @@ class Operations(Deeds):
                 if dice.random() < 0.95
                 else dice.choice((0, 1, 200_001))
             )
-            self.send(m.MSG_RT_JOG_ALL, struct.pack("<Ii", fps, self.world.uploads.number_of_frame()))
+            self.send(
+                m.MSG_RT_JOG_ALL, struct.pack("<Ii", fps, self.world.uploads.number_of_frame())
+            )
             self.meanwhile(dice.choice((50, 400, 1500)))
         if dice.random() < 0.4:
             self.halt()

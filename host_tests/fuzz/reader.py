@@ -1,7 +1,9 @@
-"""Streams for the frame reader, grown toward lines of it that none has reached: mutation guided by coverage.
+"""Streams for the frame reader, grown toward lines of it that none has reached: mutation guided by
+coverage.
 
-What a stream must be answered is what the reader written from the specification says (host_tests/protocol/streams.py).
-Coverage is the steps from line to line within protocol/frames.py, and how often each is made, by powers of two.
+What a stream must be answered is what the reader written from the specification says
+(host_tests/protocol/streams.py). Coverage is the steps from line to line within protocol/frames.py,
+and how often each is made, by powers of two.
 """
 
 import struct
@@ -18,7 +20,10 @@ from host_tests.runtime.frames_echo import echo
 from .link import frame
 
 READER = frames.FrameReader
-CODES = {f.__code__ for f in (READER.feed, READER.poll, READER.drop_partial, READER.clear, frames._search)}
+CODES = {
+    f.__code__
+    for f in (READER.feed, READER.poll, READER.drop_partial, READER.clear, frames._search)
+}
 MOST_BYTES = 6000  # of a stream: the echo answers them all
 
 
@@ -50,7 +55,9 @@ def covered(case: Case) -> tuple[set, bytes]:
         count = echo(case.stream, case.steps, reader, writer, out, array("i", (0, 0, 0)))
     finally:
         sys.settrace(before)
-    return {(step, n.bit_length()) for step, n in hits.items()}, bytes(out[:count]) if count >= 0 else b"stuck"
+    return {(step, n.bit_length()) for step, n in hits.items()}, bytes(
+        out[:count]
+    ) if count >= 0 else b"stuck"
 
 
 def some_frame(dice: Random) -> bytes:
@@ -60,8 +67,12 @@ def some_frame(dice: Random) -> bytes:
     for _ in range(dice.randint(0, 3)):
         if length > 12:
             at = dice.randrange(length - 12)
-            payload[at : at + 10] = b"DF" + struct.pack("<IHH", 7, 0x31, dice.choice((0, 1, length, 1036, 1037)))
-    return frame(dice.choice((1, 0x31, 0x101, 0x4644)), bytes(payload), dice.choice((0, 1, 2**30, 2**32 - 1)))
+            payload[at : at + 10] = b"DF" + struct.pack(
+                "<IHH", 7, 0x31, dice.choice((0, 1, length, 1036, 1037))
+            )
+    return frame(
+        dice.choice((1, 0x31, 0x101, 0x4644)), bytes(payload), dice.choice((0, 1, 2**30, 2**32 - 1))
+    )
 
 
 def steps_for(dice: Random, length: int) -> tuple[int, ...]:
@@ -89,7 +100,9 @@ def mutated(dice: Random, corpus: list[Case]) -> Case:
         elif kind == 2:
             del stream[at : at + dice.choice((1, 2, 5, 12))]
         elif kind == 3:
-            stream[at:at] = dice.choice((b"D", b"DF", b"DDF", b"DF" + bytes(6) + b"\x0c\x04", dice.randbytes(3)))
+            stream[at:at] = dice.choice(
+                (b"D", b"DF", b"DDF", b"DF" + bytes(6) + b"\x0c\x04", dice.randbytes(3))
+            )
         elif kind == 4:
             stream[at:at] = stream[at : at + dice.choice((1, 10, 40))]
         elif kind == 5:
@@ -98,14 +111,17 @@ def mutated(dice: Random, corpus: list[Case]) -> Case:
         elif len(stream) > 10:
             at = stream.find(b"DF", at)
             if 0 <= at < len(stream) - 10:
-                struct.pack_into("<H", stream, at + 8, dice.choice((0, 1, 1035, 1036, 1037, 0xFFFF)))
+                struct.pack_into(
+                    "<H", stream, at + 8, dice.choice((0, 1, 1035, 1036, 1037, 0xFFFF))
+                )
     if len(stream) > MOST_BYTES:
         del stream[MOST_BYTES:]
     return Case(bytes(stream), steps_for(dice, len(stream)))
 
 
 def explore(seed: str, seconds: float = 1e9, cases: int = 10**9) -> tuple[int, int, int]:
-    """(cases tried, those kept since they reached something new, steps between lines). Mismatch for a difference."""
+    """(cases tried, those kept since they reached something new, steps between lines). Mismatch for
+    a difference."""
     dice = Random(seed)
     first = some_frame(dice)
     corpus = [Case(b"", (POLL,)), Case(first, (len(first), POLL))]

@@ -1,4 +1,5 @@
-"""What answers may say, and what each acknowledgement means for what the motors may do from then on."""
+"""What answers may say, and what each acknowledgement means for what the motors may do from then
+on."""
 
 import struct
 
@@ -9,7 +10,13 @@ from .finding import Part
 
 LATE_MS = 1500  # for passes that are held up
 OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
-QUESTIONS = (m.MSG_HI, m.MSG_MOTOR_STATUS, m.MSG_MOTOR_GET_POSITION, m.MSG_GIO_IN, m.MSG_VIRT_GET_POSITION)
+QUESTIONS = (
+    m.MSG_HI,
+    m.MSG_MOTOR_STATUS,
+    m.MSG_MOTOR_GET_POSITION,
+    m.MSG_GIO_IN,
+    m.MSG_VIRT_GET_POSITION,
+)
 
 
 class Replies(Part):
@@ -54,7 +61,9 @@ class Replies(Part):
                 self.fail("checksum", f"request {number} of type {plain:#06x} is called damaged")
             return
         if request is None or request.kind != plain:
-            self.fail("answers", f"an answer to nothing: id {number}, type {kind:#06x}, {payload.hex()}")
+            self.fail(
+                "answers", f"an answer to nothing: id {number}, type {kind:#06x}, {payload.hex()}"
+            )
         request.copies -= 1
         if not request.copies:
             del self.open[number]
@@ -66,13 +75,18 @@ class Replies(Part):
             self._form(kind, payload)
         if code == m.OK:
             if plain in OPERATIONS and self.trial.moving:
-                self.fail("taken", f"a request of type {plain:#06x} is taken while {self.trial.moving:#x} moves")
+                self.fail(
+                    "taken",
+                    f"a request of type {plain:#06x} is taken while {self.trial.moving:#x} moves",
+                )
             done = self.done.get(plain)
             if done:
                 done(request, payload)
             held = self.trial.stops.held_since
             if request.moves and held is not None and held < request.sent - 3:
-                self.fail("estop", f"a request of type {plain:#06x} is taken while the E-stop is held")
+                self.fail(
+                    "estop", f"a request of type {plain:#06x} is taken while the E-stop is held"
+                )
 
     def _form(self, kind, payload):
         sizes = {
@@ -146,7 +160,9 @@ class Replies(Part):
             elif motor.rest_by is not None and ms > motor.rest_by:
                 self.fail("stop", f"motor {motor.index + 1} has been stopped, and still moves")
             elif motor.let_go_by is not None and ms > motor.let_go_by:
-                self.fail("jog", f"motor {motor.index + 1} jogs on, though that is not asked for any more")
+                self.fail(
+                    "jog", f"motor {motor.index + 1} jogs on, though that is not asked for any more"
+                )
 
     def _positions(self, request, payload):
         """At rest those told are those of the edges."""
@@ -160,10 +176,14 @@ class Replies(Part):
             if motor.edges:
                 self.trial.edges.judge(motor)
             if told != motor.load:
-                self.fail("positions", f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}")
+                self.fail(
+                    "positions",
+                    f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}",
+                )
 
     def _pins(self, payload):
-        """Positions in motion are those of the pins, to what may come in a tick or two (field note 4.6)."""
+        """Positions in motion are those of the pins, to what may come in a tick or two (field note
+        4.6)."""
         if self.player.full or self.ms < self.trial.stale:
             return
         limit = (self.hal.cycle() << 1) + 1
@@ -180,13 +200,23 @@ class Replies(Part):
             ahead = told - motor.at - motor.made
             slack = 2 + int(motor.top[-1][1] * 2.5e-3)
             if not -slack <= ahead <= motor.backlash + slack:
-                self.fail("pins", f"motor {motor.index + 1} is told to be at {told}, its pins are {ahead} steps away")
+                self.fail(
+                    "pins",
+                    f"motor {motor.index + 1} is told to be at {told}, "
+                    f"its pins are {ahead} steps away",
+                )
 
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
         motor.let_go_by = None
-        if request.kind == m.MSG_MOTOR_JOG and self.rig.jog_timeout_ms and motor.index not in self.trial.lines:
-            motor.let_go_by = self.ms + self.rig.jog_timeout_ms + self.trial.stops.longest_ms() + LATE_MS
+        if (
+            request.kind == m.MSG_MOTOR_JOG
+            and self.rig.jog_timeout_ms
+            and motor.index not in self.trial.lines
+        ):
+            motor.let_go_by = (
+                self.ms + self.rig.jog_timeout_ms + self.trial.stops.longest_ms() + LATE_MS
+            )
         place = request.words("Bi" if request.kind == m.MSG_MOTOR_MOVE else "BHi")[-1]
         motor.reach(place)
         self.led(motor)

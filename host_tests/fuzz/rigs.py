@@ -60,13 +60,21 @@ def draw_rig(dice: Random, board: str) -> dict:
         sets = []
         while len(pins) >= 2 and len(sets) < dice.randint(1, 2):
             sets.append(
-                {"high": pins.pop(), "low": pins.pop() if some() < 0.8 else -1, "contact": dice.choice(("nc", "no"))}
+                {
+                    "high": pins.pop(),
+                    "low": pins.pop() if some() < 0.8 else -1,
+                    "contact": dice.choice(("nc", "no")),
+                }
             )
         if sets:
             rig["limits"] = sets
     if some() < 0.15:
         rig["outputs"] = [
-            {"pin": pin, "safe": dice.choice(("off", "on", "hold")), "on": dice.choice(("high", "low"))}
+            {
+                "pin": pin,
+                "safe": dice.choice(("off", "on", "hold")),
+                "on": dice.choice(("high", "low")),
+            }
             for pin in pins[:2]
         ]
     while True:

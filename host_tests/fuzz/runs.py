@@ -1,4 +1,5 @@
-"""Uploaded moves and what plays them: where it may take the motors, and where they have to be at each frame."""
+"""Uploaded moves and what plays them: where it may take the motors, and where they have to be at
+each frame."""
 
 import struct
 
@@ -12,7 +13,8 @@ from .finding import Part
 
 
 class Runs(Part):
-    """RUN_MOVE, SHOOT_FRAME, POSITION_FRAME and JOG_ALL; `done` is what an acknowledgement of each means."""
+    """RUN_MOVE, SHOOT_FRAME, POSITION_FRAME and JOG_ALL; `done` is what an acknowledgement of each
+    means."""
 
     def __init__(self, trial):
         super().__init__(trial)
@@ -75,7 +77,15 @@ class Runs(Part):
         fps, start, end, pre, post = request.words("IiiII")
         flags = struct.unpack_from("<H", request.payload, 29)[0] if len(request.payload) > 29 else 0
         fps /= 1000
-        self.run = {"fps": fps, "start": start, "end": end, "pre": pre, "post": post, "flags": flags, "shot": False}
+        self.run = {
+            "fps": fps,
+            "start": start,
+            "end": end,
+            "pre": pre,
+            "post": post,
+            "flags": flags,
+            "shot": False,
+        }
         self.prepared = True
         self.going = None
         for motor in self._takers():
@@ -99,7 +109,9 @@ class Runs(Part):
         motor.reach(int(place - way - 2), int(place + way + 2))
 
     def _played(self, motor):
-        begin, end = sorted((self.run["start"] - self.upload.start, self.run["end"] - self.upload.start))
+        begin, end = sorted(
+            (self.run["start"] - self.upload.start, self.run["end"] - self.upload.start)
+        )
         return self.upload.paths[motor.index][max(begin - 2, 0) : end + 4]
 
     def go(self, request, payload):
@@ -176,7 +188,10 @@ class Runs(Part):
         if len(moving):
             best = worst.min()
             if best > 1:
-                self.fail("frames", f"a motor is {best:.1f} times what is allowed beside a frame of the run")
+                self.fail(
+                    "frames",
+                    f"a motor is {best:.1f} times what is allowed beside a frame of the run",
+                )
             self.counts["runs judged"] += 1
 
     def _jog_all(self, request, payload):

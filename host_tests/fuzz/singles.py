@@ -20,7 +20,10 @@ class Singles(Deeds):
             acceleration = dice.choice((0, 1, 4_000_000, 4_000_001, WORD, 2**31))
         code, _ = self.ask(m.MSG_MOTOR_SET_SPEED, struct.pack("<BII", i, velocity, acceleration))
         if code == m.OK:
-            self.host.speeds[i - 1], self.host.steep[i - 1] = velocity, acceleration or velocity // 2
+            self.host.speeds[i - 1], self.host.steep[i - 1] = (
+                velocity,
+                acceleration or velocity // 2,
+            )
 
     def limits(self):
         dice, i = self.dice, self.motor()
@@ -28,14 +31,19 @@ class Singles(Deeds):
         reach = self.host.speeds[i - 1] if 0 < i <= self.motors else 1000
         lower, upper = (signed(here + int(s * dice.random() ** 2 * reach)) for s in (-1, 1))
         if dice.random() < 0.1:
-            lower, upper = signed(here + dice.randint(-500, 500)), signed(here + dice.randint(-500, 500))
+            lower, upper = (
+                signed(here + dice.randint(-500, 500)),
+                signed(here + dice.randint(-500, 500)),
+            )
         if dice.random() < 0.08:
             lower = dice.choice(ODD)
         if dice.random() < 0.08:
             upper = dice.choice(ODD)
         sets = dice.choice((0, 0, 1, 2, 0x81, 0x82, 3, 0xFF)) if self.rig.limits else 0
         on = (dice.randint(0, 1), dice.randint(0, 1)) if dice.random() < 0.97 else (2, 1)
-        self.send(m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", i, on[0], lower, on[1], upper, sets))
+        self.send(
+            m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", i, on[0], lower, on[1], upper, sets)
+        )
         self.pause(5)
 
     def configure(self):

@@ -1,4 +1,5 @@
-"""Stops and what they leave: by when everything stands, which outputs are off, and why a HARD_STOP may come."""
+"""Stops and what they leave: by when everything stands, which outputs are off, and why a HARD_STOP
+may come."""
 
 from framestep.protocol import messages as m
 
@@ -21,7 +22,9 @@ class Stops(Part):
         self.stood_by: int | None = None  # when that was over, and nothing may move since
         self.estop_pin = self.rig.board.get("estop") if self.rig.estop != "none" else None
         self.estop_level = 0 if self.rig.estop == "no" else 1  # while held
-        self.limit_pins = {limit[e] for limit in self.rig.limits for e in ("high", "low") if limit[e] >= 0}
+        self.limit_pins = {
+            limit[e] for limit in self.rig.limits for e in ("high", "low") if limit[e] >= 0
+        }
         self.held_since: int | None = None
         self.let_go = LONG_AGO  # when it was released last
         self.pressed = False  # since the last HARD_STOP 0
@@ -32,7 +35,9 @@ class Stops(Part):
 
     def pin(self, name, level):
         """An input has another level."""
-        pins = {name} if isinstance(name, int) else {p for p, n in self.hal.names.items() if n == name}
+        pins = (
+            {name} if isinstance(name, int) else {p for p, n in self.hal.names.items() if n == name}
+        )
         if self.estop_pin in pins:
             self.estop(level)
         if self.rig.go_input and pins & {item["pin"] for item in self.rig.inputs}:
@@ -60,8 +65,11 @@ class Stops(Part):
             self.let_go = self.ms
 
     def safe_ms(self):
-        """How long outputs have to get to their safe levels: a video camera is stopped by a pulse first."""
-        return 400 if self.trial.runs.run and self.trial.runs.run.get("flags", 0) & m.RUN_VIDEO else 12
+        """How long outputs have to get to their safe levels: a video camera is stopped by a pulse
+        first."""
+        return (
+            400 if self.trial.runs.run and self.trial.runs.run.get("flags", 0) & m.RUN_VIDEO else 12
+        )
 
     def hard(self):
         """From now on motors may slow down as steeply as a hard stop has it."""
@@ -100,9 +108,16 @@ class Stops(Part):
         """Drivers have been switched on: that of no motor that is configured as disabled."""
         for ms, i in self.enabling:
             motor = self.motors[i]
-            asked = any(r.kind == m.MSG_MOTOR_CONFIGURE and r.motor == i for r in self.open.values() if r.payload)
+            asked = any(
+                r.kind == m.MSG_MOTOR_CONFIGURE and r.motor == i
+                for r in self.open.values()
+                if r.payload
+            )
             if not motor.flags & m.MOTOR_ENABLED and not asked:
-                self.fail("enabled", f"motor {i + 1} is switched on at {ms} ms, but configured as disabled")
+                self.fail(
+                    "enabled",
+                    f"motor {i + 1} is switched on at {ms} ms, but configured as disabled",
+                )
         self.enabling.clear()
 
     def safe(self):
@@ -124,7 +139,11 @@ class Stops(Part):
         reason = payload[0]
         if reason == m.HARD_STOP_FAULT:
             if self.ms > self.reason:
-                self.fail("fault", f"HARD_STOP 100 without a reason (fault {self.trial.board.controller.fault:#x})")
+                self.fail(
+                    "fault",
+                    "HARD_STOP 100 without a reason "
+                    f"(fault {self.trial.board.controller.fault:#x})",
+                )
             for motor in self.motors:
                 motor.jerky = True
             self.begin()

@@ -1,4 +1,5 @@
-"""What happens around the motors: lights, inputs, switches, a slow main loop, time without anything."""
+"""What happens around the motors: lights, inputs, switches, a slow main loop, time without
+anything."""
 
 import struct
 
@@ -21,7 +22,10 @@ class Surroundings(Deeds):
         x = dice.random()
         if x < 0.2:
             levels = dice.randbytes(dice.choice((1, 10, 512)))
-            self.send(m.MSG_DMX, struct.pack("<BH", dice.choice((0, 1, 2)), dice.choice((1, 5, 512, 0))) + levels)
+            self.send(
+                m.MSG_DMX,
+                struct.pack("<BH", dice.choice((0, 1, 2)), dice.choice((1, 5, 512, 0))) + levels,
+            )
         elif x < 0.35:
             self.send(m.MSG_GIO_OUT, struct.pack("<I", dice.choice((0, 1, 3, 15, WORD))))
         elif x < 0.5:
@@ -58,7 +62,11 @@ class Surroundings(Deeds):
                 self.toward(limit, pin)
         else:
             return
-        for level in (active, *(dice.randint(0, 1) for _ in range(dice.choice((0, 0, 2, 6)))), active):
+        for level in (
+            active,
+            *(dice.randint(0, 1) for _ in range(dice.choice((0, 0, 2, 6)))),
+            active,
+        ):
             do("pin", (pin, level))
             self.tick(dice.choice((0, 1, 2)))
         for _ in range(dice.choice((0, 1, 3))):

@@ -18,7 +18,7 @@ def test_what_was_found_passes(path):
         fuzz.replay(parse(file))
 
 
-# ---- numbers -----------------------------------------------------------------------------------------------
+# ---- numbers -------------------------------------------------------------------------------------
 
 KERNEL = """
 from framestep.native import micropython, ptr32
@@ -81,14 +81,15 @@ def test_what_fits_or_is_masked_passes(line, a, b, result):
 
 
 @pytest.mark.parametrize(
-    "line, a, b", [("return a + b", 2**30 - 1, 1), ("return [a][b]", 2**30, 0), ("return abs(a)", -(2**30), 0)]
+    "line, a, b",
+    [("return a + b", 2**30 - 1, 1), ("return [a][b]", 2**30, 0), ("return abs(a)", -(2**30), 0)],
 )
 def test_a_pass_that_makes_a_large_number_is_told(line, a, b):
     assert outcome(line, a, b, "python") is Outside
     assert outcome(line, 5, 0, "python") == 5
 
 
-# ---- the frame reader --------------------------------------------------------------------------------------
+# ---- the frame reader ----------------------------------------------------------------------------
 
 
 def test_streams_grown_by_coverage():

@@ -1,7 +1,7 @@
 """The port closed and opened again within a frame, at each of its bytes and in each state of a run.
 
-What had come of the frame is forgotten, what the next host sends is answered, everything comes to rest within its
-limits, and no RT_END reaches a host that knows nothing of the run.
+What had come of the frame is forgotten, what the next host sends is answered, everything comes to
+rest within its limits, and no RT_END reaches a host that knows nothing of the run.
 """
 
 import struct
@@ -36,7 +36,9 @@ def brought_to(state) -> Host:
             host.rest()
         if state not in ("way", "ready"):
             host.send(m.MSG_RT_GO)
-            host.wait({"pre-roll": 150, "run": 700, "post-roll": 1500, "back": 1750}.get(state, 700))
+            host.wait(
+                {"pre-roll": 150, "run": 700, "post-roll": 1500, "back": 1750}.get(state, 700)
+            )
         if state == "stop":
             host.send(m.MSG_MOTOR_STOP_ALL)
     return host
@@ -74,6 +76,8 @@ def test_at_each_byte(at):
 
 
 @pytest.mark.parametrize("at", [0, 1, 9, BYTES - 1, BYTES])
-@pytest.mark.parametrize("state", ["upload", "move", "way", "ready", "pre-roll", "run", "post-roll", "back", "stop"])
+@pytest.mark.parametrize(
+    "state", ["upload", "move", "way", "ready", "pre-roll", "run", "post-roll", "back", "stop"]
+)
 def test_in_each_state(state, at):
     interrupted(brought_to(state), at, 1)

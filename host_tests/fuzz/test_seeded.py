@@ -10,7 +10,15 @@ from framestep_tools.files import ROOT
 
 @pytest.mark.parametrize("first, sessions, checks", [(0, 24, []), (24, 12, ["--int32"])])
 def test_sessions(first, sessions, checks):
-    command = [sys.executable, "-m", "host_tests.fuzz.fuzz", "--seed", "make test", "--seconds", "inf"]
+    command = [
+        sys.executable,
+        "-m",
+        "host_tests.fuzz.fuzz",
+        "--seed",
+        "make test",
+        "--seconds",
+        "inf",
+    ]
     command += ["--first", str(first), "--sessions", str(sessions), *checks]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr

@@ -1,9 +1,9 @@
 """The trial finds what it is for: each fault is put back into the firmware, and a session shows it.
 
-First those that another fuzzer had found in this tree before there was this one, with the scripts that are kept of
-them. (What may follow a hard stop was mended in several places at once, which no single change undoes: for that
-there is scripts/move-after-a-hard-stop-with-jerk.txt alone.) Then, for each of the trial's rules, a fault that breaks
-it and nothing else.
+First those that another fuzzer had found in this tree before there was this one, with the scripts
+that are kept of them. (What may follow a hard stop was mended in several places at once, which no
+single change undoes: for that there is scripts/move-after-a-hard-stop-with-jerk.txt alone.) Then,
+for each of the trial's rules, a fault that breaks it and nothing else.
 """
 
 import struct
@@ -157,7 +157,7 @@ def test_nothing_is_found_where_nothing_is_wrong(session):
         assert host.trial.counts["runs judged"] == 1
 
 
-# ---- faults that were there --------------------------------------------------------------------------------
+# ---- faults that were there ----------------------------------------------------------------------
 
 
 def ends_without_play(monkeypatch):
@@ -189,9 +189,13 @@ def play_in_the_ramp(monkeypatch):
     """The play is taken up within the first phase of a run, at whatever speed that takes."""
     move_to, stands_on = Axis.move_to, Axis.stands_on
     monkeypatch.setattr(
-        Axis, "move_to", lambda self, hal, target, i, speed=10000, way=0: move_to(self, hal, target, i, speed)
+        Axis,
+        "move_to",
+        lambda self, hal, target, i, speed=10000, way=0: move_to(self, hal, target, i, speed),
     )
-    monkeypatch.setattr(Axis, "stands_on", lambda self, source, i, way=0: stands_on(self, source, i))
+    monkeypatch.setattr(
+        Axis, "stands_on", lambda self, source, i, way=0: stands_on(self, source, i)
+    )
 
 
 @pytest.mark.parametrize(
@@ -210,7 +214,7 @@ def test_faults_that_were_there_are_found(fault, script, monkeypatch):
         fuzz.replay(session)
 
 
-# ---- each rule ---------------------------------------------------------------------------------------------
+# ---- each rule -----------------------------------------------------------------------------------
 
 
 def faster(monkeypatch):
@@ -241,7 +245,9 @@ def jerkier(monkeypatch):
 
 def harder_stop(monkeypatch):
     stop = Axis.stop
-    monkeypatch.setattr(Axis, "stop", lambda self, hal, factor=1, smooth=False: stop(self, hal, 2, False))
+    monkeypatch.setattr(
+        Axis, "stop", lambda self, hal, factor=1, smooth=False: stop(self, hal, 2, False)
+    )
 
 
 def past_the_limit(monkeypatch):
@@ -321,7 +327,9 @@ def ends_twice(monkeypatch):
 
 
 def never_ends(monkeypatch):
-    monkeypatch.setattr(Reports, "end", property(lambda self: False, lambda self, value: None), raising=False)
+    monkeypatch.setattr(
+        Reports, "end", property(lambda self: False, lambda self, value: None), raising=False
+    )
 
 
 def false_fault(monkeypatch):
@@ -488,7 +496,9 @@ def prepared_in_motion(host):
 def test_each_rule(fault, session, kind, monkeypatch):
     fault(monkeypatch)
     with pytest.raises(Finding, match=f"^({kind})"):
-        host = Host({"motor_count": 2, "estop": "no", "motors": [{"jerk": 5 if fault is jerkier else 0}]})
+        host = Host(
+            {"motor_count": 2, "estop": "no", "motors": [{"jerk": 5 if fault is jerkier else 0}]}
+        )
         session(host)
         host.wait(500)
         host.rest()

@@ -1,26 +1,31 @@
 """A session under trial: played millisecond by millisecond, and held to what may never happen.
 
-Everything is judged from what a host sees, what it has sent and been answered, and from the edges on the pins; the
-firmware's own words are only compared with these. A Trial knows nothing of who makes up the events, so a script that
-has been found once is judged the same when it is replayed.
+Everything is judged from what a host sees, what it has sent and been answered, and from the edges
+on the pins; the firmware's own words are only compared with these. A Trial knows nothing of who
+makes up the events, so a script that has been found once is judged the same when it is replayed.
 
 What is held to:
 
-* every sound request is answered once, in time, in its form; nothing else is answered, nothing but frames is sent
-* each motor keeps its velocity, its acceleration (a hard stop: times the factor) and, in moves of its own, its jerk,
-  and stays between where it was, where it has been sent to, and its soft limits; coupled motors go together
+* every sound request is answered once, in time, in its form; nothing else is answered, nothing but
+  frames is sent
+* each motor keeps its velocity, its acceleration (a hard stop: times the factor) and, in moves of
+  its own, its jerk, and stays between where it was, where it has been sent to, and its soft limits;
+  coupled motors go together
 * at rest the positions told are those of the edges, and while MOTOR_STATUS is 0 no edge comes
-* after a stop everything stands within the time that the limits allow, after that of one motor this one, and a motor
-  whose jog is not asked for again as well; RT_END comes once, and no HARD_STOP without a reason
+* after a stop everything stands within the time that the limits allow, after that of one motor this
+  one, and a motor whose jog is not asked for again as well; RT_END comes once, and no HARD_STOP
+  without a reason
 * no operation is taken while MOTOR_STATUS has a bit
 * in a run every motor has made the uploaded position's steps at every frame's time
-* outputs have their safe level after an E-stop, a fault or a lost host; a driver that is switched off stays off
+* outputs have their safe level after an E-stop, a fault or a lost host; a driver that is switched
+  off stays off
 
-Each of its subjects is a file of its own: link.py the bytes, replies.py the answers, bounds.py what a motor may do,
-edges.py the judge of edges, runs.py uploaded moves, stops.py whatever stops motors.
+Each of its subjects is a file of its own: link.py the bytes, replies.py the answers, bounds.py what
+a motor may do, edges.py the judge of edges, runs.py uploaded moves, stops.py whatever stops motors.
 
-The path through uploaded frames may exceed a motor's acceleration (field note 5.5): there the bounds are those of the
-cubic through the frames, and what counts is where the motor is at each frame.
+The path through uploaded frames may exceed a motor's acceleration (field note 5.5): there the
+bounds are those of the cubic through the frames, and what counts is where the motor is at each
+frame.
 """
 
 import traceback
@@ -56,10 +61,13 @@ class Trial:
         self.count = self.hal.motors
         self.motors = [Motor(i, self.rig.motor(i)) for i in range(self.count)]
         for motor, engine in zip(self.motors, self.hal.engines, strict=True):
-            engine.on_step = self._recorder(motor.edges, 0 if self.rig.motor(motor.index)["invert"] else 1)
+            engine.on_step = self._recorder(
+                motor.edges, 0 if self.rig.motor(motor.index)["invert"] else 1
+            )
         self.counts: Counter = Counter()
         self.open: dict[int, Request] = {}  # by number: not answered yet
-        self.answers: list[tuple[Request | None, int, bytes]] = []  # of this millisecond, for who asks
+        # of this millisecond, for who asks
+        self.answers: list[tuple[Request | None, int, bytes]] = []
         self.passes = 0
         self.garbage = -(10**9)  # when something came that is no frame, in passes
         self.virtual = False
@@ -75,7 +83,8 @@ class Trial:
         self.runs = Runs(self)
         self.replies = Replies(self)
         for motor in self.motors:
-            motor.at = motor.load = self.board.controller.axes[motor.index].load_position[0]  # as remembered
+            # as remembered
+            motor.at = motor.load = self.board.controller.axes[motor.index].load_position[0]
             motor.stands(0)
         if self.stops.estop_pin is not None:
             self.stops.estop(self.hal.levels() >> self.stops.estop_pin & 1)
@@ -132,9 +141,16 @@ class Trial:
                     motor.jerky = True
 
     def _broken(self, error):
-        places = [p for p in traceback.extract_tb(error.__traceback__) if not p.filename.endswith("int32.py")]
+        places = [
+            p
+            for p in traceback.extract_tb(error.__traceback__)
+            if not p.filename.endswith("int32.py")
+        ]
         where = places[-1]
-        text = f"{type(error).__name__}: {error}, in {where.name} ({where.filename.rsplit('/', 1)[-1]}:{where.lineno})"
+        text = (
+            f"{type(error).__name__}: {error}, "
+            f"in {where.name} ({where.filename.rsplit('/', 1)[-1]}:{where.lineno})"
+        )
         finding = Finding("exception-" + where.name, f"at {self.ms} ms, {text}")
         raise finding from error
 
@@ -152,7 +168,8 @@ class Trial:
         self.idle_since = None
 
     def asked(self, request, slow):
-        """A sound request has come; what it may set off counts from now on. slow: some of it has come long ago."""
+        """A sound request has come; what it may set off counts from now on. slow: some of it has
+        come long ago."""
         self.counts["requests"] += 1
         patience = DAMAGE_MS if self.passes - self.garbage < 2000 else ANSWER_MS
         request.deadline = self.passes + patience if not slow else None
@@ -167,9 +184,17 @@ class Trial:
             self.stops.set_off()
             self.motion = request.order
             self.idle_since = None
-            alone = kind in (m.MSG_MOTOR_MOVE, m.MSG_MOTOR_JOG) and not self.virtual and len(request.payload) >= 1
+            alone = (
+                kind in (m.MSG_MOTOR_MOVE, m.MSG_MOTOR_JOG)
+                and not self.virtual
+                and len(request.payload) >= 1
+            )
             for motor in self.motors:
-                if not alone or motor.index in (request.motor, request.motor + 1, request.motor - 1):
+                if not alone or motor.index in (
+                    request.motor,
+                    request.motor + 1,
+                    request.motor - 1,
+                ):
                     motor.wake(self.ms)
         if request.lights:
             self.stops.lit = self.ms
@@ -182,7 +207,9 @@ class Trial:
                 steep = min(acceleration or max(velocity // 2, 1), STEEPEST)
                 self.motors[motor - 1].allow(self.ms, velocity, steep)
         elif kind == m.MSG_MOTOR_STOP_ALL:
-            if self.ms - self.stops.all_at <= 1400 or (self.stops.asked and (self.runs.jogs_all or self.virtual)):
+            if self.ms - self.stops.all_at <= 1400 or (
+                self.stops.asked and (self.runs.jogs_all or self.virtual)
+            ):
                 self.stops.hard()
             self.stops.all_at = self.ms
             self.stops.asked += 1
@@ -223,9 +250,14 @@ class Trial:
         if self.stops.safe_at is not None and self.ms >= self.stops.safe_at and passing:
             self.stops.safe()
         for motor in self.motors:
-            if len(motor.edges) > FLUSH_EDGES and not (self.runs.going and self.ms - self.runs.going["ms"] < 30_000):
+            if len(motor.edges) > FLUSH_EDGES and not (
+                self.runs.going and self.ms - self.runs.going["ms"] < 30_000
+            ):
                 self.judge(motor)
 
     def _unanswered(self, request):
-        """Behind damage what the reader waits for may look like a frame for long; else each is answered in time."""
-        self.fail("unanswered", f"request {request.number} of type {request.kind:#06x} is not answered")
+        """Behind damage what the reader waits for may look like a frame for long; else each is
+        answered in time."""
+        self.fail(
+            "unanswered", f"request {request.number} of type {request.kind:#06x} is not answered"
+        )

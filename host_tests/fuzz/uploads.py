@@ -26,7 +26,10 @@ class Uploads(Deeds):
             periods = dice.uniform(0.2, max(0.3, frames / 12))
             amplitude = dice.uniform(0.05, 1.0) * most * frames / max(2 * math.pi * periods, 0.3)
             start = dice.uniform(0, 6.3)
-            values = [amplitude * math.sin(start + 2 * math.pi * periods * k / frames) for k in range(frames)]
+            values = [
+                amplitude * math.sin(start + 2 * math.pi * periods * k / frames)
+                for k in range(frames)
+            ]
             values = [here + round(v - values[0]) for v in values]
         elif kind < 0.6:
             rate = dice.uniform(-1, 1) * most
@@ -43,7 +46,9 @@ class Uploads(Deeds):
             values = [here] * frames
         else:
             edge = dice.choice((2**31 - 1, -(2**31), 2**30, -(2**30)))
-            values = [edge - int(math.copysign(1, edge)) * dice.randint(0, 60) for _ in range(frames)]
+            values = [
+                edge - int(math.copysign(1, edge)) * dice.randint(0, 60) for _ in range(frames)
+            ]
         if dice.random() < 0.05 / self.motors:
             values[dice.randrange(frames)] = dice.choice(ODD)
         return [signed(v) for v in values]
@@ -79,16 +84,21 @@ class Uploads(Deeds):
             for index, part in sections:
                 if dice.random() < 0.01:
                     index = dice.choice(ODD) & WORD
-                self.send(m.MSG_RT_UPLOAD_MOVE_AXIS, struct.pack(f"<BI{len(part)}i", i + 1, index, *part))
+                self.send(
+                    m.MSG_RT_UPLOAD_MOVE_AXIS, struct.pack(f"<BI{len(part)}i", i + 1, index, *part)
+                )
                 if dice.random() < 0.5:
                     self.tick()
         if dice.random() < 0.3:
             levels = dice.randbytes(min(frames, 200))
             self.send(
-                m.MSG_RT_UPLOAD_MOVE_DMX, struct.pack("<HI", dice.choice((1, 2, 512, 0, 513)), 0x80000000) + levels
+                m.MSG_RT_UPLOAD_MOVE_DMX,
+                struct.pack("<HI", dice.choice((1, 2, 512, 0, 513)), 0x80000000) + levels,
             )
         if dice.random() < 0.3:
-            pairs = [(dice.randrange(frames), dice.randrange(16)) for _ in range(dice.randint(1, 8))]
+            pairs = [
+                (dice.randrange(frames), dice.randrange(16)) for _ in range(dice.randint(1, 8))
+            ]
             if dice.random() < 0.8:
                 pairs.sort()
             words = [w for pair in pairs for w in pair]

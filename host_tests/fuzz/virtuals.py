@@ -24,8 +24,14 @@ class Virtuals(Deeds):
         self.ask(m.MSG_MOTOR_SET_SPEED, struct.pack("<BII", number, velocity, self.host.steep[i]))
         if dice.random() < 0.5:
             here = self.here(i)
-            lower, upper = here - int(velocity * dice.uniform(0, 1.5)), here + int(velocity * dice.uniform(0, 1.5))
-            self.ask(m.MSG_MOTOR_SET_LIMITS, struct.pack("<BBiBiB", number, 1, signed(lower), 1, signed(upper), 0))
+            lower, upper = (
+                here - int(velocity * dice.uniform(0, 1.5)),
+                here + int(velocity * dice.uniform(0, 1.5)),
+            )
+            self.ask(
+                m.MSG_MOTOR_SET_LIMITS,
+                struct.pack("<BBiBiB", number, 1, signed(lower), 1, signed(upper), 0),
+            )
 
     def virtual_axes(self):
         dice = self.dice
@@ -39,7 +45,11 @@ class Virtuals(Deeds):
             dice.shuffle(motors)
             for _ in range(2 if kind == 2 else 6):
                 motor = motors.pop() if motors and dice.random() < 0.85 else 0
-                axes.append(VirtualAxis(motor, dice.choice((10.0, 100.0, 250.0, 1000.0)), dice.uniform(-20, 20)))
+                axes.append(
+                    VirtualAxis(
+                        motor, dice.choice((10.0, 100.0, 250.0, 1000.0)), dice.uniform(-20, 20)
+                    )
+                )
             if kind == 0:
                 payload = b"\x00"
             else:
@@ -66,7 +76,13 @@ class Virtuals(Deeds):
                     struct.pack(
                         "<Bi",
                         dice.randint(1, 6),
-                        dice.choice((dice.randint(-3_000_000, 3_000_000), dice.randint(-100_000, 100_000), *ODD[:4])),
+                        dice.choice(
+                            (
+                                dice.randint(-3_000_000, 3_000_000),
+                                dice.randint(-100_000, 100_000),
+                                *ODD[:4],
+                            )
+                        ),
                     ),
                 )
             elif x < 0.6:
@@ -82,12 +98,18 @@ class Virtuals(Deeds):
             elif x < 0.8:
                 self.send(
                     m.MSG_VIRT_JOG_ON_LINE,
-                    struct.pack("<Bh", dice.randint(0, 4), dice.choice((1, -1, 10000, -10000, 700))),
+                    struct.pack(
+                        "<Bh", dice.randint(0, 4), dice.choice((1, -1, 10000, -10000, 700))
+                    ),
                 )
             else:
                 self.send(
                     m.MSG_VIRT_AIM_POINT,
-                    struct.pack("<Biii", dice.randint(0, 1), *(dice.randint(-100_000, 100_000) for _ in range(3))),
+                    struct.pack(
+                        "<Biii",
+                        dice.randint(0, 1),
+                        *(dice.randint(-100_000, 100_000) for _ in range(3)),
+                    ),
                 )
             self.pause(1200)
             y = dice.random()

@@ -1,10 +1,12 @@
 """A host, a rig and a link that make everything happen: what a fuzzed session consists of.
 
-The host is plausible: it uploads moves, prepares, waits, says GO, jogs and stops in the middle; without that nothing
-deep is reached. And it is not: any message with any payload comes in any state. All is drawn from one `random.Random`.
+The host is plausible: it uploads moves, prepares, waits, says GO, jogs and stops in the middle;
+without that nothing deep is reached. And it is not: any message with any payload comes in any
+state. All is drawn from one `random.Random`.
 
-Each of its subjects is a file of its own: rigs.py, host.py (the port and the clock), and what a host does: singles.py,
-uploads.py, operations.py, virtuals.py, bursts.py, surroundings.py, anyhow.py.
+Each of its subjects is a file of its own: rigs.py, host.py (the port and the clock), and what a
+host does: singles.py, uploads.py, operations.py, virtuals.py, bursts.py, surroundings.py,
+anyhow.py.
 """
 
 from random import Random
@@ -90,7 +92,9 @@ class World:
                 deeds.append((self.anyhow.nonsense, 5))
             if self.host.links:
                 deeds.append((lambda: self.host.close(dice.choice((0, 1, 50, 300))), 0.7))
-            doings, weights = zip(*((d, w * dice.choice((0.2, 1, 1, 3))) for d, w in deeds), strict=True)
+            doings, weights = zip(
+                *((d, w * dice.choice((0.2, 1, 1, 3))) for d, w in deeds), strict=True
+            )
             while True:
                 dice.choices(doings, weights)[0]()
         except Over:

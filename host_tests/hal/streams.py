@@ -1,4 +1,5 @@
-"""Sessions on the stream engine, and the same on the model of PIO's: what is painted, and when the edges are."""
+"""Sessions on the stream engine, and the same on the model of PIO's: what is painted, and when the
+edges are."""
 
 import os
 import subprocess
@@ -76,8 +77,8 @@ def here(lines: list[str], out: Path) -> bytes:
 
 
 def on_pio(lines: list[str]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The same session on the model of PIO: for each motor the times of its steps and their ways. Times are µs from
-    the start of the first tick's pulses."""
+    """The same session on the model of PIO: for each motor the times of its steps and their ways.
+    Times are µs from the start of the first tick's pulses."""
     _, motors, _ = lines[0].split()
     bench = Bench(int(motors), jitter_us=0)
     for i, engine in enumerate(bench.engines):

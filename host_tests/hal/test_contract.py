@@ -23,7 +23,8 @@ IMPLEMENTED = {
     "DriverWire": ["rp2_wire.py:Wire", "rp2_one_wire.py:OneWire", "host.py:SilentWire"],
     "Flash": ["rp2_flash.py:Flash", "host.py:HostFlash"],
 }
-# What only one kind has. The host's HAL has no REPL beside it, nor a model of engine commands in one object.
+# What only one kind has. The host's HAL has no REPL beside it, nor a model of engine commands in
+# one object.
 WITHOUT = {
     "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
     "host.py:HostPort": {"stop"},
@@ -41,11 +42,16 @@ CALLED = {
 
 
 def classes(path: Path) -> dict[str, ast.ClassDef]:
-    return {node.name: node for node in ast.parse(path.read_text()).body if isinstance(node, ast.ClassDef)}
+    return {
+        node.name: node
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef)
+    }
 
 
 def methods(cls: ast.ClassDef) -> dict[str, list[str]]:
-    """{name: parameters, without self}; a name that is put there as a whole has no list to compare."""
+    """{name: parameters, without self}; a name that is put there as a whole has no list to
+    compare."""
     return {
         node.name: [arg.arg.lstrip("_") for arg in node.args.args[1:]]
         for node in cls.body
@@ -70,7 +76,9 @@ def attributes(cls: ast.ClassDef) -> set[str]:
 def documented(cls: ast.ClassDef) -> set[str]:
     """The attributes that the docstring lists: a name, two spaces or more, what it is."""
     lines = (ast.get_docstring(cls) or "").splitlines()
-    return {line.split()[0] for line in lines[1:] if "  " in line.strip() and not line.startswith(" ")}
+    return {
+        line.split()[0] for line in lines[1:] if "  " in line.strip() and not line.startswith(" ")
+    }
 
 
 def implementations() -> Iterator[tuple[str, str]]:
@@ -81,9 +89,15 @@ def implementations() -> Iterator[tuple[str, str]]:
 
 def test_every_chip_is_held_to_the_contract():
     """The classes of its HAL stand in the table above."""
-    held = {place.split(":")[0] for base in ("Hal", "PulseEngine", "Port") for place in IMPLEMENTED[base]}
+    held = {
+        place.split(":")[0]
+        for base in ("Hal", "PulseEngine", "Port")
+        for place in IMPLEMENTED[base]
+    }
     for key, chip in chips().items():
-        assert f"{chip.hal}.py" in held, f"{key}: add the classes of hal/{chip.hal}*.py to IMPLEMENTED in this file"
+        assert f"{chip.hal}.py" in held, (
+            f"{key}: add the classes of hal/{chip.hal}*.py to IMPLEMENTED in this file"
+        )
 
 
 @pytest.mark.parametrize(("base", "place"), list(implementations()))
@@ -115,7 +129,9 @@ def used() -> Iterator[tuple[str, int, str, str]]:
             if not isinstance(node, ast.Attribute):
                 continue
             match node.value:
-                case ast.Attribute(value=ast.Attribute(attr="hal" | "_hal") | ast.Name(id="hal"), attr="watchdog"):
+                case ast.Attribute(
+                    value=ast.Attribute(attr="hal" | "_hal") | ast.Name(id="hal"), attr="watchdog"
+                ):
                     name = "dog"
                 case ast.Name(id=name) | ast.Attribute(attr=name):
                     name = name.lstrip("_")
@@ -140,4 +156,5 @@ def test_nothing_is_in_it_that_nobody_uses():
     """Of the HAL's own; Port and the like are handed to others under other names."""
     seen = {name for _, _, kind, name in used() if kind == "Hal"}
     cls = classes(CONTRACT)["Hal"]
-    assert (documented(cls) | methods(cls).keys()) - seen <= {"engine"}  # for commands of the bench and tests
+    # for commands of the bench and tests
+    assert (documented(cls) | methods(cls).keys()) - seen <= {"engine"}

@@ -1,4 +1,5 @@
-"""The engine that is a stream of words in memory (hal/stream.py): its edges beside those of PIO's model."""
+"""The engine that is a stream of words in memory (hal/stream.py): its edges beside those of PIO's
+model."""
 
 import random
 
@@ -26,7 +27,9 @@ def session(rng, motors, count):
     """Moves that turn round, bend and stop, with batches of any size."""
     yield f"new {motors} 0"
     for motor in range(motors):
-        yield f"speed {motor} {round(10 ** rng.uniform(1, 4.8))} {round(10 ** rng.uniform(3.5, 5.7))}"
+        yield (
+            f"speed {motor} {round(10 ** rng.uniform(1, 4.8))} {round(10 ** rng.uniform(3.5, 5.7))}"
+        )
     for _ in range(count):
         motor = rng.randrange(motors)
         if rng.random() < 0.8:
@@ -63,9 +66,16 @@ def test_the_steps_of_pio_to_a_word(painted, seed):
 
 @pytest.mark.parametrize("width", [0, 1, 3])
 def test_pulses_are_as_wide_as_set(painted, width):
-    """Wide enough, as far apart as they are wide, and the direction is there before them: with 5 µs two words."""
+    """Wide enough, as far apart as they are wide, and the direction is there before them: with 5 µs
+    two words."""
     fastest = round(1e6 / (WORD_US * 2 * (width + 1)))
-    lines = [f"new 2 {width}", f"speed 0 {fastest} 400000", "speed 1 3000 400000", "travel 0 9000", "travel 1 300"]
+    lines = [
+        f"new 2 {width}",
+        f"speed 0 {fastest} 400000",
+        "speed 1 3000 400000",
+        "travel 0 9000",
+        "travel 1 300",
+    ]
     lines += ["batch 20"] * 15 + ["travel 0 -2000", "travel 1 -100"] + ["batch 20"] * 45
     found = painted(lines)
     for motor in range(2):
@@ -86,7 +96,13 @@ def test_batches_make_no_difference(painted):
     """However many ticks are done at a time: the same words."""
     wanted = None
     for sizes in ([20], [1], [7, 13]):
-        lines = ["new 2 0", "speed 0 30000 200000", "speed 1 900 9000", "travel 0 4000", "travel 1 -150"]
+        lines = [
+            "new 2 0",
+            "speed 0 30000 200000",
+            "speed 1 900 9000",
+            "travel 0 4000",
+            "travel 1 -150",
+        ]
         for n in range(600 // sum(sizes)):
             lines += [f"batch {size}" for size in sizes]
             if (n + 1) * sum(sizes) == 300:
@@ -97,8 +113,15 @@ def test_batches_make_no_difference(painted):
 
 
 def test_outputs_change_with_the_tick_of_their_cue(painted):
-    """All words of that tick have it, whether a motor moves or not; what is driven holds from the next words on."""
-    lines = ["new 1 0", "speed 0 20000 200000", "travel 0 3000", f"cue 12 {1 << 8 | 1 << 29} 0", "batch 20"]
+    """All words of that tick have it, whether a motor moves or not; what is driven holds from the
+    next words on."""
+    lines = [
+        "new 1 0",
+        "speed 0 20000 200000",
+        "travel 0 3000",
+        f"cue 12 {1 << 8 | 1 << 29} 0",
+        "batch 20",
+    ]
     lines += [f"cue 25 {1 << 9} {1 << 8}", "batch 7", f"drive {1 << 10} {1 << 29}", "batch 3"]
     found = painted(lines)
     # the first tick is number 1
@@ -112,8 +135,11 @@ def test_outputs_change_with_the_tick_of_their_cue(painted):
 
 @pytest.mark.parametrize("ticks", [1, 3, 400])
 def test_words_that_ran_out_are_a_fault(painted, ticks):
-    """What the motor still owed comes at once, then it ramps down from what speed is left. No step is lost."""
-    lines = ["new 2 0", "speed 0 20000 100000", "speed 1 500 9000", "travel 0 20000"] + ["batch 20"] * 20
+    """What the motor still owed comes at once, then it ramps down from what speed is left. No step
+    is lost."""
+    lines = ["new 2 0", "speed 0 20000 100000", "speed 1 500 9000", "travel 0 20000"] + [
+        "batch 20"
+    ] * 20
     before = painted(lines)
     lines += [f"miss {ticks}"] + ["batch 20"] * 20
     found = painted(lines)
@@ -135,5 +161,11 @@ def test_words_that_ran_out_are_a_fault(painted, ticks):
 
 def test_commands_that_find_no_room_are_told(painted):
     """Faster than pulses of that width can be: the controller allows no such speed."""
-    lines = ["new 2 3", "speed 0 60000 400000", "speed 1 100 400000", "travel 0 20000", "travel 1 10"]
+    lines = [
+        "new 2 3",
+        "speed 0 60000 400000",
+        "speed 1 100 400000",
+        "travel 0 20000",
+        "travel 1 10",
+    ]
     assert painted(lines + ["batch 20"] * 20).lost == 1

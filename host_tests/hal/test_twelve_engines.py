@@ -1,4 +1,5 @@
-"""The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has and the emulated board has not."""
+"""The pulse engines of twelve motors: three PIO blocks, which only the RP2350 has and the emulated
+board has not."""
 
 import contextlib
 import importlib
@@ -38,7 +39,9 @@ class Pin:
 def pulses(monkeypatch):
     """framestep.hal.rp2_pulses with a chip of paper under it."""
     pio = SimpleNamespace(OUT_LOW=0, SHIFT_RIGHT=1, JOIN_TX=1)
-    rp2 = SimpleNamespace(PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine)
+    rp2 = SimpleNamespace(
+        PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine
+    )
     monkeypatch.setitem(sys.modules, "rp2", rp2)
     monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin))
     claims = SimpleNamespace(Claim=lambda *pins: contextlib.nullcontext())
@@ -53,7 +56,9 @@ def test_every_motor_has_its_own(pulses):
     board = board_data("pico2")
     engine = pulses.PulseEngine(board["step"], board["dir"], 75_000_000)
     assert Machine.made == list(zip(range(12), board["step"], board["dir"], strict=True))
-    assert [engine.fifo(i) for i in range(12)] == [block + TXF0 + 4 * i for block in BLOCKS for i in range(4)]
+    assert [engine.fifo(i) for i in range(12)] == [
+        block + TXF0 + 4 * i for block in BLOCKS for i in range(4)
+    ]
 
 
 class Register(dict):
@@ -67,6 +72,8 @@ class Register(dict):
 def test_a_lost_command_is_its_motors(pulses, monkeypatch, motor):
     for number, block in enumerate(BLOCKS):
         over = 1 << (16 + motor % 4) if motor // 4 == number else 0
-        monkeypatch.setitem(native_cpython._memory, block, Register({FDEBUG_WORD: over | 0x0F000000}))
+        monkeypatch.setitem(
+            native_cpython._memory, block, Register({FDEBUG_WORD: over | 0x0F000000})
+        )
     assert pulses.lost_commands(12) == 1 << motor
     assert pulses.lost_commands(12) == 0

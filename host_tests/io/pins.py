@@ -6,7 +6,8 @@ from framestep.rig import Rig
 
 
 class Pins:
-    """The part of the HAL contract that io/ uses. `level` is the word of all pins; tests may set it."""
+    """The part of the HAL contract that io/ uses. `level` is the word of all pins; tests may set
+    it."""
 
     def __init__(self, board=BOARD):
         self.board = board

@@ -13,7 +13,9 @@ OUTPUTS = st.lists(st.tuples(LEVEL, st.sampled_from(("off", "on", "hold"))), min
 
 
 def outputs_of(choices):
-    return [{"pin": pin, "on": on, "safe": safe} for pin, (on, safe) in zip(PINS, choices, strict=False)]
+    return [
+        {"pin": pin, "on": on, "safe": safe} for pin, (on, safe) in zip(PINS, choices, strict=False)
+    ]
 
 
 @given(OUTPUTS, st.lists(st.tuples(st.integers(0, 0xFFFF), st.integers(0, 0xFFFF)), max_size=10))
@@ -60,12 +62,14 @@ def test_pins_by_default_are_the_board_s():
     assert pins.pulls == {27: "up", 28: "up"}
 
 
-SIGNAL = st.lists(st.tuples(st.integers(0, 1), st.integers(1, 60)), min_size=1, max_size=20)  # level, ms
+# level, ms
+SIGNAL = st.lists(st.tuples(st.integers(0, 1), st.integers(1, 60)), min_size=1, max_size=20)
 
 
 @given(SIGNAL, SIGNAL, LEVEL, LEVEL, st.integers(0, 2**30 - 1))
 def test_inputs(first, second, on1, on2, clock):
-    """A level counts when it has lasted, each change is told once, two inputs do not disturb each other."""
+    """A level counts when it has lasted, each change is told once, two inputs do not disturb each
+    other."""
     pins = Pins()
     gio = Gio(pins, rig(inputs=[{"pin": 27, "on": on1}, {"pin": 28, "on": on2, "pull": "down"}]))
     signals = [[level for level, ms in runs for _ in range(ms)] for runs in (first, second)]

@@ -181,7 +181,8 @@ def test_a_rig_with_another_number_of_motors():
 
 
 def cuts(prepare, act, step=1):
-    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() -> (flash, powered)."""
+    """Act with the power cut after 0, step, … bytes; what a new start makes of each. prepare() ->
+    (flash, powered)."""
     at = 0
     while True:
         flash, powered = prepare()
@@ -197,7 +198,8 @@ def cuts(prepare, act, step=1):
 
 
 def moved(records):
-    """A powered after so many records, its motors moved once more. Records: places (n, -n, 0) for n up to `records`."""
+    """A powered after so many records, its motors moved once more. Records: places (n, -n, 0) for n
+    up to `records`."""
 
     def prepare():
         flash = Brittle(2, 4 * SLOT_BYTES)
@@ -236,13 +238,16 @@ def test_power_cut_while_the_mark_is_cleared():
         powered.poll()
         return flash, powered
 
-    found = [again.state for again in cuts(prepare, lambda powered: powered.positions.about_to_change())]
+    found = [
+        again.state for again in cuts(prepare, lambda powered: powered.positions.about_to_change())
+    ]
     assert set(found) == {cut_off(1, 2, 3), kept(1, 2, 3)}
 
 
 @given(st.lists(st.tuples(st.integers(0, 7), st.integers(0, 2000)), max_size=30))
 def test_power_cuts_at_any_time(steps):
-    """Whatever has happened, positions that are said to be held are those at the last stand-still."""
+    """Whatever has happened, positions that are said to be held are those at the last
+    stand-still."""
     flash = Brittle(3, 4 * SLOT_BYTES)
     powered = PoweredUp(flash)
     place = 0
@@ -270,7 +275,8 @@ def test_power_cuts_at_any_time(steps):
 
 
 def test_wear():
-    """The figures of docs/safety.md: the blocks take turns, and one erasure serves all slots of a block."""
+    """The figures of docs/safety.md: the blocks take turns, and one erasure serves all slots of a
+    block."""
     flash = HostFlash(4, 4096 - 256)
     powered = PoweredUp(flash)
     powered.put(0, 0, 0)

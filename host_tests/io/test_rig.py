@@ -18,16 +18,31 @@ def test_the_simulated_board_is_a_pico():
         ({"outputs": [{"pin": 2}]}, "outputs[1].pin: found 2, which is the board's step 1 already"),
         ({"inputs": [{"pin": 18}]}, "inputs[1].pin: found 18, which is the board's enable already"),
         ({"inputs": [{"pin": 0}]}, "inputs[1].pin: found 0, which is the board's DMX tx already"),
-        ({"outputs": [{"pin": 22}, {"pin": 22}]}, "outputs[2].pin: found 22, which is outputs[1].pin already"),
-        ({"limits": [{"high": 22, "low": 22}]}, "limits[1].low: found 22, which is limits[1].high already"),
-        ({"limits": [{"high": 22}], "inputs": [{"pin": 22}]}, "inputs[1].pin: found 22, which is limits[1].high"),
+        (
+            {"outputs": [{"pin": 22}, {"pin": 22}]},
+            "outputs[2].pin: found 22, which is outputs[1].pin already",
+        ),
+        (
+            {"limits": [{"high": 22, "low": 22}]},
+            "limits[1].low: found 22, which is limits[1].high already",
+        ),
+        (
+            {"limits": [{"high": 22}], "inputs": [{"pin": 22}]},
+            "inputs[1].pin: found 22, which is limits[1].high",
+        ),
         ({"outputs": [{"pin": 30}]}, "outputs[1].pin: found 30, allowed is a pin from 0 to 29"),
         ({"outputs": [{}]}, "outputs[1].pin: is missing, expected is a whole number from 0 to 47"),
-        ({"outputs": [{"pin": 22, "on": 1}]}, 'outputs[1].on: found 1, allowed is one of "high", "low"'),
+        (
+            {"outputs": [{"pin": 22, "on": 1}]},
+            'outputs[1].on: found 1, allowed is one of "high", "low"',
+        ),
         ({"outputs": None}, "outputs: found None, allowed is a list of at most 16 objects"),
         ({"inputs": [{"pin": 22, "safe": "on"}]}, "inputs[1].safe: no such setting"),
         ({"estop": True}, "estop: found True"),
-        ({"dmx_break_us": 91}, "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs"),
+        (
+            {"dmx_break_us": 91},
+            "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs",
+        ),
     ],
 )
 def test_mistakes(settings, text):
@@ -55,12 +70,27 @@ SKR_PICO = board_data("skr_pico")
     [
         ({"motor_count": 5}, "motor_count: found 5, this board has 4 motors"),
         ({"motors": [{}] * 5}, "motors: found 5, allowed is a list of at most 4 here"),
-        ({"motor_count": 1, "motors": [{}, {}]}, "motors: found 2, allowed is a list of at most 1 here"),
-        ({"outputs": [{"pin": 4}]}, "outputs[1].pin: found 4, which is wired as an input on this board"),
-        ({"inputs": [{"pin": 23}]}, "inputs[1].pin: found 23, which is wired as an output on this board"),
-        ({"limits": [{"low": 20}]}, "limits[1].low: found 20, which is wired as an output on this board"),
+        (
+            {"motor_count": 1, "motors": [{}, {}]},
+            "motors: found 2, allowed is a list of at most 1 here",
+        ),
+        (
+            {"outputs": [{"pin": 4}]},
+            "outputs[1].pin: found 4, which is wired as an input on this board",
+        ),
+        (
+            {"inputs": [{"pin": 23}]},
+            "inputs[1].pin: found 23, which is wired as an output on this board",
+        ),
+        (
+            {"limits": [{"low": 20}]},
+            "limits[1].low: found 20, which is wired as an output on this board",
+        ),
         ({"inputs": [{"pin": 27}]}, "inputs[1].pin: found 27, which is the board's jumper already"),
-        ({"inputs": [{"pin": 12}]}, "inputs[1].pin: found 12, which is the board's enable 1 already"),
+        (
+            {"inputs": [{"pin": 12}]},
+            "inputs[1].pin: found 12, which is the board's enable 1 already",
+        ),
     ],
 )
 def test_mistakes_on_a_board_with_sockets(settings, text):
@@ -73,7 +103,10 @@ def test_outputs_and_inputs_of_a_board_with_sockets():
     rig = Rig({}, SKR_PICO)
     assert [o["pin"] for o in rig.outputs] == [20, 21, 23]
     assert [i["pin"] for i in rig.inputs] == [22]
-    rig = Rig({"limits": [{"low": 4, "high": 3}], "outputs": [{"pin": 29}], "inputs": [{"pin": 25}]}, SKR_PICO)
+    rig = Rig(
+        {"limits": [{"low": 4, "high": 3}], "outputs": [{"pin": 29}], "inputs": [{"pin": 25}]},
+        SKR_PICO,
+    )
     assert rig.limits[0]["low"] == 4
     assert rig.outputs[0]["pin"] == 29
     assert rig.inputs[0]["pin"] == 25

@@ -1,4 +1,5 @@
-"""TMC2209 drivers on a simulated wire: registers, their confirmation, lost and damaged telegrams, faults in words."""
+"""TMC2209 drivers on a simulated wire: registers, their confirmation, lost and damaged telegrams,
+faults in words."""
 
 import itertools
 
@@ -28,7 +29,11 @@ class Wired:
         self.motors = self.board["motors"]
         self.now_us = 0
         self.passes = itertools.repeat(passes) if isinstance(passes, int) else passes
-        addresses = [a for a, table in zip(self.board["drivers"]["address"], self.rig.drivers, strict=False) if table]
+        addresses = [
+            a
+            for a, table in zip(self.board["drivers"]["address"], self.rig.drivers, strict=False)
+            if table
+        ]
         self.chips = [Chip(address) for address in addresses]
         self.driver_wire = Chips(self.chips, lambda: self.now_us * 1000)
         self.said = []
@@ -47,7 +52,8 @@ class Wired:
 
 
 def test_crc():
-    """The makers' telegram for IOIN of driver 0, and any other: theirs bit by bit, ours as it runs on the board."""
+    """The makers' telegram for IOIN of driver 0, and any other: theirs bit by bit, ours as it runs
+    on the board."""
     assert crc8(b"\x05\x00\x06") == tmc2209.crc(b"\x05\x00\x06", 0, 3) == 0x6F
 
 
@@ -68,7 +74,8 @@ def test_registers():
     driver = one()
     assert driver.writes[0] == (chip.NODECONF, 0x200)
     registers = driver.registers
-    assert registers[chip.GCONF] == 0b1_1100_0000  # UART rules, internal current reference, StealthChop
+    # UART rules, internal current reference, StealthChop
+    assert registers[chip.GCONF] == 0b1_1100_0000
     assert (
         registers[chip.VACTUAL]
         == registers[chip.TPWMTHRS]
@@ -113,7 +120,8 @@ def test_hold_current():
 
 @given(st.integers(10, 2000), st.integers(50, 1000))
 def test_current(run_ma, sense_mohm):
-    """Never above what was asked for, and at most one of 32 steps below it; out of reach exactly above most_ma."""
+    """Never above what was asked for, and at most one of 32 steps below it; out of reach exactly
+    above most_ma."""
     found = scale(run_ma, sense_mohm)
     assert (found is None) == (run_ma > most_ma(sense_mohm))
     if found:
@@ -138,7 +146,10 @@ def test_ready_only_when_all_have_been_tried():
     wired = Wired()
     while not wired.drivers.ready:
         assert wired.now_us < RESET_S * 1e6
-        assert not all(c.bridges_on and c.gstat == 0 and len(c.writes) == 12 for c in wired.chips) or wired.now_us
+        assert (
+            not all(c.bridges_on and c.gstat == 0 and len(c.writes) == 12 for c in wired.chips)
+            or wired.now_us
+        )
         wired.run(0.001)
     assert all(len(c.writes) == 12 and c.bridges_on for c in wired.chips)
 
@@ -146,7 +157,8 @@ def test_ready_only_when_all_have_been_tried():
 @settings(max_examples=25)
 @given(st.lists(st.integers(50, 12_000), min_size=20, max_size=60))
 def test_a_main_loop_of_any_pace(passes):
-    """Passes far apart and close together: nothing is sent into an answer, every write is confirmed at once."""
+    """Passes far apart and close together: nothing is sent into an answer, every write is confirmed
+    at once."""
     wired = Wired(passes=itertools.cycle(passes)).run(6)
     assert wired.drivers.ready == 0b1111
     assert not wired.said
@@ -351,7 +363,11 @@ def test_states_in_words():
             {"motors": [{"driver": {}}]},
             "motors[1].driver.run_ma: is missing, expected is a whole number from 10",
         ),
-        (SKR_PICO, {"motors": [{"driver": 3}]}, "motors[1].driver: found 3, allowed is an object {…}"),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": 3}]},
+            "motors[1].driver: found 3, allowed is an object {…}",
+        ),
         (
             SKR_PICO,
             {"motors": [{}, {"driver": {"run_ma": 1900}}]},
@@ -362,22 +378,39 @@ def test_states_in_words():
             {"motors": [{"driver": {"run_ma": 500, "microsteps": 10}}]},
             "microsteps: found 10, allowed is one of 1, 2, 4, 8, 16, 32, 64, 128, 256",
         ),
-        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]}, "microsteps: found True"),
-        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "mode": "loud"}}]}, 'allowed is one of "stealth", "spread"'),
-        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]}, "motors[1].driver.amps: no such setting"),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {"run_ma": 500, "microsteps": True}}]},
+            "microsteps: found True",
+        ),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {"run_ma": 500, "mode": "loud"}}]},
+            'allowed is one of "stealth", "spread"',
+        ),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {"run_ma": 500, "amps": 1}}]},
+            "motors[1].driver.amps: no such setting",
+        ),
         (SKR_PICO, {"inputs": [{"pin": 8}]}, "which is the board's driver UART's tx already"),
         (BOARD, {"motors": [{}] * 4 + [{"driver": {"run_ma": 500}}]}, "that of motors 1 to 4"),
         (
             board_data("fysetc_erb"),
             {"motors": [{"driver": {"run_ma": 500, "pin": 16}}]},
-            "motors[1].driver.pin: found 16, which is the board's step 2 already; allowed is a free pin",
+            "motors[1].driver.pin: found 16, which is the board's step 2 already; "
+            "allowed is a free pin",
         ),
         (
             board_data("fysetc_erb"),
             {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
             "motors[1].driver.pin: found 24, which is wired as an input on this board",
         ),
-        (SKR_PICO, {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]}, "the drivers share a UART here"),
+        (
+            SKR_PICO,
+            {"motors": [{"driver": {"run_ma": 500, "pin": 24}}]},
+            "the drivers share a UART here",
+        ),
         (board_data("pico2"), {"motors": [{"driver": {"run_ma": 500}}]}, "that of no motor"),
     ],
 )

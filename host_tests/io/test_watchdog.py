@@ -1,4 +1,5 @@
-"""The watchdog's food: only while the main loop, the tick and the queue of reports are all alive."""
+"""The watchdog's food: only while the main loop, the tick and the queue of reports are all
+alive."""
 
 from framestep.host_board import HostBoard
 from framestep.io.watchdog import CHECK_MS, HOST_UNREAD_MS, TIMEOUT_MS

@@ -1,7 +1,8 @@
-"""A bench for the tick kernel: motors on pulse engines, a clock, and a timer whose interrupts may come late.
+"""A bench for the tick kernel: motors on pulse engines, a clock, and a timer whose interrupts may
+come late.
 
-Time is in engine cycles of 8 ns. The pulse engines are those of the host board (hal/host.py); here each command is
-looked at as well, and it is noted when an engine had nothing to do.
+Time is in engine cycles of 8 ns. The pulse engines are those of the host board (hal/host.py); here
+each command is looked at as well, and it is noted when an engine had nothing to do.
 """
 
 import random
@@ -37,7 +38,9 @@ class Engine(PulseModel):
         self.bench = bench
         self.width = width
         self.up = 1
-        super().__init__(lambda: bench.now, width, self._rise, lambda at, level: self.turns.append(at))
+        super().__init__(
+            lambda: bench.now, width, self._rise, lambda at, level: self.turns.append(at)
+        )
 
     def _rise(self, at, level):
         self.rises.append(at)
@@ -45,7 +48,9 @@ class Engine(PulseModel):
 
     def __setitem__(self, index, command):
         word = command & 0xFFFF_FFFF
-        assert -0x8000_0000 <= command <= 0x7FFF_FFFF, f"a command of more than 32 bits: {command:#x}"
+        assert -0x8000_0000 <= command <= 0x7FFF_FFFF, (
+            f"a command of more than 32 bits: {command:#x}"
+        )
         assert word >> WIDTH == self.width, f"gap or pulses overflow in command {word:#010x}"
         now = self.bench.now
         if now > self.free_at:
@@ -77,13 +82,17 @@ class Clock:
 
 
 class Bench:
-    """`motors` on a kernel, its tick called by an emulated timer. Is a HAL for Axes, as far as those need one.
+    """`motors` on a kernel, its tick called by an emulated timer. Is a HAL for Axes, as far as
+    those need one.
 
-    offset_us: what the microsecond counter shows at time 0. jitter_us: each interrupt comes up to so much late.
-    off(us, length_us) switches interrupts off for some time; the timer replays the ticks missed.
+    offset_us: what the microsecond counter shows at time 0. jitter_us: each interrupt comes up to
+    so much late. off(us, length_us) switches interrupts off for some time; the timer replays the
+    ticks missed.
     """
 
-    def __init__(self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1):
+    def __init__(
+        self, motors=1, width=0, setup=625, invert=False, offset_us=0, jitter_us=3.0, seed=1
+    ):
         self.now = 0
         self.offset_us = offset_us
         self.jitter_us = jitter_us
@@ -127,7 +136,8 @@ class Bench:
             function()
 
     def run(self, ticks, each=None):
-        """So many interrupts; `each` is called before every one of them, as the main loop would be."""
+        """So many interrupts; `each` is called before every one of them, as the main loop would
+        be."""
         for _ in range(ticks):
             if each:
                 each()
@@ -141,7 +151,8 @@ class Bench:
         return self.kernel.blocks[motor]
 
     def put(self, motor, segments):
-        """Queue segments (ticks, whole steps, fraction, velocity, acceleration, jerk) in kernel numbers."""
+        """Queue segments (ticks, whole steps, fraction, velocity, acceleration, jerk) in kernel
+        numbers."""
         block = self.block(motor)
         queue = self.kernel.queues[motor]
         for segment in segments:
@@ -166,9 +177,11 @@ class Bench:
         return self
 
     def play(self, segments, ticks=None, motors=(0,)):
-        """Start motors in the same tick on a list of segments each, keep the queues filled, and run.
+        """Start motors in the same tick on a list of segments each, keep the queues filled, and
+        run.
 
-        Until they are at rest, or for so many ticks. Returns when the first pulses of the first tick may come.
+        Until they are at rest, or for so many ticks. Returns when the first pulses of the first
+        tick may come.
         """
         waiting = {motor: list(made) for motor, made in zip(motors, segments, strict=True)}
 
@@ -181,7 +194,9 @@ class Bench:
         self.start(*motors)
         start = self.due + self.state[stepper.AHEAD]
         limit = 100_000 if ticks is None else ticks
-        while limit and (ticks is not None or any(self.block(motor)[stepper.MODE] for motor in motors)):
+        while limit and (
+            ticks is not None or any(self.block(motor)[stepper.MODE] for motor in motors)
+        ):
             feed()
             self.tick()
             limit -= 1

@@ -1,6 +1,8 @@
-"""Ideal motions: position over time in exact arithmetic, the moments of its steps, and its segments for the kernel.
+"""Ideal motions: position over time in exact arithmetic, the moments of its steps, and its segments
+for the kernel.
 
-Time in ticks of 1 ms, position in steps. Nothing here is shared with the code under test but the formats of a segment.
+Time in ticks of 1 ms, position in steps. Nothing here is shared with the code under test but the
+formats of a segment.
 """
 
 from dataclasses import dataclass
@@ -40,7 +42,14 @@ class Piece:
         done = 0
         while done < self.ticks:
             ticks = min(LONGEST, self.ticks - done)
-            yield Piece(self.at + done, ticks, self.position(done), self.velocity(done), self.a + self.j * done, self.j)
+            yield Piece(
+                self.at + done,
+                ticks,
+                self.position(done),
+                self.velocity(done),
+                self.a + self.j * done,
+                self.j,
+            )
             done += ticks
 
     def segment(self):
@@ -60,7 +69,8 @@ class Piece:
 
 
 class Profile:
-    """Made of pieces: (ticks, acceleration) or (ticks, acceleration, jerk), from position p and velocity v."""
+    """Made of pieces: (ticks, acceleration) or (ticks, acceleration, jerk), from position p and
+    velocity v."""
 
     def __init__(self, pieces, p=0, v=0):
         self.pieces = []
@@ -132,5 +142,8 @@ class Profile:
 
 
 def trapezoid(ticks_up, acceleration, ticks_cruise):
-    """Up, cruise, down; the end is on a whole step if acceleration · ticks_up · (ticks_up + ticks_cruise) is whole."""
-    return Profile([(ticks_up, acceleration), (ticks_cruise, 0), (ticks_up, -Fraction(acceleration))])
+    """Up, cruise, down; the end is on a whole step if acceleration · ticks_up · (ticks_up +
+    ticks_cruise) is whole."""
+    return Profile(
+        [(ticks_up, acceleration), (ticks_cruise, 0), (ticks_up, -Fraction(acceleration))]
+    )

@@ -1,4 +1,5 @@
-"""What formulas are made of: each operation against `reals`, bit by bit, angles against double precision."""
+"""What formulas are made of: each operation against `reals`, bit by bit, angles against double
+precision."""
 
 import math
 from array import array
@@ -19,7 +20,9 @@ END = (f.END, 0, 0, 0)
 @st.composite
 def numbers(draw):
     """A mantissa and an exponent as a register has them, or 0."""
-    size = draw(st.one_of(st.integers(2**29, 2**30 - 1), st.integers(0, 3).map(lambda n: 2**29 + n)))
+    size = draw(
+        st.one_of(st.integers(2**29, 2**30 - 1), st.integers(0, 3).map(lambda n: 2**29 + n))
+    )
     if not draw(st.integers(0, 9)):
         return 0, 0
     return draw(st.sampled_from([1, -1])) * size, draw(st.integers(-75, 15))
@@ -88,7 +91,9 @@ def test_a_number(mantissa, exponent):
 @example((-1 - 2**29, -75))
 def test_floor(a):
     computed(r := registers(a), f.FLOOR, C, A, A)
-    assert Fraction(r[C]) * Fraction(2) ** r[C + 1] == math.floor(Fraction(a[0]) * Fraction(2) ** a[1])
+    assert Fraction(r[C]) * Fraction(2) ** r[C + 1] == math.floor(
+        Fraction(a[0]) * Fraction(2) ** a[1]
+    )
 
 
 def test_what_does_not_hold_ends_the_formula():
@@ -101,7 +106,10 @@ def test_what_does_not_hold_ends_the_formula():
 
 
 DEGREES = st.one_of(
-    st.floats(-50, 50), st.floats(-1e5, 1e5), st.integers(-40, 40).map(lambda n: 45.0 * n), st.floats(-1e-6, 1e-6)
+    st.floats(-50, 50),
+    st.floats(-1e5, 1e5),
+    st.integers(-40, 40).map(lambda n: 45.0 * n),
+    st.floats(-1e-6, 1e-6),
 )
 
 

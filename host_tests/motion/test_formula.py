@@ -1,4 +1,5 @@
-"""The compiler of formulas: what it makes of a text, computed, against Python's arithmetic; what it refuses."""
+"""The compiler of formulas: what it makes of a text, computed, against Python's arithmetic; what it
+refuses."""
 
 import math
 from array import array
@@ -52,7 +53,9 @@ def result(text, *values):
 )
 def test_precedence_and_parts(text):
     values = {"A": 3.25, "B": -1.5, "C": 7.75}
-    assert result(f"D = {text}", *values.values()) == pytest.approx(eval(text, {}, values), rel=2**-26)
+    assert result(f"D = {text}", *values.values()) == pytest.approx(
+        eval(text, {}, values), rel=2**-26
+    )
 
 
 @given(st.floats(-100, 100), st.floats(-100, 100))
@@ -98,7 +101,14 @@ def test_registers_by_number():
 
 @pytest.mark.parametrize(
     "condition, holds",
-    [("A > B", False), ("A >= B", True), ("A < B", False), ("A <= B", True), ("A + 1 > B", True), ("A < B * 2", True)],
+    [
+        ("A > B", False),
+        ("A >= B", True),
+        ("A < B", False),
+        ("A <= B", True),
+        ("A + 1 > B", True),
+        ("A < B * 2", True),
+    ],
 )
 def test_what_does_not_hold_ends_it(condition, holds):
     code, numbers = computed(f"C = 1\nassert {condition}\nD = 1", 4, 4)
@@ -110,7 +120,12 @@ def test_the_fewest_operations():
     cosine = "D = sqrt((A - B) * (A + B))"
     assert formula(NAMES, cosine) == END.join(
         [
-            bytes((c.SUBTRACT, 6, 0, 2) + (c.ADD, 16, 0, 2) + (c.MULTIPLY, 6, 6, 16) + (c.ROOT, 6, 6, 6)),
+            bytes(
+                (c.SUBTRACT, 6, 0, 2)
+                + (c.ADD, 16, 0, 2)
+                + (c.MULTIPLY, 6, 6, 16)
+                + (c.ROOT, 6, 6, 6)
+            ),
             b"",
         ]
     )
@@ -177,7 +192,9 @@ def run(r):
 
 
 def folded(text):
-    return fold({"framestep/registers.py": REGISTERS, "framestep/user.py": text})["framestep/user.py"]
+    return fold({"framestep/registers.py": REGISTERS, "framestep/user.py": text})[
+        "framestep/user.py"
+    ]
 
 
 def test_the_build_puts_the_bytes_there():
@@ -191,14 +208,22 @@ def test_the_build_puts_the_bytes_there():
 
 
 def test_registers_of_the_same_module():
-    text = "from framestep.motion.formula import formula\n" + REGISTERS + "F = formula(globals(), '_C = A * B')\n"
+    text = (
+        "from framestep.motion.formula import formula\n"
+        + REGISTERS
+        + "F = formula(globals(), '_C = A * B')\n"
+    )
     names: dict[str, object] = {}
     exec(folded(text).replace("from framestep.native import const", "const = int"), names)
     assert names["F"] == formula({"A": 0, "B": 2, "_C": 4}, "_C = A * B")
 
 
 def test_errors_of_the_build_give_file_and_line():
-    with pytest.raises(FoldError, match=r"framestep/user.py, line 9: C is no register, and has no value yet"):
+    with pytest.raises(
+        FoldError, match=r"framestep/user.py, line 9: C is no register, and has no value yet"
+    ):
         folded(USER.replace("A + B", "A + C"))
-    with pytest.raises(FoldError, match=r"line 6: formula\(\) takes a module, or globals\(\), and a text"):
+    with pytest.raises(
+        FoldError, match=r"line 6: formula\(\) takes a module, or globals\(\), and a text"
+    ):
         folded(USER.replace("    registers,\n", "    names(),\n"))

@@ -1,4 +1,5 @@
-"""Motions as a main loop asks for them, whatever it asks: limits kept in every tick, and the end exact and in time."""
+"""Motions as a main loop asks for them, whatever it asks: limits kept in every tick, and the end
+exact and in time."""
 
 from array import array
 from itertools import accumulate, pairwise
@@ -20,7 +21,8 @@ LONGEST_RUN = 30_000  # ticks
 
 
 class Motor:
-    """One axis on a bench, its profile watched tick by tick: `gone` are the steps it goes in each."""
+    """One axis on a bench, its profile watched tick by tick: `gone` are the steps it goes in
+    each."""
 
     def __init__(self, velocity, acceleration, jerk=0, place=0):
         self.bench = Bench()
@@ -42,8 +44,9 @@ class Motor:
         block = self.block
         assert block[stepper.FAULT] == 0
         before, self.place = self.place, block[stepper.POSITION] + block[stepper.FRACTION] / ONE
-        # At rest a motor forgets the fraction of a step that a stop has left. A stop that ends within a sixteenth of a
-        # whole step is put on it in its last tick, by segments.settle(): that is no motion of the plan's.
+        # At rest a motor forgets the fraction of a step that a stop has left. A stop that ends
+        # within a sixteenth of a whole step is put on it in its last tick, by segments.settle():
+        # that is no motion of the plan's.
         rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
         on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
         last = block[stepper.LEFT] == 0 and block[stepper.TAIL] - block[stepper.HEAD] <= 1
@@ -55,7 +58,8 @@ class Motor:
         if not self._prepare(hal, *ticks):
             return False
         block = self.block
-        self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE  # that of a stop at its end is forgotten
+        # that of a stop at its end is forgotten
+        self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE
         whole, fraction, v, a = self.axis.state[:4]
         self.planned_from = whole + fraction / ONE, v / ONE - a / 2**28
         return True
@@ -85,9 +89,10 @@ class Motor:
         top = max(map(abs, gone)) * 1e3
         # Where two segments meet, a tick may be some ten-thousandth of a step longer: 0.25 steps/s.
         assert top <= velocity * 1.0001 + 0.25, f"{top} steps/s"
-        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick shows. Near a
-        # standstill it may be more: a stop ends with a whole tick, and what turns back in that very tick is half a
-        # tick's change ahead; and the last 256th of a step is not planned for, the motor just counts as there.
+        # Segments meet within some ten-thousandth of a step, which a change of velocity over a tick
+        # shows. Near a standstill it may be more: a stop ends with a whole tick, and what turns
+        # back in that very tick is half a tick's change ahead; and the last 256th of a step is not
+        # planned for, the motor just counts as there.
         slow = max(2 * acceleration / 1e6, 1 / 250)
         for before, way in pairwise(gone):
             share, step = (1.5, 4000) if max(abs(before), abs(way)) < slow else (1.01, 500)
@@ -96,7 +101,8 @@ class Motor:
 
 
 def shortest(way, v, velocity, acceleration):
-    """Ticks from a velocity v (steps per tick) to rest `way` steps on: numbers per tick, no jerk limit."""
+    """Ticks from a velocity v (steps per tick) to rest `way` steps on: numbers per tick, no jerk
+    limit."""
     if way < 0 or (way == 0 and v < 0):
         way, v = -way, -v
     to_stop = v * abs(v) / (2 * acceleration)
@@ -171,13 +177,18 @@ def scripts(draw):
         elif what == STOP:
             script.append((STOP, draw(st.sampled_from([1, 4])), 0))
         elif what == SPEED:
-            script.append((SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1]))))
-        script.append((PAUSE, draw(st.sampled_from([0, 1, 1, 2, 3, 7, 11, 12, 13, 20, 40, 150, 400])), 0))
+            script.append(
+                (SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1])))
+            )
+        script.append(
+            (PAUSE, draw(st.sampled_from([0, 1, 1, 2, 3, 7, 11, 12, 13, 20, 40, 150, 400])), 0)
+        )
     return velocity, acceleration, script, draw(ways(velocity, acceleration))
 
 
 def play(motor, velocity, acceleration, script):
-    """Goes through the requests; the steepest deceleration asked for, as a multiple of the setting."""
+    """Goes through the requests; the steepest deceleration asked for, as a multiple of the
+    setting."""
     steepest = 1
     for what, x, y in script:
         if what == TRAVEL:
@@ -207,7 +218,8 @@ BETWEEN_BRIDGES = [
 @example(case=(100, 10000, [*BETWEEN_BRIDGES, (TRAVEL, 1, 10000), (PAUSE, 0, 0), (PAUSE, 1, 0)], 0))
 @settings(max_examples=200)
 def test_any_requests(case):
-    """Targets, stops and settings at any moment; in the end the motor stands on the last target, in due time."""
+    """Targets, stops and settings at any moment; in the end the motor stands on the last target, in
+    due time."""
     velocity, acceleration, script, target = case
     motor = Motor(velocity, acceleration)
     steepest = play(motor, velocity, acceleration, script)
@@ -244,7 +256,8 @@ OTHERS = st.lists(st.tuples(st.integers(1, 300), st.integers(-3000, 3000)), max_
 @given(moves(), st.integers(1, 1_000_000), OTHERS)
 @example((487, 1_000_000, 0), 107_232, [(1, 7), (8, 0)])
 def test_jerk_limited(move, jerk, others):
-    """With a limit of the jerk in 1000 steps/s³: the same, and the acceleration comes and goes gradually."""
+    """With a limit of the jerk in 1000 steps/s³: the same, and the acceleration comes and goes
+    gradually."""
     velocity, acceleration, way = move
     if velocity / 1e3 / jerk * 1e6 > 3e6:  # ramps of minutes
         jerk = max(jerk, round(velocity / 1e3))
@@ -275,7 +288,8 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
 
 @st.composite
 def gentle_scripts(draw):
-    """Settings with a jerk limit, whose ramps take some seconds at most, requests at any moments, and a last target."""
+    """Settings with a jerk limit, whose ramps take some seconds at most, requests at any moments,
+    and a last target."""
     velocity = round(10 ** draw(st.floats(1, 3.6)))
     acceleration = max(round(10 ** draw(st.floats(2, 5))), velocity * 2)
     jerk = max(round(10 ** draw(st.floats(0, 4))), velocity // 2000)
@@ -288,7 +302,9 @@ def gentle_scripts(draw):
         elif what == STOP:
             script.append((STOP, 1, 0))
         else:
-            script.append((SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1]))))
+            script.append(
+                (SPEED, draw(st.sampled_from([0.1, 0.5, 1])), draw(st.sampled_from([0.5, 1])))
+            )
         script.append((PAUSE, draw(st.integers(0, 60) | st.integers(0, 900)), 0))
     return velocity, acceleration, jerk, script, draw(gentle_ways(velocity))
 
@@ -300,7 +316,8 @@ def gentle_ways(velocity):
 @given(gentle_scripts())
 @settings(max_examples=60)
 def test_any_requests_within_the_jerk_limit(case):
-    """As test_any_requests, with stops and jogs of any share: within the limits, between the targets, exact."""
+    """As test_any_requests, with stops and jogs of any share: within the limits, between the
+    targets, exact."""
     velocity, acceleration, jerk, script, target = case
     motor = Motor(velocity, acceleration, jerk)
     lowest = highest = 0

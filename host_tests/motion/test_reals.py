@@ -43,7 +43,10 @@ def registers(draw, count=2):
 def test_put(value, exponent):
     r = array("i", [0, 0])
     reals.put(r, 0, value, exponent)
-    assert abs(exact(r, 0) - value * Fraction(2) ** exponent) <= EXACT * abs(value) * Fraction(2) ** exponent
+    assert (
+        abs(exact(r, 0) - value * Fraction(2) ** exponent)
+        <= EXACT * abs(value) * Fraction(2) ** exponent
+    )
 
 
 @given(INT32, INT32)

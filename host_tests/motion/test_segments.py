@@ -44,7 +44,8 @@ def moved(p, h):
 
 @st.composite
 def cubics(draw):
-    """Within what a motor does: 500 steps a tick, 4 steps a tick², and jerks that lead there within some ticks."""
+    """Within what a motor does: 500 steps a tick, 4 steps a tick², and jerks that lead there within
+    some ticks."""
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     cubic[segments.WHOLE] = draw(st.integers(-(2**31) + 2**15, 2**31 - 2**15))
     low = st.integers(0, 2**30 - 1)
@@ -113,7 +114,8 @@ def new_block():
 
 
 def added_up(segment):
-    """Where the kernel gets with a segment, and the velocity and acceleration it would go on with."""
+    """Where the kernel gets with a segment, and the velocity and acceleration it would go on
+    with."""
     ticks, whole, rem, v, a, j = segment[:6]
     position = whole * ONE + rem
     for _ in range(ticks):
@@ -138,7 +140,9 @@ def test_cut(cubic, ticks):
     assert 0 <= before[0] - start < Fraction(1, ONE)
     end, *_ = added_up(segment)
     # velocity is cut off at Q22, acceleration rounded to Q22 tick by tick, jerk cut off at Q27
-    bound = Fraction(1 + 2 * ticks, ONE) + Fraction(ticks**2, 2 * ONE) + Fraction(ticks**3, 6 * FINE)
+    bound = (
+        Fraction(1 + 2 * ticks, ONE) + Fraction(ticks**2, 2 * ONE) + Fraction(ticks**3, 6 * FINE)
+    )
     assert abs(end - polynomial(before, ticks)) <= bound
 
 
@@ -195,7 +199,11 @@ def test_snap(step, part, cubic):
     assert coefficients(cubic) == [step + Fraction(part, 65536), *before[1:]]
 
 
-@given(st.integers(-(2**30) + 1, 2**30 - 1), st.integers(-75, -17), st.sampled_from([segments.G1, segments.G2]))
+@given(
+    st.integers(-(2**30) + 1, 2**30 - 1),
+    st.integers(-75, -17),
+    st.sampled_from([segments.G1, segments.G2]),
+)
 def test_coefficient(mantissa, exponent, k):
     r = array("i", [0] * 4)
     cubic = array("i", [0] * segments.CUBIC_WORDS)
@@ -241,7 +249,13 @@ def test_distance(target, whole, fraction, low):
     segments.distance(r, 0, array("i", [0, target]), 1, cubic)
     ideal = target - coefficients(cubic)[0]
     size = abs(ideal)
-    bound = Fraction(1, 2**16) if size < 2**14 - 1 else Fraction(1, 2**9) if size < 2**21 - 1 else 1 + size / 2**28
+    bound = (
+        Fraction(1, 2**16)
+        if size < 2**14 - 1
+        else Fraction(1, 2**9)
+        if size < 2**21 - 1
+        else 1 + size / 2**28
+    )
     assert abs(r[0] * Fraction(2) ** r[1] - ideal) <= bound
 
 

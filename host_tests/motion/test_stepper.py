@@ -1,4 +1,5 @@
-"""The tick kernel against ideal motions: when each edge comes, what a late interrupt does, how a motion ends."""
+"""The tick kernel against ideal motions: when each edge comes, what a late interrupt does, how a
+motion ends."""
 
 from fractions import Fraction
 
@@ -19,15 +20,17 @@ def steady(rate, ticks, p=0):
     return Profile([(ticks, 0)], p=p, v=Fraction(rate, 1000))
 
 
-# What a timer's grid may be off after a hole or at boot: a sixteenth of it is no longer made up for.
+# What a timer's grid may be off after a hole or at boot: a sixteenth of it is no longer made up
+# for.
 GRID_US = 16
 
 
 def errors_us(bench, start, profile, motor=0, ticks=None, made=0):
-    """Errors of a motion's edges against the ideal, in µs, less their median, which lies within what a grid may be off.
+    """Errors of a motion's edges against the ideal, in µs, less their median, which lies within
+    what a grid may be off.
 
-    Where the motor is next to standing less what rounding may do. ticks: a run of a steady motion that was cut short
-    there; its first ticks are left out. made: edges of motions before this one.
+    Where the motor is next to standing less what rounding may do. ticks: a run of a steady motion
+    that was cut short there; its first ticks are left out. made: edges of motions before this one.
     """
     times, ways = bench.times(motor)
     times, ways = times[made:], ways[made:]
@@ -60,7 +63,9 @@ def at_rest(bench, motor=0):
     assert block[stepper.FRACTION] == block[stepper.VELOCITY] == 0
     assert bench.engines[motor].position == block[stepper.POSITION]
     engine = bench.engines[motor]
-    assert not engine.rises or engine.rises[-1] + engine.high_cycles < bench.now, "pulses are still on their way"
+    assert not engine.rises or engine.rises[-1] + engine.high_cycles < bench.now, (
+        "pulses are still on their way"
+    )
 
 
 # ---------------------------------------------------------------- edges
@@ -68,7 +73,24 @@ def at_rest(bench, motor=0):
 
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize(
-    "rate", [1, 7, 10, 333, 1000, 3001, 12_345, 50_000, 99_700, 100_000, 127_999, 128_001, 250_000, 333_333, 350_000]
+    "rate",
+    [
+        1,
+        7,
+        10,
+        333,
+        1000,
+        3001,
+        12_345,
+        50_000,
+        99_700,
+        100_000,
+        127_999,
+        128_001,
+        250_000,
+        333_333,
+        350_000,
+    ],
 )
 def test_steady(rate, way):
     """design: half a microsecond, whatever the rate."""
@@ -127,7 +149,8 @@ def test_jerk_limited_ramp():
 @pytest.mark.parametrize("width", [0, 3, 15])
 @pytest.mark.parametrize("invert", [False, True])
 def test_reversals(setup_us, width, invert):
-    """Back and forth: each change of direction lies between two pulses, `setup` before the next one."""
+    """Back and forth: each change of direction lies between two pulses, `setup` before the next
+    one."""
     bench = Bench(width=width, setup=setup_us * PER_US, invert=invert).settle()
     a = Fraction(1, 20)
     profile = Profile([(100, a), (200, -a), (173, a), (96, -a), (23, a)], p=0)
@@ -135,9 +158,12 @@ def test_reversals(setup_us, width, invert):
     start = bench.play([profile.segments()])
     error = errors_us(bench, start, profile)
     engine = bench.engines[0]
-    # A step that comes at once after a turn waits for the set-up time; none does here but where that is long.
+    # A step that comes at once after a turn waits for the set-up time; none does here but where
+    # that is long.
     assert np.abs(error).max() < max(3, setup_us)
-    assert len(engine.turns) == np.count_nonzero(np.diff(engine.ways)) + (1 if invert == 0 else 0) or len(engine.turns)
+    assert len(engine.turns) == np.count_nonzero(np.diff(engine.ways)) + (
+        1 if invert == 0 else 0
+    ) or len(engine.turns)
     rises = np.array(engine.rises)
     for at in engine.turns:
         later = rises[rises > at]
@@ -182,7 +208,8 @@ def test_widths(width):
 
 
 def test_any_phase_within_a_tick():
-    """A motion may begin and end between two steps and within a tick; each edge is where it belongs."""
+    """A motion may begin and end between two steps and within a tick; each edge is where it
+    belongs."""
     for numerator in range(1, 200, 7):
         bench = Bench().settle()
         p = Fraction(numerator, 200)
@@ -195,11 +222,14 @@ def test_any_phase_within_a_tick():
 
 @pytest.mark.parametrize("rate", [125, 250, 500, 1000, 2000, 4000])
 def test_steps_on_the_ends_of_ticks(rate):
-    """Where each step falls on the end of a tick, rounding must not put it into this tick or that: none, then two."""
+    """Where each step falls on the end of a tick, rounding must not put it into this tick or that:
+    none, then two."""
     for hair in range(-40, 41, 8):
         bench = Bench().settle()
         profile = Profile([(64, Fraction(rate, 64_000)), (300, 0)])
-        segments = [(t, p, f, v + hair // 8, *rest) for t, p, f, v, *rest in profile.segments(rest=False)]
+        segments = [
+            (t, p, f, v + hair // 8, *rest) for t, p, f, v, *rest in profile.segments(rest=False)
+        ]
         start = bench.play([segments], 340)
         error = errors_us(bench, start, profile, ticks=340)
         assert np.abs(error[-rate // 20 :]).max() < 0.5
@@ -238,7 +268,8 @@ def test_motors_that_start_later_are_in_step_too():
 @pytest.mark.parametrize("pause", [0, 1, 2, 3, 4, 5, 10])
 @pytest.mark.parametrize("late_us", [0, 700, 1600])
 def test_start_again_soon(pause, late_us):
-    """After whatever pause, with the engine still busy or not, a motion begins in step with the others."""
+    """After whatever pause, with the engine still busy or not, a motion begins in step with the
+    others."""
     bench = Bench(2, jitter_us=0).settle()
     short = trapezoid(20, Fraction(1, 10), 0)
     bench.put(0, short.segments())
@@ -263,7 +294,8 @@ def test_start_again_soon(pause, late_us):
 
 
 def test_eight_motors_fill_no_fifo():
-    """Three commands a tick in all motors for as long as it goes: 3 steps a tick while the velocity changes."""
+    """Three commands a tick in all motors for as long as it goes: 3 steps a tick while the velocity
+    changes."""
     bench = Bench(8, jitter_us=60).settle()
     profile = trapezoid(400, Fraction(1, 100), 0)  # a hundred ticks with three steps each, twice
     bench.play([profile.segments()] * 8, motors=range(8))
@@ -299,9 +331,12 @@ def test_late_interrupts_move_no_edge(late_us, rate):
 
 @pytest.mark.parametrize("phase_us", [0, 1, 400, 999])
 @pytest.mark.parametrize("hole_us", [1900, 2000, 3000, 3300, 3999, 4500, 50_000])
-@pytest.mark.parametrize("rate, brake", [(5_000, Fraction(1, 50)), (5_000, Fraction(4)), (300_000, Fraction(1, 2))])
+@pytest.mark.parametrize(
+    "rate, brake", [(5_000, Fraction(1, 50)), (5_000, Fraction(4)), (300_000, Fraction(1, 2))]
+)
 def test_hole_in_time(hole_us, phase_us, rate, brake):
-    """Engines that ran dry: a fault, a ramp from what velocity is left, never a burst. Then all is as before."""
+    """Engines that ran dry: a fault, a ramp from what velocity is left, never a burst. Then all is
+    as before."""
     bench, profile, _ = moving(rate, brake)
     was = bench.state[stepper.TICKS]
     bench.off((bench.due - bench.now) / PER_US - phase_us, hole_us + phase_us)
@@ -389,7 +424,9 @@ def test_replayed_calls_do_nothing():
     assert np.abs(error).max() < 0.5
 
 
-@pytest.mark.parametrize("offset_us", [0, 2**30 - 50_000, 2**31 - 50_000, 2**32 - 50_000, 2**29 - 50_000])
+@pytest.mark.parametrize(
+    "offset_us", [0, 2**30 - 50_000, 2**31 - 50_000, 2**32 - 50_000, 2**29 - 50_000]
+)
 def test_the_counter_wraps(offset_us):
     """The microsecond counter has 32 bits, the kernel's times 30."""
     bench = Bench(offset_us=offset_us).settle()
@@ -400,7 +437,9 @@ def test_the_counter_wraps(offset_us):
     at_rest(bench)
 
 
-@pytest.mark.parametrize("counter", [0, 1, 2**29 - 1, 2**29, 2**29 + 5000, 2**30 - 1, 2**31 - 1, 2**31, 2**32 - 1000])
+@pytest.mark.parametrize(
+    "counter", [0, 1, 2**29 - 1, 2**29, 2**29 + 5000, 2**30 - 1, 2**31 - 1, 2**31, 2**32 - 1000]
+)
 def test_wherever_the_counter_is_at_the_start(counter):
     bench = Bench(offset_us=counter).settle()
     profile = trapezoid(50, Fraction(1, 10), 0)
@@ -412,7 +451,9 @@ def test_wherever_the_counter_is_at_the_start(counter):
 # ---------------------------------------------------------------- how a motion ends
 
 
-@pytest.mark.parametrize("rate, brake", [(100, 4), (20_000, Fraction(1, 50)), (350_000, Fraction(3, 2))])
+@pytest.mark.parametrize(
+    "rate, brake", [(100, 4), (20_000, Fraction(1, 50)), (350_000, Fraction(3, 2))]
+)
 def test_queue_runs_dry(rate, brake):
     """A fault, and a ramp by BRAKE from the velocity there was."""
     bench = Bench().settle()
@@ -454,7 +495,8 @@ def test_a_segment_that_begins_elsewhere():
 
 
 def test_rounding_at_a_joint_is_taken_in():
-    """Segments that disagree by a hair, as rounding has it: the next one's place holds, no fault."""
+    """Segments that disagree by a hair, as rounding has it: the next one's place holds, no
+    fault."""
     for hair in -30, -1, 1, 30:
         for p in Fraction(0), Fraction(999_999, 1_000_000), Fraction(1, 3):
             bench = Bench().settle()
@@ -466,7 +508,8 @@ def test_rounding_at_a_joint_is_taken_in():
             segments[1] = (t, place // ONE, place % ONE, *rest)
             bench.play([segments], 60)
             assert bench.state[stepper.FAULTS] == 0
-            rises = bench.engines[0].rises[2:]  # at full velocity from the first tick on: no real motion begins so
+            # at full velocity from the first tick on: no real motion begins so
+            rises = bench.engines[0].rises[2:]
             assert np.abs(np.diff(rises) / PER_TICK - 1).max() < 1e-3
 
 
@@ -474,7 +517,8 @@ def test_rounding_at_a_joint_is_taken_in():
 @pytest.mark.parametrize("decel", [Fraction(1, 1000), Fraction(1, 50), Fraction(1), Fraction(4)])
 @pytest.mark.parametrize("after", [40, 41, 64])
 def test_halt(rate, decel, after):
-    """From the next tick on slower by `decel` each tick; the steps made are where the motor stands."""
+    """From the next tick on slower by `decel` each tick; the steps made are where the motor
+    stands."""
     if abs(rate) / decel > 3_000_000:
         decel *= 100
     bench = Bench().settle()
@@ -482,7 +526,9 @@ def test_halt(rate, decel, after):
     bench.play([steady(rate, 200).segments(rest=False)], after)
     made = len(bench.engines[0].rises)
     places = []
-    bench.after_tick.append(lambda: places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE))
+    bench.after_tick.append(
+        lambda: places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE)
+    )
     bench.tick()
     places.clear()
     places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE)
@@ -509,7 +555,9 @@ def test_halt_while_speeding_up():
         block = bench.block()
         bench.play([trapezoid(64, Fraction(1, 10), 64).segments()], after)
         places = []
-        bench.after_tick.append(lambda b=block, p=places: p.append(b[stepper.POSITION] + b[stepper.FRACTION] / ONE))
+        bench.after_tick.append(
+            lambda b=block, p=places: p.append(b[stepper.POSITION] + b[stepper.FRACTION] / ONE)
+        )
         bench.tick()
         stepper.halt(block, ONE // 5)
         bench.run(60)
@@ -547,7 +595,13 @@ def test_halt_without_motion(when):
             bench.tick()
     place = block[stepper.POSITION]
     if "started" in when:
-        bench.put(0, [(t, p + place, *rest) for t, p, *rest in trapezoid(64, Fraction(1, 10), 64).segments()])
+        bench.put(
+            0,
+            [
+                (t, p + place, *rest)
+                for t, p, *rest in trapezoid(64, Fraction(1, 10), 64).segments()
+            ],
+        )
         bench.start(0)
     stepper.halt(block, ONE // 50)
     bench.run(20)

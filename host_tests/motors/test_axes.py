@@ -1,4 +1,5 @@
-"""An axis and all of them: settings, limits, starts and stops, what counts as moving, phases from outside."""
+"""An axis and all of them: settings, limits, starts and stops, what counts as moving, phases from
+outside."""
 
 from array import array
 
@@ -10,7 +11,13 @@ from hypothesis import strategies as st
 from framestep.hal.engine import LEAD
 from framestep.motion import reals, stepper
 from framestep.motors.axes import Axes
-from framestep.motors.motor import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, kernel_rate
+from framestep.motors.motor import (
+    ACCELERATION_LIMIT,
+    MAX_ACCELERATION,
+    MAX_JERK,
+    MAX_VELOCITY,
+    kernel_rate,
+)
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 
@@ -148,7 +155,11 @@ def test_clamp(place, target):
     axis.clamp(held, 1)
     assert axis.outside(held, 1) == 0
     low, high = min(-100, place), max(100, place)
-    if low <= target <= high and not (place > 100 and target > place) and not (place < -100 and target < place):
+    if (
+        low <= target <= high
+        and not (place > 100 and target > place)
+        and not (place < -100 and target < place)
+    ):
         assert held[1] == target
     assert low <= held[1] <= high
 
@@ -232,7 +243,9 @@ def test_heads_for():
 # ---------------------------------------------------------------- jogs
 
 
-@pytest.mark.parametrize("share, part", [(10_000, 1), (5000, 0.5), (777, 0.0777), (100, 0.01), (1, 0.01)])
+@pytest.mark.parametrize(
+    "share, part", [(10_000, 1), (5000, 0.5), (777, 0.0777), (100, 0.01), (1, 0.01)]
+)
 def test_shares(share, part):
     """field note 4.2: velocity and acceleration scaled, with a small floor."""
     rig = Rig(jitter_us=0)
@@ -301,7 +314,8 @@ def test_stop_all_and_hard_stop():
 
 
 def test_release_starts_all_in_one_tick():
-    """Queued with begin_plan(), append_phase() and feed(), started by release(): the first pulses of all in step."""
+    """Queued with begin_plan(), append_phase() and feed(), started by release(): the first pulses
+    of all in step."""
     rig = Rig(4)
     numbers = array("i", [0] * 8)
     reals.put(numbers, 0, 400, 0)  # ticks
@@ -322,12 +336,13 @@ def test_release_starts_all_in_one_tick():
     assert rig[2].moving
 
 
-# ---------------------------------------------------------------- phases from outside, as a run appends them
+# ------------------------------------------------------- phases from outside, as a run appends them
 
 
 @pytest.mark.parametrize("period", ["41.70837", "33.3667", "7.3", "1.9", "0.4", "1000.25"])
 def test_phases_appended_on_the_way(period):
-    """A path through steps at times that are no ticks, appended one by one: exact at each, whatever the moment."""
+    """A path through steps at times that are no ticks, appended one by one: exact at each, whatever
+    the moment."""
     rig = Rig(jitter_us=0)
     axis = rig[0]
     ticks = float(period)
@@ -412,7 +427,8 @@ def test_a_motor_that_stands_in_a_timed_motion_faults_without_its_feed(timed):
 
 @pytest.mark.parametrize("young", [0, 3, 20, 300])
 def test_one_pass_between_two_long_absences(young):
-    """Two long calls on the REPL with a single pass of the main loop between them: no motor's queue runs dry.
+    """Two long calls on the REPL with a single pass of the main loop between them: no motor's queue
+    runs dry.
 
     sum(range(30000)) keeps the passes away for 64 ms on an RP2040, os.statvfs("/") for 47.
     """
@@ -428,11 +444,12 @@ def test_one_pass_between_two_long_absences(young):
     assert rig.bench.state[stepper.FAULTS] == 0
 
 
-# ---------------------------------------------------------------- phases that begin and end within a tick
+# ---------------------------------------------------------- phases that begin and end within a tick
 
 
 def play(phases):
-    """Plays (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from rest at step 0."""
+    """Plays (duration in 1/64 tick, step at its end, velocity there in 1/64 step per tick) from
+    rest at step 0."""
     rig = Rig()
     axis = rig[0]
     axis.begin_plan(rig.bench)
@@ -456,8 +473,9 @@ def play(phases):
 @pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("wait", [0, 1, 13, 32, 40, 63, 64, 65, 100])
 def test_a_phase_that_ends_in_the_tick_of_its_start(wait, sense):
-    """A ramp of a tick, less or next to nothing, beginning anywhere in the first ticks: its whole steps are not quite
-    where its velocities lead, and yet each segment begins where the one before it has ended."""
+    """A ramp of a tick, less or next to nothing, beginning anywhere in the first ticks: its whole
+    steps are not quite where its velocities lead, and yet each segment begins where the one before
+    it has ended."""
     for duration in sorted({0, 1, 7, 33, 60, 63, 64, 65, 128, 64 - wait % 64}):
         for velocity in (0, 20, 90, 237):
             if velocity > 4 * duration:

@@ -1,4 +1,5 @@
-"""Light levels and triggers as a host would upload them, good and bad, and what must come of them by a dictionary.
+"""Light levels and triggers as a host would upload them, good and bad, and what must come of them
+by a dictionary.
 
 `plots()` makes scripts for host_tests/runtime/lightplots_replay.py, `expected()` gives the answers.
 """
@@ -13,7 +14,9 @@ from framestep.protocol import messages
 from framestep_tools import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
-replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "lightplots_replay.py"))["replay"]
+replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "lightplots_replay.py"))[
+    "replay"
+]
 
 
 def answers(*lines):
@@ -38,7 +41,8 @@ def signed(word):
 
 
 class Model:
-    """What LightLevels and Triggers must do: a dictionary {frame: level} for each channel, one for the triggers."""
+    """What LightLevels and Triggers must do: a dictionary {frame: level} for each channel, one for
+    the triggers."""
 
     def __init__(self, changes, most_triggers):
         self.capacity, self.most_triggers = changes, most_triggers
@@ -108,7 +112,9 @@ class Model:
 
     def has(self):
         ready = self.state == "READY"
-        return f"{len(self.sent)} {int(ready and self.sent != {})} {int(ready and self.any_triggers)}"
+        return (
+            f"{len(self.sent)} {int(ready and self.sent != {})} {int(ready and self.any_triggers)}"
+        )
 
     def table(self, index):
         """Every channel's level at a frame."""
@@ -130,14 +136,18 @@ class Model:
         while start != end:
             start += way
             table = self.table(start)
-            answer.append(",".join(f"{c}={level}" for c, level in table.items() if shown[c] != level))
+            answer.append(
+                ",".join(f"{c}={level}" for c, level in table.items() if shown[c] != level)
+            )
             shown = table
         return ";".join(answer)
 
     def all_triggers(self, start, end):
         ready = self.state == "READY"
         values = {frame: value for frame, value in self.outputs.items() if ready and value}
-        parts = [f"{frame}:{signed(values[frame])}" for frame in range(start, end + 1) if frame in values]
+        parts = [
+            f"{frame}:{signed(values[frame])}" for frame in range(start, end + 1) if frame in values
+        ]
         return " ".join([str(signed(self.mask) if ready else 0), *parts])
 
 
@@ -153,7 +163,8 @@ def expected(script):
             yield "" if answer is None else str(answer)
 
 
-# A range longer than what can be stored, and indexes that leave 32 bits when they are made keys; with the answers
+# A range longer than what can be stored, and indexes that leave 32 bits when they are made keys;
+# with the answers
 _FAR = 2**20
 FAR = [
     ("NEW 9 1", ""),
@@ -198,7 +209,9 @@ def plots(draw, steps=30):
     changes = draw(st.sampled_from([1, 3, 10, 40, 200]))
     most_triggers = draw(st.sampled_from([1, 4, 20]))
     frames = draw(st.one_of(st.integers(1, 60), st.sampled_from([1, 2, 200])))
-    channels = draw(st.lists(st.sampled_from([1, 2, 3, 4, 255, 256, 511, 512]), min_size=1, max_size=5))
+    channels = draw(
+        st.lists(st.sampled_from([1, 2, 3, 4, 255, 256, 511, 512]), min_size=1, max_size=5)
+    )
     script = [(f"NEW {changes} {most_triggers}", ("new", changes, most_triggers))]
 
     def add(line, *step):
@@ -217,7 +230,11 @@ def plots(draw, steps=30):
         begin()
     at = {}
     for _ in range(draw(st.integers(0, steps))):
-        kind = draw(st.sampled_from(["levels"] * 12 + ["triggers"] * 4 + ["stray", "seek", "begin", "clear", "finish"]))
+        kind = draw(
+            st.sampled_from(
+                ["levels"] * 12 + ["triggers"] * 4 + ["stray", "seek", "begin", "clear", "finish"]
+            )
+        )
         if kind == "begin":
             frames = draw(st.integers(1, 60))
             begin()
@@ -231,15 +248,28 @@ def plots(draw, steps=30):
             index = draw(st.integers(-1, frames))
             add(f"SEEK {index}", "seek", index)
         elif kind == "triggers":
-            frame = st.one_of(st.integers(0, frames - 1), st.integers(0, frames - 1), st.sampled_from([0, frames - 1]))
+            frame = st.one_of(
+                st.integers(0, frames - 1),
+                st.integers(0, frames - 1),
+                st.sampled_from([0, frames - 1]),
+            )
             if draw(st.integers(0, 9)) == 0:
-                frame = st.one_of(frame, st.sampled_from([frames, frames + 1, 2**20, 2**24, 2**30, 2**31, 2**32 - 1]))
-            pairs = draw(st.lists(st.tuples(frame, _words), max_size=draw(st.sampled_from([2, 6, 25]))))
+                frame = st.one_of(
+                    frame,
+                    st.sampled_from([frames, frames + 1, 2**20, 2**24, 2**30, 2**31, 2**32 - 1]),
+                )
+            pairs = draw(
+                st.lists(st.tuples(frame, _words), max_size=draw(st.sampled_from([2, 6, 25])))
+            )
             mask = draw(_words)
             add(triggers(mask, pairs), "triggers", mask, pairs)
         else:
             channel = draw(st.sampled_from(channels))
-            index = draw(st.sampled_from([at.get(channel, 0), at.get(channel, 0), draw(st.integers(0, frames))]))
+            index = draw(
+                st.sampled_from(
+                    [at.get(channel, 0), at.get(channel, 0), draw(st.integers(0, frames))]
+                )
+            )
             index = min(index, frames - 1)
             size = draw(st.one_of(st.integers(1, 20), st.integers(0, frames)))
             size = min(size, frames - index + draw(st.sampled_from([0, 0, 0, 1, 9])))

@@ -1,4 +1,5 @@
-"""When each frame of a pass is: round(N · 10^9 / fps_milli) microseconds after the first, by fractions."""
+"""When each frame of a pass is: round(N · 10^9 / fps_milli) microseconds after the first, by
+fractions."""
 
 import itertools
 from fractions import Fraction
@@ -12,7 +13,8 @@ from framestep.moves.move_check import FASTEST_FPS
 
 WRAP = 2**29  # ticks
 SMALL = 2**30  # numbers below it take no memory on a board
-RATES = (1, 999, 1000, 12_000, 23_976, 24_000, 25_000, 29_970, 59_940, 120_000, FASTEST_FPS)  # of 1000 s
+# of 1000 s
+RATES = (1, 999, 1000, 12_000, 23_976, 24_000, 25_000, 29_970, 59_940, 120_000, FASTEST_FPS)
 
 
 def begun(fps_milli, tick=0):
@@ -70,7 +72,9 @@ def test_a_tick_past_the_end_of_the_counter_is_taken_modulo_it():
 
 @pytest.mark.parametrize("fps_milli", RATES)
 def test_a_frame_lasts_the_quotient_or_a_microsecond_more(fps_milli):
-    lengths = {after - before for before, after in itertools.pairwise(moments(begun(fps_milli), 1000))}
+    lengths = {
+        after - before for before, after in itertools.pairwise(moments(begun(fps_milli), 1000))
+    }
     assert lengths <= {10**9 // fps_milli, 10**9 // fps_milli + 1}
 
 
@@ -89,6 +93,10 @@ def test_no_number_of_it_takes_memory_on_a_board(fps_milli, tick, frames):
     clock = begun(fps_milli, tick)
     for _ in range(frames):
         clock.advance()
-        sums = (clock.error + clock.remainder, clock.us + clock.quotient + 1, clock.tick + clock.quotient // 1000 + 1)
+        sums = (
+            clock.error + clock.remainder,
+            clock.us + clock.quotient + 1,
+            clock.tick + clock.quotient // 1000 + 1,
+        )
         assert max(sums) < SMALL
         assert min(vars(clock).values()) >= 0

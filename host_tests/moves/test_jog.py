@@ -1,4 +1,5 @@
-"""JOG_ALL (field note 6.10): all motors along the uploaded path as one axis, whose unit is the frame."""
+"""JOG_ALL (field note 6.10): all motors along the uploaded path as one axis, whose unit is the
+frame."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ WAVE = [round(100 * k + 400 * np.sin(k / 4)) for k in range(61)]
 
 
 class Jog:
-    """Motors that stand on the first frame of an upload; MOVE TIME of each tick from the request on in `heads`."""
+    """Motors that stand on the first frame of an upload; MOVE TIME of each tick from the request on
+    in `heads`."""
 
     def __init__(self, *paths, at=0, **settings):
         self.bench = OperationBench(*paths, **settings)
@@ -105,7 +107,9 @@ def test_into_a_limit_switch_it_is_refused():
 
 
 @pytest.mark.parametrize("acceleration, rate", [(410, 24_000), (390, 2792)])
-def test_a_path_too_steep_for_a_motor_at_four_frames_per_second_squared_is_gone_slower(acceleration, rate):
+def test_a_path_too_steep_for_a_motor_at_four_frames_per_second_squared_is_gone_slower(
+    acceleration, rate
+):
     """field note 5.5"""
     jog = Jog(EVEN, acceleration=acceleration)
     assert jog.to(61, 24) == m.OK
@@ -166,7 +170,8 @@ def test_its_velocity_is_fps_and_its_acceleration_four_frames_per_second_squared
     assert rate.max() == pytest.approx(fps, rel=0.02)
     assert np.abs(rate[100:] - rate[:-100]).max() * 10 <= ACCELERATION * 1.1
     ideal = frames / fps + fps / ACCELERATION
-    # the rate is come to on a whole frame, so the first one and the last one take up to twice as long
+    # the rate is come to on a whole frame, so the first one and the last one take up to twice as
+    # long
     assert ideal - 0.06 <= len(heads) / 1000 <= ideal + 2 / fps
 
 
@@ -248,7 +253,9 @@ def test_a_destination_behind_is_gone_to_from_where_it_can_turn():
     assert jog.to(2, 4) == m.OK
     jog.rest()
     assert (jog.place(), jog.frame) == (100, 2)
-    assert max(jog.heads) == pytest.approx(round(max(jog.heads)), abs=1e-3), "it turns on a whole frame"
+    assert max(jog.heads) == pytest.approx(round(max(jog.heads)), abs=1e-3), (
+        "it turns on a whole frame"
+    )
 
 
 def test_a_refused_destination_leaves_the_one_under_way():
@@ -264,7 +271,8 @@ def test_a_refused_destination_leaves_the_one_under_way():
 
 
 def stopped(fps, after, steps=100, everything=True):
-    """A jog stopped `after` milliseconds: (where it was then, its rate, where it rests, how long that took)."""
+    """A jog stopped `after` milliseconds: (where it was then, its rate, where it rests, how long
+    that took)."""
     jog = Jog([steps * k for k in range(61)])
     jog.to(61, fps)
     while jog.bench.operations.state != RUNNING:
@@ -278,7 +286,9 @@ def stopped(fps, after, steps=100, everything=True):
     return here, rate, jog.frame, len(jog.heads) - before
 
 
-@pytest.mark.parametrize("fps, after, everything", [(2, 900, True), (2, 1333, False), (5, 999, True), (7, 2000, False)])
+@pytest.mark.parametrize(
+    "fps, after, everything", [(2, 900, True), (2, 1333, False), (5, 999, True), (7, 2000, False)]
+)
 def test_a_stop_lands_on_the_next_whole_frame_that_can_be_reached(fps, after, everything):
     here, rate, rests, ms = stopped(fps, after, everything=everything)
     braking = rate * rate / 2 / ACCELERATION

@@ -11,13 +11,21 @@ from host_tests.moves.lightplots import ERR_GENERAL, ERR_RANGE, OK, answers, lev
 @settings(max_examples=500, deadline=None)
 def test_any_plot(script):
     wanted = lightplots.expected(script)
-    for (line, step), answer, want in zip(script, lightplots.replay(line for line, _ in script), wanted, strict=True):
+    for (line, step), answer, want in zip(
+        script, lightplots.replay(line for line, _ in script), wanted, strict=True
+    ):
         assert answer == want, (line[:60], step[:4])
 
 
 def test_sections_in_any_order_and_again():
     answered = answers(
-        *("NEW 20 1", "BEGIN 6", levels(7, 4, 0, [40, 50]), levels(7, 0, 0, [1, 1]), levels(7, 1, 0, [10, 20, 30])),
+        *(
+            "NEW 20 1",
+            "BEGIN 6",
+            levels(7, 4, 0, [40, 50]),
+            levels(7, 0, 0, [1, 1]),
+            levels(7, 1, 0, [10, 20, 30]),
+        ),
         *("FINISH", "PLAY 0 5", "PLAY 5 0"),
     )
     assert answered[-2:] == ["7=1;7=10;7=20;7=30;7=40;7=50", "7=50;7=40;7=30;7=20;7=10;7=1"]
@@ -25,7 +33,13 @@ def test_sections_in_any_order_and_again():
 
 def test_the_last_section_repeats_its_final_level():
     answered = answers(
-        "NEW 20 1", "BEGIN 6", levels(1, 0, 0, [9] * 6), levels(1, 1, 1, [5, 6]), "FINISH", "PLAY 0 5", "PLAY 5 0"
+        "NEW 20 1",
+        "BEGIN 6",
+        levels(1, 0, 0, [9] * 6),
+        levels(1, 1, 1, [5, 6]),
+        "FINISH",
+        "PLAY 0 5",
+        "PLAY 5 0",
     )
     assert answered[-2:] == ["1=9;1=5;1=6;;;", "1=6;;;;1=5;1=9"]
 
@@ -83,14 +97,22 @@ def test_a_full_store_keeps_what_it_has():
         triggers(7, [(1, 3), (5, 1)]),  # mask and frame 1 stay as they were
         levels(4, 0, 0, [1]),  # one change, and the gap behind it
     ]
-    answered = answers(*lines, *refused, levels(4, 0, 1, [1]), "FINISH", "HAS", "PLAY 0 9", "TRIGGERS 0 9")
+    answered = answers(
+        *lines, *refused, levels(4, 0, 1, [1]), "FINISH", "HAS", "PLAY 0 9", "TRIGGERS 0 9"
+    )
     assert answered[4:8] == [str(ERR_RANGE)] * 3 + [str(OK)]
-    assert answered[-3:] == ["2 1 1", "3=0,4=1;" + ";".join(f"3={level}" for level in fade[1:]), "3 1:1 2:2"]
+    assert answered[-3:] == [
+        "2 1 1",
+        "3=0,4=1;" + ";".join(f"3={level}" for level in fade[1:]),
+        "3 1:1 2:2",
+    ]
 
 
 def test_a_full_store_takes_what_needs_no_more_room():
     up, down = list(range(10)), list(range(9, -1, -1))
-    answered = answers("NEW 10 1", "BEGIN 10", levels(3, 0, 0, up), levels(3, 0, 0, down), "FINISH", "PLAY 9 0")
+    answered = answers(
+        "NEW 10 1", "BEGIN 10", levels(3, 0, 0, up), levels(3, 0, 0, down), "FINISH", "PLAY 9 0"
+    )
     assert answered[2:4] == [str(OK)] * 2
     assert answered[-1] == ";".join(f"3={level}" for level in up)
 
@@ -117,13 +139,27 @@ def test_a_range_longer_than_can_be_stored():
 def test_nothing_is_played_before_finish():
     lines = ["NEW 5 5", "BEGIN 5", levels(1, 0, 0, [1, 2]), triggers(3, [(0, 1)])]
     look = ["SEEK 0", "PLAY 0 1", "PLAY 1 0", "TRIGGERS 0 0"]
-    assert answers(*lines, *look, "FINISH", *look)[4:] == ["", ";", ";", "0", "", "1=1", "1=1;1=2", "1=2;1=1", "3 0:1"]
+    assert answers(*lines, *look, "FINISH", *look)[4:] == [
+        "",
+        ";",
+        ";",
+        "0",
+        "",
+        "1=1",
+        "1=1;1=2",
+        "1=2;1=1",
+        "3 0:1",
+    ]
 
 
 @pytest.mark.parametrize("line", [levels(1, 0, 0, [1]), triggers(1, [(0, 1)])])
 def test_before_begin_and_after_finish(line):
-    answered = answers("NEW 5 5", line, "BEGIN 5", line, "HAS", "FINISH", line, "HAS", "CLEAR", line, "HAS")
-    assert [answered[i] for i in (1, 3, 6, 9)] == [str(code) for code in (ERR_GENERAL, OK, ERR_GENERAL, ERR_GENERAL)]
+    answered = answers(
+        "NEW 5 5", line, "BEGIN 5", line, "HAS", "FINISH", line, "HAS", "CLEAR", line, "HAS"
+    )
+    assert [answered[i] for i in (1, 3, 6, 9)] == [
+        str(code) for code in (ERR_GENERAL, OK, ERR_GENERAL, ERR_GENERAL)
+    ]
     assert answered[4] in ("1 0 0", "0 0 0")
     assert answered[7] in ("1 1 0", "0 0 1")
     assert answered[10] == "0 0 0"
@@ -143,12 +179,24 @@ def test_codes():
         triggers(1, [(10, 0)]),
         *(triggers(1, [(far, 0)]) for far in (2**8, 2**16, 2**24, 2**31, 2**32 - 1)),
     ]
-    codes = (OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, ERR_RANGE, ERR_RANGE, OK, *[ERR_RANGE] * 6)
+    codes = (
+        OK,
+        ERR_RANGE,
+        ERR_RANGE,
+        ERR_RANGE,
+        OK,
+        ERR_RANGE,
+        ERR_RANGE,
+        ERR_RANGE,
+        OK,
+        *[ERR_RANGE] * 6,
+    )
     assert answers("NEW 5 5", "BEGIN 10", *lines)[2:] == [str(code) for code in codes]
 
 
 def test_what_lies_past_the_end_is_ignored():
-    """Field note 5.3: a section or a list of triggers that begins inside the range and reaches past its end."""
+    """Field note 5.3: a section or a list of triggers that begins inside the range and reaches past
+    its end."""
     lines = [
         levels(3, 8, 0, [1, 2, 3, 4]),
         levels(4, 0, 1, range(1, 13)),
@@ -167,4 +215,8 @@ def test_what_lies_past_the_end_is_ignored():
     assert answered[2:6] == [str(OK)] * 4
     assert answered[7:] == ["3=2,4=10", "3=2,4=10", "7 1:4 9:5"]
     before_the_range = triggers(7, [(1, 8), (2**32 - 1, 1)])
-    assert answers("NEW 20 2", "BEGIN 10", before_the_range, "FINISH", "HAS")[2:] == [str(ERR_RANGE), "", "0 0 0"]
+    assert answers("NEW 20 2", "BEGIN 10", before_the_range, "FINISH", "HAS")[2:] == [
+        str(ERR_RANGE),
+        "",
+        "0 0 0",
+    ]

@@ -1,4 +1,5 @@
-"""The state machine that every real-time operation goes through: in what order, what bars it, how it ends."""
+"""The state machine that every real-time operation goes through: in what order, what bars it, how
+it ends."""
 
 from array import array
 
@@ -18,7 +19,8 @@ TICKS = 200  # that the operation below moves for
 
 
 class There(Operation):
-    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; notes what it is asked."""
+    """Moves its motors from `begins` to `ends` within TICKS, then back, `passes` times; notes what
+    it is asked."""
 
     def __init__(self, bench, begins, ends, passes=1):
         super().__init__(bench.operations)
@@ -194,7 +196,9 @@ def test_it_is_told_the_tick_of_the_first_pulses():
     bench.rest()
     # 400 steps from rest to rest in 200 ticks: the first step is due when 3·x² - 2·x³ is 1/400
     x = Polynomial([-1 / 400, 0, 3, -2]).roots()[1].real
-    assert bench.bench.engines[0].rises[first] == pytest.approx(begins + x * TICKS * PER_TICK, abs=0.5 * PER_TICK)
+    assert bench.bench.engines[0].rises[first] == pytest.approx(
+        begins + x * TICKS * PER_TICK, abs=0.5 * PER_TICK
+    )
 
 
 def test_the_end_is_told_once():
@@ -320,7 +324,9 @@ def test_without_a_finished_upload_there_is_no_frame_to_go_to():
     assert to_frame(bench, 1) == m.ERR_GENERAL
 
 
-@pytest.mark.parametrize("target, code", [(101, m.ERR_SOFT_UP), (-101, m.ERR_SOFT_LOW), (100, m.OK)])
+@pytest.mark.parametrize(
+    "target, code", [(101, m.ERR_SOFT_UP), (-101, m.ERR_SOFT_LOW), (100, m.OK)]
+)
 def test_a_frame_past_a_soft_limit_is_refused_and_nothing_moves(target, code):
     bench = OperationBench([0, target])
     bench.limit(-100, 100)

@@ -1,4 +1,5 @@
-"""The smooth path through uploaded frames (field note 5.6), against Hermite cubics by numpy and exact fractions."""
+"""The smooth path through uploaded frames (field note 5.6), against Hermite cubics by numpy and
+exact fractions."""
 
 import itertools
 from array import array
@@ -21,7 +22,9 @@ def slope(frames, index, bounds=FREE, most=path.MONOTONE, exact=0):
     """The path's slope at a frame of these positions, steps per frame."""
     last = len(frames) - 1
     window = array("i", [int(frames[min(max(index + i, 0), last)]) for i in range(-2, 3)] + [most])
-    return Fraction(path.slope(window, array("i", (*bounds, exact)), index, last - index), path.TWELFTHS)
+    return Fraction(
+        path.slope(window, array("i", (*bounds, exact)), index, last - index), path.TWELFTHS
+    )
 
 
 def slopes(frames, bounds=FREE):
@@ -38,7 +41,8 @@ def curve(frames, bounds=FREE):
     """The cubics between the frames, one after the other."""
     made = slopes(frames, bounds)
     return [
-        hermite(*pair, *ends) for pair, ends in zip(itertools.pairwise(frames), itertools.pairwise(made), strict=True)
+        hermite(*pair, *ends)
+        for pair, ends in zip(itertools.pairwise(frames), itertools.pairwise(made), strict=True)
     ]
 
 
@@ -49,7 +53,9 @@ moves = st.lists(small, min_size=2, max_size=12)
 # ---------------------------------------------------------------- slopes
 
 
-@pytest.mark.parametrize("coefficients", [(5, 700), (0, 900, 12), (0, 2000, -24, 1), (9, 9000, 30, -4, 1)])
+@pytest.mark.parametrize(
+    "coefficients", [(5, 700), (0, 900, 12), (0, 2000, -24, 1), (9, 9000, 30, -4, 1)]
+)
 def test_inside_a_move_the_slope_of_sampled_motion_up_to_the_fourth_power_is_exact(coefficients):
     motion = Polynomial(coefficients)
     frames = [round(motion(k)) for k in range(9)]
@@ -79,7 +85,8 @@ def test_played_backward_the_path_is_the_same(frames):
 
 
 def test_where_the_rate_changes_within_a_frame_the_lesser_slope_counts_half_as_much():
-    """Up to rest it takes twice as long: with more the curve would go past the frame and come back."""
+    """Up to rest it takes twice as long: with more the curve would go past the frame and come
+    back."""
     assert slope([0, 900, 905, 910], 1) == 15
     assert slope([0, 900, 905, 910], 1, most=path.FROM_REST) == Fraction(15, 2)
 
@@ -94,7 +101,9 @@ def test_a_motor_with_play_turns_exactly_at_the_frame():
 def test_turning_a_window_round_gives_the_slope_of_the_move_backward(frames):
     last = len(frames) - 1
     for index in range(len(frames)):
-        window = array("i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)] + [path.MONOTONE])
+        window = array(
+            "i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)] + [path.MONOTONE]
+        )
         path.turn(window)
         bounds = array("i", (*FREE, 0))
         assert path.slope(window, bounds, last - index, index) == -12 * slope(frames, index)
@@ -155,13 +164,15 @@ def test_a_turning_point_on_a_limit_is_a_halt():
     assert slope([0, 100, 160, 140, 0], 2, (0, 160)) == 0
 
 
-@pytest.mark.parametrize("frames", [(LOWEST, 0, HIGHEST), (HIGHEST, LOWEST, HIGHEST), (0, LOWEST, 0)])
+@pytest.mark.parametrize(
+    "frames", [(LOWEST, 0, HIGHEST), (HIGHEST, LOWEST, HIGHEST), (0, LOWEST, 0)]
+)
 def test_steps_beyond_any_motor_leave_no_word(frames):
     for k, s in enumerate(slopes(frames)):
         assert abs(s) <= 3 * FAR, k
 
 
-# ---------------------------------------------------------------- half-way between frames (field note 7.2)
+# --------------------------------------------------------- half-way between frames (field note 7.2)
 
 
 @given(st.lists(small, min_size=3, max_size=9), st.data())
@@ -194,9 +205,17 @@ def test_the_way_is_that_of_the_first_change_in_the_order_played(frames, order):
     assert path.way(array("i", frames), len(frames), order) == wanted
 
 
-# ---------------------------------------------------------------- what a motor can follow (field note 5.5)
+# --------------------------------------------------------- what a motor can follow (field note 5.5)
 
-RANGE = {"fastest": 2**29, "steepest": 2**29, "hardest": 2**29, "pulsed": 2**29, "play": 0, "way": 1, "bounds": FREE}
+RANGE = {
+    "fastest": 2**29,
+    "steepest": 2**29,
+    "hardest": 2**29,
+    "pulsed": 2**29,
+    "play": 0,
+    "way": 1,
+    "bounds": FREE,
+}
 
 
 def checked(frames, order=1, batch=None, **motor):
@@ -232,7 +251,9 @@ def test_a_step_from_end_to_end_of_the_range_is_too_fast():
     assert checked([LOWEST, HIGHEST], fastest=2**28)[1] == path.TOO_FAST
 
 
-@pytest.mark.parametrize("frames, found", [([5, 10], path.FITS), ([5, 11], path.TOO_HIGH), ([-5, -6], path.TOO_LOW)])
+@pytest.mark.parametrize(
+    "frames, found", [([5, 10], path.FITS), ([5, 11], path.TOO_HIGH), ([-5, -6], path.TOO_LOW)]
+)
 def test_a_frame_on_a_soft_limit_fits_and_one_step_past_it_does_not(frames, found):
     assert checked(frames, bounds=(-5, 10))[1] == found
 
@@ -252,7 +273,9 @@ def test_it_is_the_same_check_in_pieces(frames, batch, order, steepest):
 
 
 @given(moves, st.integers(1, 20_000))
-def test_a_change_of_step_above_the_acceleration_is_too_steep_where_that_is_refused(frames, steepest):
+def test_a_change_of_step_above_the_acceleration_is_too_steep_where_that_is_refused(
+    frames, steepest
+):
     sharpest = max((abs(x) for x in np.diff(frames, 2)), default=0)
     _, found = checked(frames, steepest=steepest, hardest=steepest)
     assert found == (path.TOO_STEEP if sharpest > steepest else path.FITS)
@@ -277,9 +300,12 @@ def test_what_the_kernel_or_the_pulse_engine_cannot_do_is_too_hard():
     assert checked([0, 0, 300], steepest=10, hardest=300, pulsed=600)[1] == path.FITS
 
 
-@pytest.mark.parametrize("frames, way, order", [([0, 60, 20], 1, 1), ([0, -60, -20], -1, 1), ([20, 60, 0], 1, -1)])
+@pytest.mark.parametrize(
+    "frames, way, order", [([0, 60, 20], 1, 1), ([0, -60, -20], -1, 1), ([20, 60, 0], 1, -1)]
+)
 def test_where_the_path_turns_the_motor_makes_up_for_its_play_as_well(frames, way, order):
-    """40 steps of path and 30 of play: its cubic is half as fast again, with an eighth of the frame's beside it."""
+    """40 steps of path and 30 of play: its cubic is half as fast again, with an eighth of the
+    frame's beside it."""
     most = 70 + 70 // 2 + 60 // 8
     assert checked(frames, order, play=30, way=way, fastest=most)[1] == path.FITS
     assert checked(frames, order, play=30, way=way, fastest=most - 1)[1] == path.TOO_FAST

@@ -1,4 +1,5 @@
-"""What all plays of an uploaded move share: who takes part, whether the motors can (field note 5.5), how fast."""
+"""What all plays of an uploaded move share: who takes part, whether the motors can (field note
+5.5), how fast."""
 
 from array import array
 
@@ -55,7 +56,11 @@ def test_an_excluded_motor_has_no_part():
 # ---------------------------------------------------------------- how fast at a frame
 
 
-@given(st.integers(1, module.FASTEST_FPS), st.lists(st.integers(-5000, 5000), min_size=3, max_size=6), st.data())
+@given(
+    st.integers(1, module.FASTEST_FPS),
+    st.lists(st.integers(-5000, 5000), min_size=3, max_size=6),
+    st.data(),
+)
 def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, data):
     index = data.draw(st.integers(0, len(frames) - 1))
     player = SHARED
@@ -95,8 +100,12 @@ def test_the_window_of_a_slope_has_the_frame_in_its_middle():
 # ---------------------------------------------------------------- which way
 
 
-@pytest.mark.parametrize("step, begin, frames, way", [(1, 0, 80, 1), (-1, 79, 80, -1), (1, 0, 40, 0), (-1, 79, 20, 0)])
-def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(step, begin, frames, way):
+@pytest.mark.parametrize(
+    "step, begin, frames, way", [(1, 0, 80, 1), (-1, 79, 80, -1), (1, 0, 40, 0), (-1, 79, 20, 0)]
+)
+def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(
+    step, begin, frames, way
+):
     player = player_of([5] * 45 + [6] * 35)
     assert player.first_way(0, begin, step, frames, anyway=True) == way
 
@@ -114,7 +123,9 @@ def test_the_way_matters_to_a_motor_with_play_only():
 @pytest.mark.parametrize("fps", [0.001, 0.5, 1, 23.976, 24, 60, 120])
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("step", [1, -1])
-def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one_step(fps, way, step):
+def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one_step(
+    fps, way, step
+):
     """field note 5.5"""
     velocity = 2400
     most = int(velocity / fps) + 1
@@ -129,7 +140,12 @@ def test_neighbouring_frames_may_lie_as_far_apart_as_the_velocity_allows_and_one
 def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
     player = player_of([0, 100, 200, 350, 450], start=101, velocity=2400)
     assert check(player, 24) == m.ERR_RANGE
-    assert exceeded(player) == {"WHAT": m.EXCEEDED_VELOCITY, "MOTOR": 0, "FRAME": 104, "BY": 150 * 24 - 2400}
+    assert exceeded(player) == {
+        "WHAT": m.EXCEEDED_VELOCITY,
+        "MOTOR": 0,
+        "FRAME": 104,
+        "BY": 150 * 24 - 2400,
+    }
 
 
 def test_only_the_frames_played_count():
@@ -189,16 +205,21 @@ def test_a_corner_that_the_board_cannot_make_is_refused():
     assert exceeded(player)["WHAT"] == m.EXCEEDED_BOARD
 
 
-@pytest.mark.parametrize("path, code", [([0, 51], m.ERR_SOFT_UP), ([0, -51], m.ERR_SOFT_LOW), ([50, -50], m.OK)])
+@pytest.mark.parametrize(
+    "path, code", [([0, 51], m.ERR_SOFT_UP), ([0, -51], m.ERR_SOFT_LOW), ([50, -50], m.OK)]
+)
 def test_a_frame_past_a_soft_limit_is_refused(path, code):
     bench = OperationBench(path)
     bench.limit(-50, 50)
     assert check(bench.player, 24) == code
 
 
-@pytest.mark.parametrize("acceleration, rate", [(410, 24_000), (400, 24_000), (390, 2792), (50, 1000), (1, 141)])
+@pytest.mark.parametrize(
+    "acceleration, rate", [(410, 24_000), (400, 24_000), (390, 2792), (50, 1000), (1, 141)]
+)
 def test_with_a_ramp_the_rate_is_come_to_within_the_acceleration(acceleration, rate):
-    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate gathers half its square."""
+    """JOG_ALL: 100 steps per frame at 4 frames/s² are 400 steps/s²; within a frame a rate gathers
+    half its square."""
     player = player_of(range(0, 100 * 60, 100), acceleration=acceleration)
     assert check(player, 24, ramp=4) == m.OK
     assert player.rate == pytest.approx(rate, abs=2)
@@ -219,7 +240,11 @@ def test_with_a_ramp_the_rate_is_what_the_steepest_frame_allows(velocity, step):
         assert abs(player.exceeded[module.FRAME] - 35) <= 4
 
 
-@given(st.lists(st.integers(-3000, 3000), min_size=3, max_size=80), st.integers(10, 20_000), st.integers(1, 400_000))
+@given(
+    st.lists(st.integers(-3000, 3000), min_size=3, max_size=80),
+    st.integers(10, 20_000),
+    st.integers(1, 400_000),
+)
 def test_with_a_ramp_the_curve_is_within_velocity_and_acceleration(path, velocity, acceleration):
     player = player_of(path, velocity=velocity, acceleration=acceleration)
     assume(check(player, 24, ramp=4) == m.OK)
@@ -229,9 +254,12 @@ def test_with_a_ramp_the_curve_is_within_velocity_and_acceleration(path, velocit
     steps = np.diff(path)
     inner = slice(1, -1)
     bend = np.maximum(
-        np.abs(6 * steps - 4 * slopes[:-1] - 2 * slopes[1:]), np.abs(6 * steps - 2 * slopes[:-1] - 4 * slopes[1:])
+        np.abs(6 * steps - 4 * slopes[:-1] - 2 * slopes[1:]),
+        np.abs(6 * steps - 2 * slopes[:-1] - 4 * slopes[1:]),
     )[inner]
-    gathered = np.maximum(np.abs(2 * slopes[:-1] - slopes[1:]), np.abs(2 * slopes[1:] - slopes[:-1]))[inner]
+    gathered = np.maximum(
+        np.abs(2 * slopes[:-1] - slopes[1:]), np.abs(2 * slopes[1:] - slopes[:-1])
+    )[inner]
     needed = np.maximum(bend - 7, 0) * rate**2 + np.maximum(gathered - 1, 0) * min(4, rate**2 / 2)
     assert np.all(needed <= acceleration * 1.01 + rate**2)
     x = np.linspace(0, 1, 21)[:, None]
@@ -247,7 +275,7 @@ def test_no_rate_is_less_than_a_frame_in_a_thousand_seconds():
     assert player.exceeded[module.WHAT] == m.EXCEEDED_BOARD
 
 
-# ---------------------------------------------------------------- ramps to and from a frame (field note 6.2)
+# ------------------------------------------------------- ramps to and from a frame (field note 6.2)
 
 
 def register(player, index, value):
@@ -287,11 +315,15 @@ def test_a_roll_past_a_soft_limit_is_refused():
 def test_without_velocity_a_roll_goes_nowhere():
     player = player_of([0, 0])
     places = place(9)
-    assert player.apply_roll(0, register(player, module.OWN, 0), register(player, module.OWN + 2, 0), True, places)
+    assert player.apply_roll(
+        0, register(player, module.OWN, 0), register(player, module.OWN + 2, 0), True, places
+    )
     assert places[0] == 9
 
 
-@pytest.mark.parametrize("by, backward, moved", [(2.25, False, 2), (2.5, False, 3), (2.25, True, -2), (2.75, True, -3)])
+@pytest.mark.parametrize(
+    "by, backward, moved", [(2.25, False, 2), (2.5, False, 3), (2.25, True, -2), (2.75, True, -3)]
+)
 def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
     player = player_of([0, 0])
     places = place(10)

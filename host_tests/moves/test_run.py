@@ -1,4 +1,5 @@
-"""RUN_MOVE (field notes 5.2, 6.1 to 6.11): what is refused, where the motors wait, and where they are at each frame."""
+"""RUN_MOVE (field notes 5.2, 6.1 to 6.11): what is refused, where the motors wait, and where they
+are at each frame."""
 
 from fractions import Fraction
 
@@ -122,7 +123,9 @@ def test_a_limit_in_the_way_of_the_pre_roll_is_refused(lower, code):
     assert run.prepare() == code
 
 
-@pytest.mark.parametrize("upper, code", [(900 + 100 + 250, m.OK), (900 + 100 + 249, m.ERR_POSTROLL)])
+@pytest.mark.parametrize(
+    "upper, code", [(900 + 100 + 250, m.OK), (900 + 100 + 249, m.ERR_POSTROLL)]
+)
 def test_a_limit_in_the_way_of_the_post_roll_is_refused(upper, code):
     """field notes 6.2 and 6.11: behind the last frame, which lasts its period."""
     run = Run(range(0, 1000, 100))
@@ -200,7 +203,9 @@ def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
     run.prepare(fps)
     run.run.begin_pass()
     player, durations = run.bench.player, []
-    player.append_frame = lambda bits, index, step, duration: durations.append(reals.value(player.numbers, duration))
+    player.append_frame = lambda bits, index, step, duration: durations.append(
+        reals.value(player.numbers, duration)
+    )
     for _ in range(1000):
         run.run._queue()
     assert sum(round(1000 * ms) for ms in durations) == round(1000 * due(1000, fps))
@@ -232,7 +237,8 @@ def test_the_counter_of_ticks_may_wrap_in_the_middle_of_a_run(ticks):
 
 
 def test_after_the_post_roll_it_goes_back_to_the_end_frame():
-    """field note 6.11: 100 steps of the last frame and 250 of the ramp behind it, then home again."""
+    """field note 6.11: 100 steps of the last frame and 250 of the ramp behind it, then home
+    again."""
     run = Run(range(0, 1000, 100))
     run.play()
     while not run.bench.ends:
@@ -310,7 +316,7 @@ def test_a_ping_pong_turns_with_a_ramp():
     run.rest()
 
 
-# ---------------------------------------------------------------- long moves, and what goes with them
+# -------------------------------------------------------------- long moves, and what goes with them
 
 
 def test_65535_frames_are_checked_and_prepared():
@@ -321,7 +327,9 @@ def test_65535_frames_are_checked_and_prepared():
     assert run.run.plan.ends[0] == path[-1]
 
 
-@pytest.mark.parametrize("angles, kept", [((0, 0), (90, 180)), ((180, 90), (90, 180)), ((10, 350), (10, 350))])
+@pytest.mark.parametrize(
+    "angles, kept", [((0, 0), (90, 180)), ((180, 90), (90, 180)), ((10, 350), (10, 350))]
+)
 def test_stills_without_angles_are_open_from_90_to_180_degrees(angles, kept):
     """field note 6.9"""
     run = Run(WAVE)

@@ -1,4 +1,5 @@
-"""What goes with a run besides the motors: at which tick each output, the camera and the lights change."""
+"""What goes with a run besides the motors: at which tick each output, the camera and the lights
+change."""
 
 from array import array
 from fractions import Fraction
@@ -18,7 +19,8 @@ BOTH = ("meter", "shutter")
 
 
 class Kernel:
-    """Gives each cue in its tick, as the tick does; cues have to come to it in the order of their times."""
+    """Gives each cue in its tick, as the tick does; cues have to come to it in the order of their
+    times."""
 
     SLOTS = 4
 
@@ -29,7 +31,9 @@ class Kernel:
         self.cues = []
 
     def cue(self, tick, raised, lowered):
-        assert not self.cues or (tick - self.cues[-1][0]) % WRAP < WRAP // 2, "a cue before the one handed over last"
+        assert not self.cues or (tick - self.cues[-1][0]) % WRAP < WRAP // 2, (
+            "a cue before the one handed over last"
+        )
         if len(self.cues) >= self.SLOTS:
             return False
         self.cues.append((tick, raised, lowered))
@@ -116,16 +120,32 @@ class OutputsBench:
     def schedule(self, tick, mask, values):
         self.show_.schedule((self.origin + tick) % WRAP, mask, values)
 
-    def play(self, frames=3, fps=25, first=0, step=1, lead=100, sync=True, again=False, closing=True, **plan):
+    def play(
+        self,
+        frames=3,
+        fps=25,
+        first=0,
+        step=1,
+        lead=100,
+        sync=True,
+        again=False,
+        closing=True,
+        **plan,
+    ):
         """Begin a pass, whose first frame is `lead` ticks from now."""
         if not again:
             self.plan = Plan(1)
-            self.plan.fps_milli, self.plan.frames, self.plan.sync = round(fps * 1000), frames - 1, sync
+            self.plan.fps_milli, self.plan.frames, self.plan.sync = (
+                round(fps * 1000),
+                frames - 1,
+                sync,
+            )
             for name, value in plan.items():
                 assert hasattr(self.plan, name)
                 setattr(self.plan, name, value)
         ticks = self.kernel.state[stepper.TICKS]
-        self.start = self.now + 3  # as OperationRunner has it: the next tick's pulses come two later
+        # as OperationRunner has it: the next tick's pulses come two later
+        self.start = self.now + 3
         self.show_.begin(self.plan, first, step, (ticks + 3) % WRAP, (ticks + lead) % WRAP, closing)
         self.first = self.now + lead
         return self
@@ -149,7 +169,10 @@ class OutputsBench:
 
 def tick_of(frame, fps, angle=0):
     """Ticks from the first frame to an angle of another, as they are rounded."""
-    us = round(Fraction(frame * 10**9, round(fps * 1000))) + 10**9 // round(fps * 1000) * angle // 360
+    us = (
+        round(Fraction(frame * 10**9, round(fps * 1000)))
+        + 10**9 // round(fps * 1000) * angle // 360
+    )
     return (us + 400) // 1000
 
 
@@ -239,7 +262,9 @@ def test_outputs_outside_the_mask_are_left_alone():
 
 def test_sync_gates_triggers_and_lights():
     """field note 6.8"""
-    hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}, mask=0b01, triggers={0: 1, 1: 0, 2: 1}).play(sync=False)
+    hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}, mask=0b01, triggers={0: 1, 1: 0, 2: 1}).play(
+        sync=False
+    )
     hand.run(300)
     assert hand.changes["gio1"] == []
     assert hand.levels == []
@@ -248,11 +273,15 @@ def test_sync_gates_triggers_and_lights():
 # ---------------------------------------------------------------- lights
 
 
-@pytest.mark.parametrize("first, step, played", [(0, 1, [10, 20, 30]), (2, -1, [30, 20, 10]), (1, 1, [20])])
+@pytest.mark.parametrize(
+    "first, step, played", [(0, 1, [10, 20, 30]), (2, -1, [30, 20, 10]), (1, 1, [20])]
+)
 def test_levels_are_set_in_the_tick_of_their_frame(first, step, played):
     hand = OutputsBench(levels={0: 10, 1: 20, 2: 30}).play(len(played), 23.976, first, step)
     hand.run(300)
-    assert hand.levels == [(hand.first + tick_of(n, 23.976), level) for n, level in enumerate(played)]
+    assert hand.levels == [
+        (hand.first + tick_of(n, 23.976), level) for n, level in enumerate(played)
+    ]
 
 
 def test_a_pass_is_finished_when_its_last_frame_is_over():

@@ -1,4 +1,5 @@
-"""Go-motion (field notes 7.1 to 7.3): what is refused, when the shutter opens, and where the motors are then."""
+"""Go-motion (field notes 7.1 to 7.3): what is refused, when the shutter opens, and where the motors
+are then."""
 
 import numpy as np
 import pytest
@@ -46,7 +47,9 @@ class Shot:
         self.bench.operations.start()
         self.bench.until(RUNNING)
         self.began = self.bench.now()
-        ((self.starts, *meter), (self.opens, *opened), (self.closes, *closed)) = self.bench.run_outputs.signals
+        ((self.starts, *meter), (self.opens, *opened), (self.closes, *closed)) = (
+            self.bench.run_outputs.signals
+        )
         assert (meter, opened, closed) == ([METER, METER], [SHUTTER, SHUTTER], [SHUTTER | METER, 0])
         self.bench.rest()
         return self
@@ -57,7 +60,9 @@ class Shot:
 
     def at(self, tick, ms=0.0, motor=0):
         """Where a motor is at the moment of a cue, and so many milliseconds later."""
-        return self.bench.place_at(self.began + (tick - self.starts + ms) * PER_TICK + self.late, motor)
+        return self.bench.place_at(
+            self.began + (tick - self.starts + ms) * PER_TICK + self.late, motor
+        )
 
     @property
     def late(self):
@@ -84,7 +89,9 @@ def test_a_motor_that_there_is_not_is_refused(number):
     assert Shot([0], [0]).angles((number, 0, 100)) == m.ERR_RANGE
 
 
-@pytest.mark.parametrize("ms, code", [(LONGEST_MS, m.OK), (LONGEST_MS + 1, m.ERR_RANGE), (-1, m.ERR_RANGE)])
+@pytest.mark.parametrize(
+    "ms, code", [(LONGEST_MS, m.OK), (LONGEST_MS + 1, m.ERR_RANGE), (-1, m.ERR_RANGE)]
+)
 def test_an_exposure_of_more_than_an_hour_is_refused(ms, code):
     assert Shot([0]).blur((1, 0, 100), ms=ms) == code
 
@@ -93,9 +100,16 @@ def test_a_blur_of_more_than_the_whole_frame_is_refused():
     assert Shot([0]).blur((1, 0, 100), permille=1001) == m.ERR_RANGE
 
 
-@pytest.mark.parametrize("opened, closed, code", [(90, 91, m.OK), (90, 90, m.ERR_RANGE), (90, 89, m.ERR_RANGE)])
+@pytest.mark.parametrize(
+    "opened, closed, code", [(90, 91, m.OK), (90, 90, m.ERR_RANGE), (90, 89, m.ERR_RANGE)]
+)
 def test_a_shutter_has_to_close_after_it_opens(opened, closed, code):
-    assert Shot([0], velocity=500_000, acceleration=4_000_000).angles((1, 0, 9), opened=opened, closed=closed) == code
+    assert (
+        Shot([0], velocity=500_000, acceleration=4_000_000).angles(
+            (1, 0, 9), opened=opened, closed=closed
+        )
+        == code
+    )
 
 
 def test_what_is_faster_than_the_motor_is_refused():
@@ -162,7 +176,8 @@ def test_excluded_motors_do_not_move():
 
 @pytest.mark.parametrize("frame, a, b", [(2, 37.5, 187.5), (1, -25, 37.5), (3, 187.5, 425)])
 def test_without_a_pair_a_and_b_are_the_path_half_a_frame_before_and_after(frame, a, b):
-    """field note 7.2: these frames lie on 50·x + 50·x²; beyond the ends of the upload the path goes on straight."""
+    """field note 7.2: these frames lie on 50·x + 50·x²; beyond the ends of the upload the path goes
+    on straight."""
     shot = Shot([0, 100, 300])
     assert shot.angles(frame=frame, ms=4000) == m.OK
     assert shot.shoot.shot.starts[0] == pytest.approx(a, abs=0.5)
@@ -196,7 +211,8 @@ def test_the_run_up_and_the_run_out_last_a_second():
 
 
 def test_the_motion_comes_as_much_later_than_its_ticks_as_cues_do():
-    """A tick, since the shutter opens in a whole one, then what cues are later by: 100 µs and 12."""
+    """A tick, since the shutter opens in a whole one, then what cues are later by: 100 µs and
+    12."""
     shot = Shot([0])
     shot.blur((1, 0, 800))
     assert reals.value(shot.shoot.shot.wait, 0) == pytest.approx(1 + 0.100 + 0.012, abs=1e-6)
@@ -210,13 +226,18 @@ def test_the_speed_is_constant_while_the_shutter_is_open():
     assert np.abs(np.array(places) - 20 * np.arange(41)).max() <= 1
 
 
-@pytest.mark.parametrize("permille, a, b", [(500, 200, 600), (1000, 0, 800), (0, 0, 800), (1, 400, 400)])
+@pytest.mark.parametrize(
+    "permille, a, b", [(500, 200, 600), (1000, 0, 800), (0, 0, 800), (1, 400, 400)]
+)
 def test_a_blur_of_less_is_the_middle_of_the_way(permille, a, b):
     """field note 7.1: frame ± blur/2; 0 stands for 100 % (7.3)."""
     shot = Shot([0])
     shot.blur((1, 0, 800), permille=permille)
     shot.play()
-    assert (shot.at(shot.opens), shot.at(shot.closes)) == (pytest.approx(a, abs=1), pytest.approx(b, abs=1))
+    assert (shot.at(shot.opens), shot.at(shot.closes)) == (
+        pytest.approx(a, abs=1),
+        pytest.approx(b, abs=1),
+    )
 
 
 def test_direction_0_exchanges_a_and_b():
@@ -224,7 +245,10 @@ def test_direction_0_exchanges_a_and_b():
     shot = Shot([0])
     shot.blur((1, 100, 900), backward=True)
     shot.play()
-    assert (shot.at(shot.opens), shot.at(shot.closes)) == (pytest.approx(900, abs=1), pytest.approx(100, abs=1))
+    assert (shot.at(shot.opens), shot.at(shot.closes)) == (
+        pytest.approx(900, abs=1),
+        pytest.approx(100, abs=1),
+    )
 
 
 def test_an_exposure_of_0_lasts_a_second():
@@ -261,7 +285,8 @@ def test_the_first_and_the_last_eighth_are_ramps_and_between_the_speed_is_consta
 
 @pytest.mark.parametrize("opened, closed", [(0, 360), (90, 270), (-90, 270), (90, 450), (-36, 396)])
 def test_the_exposure_spans_open_to_close(opened, closed):
-    """field note 7.2: a degree takes exposure/(close - open), and the way is symmetrical about 180 degrees."""
+    """field note 7.2: a degree takes exposure/(close - open), and the way is symmetrical about 180
+    degrees."""
     shot = Shot([0])
     shot.angles((1, 0, 700), ms=closed - opened, opened=opened, closed=closed)
     shot.play()

@@ -1,4 +1,5 @@
-"""The memory of the upload store: codes of every width, units given and given back, frames read in any order."""
+"""The memory of the upload store: codes of every width, units given and given back, frames read in
+any order."""
 
 from array import array
 from random import Random
@@ -27,7 +28,12 @@ def test_small_steps_down_to_the_lowest_position():
 def test_far_out_after_the_first_frame_of_a_chunk(at, there):
     move = [-there] * at + [there] * (200 - at)
     answered = answers(
-        "NEW 1 2000", "BEGIN 1 200", axis(1, 0, 0, move[:at]), axis(1, at, 0, move[at:]), "FINISH", "READ 0 0"
+        "NEW 1 2000",
+        "BEGIN 1 200",
+        axis(1, 0, 0, move[:at]),
+        axis(1, at, 0, move[at:]),
+        "FINISH",
+        "READ 0 0",
     )
     assert answered[-1] == ",".join(map(str, move))
 
@@ -36,7 +42,8 @@ def test_far_out_after_the_first_frame_of_a_chunk(at, there):
 @pytest.mark.parametrize("more", [-1, 0, 1])
 @pytest.mark.parametrize("at", [1, 2, 127, 128, 129])
 def test_changes_at_the_edge_of_a_width(width, more, at):
-    """Of the steps per frame, up and down, at once and in order; each needs as many bits as the next less."""
+    """Of the steps per frame, up and down, at once and in order; each needs as many bits as the
+    next less."""
     change = 2 ** (width - 1) + more
     first = max(-(2**31) + 1, -change // 2)
     there_and_back = [first] * at + [min(2**31 - 1, first + change)] * (260 - at)
@@ -61,7 +68,8 @@ UNIT = 2 * uploads.UNIT
 
 
 def memory_for(chunks, units):
-    """Bytes of a store for one motor with that many chunks, all of it promised, and so many units."""
+    """Bytes of a store for one motor with that many chunks, all of it promised, and so many
+    units."""
     memory = chunks * CHUNK + units * UNIT
     assert UploadStore(1, memory).capacity_frames(1) >= 128 * chunks
     return memory
@@ -83,12 +91,15 @@ def test_memory_for_one_wild_chunk():
         "FINISH",
         "READ 0 0",
     )
-    assert answered[2:-1] == [str(c) for c in (OK, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, OK, OK, OK, OK, OK)]
+    assert answered[2:-1] == [
+        str(c) for c in (OK, ERR_RANGE, ERR_RANGE, OK, ERR_RANGE, OK, OK, OK, OK, OK)
+    ]
     assert answered[-1] == ",".join(map(str, EVEN + EVEN[-1:] * 512 + WILD + EVEN[-1:] * 768))
 
 
 def test_memory_given_back_in_pieces_serves_others():
-    """Units come and go in a hundred different orders; as many are there at the end as at the beginning."""
+    """Units come and go in a hundred different orders; as many are there at the end as at the
+    beginning."""
     chunks, random = 24, Random(1)
     lines, sent = [f"NEW 1 {memory_for(chunks, 24)}", f"BEGIN 0 {chunks * 128 - 1}"], {}
     model = uploads.Model(1, memory_for(chunks, 24))
@@ -112,11 +123,23 @@ def test_memory_given_back_in_pieces_serves_others():
 
 
 def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
-    lines = [f"NEW 1 {memory_for(2, 2)}", "BEGIN 0 255", axis(1, 0, 0, [0] * 70), axis(1, 80, 0, [100_000] * 10)]
-    assert answers(*lines)[2:] == [str(OK), str(ERR_RANGE)]  # a jump within a chunk, and no memory for it
+    lines = [
+        f"NEW 1 {memory_for(2, 2)}",
+        "BEGIN 0 255",
+        axis(1, 0, 0, [0] * 70),
+        axis(1, 80, 0, [100_000] * 10),
+    ]
+    # a jump within a chunk, and no memory for it
+    assert answers(*lines)[2:] == [str(OK), str(ERR_RANGE)]
     lines[3] = axis(1, 128, 0, [100_000] * 10)
     assert answers(*lines, "FINISH")[2:] == [str(OK)] * 3
-    lines[3:] = [axis(1, 140, 0, [100_000] * 10), "FINISH", axis(1, 128, 0, [100_000] * 12), "FINISH", "READ 0 0"]
+    lines[3:] = [
+        axis(1, 140, 0, [100_000] * 10),
+        "FINISH",
+        axis(1, 128, 0, [100_000] * 12),
+        "FINISH",
+        "READ 0 0",
+    ]
     answered = answers(*lines)
     assert answered[2:-1] == [str(c) for c in (OK, OK, ERR_RANGE, OK, OK)]
     assert answered[-1] == ",".join(map(str, [0] * 128 + [100_000] * 128))
@@ -124,32 +147,50 @@ def test_a_jump_over_frames_never_sent_takes_memory_at_the_end():
 
 def test_what_lies_behind_the_upload_takes_no_memory_at_the_end():
     positions = [50 * k * k for k in range(141)]  # 14 000 steps per frame where it ends
-    lines = [f"NEW 1 {memory_for(2, 2)}", "BEGIN 0 150", axis(1, 10, 0, positions), "FINISH", "READ 0 0"]
+    lines = [
+        f"NEW 1 {memory_for(2, 2)}",
+        "BEGIN 0 150",
+        axis(1, 10, 0, positions),
+        "FINISH",
+        "READ 0 0",
+    ]
     assert answers(*lines)[2:] == [str(OK), str(OK), ",".join(map(str, [0] * 10 + positions))]
 
 
 def test_what_a_refused_section_needed_is_not_counted_at_the_end():
-    lines = [f"NEW 1 {memory_for(4, 6)}", "BEGIN 0 511", axis(1, 0, 0, [0] * 70), axis(1, 256, 0, [0, 100_000] * 100)]
-    answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")  # five units needed, and six there
+    lines = [
+        f"NEW 1 {memory_for(4, 6)}",
+        "BEGIN 0 511",
+        axis(1, 0, 0, [0] * 70),
+        axis(1, 256, 0, [0, 100_000] * 100),
+    ]
+    # five units needed, and six there
+    answered = answers(*lines, axis(1, 140, 0, [100_000] * 10), "FINISH")
     assert answered[2:] == [str(OK), str(ERR_RANGE), str(OK), str(OK)]
 
 
 def bends(random, count):
-    """Positions whose steps per frame change by up to 511 from one frame to the next, and go to 30 000."""
+    """Positions whose steps per frame change by up to 511 from one frame to the next, and go to 30
+    000."""
     positions, position, slope = [], 0, random.randrange(-30_000, 30_000)
     for i in range(count):
-        slope += random.choice([-511, 511] if i % 200 < 100 else [-511, 511, 511] if slope < 0 else [-511, -511, 511])
+        slope += random.choice(
+            [-511, 511] if i % 200 < 100 else [-511, 511, 511] if slope < 0 else [-511, -511, 511]
+        )
         positions.append(position := position + slope)
     return positions
 
 
 @pytest.mark.parametrize("size", [1, 2, 100, 257])
 def test_the_capacity_holds_the_steepest_moves_that_are_promised(size):
-    """All motors in turn, in sections of any size, into the last byte; a change of 512 once is too much then."""
+    """All motors in turn, in sections of any size, into the last byte; a change of 512 once is too
+    much then."""
     capacity = int(answers("NEW 3 2600")[0])
     moves = [bends(Random(motor), capacity) for motor in range(3)]
     lines = [
-        axis(motor + 1, at, 0, moves[motor][at : at + size]) for at in range(0, capacity, size) for motor in range(3)
+        axis(motor + 1, at, 0, moves[motor][at : at + size])
+        for at in range(0, capacity, size)
+        for motor in range(3)
     ]
     more = axis(1, 130, 0, [0, 0, 512])
     lines = [f"NEW 3 {bytes_for(3, capacity)}", f"BEGIN 0 {capacity - 1}", *lines]
@@ -162,7 +203,8 @@ def test_the_capacity_holds_the_steepest_moves_that_are_promised(size):
 
 @pytest.mark.parametrize("jump", [300, 5000, 10**6, 2**31 - 1])
 def test_memory_ends_at_any_point(jump):
-    """Moves that take ever more memory until it is used up: what is refused changes nothing, what is not is there."""
+    """Moves that take ever more memory until it is used up: what is refused changes nothing, what
+    is not is there."""
     capacity, random = int(answers("NEW 2 1800")[0]), Random(jump)
     model = uploads.Model(2, 1800)
     lines, wanted = ["NEW 2 1800", f"BEGIN 0 {capacity - 1}"], []
@@ -172,7 +214,9 @@ def test_memory_ends_at_any_point(jump):
         wanted.append(model.section(motor, 0, True, [0]))
     while wanted.count(ERR_RANGE) < 40:
         motor, at = random.randrange(2), random.randrange(capacity)
-        positions = [random.randrange(jump + 1) for _ in range(min(random.randrange(1, 258), capacity - at))]
+        positions = [
+            random.randrange(jump + 1) for _ in range(min(random.randrange(1, 258), capacity - at))
+        ]
         lines.append(axis(motor + 1, at, 0, positions))
         wanted.append(model.section(motor, at, False, positions))
     model.finish()
@@ -198,9 +242,16 @@ def test_frames_read_in_any_order(reads, bend, random):
             frame = bytes.fromhex(axis(motor + 1, at, 0, move[at : at + 200]))
             reader.feed(frame, 0, len(frame))
             assert reader.poll() == FRAME
-            assert store.section(motor, at, 0, reader.buffer, reader.payload + 5, len(move[at : at + 200])) == OK
+            assert (
+                store.section(
+                    motor, at, 0, reader.buffer, reader.payload + 5, len(move[at : at + 200])
+                )
+                == OK
+            )
     store.finish()
     words = array("i", [0] * 40)
     for index, count in reads:
         assert store.positions(index % 2, index, count, words, 0)
-        assert list(words[:count]) == [move[min(max(i, 0), 396)] for i in range(index, index + count)]
+        assert list(words[:count]) == [
+            move[min(max(i, 0), 396)] for i in range(index, index + count)
+        ]

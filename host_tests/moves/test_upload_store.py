@@ -22,7 +22,11 @@ def test_sections_in_any_order_and_again():
     ramp = list(range(0, 3000, 10))
     sections = [(200, ramp[200:]), (0, ramp[:100]), (100, [5] * 100), (100, ramp[100:200])]
     answered = answers(
-        "NEW 1 8000", "BEGIN 1 300", *(axis(1, at, 0, part) for at, part in sections), "FINISH", "READ 0 0"
+        "NEW 1 8000",
+        "BEGIN 1 300",
+        *(axis(1, at, 0, part) for at, part in sections),
+        "FINISH",
+        "READ 0 0",
     )
     assert answered[1:-1] == [str(OK)] * 6
     assert answered[-1] == ",".join(map(str, ramp))
@@ -30,14 +34,24 @@ def test_sections_in_any_order_and_again():
 
 def test_the_last_section_repeats_its_final_value():
     answered = answers(
-        "NEW 1 8000", "BEGIN 1 200", axis(1, 0, 0, [9] * 150), axis(1, 10, 1, [1, 2, 3]), "FINISH", "READ 0 0"
+        "NEW 1 8000",
+        "BEGIN 1 200",
+        axis(1, 0, 0, [9] * 150),
+        axis(1, 10, 1, [1, 2, 3]),
+        "FINISH",
+        "READ 0 0",
     )
     assert answered[-1] == ",".join(map(str, [9] * 10 + [1, 2] + [3] * 188))
 
 
 def test_frames_never_sent_hold_the_one_before():
     answered = answers(
-        "NEW 2 8000", "BEGIN 1 200", axis(1, 5, 0, [7, 8]), axis(1, 150, 0, [2**31 - 1]), "FINISH", "READ 0 0"
+        "NEW 2 8000",
+        "BEGIN 1 200",
+        axis(1, 5, 0, [7, 8]),
+        axis(1, 150, 0, [2**31 - 1]),
+        "FINISH",
+        "READ 0 0",
     )
     assert answered[-1] == ",".join(map(str, [7] * 6 + [8] * 144 + [2**31 - 1] * 50)) + " -"
 
@@ -48,7 +62,13 @@ def test_the_lowest_position_is_refused_wherever_it_stands(at, near):
     positions = [-(2**31) + 1 if near else 5] * 200
     positions[at] = -(2**31)
     good = [3] * 200
-    lines = ["NEW 1 8000", "BEGIN 1 200", axis(1, 0, 0, positions), axis(1, 0, 0, good), axis(1, 0, 0, positions)]
+    lines = [
+        "NEW 1 8000",
+        "BEGIN 1 200",
+        axis(1, 0, 0, positions),
+        axis(1, 0, 0, good),
+        axis(1, 0, 0, positions),
+    ]
     answered = answers(*lines, "FINISH", "READ 0 0")
     assert answered[2:5] == [str(ERR_RANGE), str(OK), str(ERR_RANGE)]
     assert answered[-1] == ",".join(map(str, good))
@@ -57,7 +77,9 @@ def test_the_lowest_position_is_refused_wherever_it_stands(at, near):
 def test_a_refused_section_leaves_no_trace_behind_what_has_been_sent():
     # small steps at first, so that it is packed as it comes; then the position that is refused
     refused = axis(1, 10, 0, [100 + i for i in range(60)] + [-(2**31)])
-    answered = answers("NEW 1 8000", "BEGIN 1 200", axis(1, 0, 0, [7] * 10), refused, "FINISH", "READ 0 0")
+    answered = answers(
+        "NEW 1 8000", "BEGIN 1 200", axis(1, 0, 0, [7] * 10), refused, "FINISH", "READ 0 0"
+    )
     assert answered[2:4] == [str(OK), str(ERR_RANGE)]
     assert answered[-1] == ",".join(["7"] * 200)
 
@@ -79,7 +101,8 @@ def test_a_refused_end_leaves_no_trace():
         "BEGIN 0 255",
         axis(1, 0, 0, [1] * 10),
         axis(2, 0, 0, [0] * 70),
-        axis(2, 140, 0, [100_000] * 10),  # frames 128 to 139 will hold 0, so there will be a jump within a chunk
+        # frames 128 to 139 will hold 0, so there will be a jump within a chunk
+        axis(2, 140, 0, [100_000] * 10),
         "FINISH",
         axis(1, 9, 0, [5]),
         axis(1, 200, 0, [6]),
@@ -127,7 +150,14 @@ def test_codes():
 
 def test_a_refused_begin_leaves_the_upload():
     answered = answers(
-        "NEW 1 8000", "BEGIN 1 2", axis(1, 0, 0, [4, 5]), "FINISH", "BEGIN 1 100000", "BEGIN 2 1", "READ 1 1", "ONE 0 1"
+        "NEW 1 8000",
+        "BEGIN 1 2",
+        axis(1, 0, 0, [4, 5]),
+        "FINISH",
+        "BEGIN 1 100000",
+        "BEGIN 2 1",
+        "READ 1 1",
+        "ONE 0 1",
     )
     assert answered[4:] == [str(ERR_RANGE), str(ERR_RANGE), "4,4,5,5", "5"]
 
@@ -148,7 +178,9 @@ def test_memory_for_so_many_frames_is_enough_and_not_much_more(motors, frames):
 
 @pytest.mark.parametrize("motors", [1, 2, 8, 12, 32])
 def test_too_little_memory_is_refused_with_what_is_needed(motors):
-    with pytest.raises(ValueError, match=rf"an upload of {motors} motors needs \d+ bytes or more, not 170") as refused:
+    with pytest.raises(
+        ValueError, match=rf"an upload of {motors} motors needs \d+ bytes or more, not 170"
+    ) as refused:
         UploadStore(motors, 170)
     needed = int(str(refused.value).split(" bytes")[0].split()[-1])
     assert UploadStore(motors, needed).capacity_frames(motors) == 128
@@ -159,12 +191,16 @@ def test_too_little_memory_is_refused_with_what_is_needed(motors):
 @pytest.mark.parametrize("frames", [1, 5, 127, 128, 129, 200])
 @pytest.mark.parametrize("last", [0, 1])
 def test_a_section_past_the_end_is_stored_as_far_as_it_fits(frames, last):
-    """Field note 5.3: in one piece, in pieces, again; what lies past the end is not even looked at."""
+    """Field note 5.3: in one piece, in pieces, again; what lies past the end is not even looked
+    at."""
     whole = [(-3) ** (i % 5) + i for i in range(frames)]
     beyond = [-(2**31), 2**31 - 1, 5]
     for cut in {0, frames // 2, frames - 1}:
         sections = [axis(1, 0, 0, whole[:cut])] if cut else []
-        sections += [axis(1, cut, last, whole[cut:] + beyond), axis(1, frames - 1, last, whole[-1:] + beyond)]
+        sections += [
+            axis(1, cut, last, whole[cut:] + beyond),
+            axis(1, frames - 1, last, whole[-1:] + beyond),
+        ]
         answered = answers("NEW 1 8000", f"BEGIN 1 {frames}", *sections, "FINISH", "READ 0 0")
         assert set(answered[1:-1]) == {str(OK)}
         assert answered[-1] == ",".join(map(str, whole))

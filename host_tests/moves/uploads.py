@@ -1,4 +1,5 @@
-"""Uploads as a host would send them, good and bad, and a dictionary that says what must come of them.
+"""Uploads as a host would send them, good and bad, and a dictionary that says what must come of
+them.
 
 `uploads()` makes scripts for host_tests/runtime/store_replay.py, `expected()` gives the answers.
 """
@@ -27,7 +28,9 @@ def answers(*lines):
 def axis(motor, index, last, positions):
     """An MSG_RT_UPLOAD_MOVE_AXIS; `motor` from 1."""
     head = struct.pack("<BI", motor, index | last << 31)
-    return wire.encode(messages.MSG_RT_UPLOAD_MOVE_AXIS, head + struct.pack(f"<{len(positions)}i", *positions), 5).hex()
+    return wire.encode(
+        messages.MSG_RT_UPLOAD_MOVE_AXIS, head + struct.pack(f"<{len(positions)}i", *positions), 5
+    ).hex()
 
 
 FRAMES, CHUNK, UNIT, MOST_UNITS = 128, 69, 17, 12  # of a chunk; half words
@@ -44,7 +47,8 @@ def _units(chunk):
 
 
 class Model:
-    """What an UploadStore must do: dictionaries for the positions, and for the memory the count of its units."""
+    """What an UploadStore must do: dictionaries for the positions, and for the memory the count of
+    its units."""
 
     def __init__(self, motors, memory_bytes):
         self.motors = motors
@@ -90,7 +94,9 @@ class Model:
             changes = []
             for motor, sent in sorted(self.sent.items()):
                 held = sent[min(sent)]
-                changes.append((motor, {frame: (held := sent.get(frame, held)) for frame in range(self.count)}))
+                changes.append(
+                    (motor, {frame: (held := sent.get(frame, held)) for frame in range(self.count)})
+                )
             if not self.change(changes, len(self.sent)):
                 return ERR_RANGE
             self.state = "READY"
@@ -101,14 +107,17 @@ class Model:
         return -(-self.count // FRAMES) * CHUNK
 
     def change(self, changes, regions):
-        """Put new dictionaries in the place of old ones if at any moment the pool has the units for it."""
+        """Put new dictionaries in the place of old ones if at any moment the pool has the units for
+        it."""
         room = (self.halves - regions * self.region()) // UNIT
         in_use, used = self.in_use, self.used
         for motor, new in changes:
             old = self.sent.get(motor, {})
             for first in range(0, self.count, FRAMES):
                 frames = range(first, first + FRAMES)
-                was, now = (_units({f: sent[f] for f in frames if f in sent}) for sent in (old, new))
+                was, now = (
+                    _units({f: sent[f] for f in frames if f in sent}) for sent in (old, new)
+                )
                 in_use += now - was
                 if in_use > room:
                     return False
@@ -125,7 +134,9 @@ class Model:
                 motors.append("-")
             else:
                 frames = range(-before, self.count + after)
-                motors.append(",".join(str(sent[min(max(frame, 0), self.count - 1)]) for frame in frames))
+                motors.append(
+                    ",".join(str(sent[min(max(frame, 0), self.count - 1)]) for frame in frames)
+                )
         return " ".join(motors)
 
 
@@ -145,7 +156,8 @@ HIGHEST = 2**31 - 1
 _far = st.integers(-HIGHEST, HIGHEST)
 _near = st.integers(-100_000, 100_000)
 _bend = st.one_of(
-    st.integers(0, 600), st.builds(lambda bits, more: 2**bits + more, st.integers(7, 31), st.integers(-1, 1))
+    st.integers(0, 600),
+    st.builds(lambda bits, more: 2**bits + more, st.integers(7, 31), st.integers(-1, 1)),
 )
 
 
@@ -155,15 +167,33 @@ def _clipped(position):
 
 @st.composite
 def _positions(draw, index, count, before):
-    """A section's worth from frame `index` on: still, moving evenly, bending, wandering or jumping."""
+    """A section's worth from frame `index` on: still, moving evenly, bending, wandering or
+    jumping."""
     start = draw(st.one_of(_near, _far, st.just(before), st.just(before)))
     kind = draw(
-        st.sampled_from(["still", "even", "even", "bends", "bends", "wave", "jumps", "alternate", "edge", "lowest"])
+        st.sampled_from(
+            [
+                "still",
+                "even",
+                "even",
+                "bends",
+                "bends",
+                "wave",
+                "jumps",
+                "alternate",
+                "edge",
+                "lowest",
+            ]
+        )
     )
     if kind == "still":
         return [start] * count
     if kind == "even":
-        slope = draw(st.one_of(st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.integers(-(2**25), 2**25)))
+        slope = draw(
+            st.one_of(
+                st.integers(-1000, 1000), st.integers(-40_000, 40_000), st.integers(-(2**25), 2**25)
+            )
+        )
         return [_clipped(start + slope * i) for i in range(count)]
     if kind == "bends":
         bend, turn = draw(_bend), draw(st.sampled_from([1, 2, 5, 1000]))
@@ -184,9 +214,13 @@ def _positions(draw, index, count, before):
     positions = [start] * count
     if kind == "lowest" and count:
         boundary = min(-index % FRAMES, count - 1)  # the first frame of a chunk
-        positions[draw(st.one_of(st.sampled_from([0, boundary, count - 1]), st.integers(0, count - 1)))] = LOWEST
+        positions[
+            draw(st.one_of(st.sampled_from([0, boundary, count - 1]), st.integers(0, count - 1)))
+        ] = LOWEST
     if kind == "edge" and count:
-        positions = [draw(st.sampled_from([HIGHEST, -HIGHEST, 2**29, 2**29 - 1, -(2**29), -(2**29) - 1]))] * count
+        positions = [
+            draw(st.sampled_from([HIGHEST, -HIGHEST, 2**29, 2**29 - 1, -(2**29), -(2**29) - 1]))
+        ] * count
     return positions
 
 
@@ -214,7 +248,9 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
         most = model.limit
         count = draw(
             st.one_of(
-                *[st.integers(1, most)] * 4, *[st.just(most)] * 4, st.sampled_from([0, -1, 127, 128, 129, most + 1])
+                *[st.integers(1, most)] * 4,
+                *[st.just(most)] * 4,
+                st.sampled_from([0, -1, 127, 128, 129, most + 1]),
             )
         )
         end = max(-(2**30), min(start + count - 1, 2**30 - 1))
@@ -243,15 +279,25 @@ def uploads(draw, steps=25, memories=(180, 380, 700, 1100, 2000, 3500, 20_000)):
         else:
             motor = draw(st.integers(0, motors - 1))
             size = draw(
-                st.one_of(st.integers(1, 257), st.sampled_from([1, 2, 127, 128, 129, 255, 257]), st.integers(0, 2))
+                st.one_of(
+                    st.integers(1, 257),
+                    st.sampled_from([1, 2, 127, 128, 129, 255, 257]),
+                    st.integers(0, 2),
+                )
             )
             at = in_order.get(motor, 0)
-            index = draw(st.sampled_from([at, at, at, max(0, at - size), at + draw(st.integers(0, 80)), -1]))
+            index = draw(
+                st.sampled_from([at, at, at, max(0, at - size), at + draw(st.integers(0, 80)), -1])
+            )
             if index < 0:
                 index = draw(st.integers(0, max(0, model.count - 1)))
             if kind == "section":
                 index = min(index, max(0, model.count - 1))
-                size = min(size, max(0, model.count - index) + draw(st.sampled_from([0, 0, 0, 1, 200])), 257)
+                size = min(
+                    size,
+                    max(0, model.count - index) + draw(st.sampled_from([0, 0, 0, 1, 200])),
+                    257,
+                )
             else:
                 motor = draw(st.integers(-1, motors))
                 index = draw(st.one_of(st.integers(0, model.count + 3), st.integers(0, 2**31 - 1)))

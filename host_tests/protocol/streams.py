@@ -1,8 +1,9 @@
-"""Streams of bytes as a bad line or a bad program would send them, and what a reader must find in them.
+"""Streams of bytes as a bad line or a bad program would send them, and what a reader must find in
+them.
 
-`Reference` is a second reader, written from the specification and field notes 1.1 to 1.8 with no regard for speed or
-memory. `cases()` makes streams with the steps in which they arrive; `expected()` is what the echo of
-host_tests/runtime/frames_echo.py must answer to such a case.
+`Reference` is a second reader, written from the specification and field notes 1.1 to 1.8 with no
+regard for speed or memory. `cases()` makes streams with the steps in which they arrive;
+`expected()` is what the echo of host_tests/runtime/frames_echo.py must answer to such a case.
 """
 
 import struct
@@ -79,7 +80,8 @@ def fletcher(data: bytes) -> int:
 
 
 def expected(case: Case) -> bytes:
-    """The echo: good frames as they came, ERR_CHECKSUM for damaged ones, `waiting` after each POLL."""
+    """The echo: good frames as they came, ERR_CHECKSUM for damaged ones, `waiting` after each
+    POLL."""
     reader = Reference()
     out = []
 
@@ -114,15 +116,20 @@ def _payloads():
     long = st.builds(
         lambda part, size: (part * (size // len(part) + 1))[:size],
         st.binary(min_size=1, max_size=40),
-        st.one_of(st.integers(0, LARGEST_PAYLOAD), st.integers(LARGEST_PAYLOAD - 3, LARGEST_PAYLOAD)),
+        st.one_of(
+            st.integers(0, LARGEST_PAYLOAD), st.integers(LARGEST_PAYLOAD - 3, LARGEST_PAYLOAD)
+        ),
     )
     return st.one_of(short, short, long)
 
 
 _numbers = st.one_of(
-    st.integers(0, 0xFFFF_FFFF), st.sampled_from([0, 0x3FFF_FFFF, 0x4000_0000, 0x8000_0000, 0xFFFF_FFFF])
+    st.integers(0, 0xFFFF_FFFF),
+    st.sampled_from([0, 0x3FFF_FFFF, 0x4000_0000, 0x8000_0000, 0xFFFF_FFFF]),
 )
-_kinds = st.one_of(st.integers(0, 0xFFFF), st.sampled_from([0x0001, 0x0031, 0x0101, 0x4644, 0x8001, 0xFFFF]))
+_kinds = st.one_of(
+    st.integers(0, 0xFFFF), st.sampled_from([0x0001, 0x0031, 0x0101, 0x4644, 0x8001, 0xFFFF])
+)
 
 
 def frames(payloads=None):
@@ -147,7 +154,11 @@ def _truncated(draw, frame):
 @st.composite
 def _around_another(draw):
     """A damaged frame that has a good one in it."""
-    payload = draw(st.binary(max_size=20)) + draw(frames(st.binary(max_size=20))) + draw(st.binary(max_size=20))
+    payload = (
+        draw(st.binary(max_size=20))
+        + draw(frames(st.binary(max_size=20)))
+        + draw(st.binary(max_size=20))
+    )
     data = bytearray(wire.encode(draw(_kinds), payload, draw(_numbers)))
     data[-1] ^= draw(st.integers(1, 254))
     return bytes(data)
@@ -170,7 +181,11 @@ def streams():
         _around_another(),
         _header(st.one_of(st.integers(LARGEST_PAYLOAD + 1, 0xFFFF), st.just(LARGEST_PAYLOAD + 1))),
         _header(st.integers(0, LARGEST_PAYLOAD)),
-        st.builds(bytes.__add__, _header(st.integers(200, LARGEST_PAYLOAD)), frames(st.binary(max_size=20))),
+        st.builds(
+            bytes.__add__,
+            _header(st.integers(200, LARGEST_PAYLOAD)),
+            frames(st.binary(max_size=20)),
+        ),
         st.binary(max_size=30),
         st.sampled_from([b"D", b"DF", b"DFDF", b"F", b"\x03", b"D" * 20]),
     )
@@ -179,16 +194,22 @@ def streams():
 
 @st.composite
 def cases(draw):
-    """A stream and the steps in which it arrives: all of it is fed, in pieces of any size, with any polls between."""
+    """A stream and the steps in which it arrives: all of it is fed, in pieces of any size, with any
+    polls between."""
     stream = draw(streams())
     steps = []
     left = len(stream)
     sizes = st.one_of(st.integers(1, 3), st.integers(1, 64), st.integers(1, 3000))
     while left:
-        # few large steps in the end, so that a long stream does not exhaust what hypothesis can draw
+        # few large steps in the end, so that a long stream does not exhaust what hypothesis can
+        # draw
         size = left if len(steps) > 60 else min(left, draw(sizes))
         steps.append(size)
         left -= size
-        steps += draw(st.sampled_from([(), (), (POLL,), (POLL,), (POLL, POLL), (ABANDON,), (POLL, ABANDON, POLL)]))
+        steps += draw(
+            st.sampled_from(
+                [(), (), (POLL,), (POLL,), (POLL, POLL), (ABANDON,), (POLL, ABANDON, POLL)]
+            )
+        )
     steps += draw(st.sampled_from([(), (ABANDON, POLL), (ABANDON, ABANDON, POLL)]))
     return Case(stream, tuple(steps))

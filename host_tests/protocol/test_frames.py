@@ -1,4 +1,5 @@
-"""The frame reader against a second reader written from the field notes, and the writer against a list."""
+"""The frame reader against a second reader written from the field notes, and the writer against a
+list."""
 
 import runpy
 import struct
@@ -19,19 +20,31 @@ echo = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "frames_echo.p
 
 def echoed(case, reader_size=2 * 1048):
     out = bytearray(60_000)
-    count = echo(case.stream, case.steps, FrameReader(reader_size), FrameWriter(60_000), out, array("i", [0, 0]))
+    count = echo(
+        case.stream,
+        case.steps,
+        FrameReader(reader_size),
+        FrameWriter(60_000),
+        out,
+        array("i", [0, 0]),
+    )
     assert count >= 0, "the reader took no more bytes, or the writer had no room"
     return bytes(out[:count])
 
 
 def found(stream, reader=None):
-    """Everything that the reader finds in a stream given in one piece: (FRAME or DAMAGED, ID, type, payload)."""
+    """Everything that the reader finds in a stream given in one piece: (FRAME or DAMAGED, ID, type,
+    payload)."""
     reader = reader or FrameReader(70_000)
     assert reader.feed(stream, 0, len(stream)) == len(stream)
     events = []
     while kind := reader.poll():
         number = bytes(reader.buffer[reader.head + 2 : reader.head + 6])
-        payload = bytes(reader.buffer[reader.payload : reader.payload + reader.length]) if kind == FRAME else None
+        payload = (
+            bytes(reader.buffer[reader.payload : reader.payload + reader.length])
+            if kind == FRAME
+            else None
+        )
         events.append((kind, int.from_bytes(number, "little"), reader.type, payload))
     return events
 
@@ -84,7 +97,11 @@ def test_acknowledgements(dword_acks, answer):
 def test_a_good_frame_inside_a_damaged_one():
     damaged = bytearray(wire.encode(0x31, b"x" + HI + b"yz", 7))
     damaged[-1] ^= 1
-    assert found(bytes(damaged) + HI) == [(DAMAGED, 7, 0x31, None), (FRAME, 1, 1, b""), (FRAME, 1, 1, b"")]
+    assert found(bytes(damaged) + HI) == [
+        (DAMAGED, 7, 0x31, None),
+        (FRAME, 1, 1, b""),
+        (FRAME, 1, 1, b""),
+    ]
 
 
 def test_a_length_that_does_not_fit_is_no_frame():
@@ -131,12 +148,19 @@ def test_back_pressure():
     assert frames == 400
 
 
-_EDGES = [sign * 2**bits + more for sign in (-1, 1) for bits in (7, 8, 15, 16, 24, 29, 30) for more in (-1, 0, 1)]
+_EDGES = [
+    sign * 2**bits + more
+    for sign in (-1, 1)
+    for bits in (7, 8, 15, 16, 24, 29, 30)
+    for more in (-1, 0, 1)
+]
 _EDGES += [0, -(2**31), 2**31 - 1]
 
 
 @given(
-    st.one_of(st.binary(min_size=4, max_size=4), st.sampled_from(_EDGES).map(struct.Struct("<i").pack)),
+    st.one_of(
+        st.binary(min_size=4, max_size=4), st.sampled_from(_EDGES).map(struct.Struct("<i").pack)
+    ),
     st.integers(0, 3),
 )
 @example(struct.pack("<i", 2**30), 1)
@@ -211,7 +235,9 @@ def test_writer_holds_whole_frames_or_none(steps, take_inside):
             held = b""
         else:
             payload = b"".join(map(_encoded, step[2]))
-            fits = len(payload) <= messages.LARGEST_PAYLOAD and len(held) + len(payload) + 12 <= 2000
+            fits = (
+                len(payload) <= messages.LARGEST_PAYLOAD and len(held) + len(payload) + 12 <= 2000
+            )
             if len(payload) <= messages.LARGEST_PAYLOAD:
                 assert (len(payload) <= writer.room()) == fits
             writer.begin(step[1], None)

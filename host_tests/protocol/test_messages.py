@@ -1,4 +1,5 @@
-"""Every message has a number, a name, its lengths and a handler. Where one is forgotten a test says what to add."""
+"""Every message has a number, a name, its lengths and a handler. Where one is forgotten a test says
+what to add."""
 
 import ast
 import re
@@ -9,10 +10,14 @@ from framestep.protocol.messages import known, payload_fits
 from framestep_tools.files import sources
 
 SENT_ONLY = {messages.MSG_MOTOR_HARD_STOP, messages.MSG_RT_END}
-NAMES = {value: name for name, value in vars(messages).items() if name.startswith("MSG_") and name != "MSG_FLAG_ACK"}
+NAMES = {
+    value: name
+    for name, value in vars(messages).items()
+    if name.startswith("MSG_") and name != "MSG_FLAG_ACK"
+}
 
-# Field notes 1.8 and 2, written down once more: the lengths up to 200 bytes that a request may have. A fixed layout may
-# be longer than it is known.
+# Field notes 1.8 and 2, written down once more: the lengths up to 200 bytes that a request may
+# have. A fixed layout may be longer than it is known.
 LENGTHS = {
     0x0001: set(range(0, 200)),
     0x0020: set(range(3, 200)),
@@ -55,20 +60,26 @@ LENGTHS = {
 
 def named(kinds):
     """Message types as one reads them."""
-    return ", ".join(f"{NAMES.get(kind, 'a request without a name')} ({kind:#06x})" for kind in sorted(kinds))
+    return ", ".join(
+        f"{NAMES.get(kind, 'a request without a name')} ({kind:#06x})" for kind in sorted(kinds)
+    )
 
 
 def test_every_message_has_its_lengths_here():
     new = set(NAMES) - SENT_ONLY - set(LENGTHS)
     assert not new, f"add to LENGTHS in this file, from docs/protocol-notes.md, 2: {named(new)}"
     gone = set(LENGTHS) - set(NAMES)
-    assert not gone, f"no MSG_ in protocol/messages.py any more, so take from LENGTHS in this file: {named(gone)}"
+    assert not gone, (
+        "no MSG_ in protocol/messages.py any more, so take from LENGTHS in this file: "
+        f"{named(gone)}"
+    )
 
 
 def test_every_message_but_those_only_sent_is_a_request():
     forgotten = set(NAMES) - SENT_ONLY - set(messages.REQUESTS)
     assert not forgotten, (
-        f"add to REQUESTS in protocol/messages.py, or to SENT_ONLY here if the host never sends it: {named(forgotten)}"
+        "add to REQUESTS in protocol/messages.py, or to SENT_ONLY here if the host never sends it: "
+        f"{named(forgotten)}"
     )
 
 
@@ -80,8 +91,8 @@ def test_every_request_has_a_name():
 def test_every_request_has_a_handler():
     unhandled = set(messages.REQUESTS) - set(HostBoard({}).controller.handlers)
     assert not unhandled, (
-        "add a handler to the table of the part it is about (controller.py, or requests.py of motors, moves, io or "
-        f"virtuals): {named(unhandled)}"
+        "add a handler to the table of the part it is about (controller.py, or requests.py of "
+        f"motors, moves, io or virtuals): {named(unhandled)}"
     )
 
 
@@ -90,7 +101,9 @@ def test_payload_lengths_of_every_type():
         if kind in NAMES and kind not in {*LENGTHS, *SENT_ONLY}:
             continue  # test_every_message_has_its_lengths_here says what to do
         assert known(kind) == (kind in LENGTHS), named([kind])
-        assert {n for n in range(200) if payload_fits(kind, n)} == LENGTHS.get(kind, set()), named([kind])
+        assert {n for n in range(200) if payload_fits(kind, n)} == LENGTHS.get(kind, set()), named(
+            [kind]
+        )
 
 
 def test_no_two_names_of_a_kind_share_a_number():
@@ -101,10 +114,18 @@ def test_no_two_names_of_a_kind_share_a_number():
 
 def handlers():
     """(module, message, docstring of its handler) for each handler of the tables in the sources."""
-    for path in ("controller", "motors/requests", "moves/requests", "io/requests", "virtuals/requests"):
+    for path in (
+        "controller",
+        "motors/requests",
+        "moves/requests",
+        "io/requests",
+        "virtuals/requests",
+    ):
         tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())
         found = {
-            node.name: ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+            node.name: ast.get_docstring(node) or ""
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef)
         }
         for node in ast.walk(tree):
             match node:
@@ -116,12 +137,15 @@ def handlers():
                     continue
             for key, value in pairs:
                 match key, value:
-                    case ast.Attribute(attr=message), ast.Attribute(attr=name) if message in NAMES.values():
+                    case ast.Attribute(attr=message), ast.Attribute(attr=name) if (
+                        message in NAMES.values()
+                    ):
                         yield path, message, found[name]
 
 
 def test_every_handler_says_what_it_is_about():
-    """Its docstring begins with the message and tells the payload, by offsets, and where it is specified."""
+    """Its docstring begins with the message and tells the payload, by offsets, and where it is
+    specified."""
     told = list(handlers())
     assert len(told) > 30
     for path, message, text in told:
@@ -130,4 +154,6 @@ def test_every_handler_says_what_it_is_about():
         assert re.search(r"[Nn]o payload|\bpayload\b| \d", text), (
             f"{where}say in its docstring what lies where in the payload"
         )
-        assert re.search(r"note|spec|framestep's own", text), f"{where}cite the field note or the specification"
+        assert re.search(r"note|spec|framestep's own", text), (
+            f"{where}cite the field note or the specification"
+        )

@@ -1,4 +1,5 @@
-"""The bench commands of framestep.repl on the host simulation: what they say, what they move, what they refuse."""
+"""The bench commands of framestep.repl on the host simulation: what they say, what they move, what
+they refuse."""
 
 import io as text
 
@@ -33,7 +34,9 @@ def test_status(bench):
     assert lines[0].startswith("framestep ")
     assert lines[0].endswith(", crane")
     assert lines[1:3] == ["the host is connected", "nothing moves"]
-    assert [line.split(":")[0] for line in lines if line.startswith("motor")] == [f"motor {i}" for i in range(1, 9)]
+    assert [line.split(":")[0] for line in lines if line.startswith("motor")] == [
+        f"motor {i}" for i in range(1, 9)
+    ]
     assert any(line.startswith("uploaded: 25 frames, room for ") for line in lines)
     session.leave()
     session.run(0.1)
@@ -74,7 +77,12 @@ def test_status_through_a_run(bench):
         session.run(0.05)
     session.wait_idle()  # on the end frame again
     look()
-    assert found == ["the motors go to where a run begins", "a run waits for GO", "a run is on,", "nothing moves"]
+    assert found == [
+        "the motors go to where a run begins",
+        "a run waits for GO",
+        "a run is on,",
+        "nothing moves",
+    ]
 
 
 def test_move(bench):

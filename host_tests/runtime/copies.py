@@ -1,4 +1,5 @@
-"""Runs on MicroPython: how many copies from and to any place in a word are wrong, the heap locked."""
+"""Runs on MicroPython: how many copies from and to any place in a word are wrong, the heap
+locked."""
 
 from micropython import heap_lock, heap_unlock
 

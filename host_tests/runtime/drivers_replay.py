@@ -1,7 +1,8 @@
-"""Runs on MicroPython and on CPython: the set-up and the checks of TMC2209 drivers, the heap locked in every pass.
+"""Runs on MicroPython and on CPython: the set-up and the checks of TMC2209 drivers, the heap locked
+in every pass.
 
-A line on standard input is a pass: the time, then what the wire gives (r and bytes) and what it ought to be given
-(s and bytes), in order. What the pass led to is printed. See test_drivers.py.
+A line on standard input is a pass: the time, then what the wire gives (r and bytes) and what it
+ought to be given (s and bytes), in order. What the pass led to is printed. See test_drivers.py.
 """
 
 import sys
@@ -18,7 +19,13 @@ except ImportError:
 
     heap_unlock = heap_lock
 
-RIG = {"motors": [{"driver": {"run_ma": 800}}, {}, {"driver": {"run_ma": 400, "mode": "spread", "hold_percent": 0}}]}
+RIG = {
+    "motors": [
+        {"driver": {"run_ma": 800}},
+        {},
+        {"driver": {"run_ma": 400, "mode": "spread", "hold_percent": 0}},
+    ]
+}
 BOARD = {
     "chip": "rp2040",
     "step": [11, 6, 19, 14],

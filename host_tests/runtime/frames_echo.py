@@ -1,7 +1,9 @@
-"""Runs on MicroPython and on CPython: answers every frame of a case, with the heap locked all the time.
+"""Runs on MicroPython and on CPython: answers every frame of a case, with the heap locked all the
+time.
 
-A case is a line on standard input, `stream in hex, steps`; a step above 0 feeds that many bytes, 0 polls until nothing
-is left and tells `waiting`, -1 gives up the frame that has begun. What the writer has taken in is printed in hex.
+A case is a line on standard input, `stream in hex, steps`; a step above 0 feeds that many bytes, 0
+polls until nothing is left and tells `waiting`, -1 gives up the frame that has begun. What the
+writer has taken in is printed in hex.
 """
 
 import sys

@@ -1,4 +1,5 @@
-"""Runs on MicroPython and on CPython: lights, inputs, outputs and stop inputs, the heap locked while they work.
+"""Runs on MicroPython and on CPython: lights, inputs, outputs and stop inputs, the heap locked
+while they work.
 
 A line on standard input is an operation; what it shows is printed. See test_io.py.
 """
@@ -189,7 +190,18 @@ def main():
         # MicroPython's b"".hex() is not a string
         sent = bytes(memoryview(out)[:count]).hex() if count else "-"
         slowing = [motor.block[DECEL] for motor in bench.motors.motors if motor.block[MODE] == 2]
-        print(kind, slowing, total, adjusting, bench.hal.level, values, motors, bench.safety.tripped, bench.flags, sent)
+        print(
+            kind,
+            slowing,
+            total,
+            adjusting,
+            bench.hal.level,
+            values,
+            motors,
+            bench.safety.tripped,
+            bench.flags,
+            sent,
+        )
 
 
 if __name__ == "__main__":

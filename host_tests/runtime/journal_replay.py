@@ -1,4 +1,5 @@
-"""Remembered positions on both runtimes: on MicroPython the heap is locked while they are written and spoiled."""
+"""Remembered positions on both runtimes: on MicroPython the heap is locked while they are written
+and spoiled."""
 
 import binascii
 from array import array
@@ -87,7 +88,10 @@ def replay(say):
         motors = Motors()
         journal = PositionJournal(flash, motors)
         restore(journal)
-        say(f"{[motor.load_position[0] for motor in motors.motors]} {bytes(motors.positions.states)}")
+        say(
+            f"{[motor.load_position[0] for motor in motors.motors]} "
+            f"{bytes(motors.positions.states)}"
+        )
         now = 2**30 - 100
         flash.lock(True)
         for i in range(8):

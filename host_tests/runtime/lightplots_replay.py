@@ -1,14 +1,18 @@
-"""Runs on MicroPython and on CPython: light levels and triggers from a script, each step with the heap locked.
+"""Runs on MicroPython and on CPython: light levels and triggers from a script, each step with the
+heap locked.
 
 Lines on standard input, each answered by one line:
 
     NEW changes triggers    new stores with room for so many; no answer
     BEGIN frames            no answer
-    frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as it comes down the line: the response code
+    frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as it comes down the line: the
+                            response code
     FINISH, CLEAR           no answer
-    HAS                     channels that have data, whether there are levels, whether there are triggers
+    HAS                     channels that have data, whether there are levels, whether there are
+                            triggers
     SEEK index              what is set, as channel=level
-    PLAY from to            seek to the one, then steps to the other, in either direction; what each frame sets
+    PLAY from to            seek to the one, then steps to the other, in either direction; what each
+                            frame sets
     TRIGGERS from to        the mask; then frame:values, if there are any, for each of these frames
 """
 
@@ -76,7 +80,9 @@ def frame(levels, triggers, reader, data):
         if reader.type == MSG_RT_UPLOAD_MOVE_DMX:
             last = reader.u16(4) & LAST_SECTION
             at = reader.payload + 6
-            code = levels.store(reader.u16(0), reader.start_index(2), last, reader.buffer, at, reader.length - 6)
+            code = levels.store(
+                reader.u16(0), reader.start_index(2), last, reader.buffer, at, reader.length - 6
+            )
         else:
             reader.copy_i32_to(0, mask, 0)
             code = triggers.store(mask, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)

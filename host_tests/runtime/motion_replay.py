@@ -1,7 +1,10 @@
-"""Runs on MicroPython and on CPython: the motion core word by word, the heap locked wherever a board may not allocate.
+"""Runs on MicroPython and on CPython: the motion core word by word, the heap locked wherever a
+board may not allocate.
 
-    motion_replay.play(lines, write)        scripts of requests and ticks; after each tick all state goes to write()
-    motion_replay.numbers(seed, count, write)   the planner's numbers and the kernels of segments, on random words
+    motion_replay.play(lines, write)            scripts of requests and ticks; after each tick all
+                                                state goes to write()
+    motion_replay.numbers(seed, count, write)   the planner's numbers and the kernels of segments,
+                                                on random words
 
 A script is a line each of
 
@@ -39,7 +42,8 @@ AXIS = ("speed", "jerk", "place", "travel", "jog", "stop", "smooth", "couple", "
 
 
 class Rig:
-    """Motors without an engine: their commands end in a word of memory. Is a HAL, as far as axes need one."""
+    """Motors without an engine: their commands end in a word of memory. Is a HAL, as far as axes
+    need one."""
 
     def __init__(self, motors):
         self.due = 0xFFFF0000  # microseconds; the counter wraps soon
@@ -47,7 +51,9 @@ class Rig:
         self.kernel = StepKernel(motors, CYCLES, addressof(self.clock))
         self.fifos = [array("i", [0]) for _ in range(motors)]
         for i in range(motors):
-            self.kernel.configure(i, addressof(self.fifos[i]), i % 16, 625 * (1 + i % 3), i % 2 == 1)
+            self.kernel.configure(
+                i, addressof(self.fifos[i]), i % 16, 625 * (1 + i % 3), i % 2 == 1
+            )
         self.axes = Axes(self)
         self.words = array("i", [0] * 2)
         self.tick = self.kernel.tick
@@ -267,16 +273,29 @@ def numbers(seed, count, write):
         number(random, r, 2)
         words[0] = random.word()
         words[1] = random.word()
-        calculate(r, words, out, random.bits(30), random.bits(5) - 16, random.bits(1 + random.bits(4)))
+        calculate(
+            r, words, out, random.bits(30), random.bits(5) - 16, random.bits(1 + random.bits(4))
+        )
         write(r)
         write(out)
         cubic[segments.WHOLE] = random.word() >> 1
         cubic[segments.P] = random.bits(16)
-        for k, bits in (segments.G1, 22), (segments.G2, 17), (segments.G3, 25):  # at most 500 steps within shift()
+        # at most 500 steps within shift()
+        for k, bits in (segments.G1, 22), (segments.G2, 17), (segments.G3, 25):
             cubic[k] = random.bits(1 + random.bits(4) * bits // 16) * (1 - 2 * random.bits(1))
         for k in segments.P, segments.G1, segments.G2, segments.G3:
             cubic[k + 1] = random.bits(30)
-        cut(cubic, block, state, r, words, random.bits(30), random.bits(2), random.bits(1), 1 + random.bits(5))
+        cut(
+            cubic,
+            block,
+            state,
+            r,
+            words,
+            random.bits(30),
+            random.bits(2),
+            random.bits(1),
+            1 + random.bits(5),
+        )
         write(cubic)
         write(state)
         write(queue)

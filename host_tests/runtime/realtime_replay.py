@@ -17,7 +17,17 @@ OUTPUTS = 0xC0000002
 
 
 def run(
-    fps_milli=24000, start=1, end=40, pre=200, post=200, sync=1, outputs=0, channel=0, ms=0, flags=None, angles=None
+    fps_milli=24000,
+    start=1,
+    end=40,
+    pre=200,
+    post=200,
+    sync=1,
+    outputs=0,
+    channel=0,
+    ms=0,
+    flags=None,
+    angles=None,
 ):
     data = struct.pack("<IiiIIBIHH", fps_milli, start, end, pre, post, sync, outputs, channel, ms)
     if flags is not None:
@@ -36,15 +46,26 @@ def script():
     go, stop_all, stop_loop, status = frame(0x113, b"", BIG), frame(0x33), frame(0x116), frame(0x30)
     far = 2**30 + 4000  # positions that are no small integers
     pairs = b"\x01" + words(far, far + 400) + b"\x02" + words(90, -30)
-    levels = b"".join(frame(0x102, struct.pack("<HI", 7 + c, 0x80000000) + bytes(range(c, 40 + c))) for c in range(4))
+    levels = b"".join(
+        frame(0x102, struct.pack("<HI", 7 + c, 0x80000000) + bytes(range(c, 40 + c)))
+        for c in range(4)
+    )
     triggers = struct.pack("<III", MASK, 0, VALUES) + struct.pack("<IIII", 3, 0xFFFFFFFF, 39, 2)
     return [
-        (3, frame(0x38, b"\x01" + words(20000, 100000)) + frame(0x38, b"\x02" + words(20000, 100000))),
-        (3, frame(0x35, b"\x01" + words(far)) + frame(0x37, b"\x01\x03") + frame(0x37, b"\x02\x03")),
+        (
+            3,
+            frame(0x38, b"\x01" + words(20000, 100000))
+            + frame(0x38, b"\x02" + words(20000, 100000)),
+        ),
+        (
+            3,
+            frame(0x35, b"\x01" + words(far)) + frame(0x37, b"\x01\x03") + frame(0x37, b"\x02\x03"),
+        ),
         (3, frame(0x100, words(1, 40)) + axis(1, [far + 50 * k for k in range(40)])),
         (3, axis(2, [3 * k * k // 8 for k in range(40)]) + levels),
         (3, frame(0x104, triggers) + frame(0x103)),
-        # loops: stopped in a pass, on the way back, in the post-roll; with everything that goes along
+        # loops: stopped in a pass, on the way back, in the post-roll; with everything that goes
+        # along
         (900, run(flags=0x02, outputs=OUTPUTS, channel=300, ms=250)),
         (3000, go + status),
         (2500, stop_loop + status),
@@ -73,7 +94,11 @@ def script():
         (3400, go),
         (1500, frame(0x115, struct.pack("<iIhh", 1, 400, 0, 360))),
         (2400, go),
-        (3, frame(0x115, struct.pack("<iIhh", 1, 60000, 0, 1)) + frame(0x112, struct.pack("<iBIH", 1, 1, BIG, 1))),
+        (
+            3,
+            frame(0x115, struct.pack("<iIhh", 1, 60000, 0, 1))
+            + frame(0x112, struct.pack("<iBIH", 1, 1, BIG, 1)),
+        ),
         # jog-all: on, farther, back, slower, landing
         (900, frame(0x110, words(5))),
         (700, frame(0x120, words(12000, 30))),

@@ -1,9 +1,12 @@
-"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, the heap locked in every tick and every pass.
+"""Plays a recording (host_tests/recording.py) on 32-bit MicroPython, the heap locked in every tick
+and every pass.
 
-    micropython recording_replay.py FILE [TICKS MILLISECONDS]      (these a multiple of 2048: the LED's time)
+    micropython recording_replay.py FILE [TICKS MILLISECONDS]
+                                          (these a multiple of 2048: the LED's time)
 
-What the controller does comes out as the recorder has written it down. TICKS and MILLISECONDS: what the counters say at
-the start, so that they wrap on the way; nothing that comes out may depend on it.
+What the controller does comes out as the recorder has written it down. TICKS and MILLISECONDS: what
+the counters say at the start, so that they wrap on the way; nothing that comes out may depend on
+it.
 """
 
 import binascii
@@ -306,7 +309,9 @@ class Replay:
         self.us = ms * 1000
         self.hal = hal = Hal(head, rig)
         hal.kernel.state[stepper.TICKS] = ticks
-        hal.kernel.state[stepper.CUE_PUT] = hal.kernel.state[stepper.CUE_TAKEN] = WRAP - 3 if ticks else 0
+        hal.kernel.state[stepper.CUE_PUT] = hal.kernel.state[stepper.CUE_TAKEN] = (
+            WRAP - 3 if ticks else 0
+        )
         for block in hal.kernel.blocks:
             block[stepper.IDLE_AT] = ticks - 1000
             if ticks:
@@ -383,7 +388,9 @@ class Replay:
             hal.port.full = words[1] == b"1"
         elif verb == b"W":
             hal.given = True
-            hal.driver_wire.answers = [b"" if word == b"-" else binascii.unhexlify(word) for word in words[1:]]
+            hal.driver_wire.answers = [
+                b"" if word == b"-" else binascii.unhexlify(word) for word in words[1:]
+            ]
         elif verb == b"X":
             hal.given = True
             hal.lost = [int(word) for word in words[1:]]
@@ -395,7 +402,8 @@ class Replay:
 
 
 def play(path, ticks, ms):
-    # As bytes: each new str is searched for among all names. In memory: readline asks the system for every byte.
+    # As bytes: each new str is searched for among all names. In memory: readline asks the system
+    # for every byte.
     with open(path, "rb") as file:
         lines = io.BytesIO(file.read())
     replay = Replay(json.loads(lines.readline()), ticks, ms)
@@ -404,4 +412,8 @@ def play(path, ticks, ms):
     print("at", *[block[stepper.POSITION] for block in replay.hal.kernel.blocks])
 
 
-play(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 0, int(sys.argv[3]) if len(sys.argv) > 3 else 0)
+play(
+    sys.argv[1],
+    int(sys.argv[2]) if len(sys.argv) > 2 else 0,
+    int(sys.argv[3]) if len(sys.argv) > 3 else 0,
+)

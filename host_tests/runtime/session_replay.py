@@ -1,7 +1,7 @@
 """A whole session with the controller, for both runtimes: requests in, all answers and reports out.
 
-Runs as it is on CPython and on MicroPython. There the heap is locked in every pass of the main loop and in
-every tick, so what allocates between a request's first byte and its reply ends the test.
+Runs as it is on CPython and on MicroPython. There the heap is locked in every pass of the main loop
+and in every tick, so what allocates between a request's first byte and its reply ends the test.
 """
 
 import binascii
@@ -41,7 +41,11 @@ class Port:
         self.count = 0
 
     def poll(self, reader):
-        taken = reader.feed(self.incoming, self.begin, self.end - self.begin) if self.begin < self.end else 0
+        taken = (
+            reader.feed(self.incoming, self.begin, self.end - self.begin)
+            if self.begin < self.end
+            else 0
+        )
         self.begin += taken
         return taken
 
@@ -129,17 +133,30 @@ def script():
     big = 0xDEADBEEF  # an ID, and positions, that are no small integers on the board
     far = 2**30 + 12345
     steps = [round(3 * k * k / 8) for k in range(40)]
-    section = lambda motor: frame(0x101, bytes((motor,)) + struct.pack("<I", 0x80000000) + words(*steps))  # noqa: E731
+    section = lambda motor: frame(  # noqa: E731
+        0x101, bytes((motor,)) + struct.pack("<I", 0x80000000) + words(*steps)
+    )
     run = (
-        struct.pack("<IiiII", 24000, 1, 40, 300, 300) + struct.pack("<BIHHH", 0, 0, 0, 0, 0x20) + words(90 | 270 << 16)
+        struct.pack("<IiiII", 24000, 1, 40, 300, 300)
+        + struct.pack("<BIHHH", 0, 0, 0, 0, 0x20)
+        + words(90 | 270 << 16)
     )
     loop = struct.pack("<IiiII", 24000, 1, 20, 300, 300) + struct.pack("<BIHHH", 0, 1, 3, 200, 1)
     return [
         (3, frame(0x01, number=big)),
-        (3, frame(0x38, b"\x01" + words(20000, 100000)) + frame(0x38, b"\x02" + words(20000, 100000))),
+        (
+            3,
+            frame(0x38, b"\x01" + words(20000, 100000))
+            + frame(0x38, b"\x02" + words(20000, 100000)),
+        ),
         (3, frame(0x38, b"\x03" + words(0, 1)) + frame(0x38, b"\x03" + words(-1, -1))),
         (3, frame(0x35, b"\x03" + words(far), big) + frame(0x35, b"\x04" + words(-(2**31) + 7))),
-        (120, frame(0x31, b"\x01" + words(900)) + frame(0x31, b"\x03" + words(far + 500)) + frame(0x34)),
+        (
+            120,
+            frame(0x31, b"\x01" + words(900))
+            + frame(0x31, b"\x03" + words(far + 500))
+            + frame(0x34),
+        ),
         (60, frame(0x31, b"\x01" + words(-300)) + frame(0x30, number=big)),
         (
             40,
@@ -147,14 +164,26 @@ def script():
             + frame(0x36, b"\x02" + struct.pack("<Hi", 9000, 0)),
         ),
         (60, frame(0x32, b"\x03") + frame(0x33) + b"noise DF" + frame(0x33)[:-1] + b"\x00"),
-        (900, frame(0x39, b"\x01\x01" + words(-5000) + b"\x01" + words(5000) + b"\x00") + frame(0x34)),
-        (3, frame(0x31, b"\x01" + words(6000)) + frame(0x39, b"\x01\x01" + words(5) + b"\x01" + words(1) + b"\x00")),
+        (
+            900,
+            frame(0x39, b"\x01\x01" + words(-5000) + b"\x01" + words(5000) + b"\x00") + frame(0x34),
+        ),
+        (
+            3,
+            frame(0x31, b"\x01" + words(6000))
+            + frame(0x39, b"\x01\x01" + words(5) + b"\x01" + words(1) + b"\x00"),
+        ),
         (900, frame(0x31, b"\x01" + words(0)) + frame(0x31, b"\x02" + words(0))),
         (3, frame(0x37, b"\x01\x03") + frame(0x37, b"\x02\x03") + frame(0x37, b"\x05\x11")),
         (3, frame(0x100, words(1, 40)) + section(1) + section(2)),
         (3, frame(0x102, struct.pack("<HI", 7, 0x80000000) + bytes(range(40)))),
         (3, frame(0x104, words(3) + words(2, 1, 5, -1)) + frame(0x103)),
-        (700, frame(0x110, words(12)) + frame(0x20, b"\x00\x01\x00abc") + frame(0x20, b"\x01\x05\x00xyz")),
+        (
+            700,
+            frame(0x110, words(12))
+            + frame(0x20, b"\x00\x01\x00abc")
+            + frame(0x20, b"\x01\x05\x00xyz"),
+        ),
         (3, frame(0x120, words(12000, 30))),
         (900, frame(0x30)),
         (2500, frame(0x33)),
@@ -168,12 +197,20 @@ def script():
         (1500, frame(0x115, struct.pack("<iIhh", 12, 250, -30, 400) + b"\x01" + words(0, 400))),
         (1200, frame(0x113)),
         (500, frame(0x33) + frame(0x33)),
-        (3, frame(0x21, words(3)) + frame(0x22) + frame(0x23, words(3)) + frame(0x300) + frame(0x31, b"\x00")),
+        (
+            3,
+            frame(0x21, words(3))
+            + frame(0x22)
+            + frame(0x23, words(3))
+            + frame(0x300)
+            + frame(0x31, b"\x00"),
+        ),
     ]
 
 
 def replay(say, played=None, settings=None):
-    """Play a script; say(text) for each piece of output and at the end for the positions. settings: of the rig file."""
+    """Play a script; say(text) for each piece of output and at the end for the positions. settings:
+    of the rig file."""
     motors = 8
     hal = Hal(motors)
     controller = Controller(hal, Rig(settings, BOARD))

@@ -7,7 +7,8 @@ Lines on standard input, each answered by one line:
     frame in hex            an MSG_RT_UPLOAD_MOVE_AXIS as it comes down the line
     FINISH
     CLEAR                   nothing
-    READ before after       for each motor its positions from `before` frames ahead of the range to `after` behind it
+    READ before after       for each motor its positions from `before` frames ahead of the range to
+                            `after` behind it
     ONE motor index         a single position
 """
 
@@ -36,7 +37,9 @@ def section(store, reader, data):
         index = reader.start_index(1)
         last = reader.u16(3) & LAST_SECTION
         count = (reader.length - 5) >> 2
-        code = store.section(reader.u8(0) - 1, index, last, reader.buffer, reader.payload + 5, count)
+        code = store.section(
+            reader.u8(0) - 1, index, last, reader.buffer, reader.payload + 5, count
+        )
     heap_unlock()
     return code
 

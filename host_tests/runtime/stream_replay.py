@@ -1,8 +1,9 @@
-"""Runs on MicroPython and on CPython, with the core built for the stream engine: scripts of requests and batches of
-ticks, the heap locked from the first tick on; what is painted goes to a file.
+"""Runs on MicroPython and on CPython, with the core built for the stream engine: scripts of
+requests and batches of ticks, the heap locked from the first tick on; what is painted goes to a
+file.
 
-    new motors width     a new kernel; motor i has its step on bit 2·i and its direction on bit 2·i + 1, which is
-                         inverted where i is odd
+    new motors width     a new kernel; motor i has its step on bit 2·i and its direction on bit
+                         2·i + 1, which is inverted where i is odd
     speed m v a          Axis.set_speed
     travel m target; stop m factor
     cue tick high low    StepKernel.cue, ticks counted from the beginning
@@ -38,7 +39,9 @@ class Rig:
     """Motors on a stream. Is a HAL, as far as axes need one."""
 
     def __init__(self, motors, width):
-        self.stream = Stream([1 << 2 * i for i in range(motors)], [2 << 2 * i for i in range(motors)])
+        self.stream = Stream(
+            [1 << 2 * i for i in range(motors)], [2 << 2 * i for i in range(motors)]
+        )
         self.kernel = StepKernel(motors, CYCLES, self.stream.clock)
         for i in range(motors):
             self.kernel.configure(i, self.stream.fifo(i), width, SETUP, i % 2 == 1)

@@ -1,6 +1,8 @@
-"""Requests of all types in any order, sound and spoilt, on 32 bits with the heap locked: byte by byte as on CPython.
+"""Requests of all types in any order, sound and spoilt, on 32 bits with the heap locked: byte by
+byte as on CPython.
 
-On a board a pass of the main loop runs with the heap locked, so one that allocates, however rare, would end them all.
+On a board a pass of the main loop runs with the heap locked, so one that allocates, however rare,
+would end them all.
 """
 
 import random
@@ -82,10 +84,15 @@ def test_any_requests(seed, unix32f, replays, tmp_path):
     said = unix32f.run(PLAY, script, path=[HERE], heap="4M").split("\n")[:-1]
     try:
         replays.replay(lines.append, played)
-    except OverflowError:  # a position beyond the end of a word comes round on the board, CPython's arrays refuse it
+    except OverflowError:
+        # a position beyond the end of a word comes round on the board, CPython's arrays refuse it
         said = said[: len(lines)]
     assert said == lines
     # and most of them were understood
-    codes = [f.payload[:2] for line in lines[:-1] for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))]
+    codes = [
+        f.payload[:2]
+        for line in lines[:-1]
+        for f in FrameDecoder().feed(bytes.fromhex(line.split()[1]))
+    ]
     assert len(set(codes)) > 5
     assert len(codes) > REQUESTS // 2

@@ -1,4 +1,5 @@
-"""TMC2209 drivers as machine code on 32 bits, the heap locked: the same telegrams and findings as on CPython."""
+"""TMC2209 drivers as machine code on 32 bits, the heap locked: the same telegrams and findings as
+on CPython."""
 
 import contextlib
 import io
@@ -49,7 +50,8 @@ class Recorder(drivers_replay.Hal):
 
 
 def story():
-    """Set up with losses, watched, too hot, reset, open, silent, back again; the clock wraps in between."""
+    """Set up with losses, watched, too hot, reset, open, silent, back again; the clock wraps in
+    between."""
     recorder = Recorder()
     clock = 2**30 - 700
     lost = iter(range(10**6))

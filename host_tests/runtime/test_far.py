@@ -1,4 +1,5 @@
-"""Near the ends of the range of positions: on 32 bits byte by byte as on CPython, and refused rightly."""
+"""Near the ends of the range of positions: on 32 bits byte by byte as on CPython, and refused
+rightly."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Lights, inputs, outputs and stop inputs as machine code on 32 bits, the heap locked, do as they do on CPython."""
+"""Lights, inputs, outputs and stop inputs as machine code on 32 bits, the heap locked, do as they
+do on CPython."""
 
 import contextlib
 import io
@@ -22,9 +23,13 @@ STEPS = st.one_of(
     st.tuples(st.just("data"), st.integers(0, 255), st.integers(0, 255)),
     st.tuples(st.just("light"), st.integers(1, 512), st.integers(0, 255)),
     st.integers(1, 512).flatmap(
-        lambda first: st.tuples(st.sampled_from(("lights", "ramp")), st.just(first), st.integers(0, 513 - first))
+        lambda first: st.tuples(
+            st.sampled_from(("lights", "ramp")), st.just(first), st.integers(0, 513 - first)
+        )
     ),
-    st.tuples(st.sampled_from(("put", "cue")), st.integers(0, 2**30 - 1), st.integers(0, 2**30 - 1)),
+    st.tuples(
+        st.sampled_from(("put", "cue")), st.integers(0, 2**30 - 1), st.integers(0, 2**30 - 1)
+    ),
     st.tuples(st.just("safe"), st.just(0), st.just(0)),
     st.tuples(st.just("camera"), st.integers(0, 1), st.integers(0, 1)),
     st.tuples(st.just("assign"), st.integers(0, 7), st.sampled_from((0, 1, 2, 0x81, 0x82))),
@@ -43,7 +48,9 @@ def on_cpython(text):
 
 
 @given(st.lists(STEPS, min_size=200, max_size=300))
-@settings(max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
 def test_any_operations(unix32f, steps):
     text = "".join(f"{kind} {a} {b}\n" for kind, a, b in steps)
     answers = unix32f.run(REPLAY, stdin=text.encode()).split("\n")

@@ -1,4 +1,5 @@
-"""The motion core as machine code on 32 bits, heap locked: every word of its state as on CPython, tick by tick."""
+"""The motion core as machine code on 32 bits, heap locked: every word of its state as on CPython,
+tick by tick."""
 
 import random
 from pathlib import Path
@@ -13,7 +14,14 @@ REPLAY = Path(__file__).parent / "motion_replay.py"
 
 # Words that hold addresses
 HEADER_ADDRESSES = [stepper.CLOCK, stepper.FIRST, stepper.CUES, stepper.OUT_SET, stepper.OUT_CLEAR]
-BLOCK_ADDRESSES = [stepper.NEXT, stepper.FIFO, stepper.QUEUE, stepper.WORK, stepper.PHASES, stepper.PLACE]
+BLOCK_ADDRESSES = [
+    stepper.NEXT,
+    stepper.FIFO,
+    stepper.QUEUE,
+    stepper.WORK,
+    stepper.PHASES,
+    stepper.PLACE,
+]
 MOTOR_WORDS = stepper.BLOCK_WORDS + segments.CUBIC_WORDS + 1 + 1
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
@@ -39,7 +47,9 @@ def compare(words, lines, motors):
     there = there.reshape(-1, width)
     here = np.frombuffer(bytes(here), "<i4").reshape(-1, width).copy()
     hidden = HEADER_ADDRESSES + [
-        stepper.HEADER_WORDS + i * MOTOR_WORDS + word for i in range(motors) for word in BLOCK_ADDRESSES
+        stepper.HEADER_WORDS + i * MOTOR_WORDS + word
+        for i in range(motors)
+        for word in BLOCK_ADDRESSES
     ]
     here[:, hidden] = there[:, hidden] = 0
     assert len(here) == len(there)
@@ -47,7 +57,10 @@ def compare(words, lines, motors):
         row, word = np.argwhere(here != there)[0]
         motor, place = divmod(word - stepper.HEADER_WORDS, MOTOR_WORDS)
         where = f"word {place} of motor {motor}" if motor >= 0 else f"word {word} of the header"
-        pytest.fail(f"tick {row}, {where}: {here[row, word]} on CPython, {there[row, word]} on MicroPython\n{script}")
+        pytest.fail(
+            f"tick {row}, {where}: {here[row, word]} on CPython, "
+            f"{there[row, word]} on MicroPython\n{script}"
+        )
     return here
 
 
@@ -101,9 +114,17 @@ def test_any_requests(words, seed):
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("velocity", [5_000, 400_000])
 def test_from_one_end_of_the_range_to_the_other(words, way, velocity):
-    """A jog to the last step there is, from the other side of zero: full speed all the way, in the right direction."""
+    """A jog to the last step there is, from the other side of zero: full speed all the way, in the
+    right direction."""
     near, far = (LOWEST, HIGHEST) if way > 0 else (HIGHEST, LOWEST)
-    lines = ["new 1", "tick 10", f"speed 0 {velocity} 100000", f"place 0 {near}", f"travel 0 {far} 10000", "tick 5000"]
+    lines = [
+        "new 1",
+        "tick 10",
+        f"speed 0 {velocity} 100000",
+        f"place 0 {near}",
+        f"travel 0 {far} 10000",
+        "tick 5000",
+    ]
     lines += ["stop 0 1", "tick 4500"]
     state = compare(words, lines, 1)
     place = of_motor(state, 0, stepper.POSITION).astype(np.int64)
@@ -119,7 +140,13 @@ def test_from_one_end_of_the_range_to_the_other(words, way, velocity):
 def test_at_the_end_of_the_range(words, way):
     """Up to the last step there is, and back."""
     end = HIGHEST if way > 0 else LOWEST
-    lines = ["new 1", "tick 10", "speed 0 20000 100000", f"place 0 {end - way * 3000}", f"travel 0 {end} 10000"]
+    lines = [
+        "new 1",
+        "tick 10",
+        "speed 0 20000 100000",
+        f"place 0 {end - way * 3000}",
+        f"travel 0 {end} 10000",
+    ]
     lines += ["tick 400", f"travel 0 {end - way * 500} 10000", "tick 300"]
     state = compare(words, lines, 1)
     place = of_motor(state, 0, stepper.POSITION).astype(np.int64)
@@ -132,22 +159,44 @@ def test_at_the_end_of_the_range(words, way):
 @pytest.mark.parametrize("turned", [None, 0, 1])
 @pytest.mark.parametrize("backlash", [0, 24])
 def test_jogs_to_the_ends_of_the_range(words, backlash, turned, jerk):
-    """The way that was asked for, with play to take up, whatever the numbers wrap to; coupled motors too."""
+    """The way that was asked for, with play to take up, whatever the numbers wrap to; coupled
+    motors too."""
     lines = []
     for way, end in ((-1, LOWEST), (1, HIGHEST)):
-        lines += ["new 2", "tick 10", "speed 0 20000 100000", f"jerk 0 {jerk}", f"backlash 0 {backlash}"]
+        lines += [
+            "new 2",
+            "tick 10",
+            "speed 0 20000 100000",
+            f"jerk 0 {jerk}",
+            f"backlash 0 {backlash}",
+        ]
         lines += [f"backlash 1 {backlash // 2}"]
         if turned is not None:
             lines += [f"couple 0 {turned}"]
-        lines += [f"jog 0 {end} 10000", "tick 400", f"jog 0 {end} 10000", "tick 100", "stop 0 4", "tick 100"]
-        lines += [f"place 0 {end - way * 900}", f"jog 0 {end} 10000", "tick 300", f"jog 0 {end} 10000", "tick 600"]
+        lines += [
+            f"jog 0 {end} 10000",
+            "tick 400",
+            f"jog 0 {end} 10000",
+            "tick 100",
+            "stop 0 4",
+            "tick 100",
+        ]
+        lines += [
+            f"place 0 {end - way * 900}",
+            f"jog 0 {end} 10000",
+            "tick 300",
+            f"jog 0 {end} 10000",
+            "tick 600",
+        ]
     state = compare(words, lines, 2)
     half = len(state) // 2
     for rows, way, end in ((state[:half], -1, LOWEST), (state[half:], 1, HIGHEST)):
         place = of_motor(rows, 0, stepper.POSITION).astype(np.int64)
         assert place[400] * way > 800
         assert (np.diff(place[:600]) * way >= 0).all()
-        assert 0 <= (end - place[-1]) * way <= (0 if turned is None or way > 0 == bool(turned) else 40)
+        assert (
+            0 <= (end - place[-1]) * way <= (0 if turned is None or way > 0 == bool(turned) else 40)
+        )
         assert not of_motor(rows, 0, stepper.FAULT).any()
         assert not of_motor(rows, 1, stepper.FAULT).any()
 
@@ -158,13 +207,24 @@ def test_any_requests_of_coupled_motors(words, seed):
     rng = random.Random(seed)
     for turned in 0, 1:
         lines = list(requests(rng, 2, 20))
-        lines[2:2] = ["backlash 0 7", "backlash 1 9", f"couple 0 {turned}", f"limits 1 -{2**31} {2**31 - 1}"]
+        lines[2:2] = [
+            "backlash 0 7",
+            "backlash 1 9",
+            f"couple 0 {turned}",
+            f"limits 1 -{2**31} {2**31 - 1}",
+        ]
         lines = [line for line in lines if line[-2:] != " 1" or "tick" in line or "couple" in line]
-        lines = [line for line in lines if not line.startswith(("travel 1", "stop 1", "smooth 1", "place"))]
+        lines = [
+            line
+            for line in lines
+            if not line.startswith(("travel 1", "stop 1", "smooth 1", "place"))
+        ]
         state = compare(words, lines, 2)
         one, two = (of_motor(state, motor, stepper.POSITION).astype(np.int64) for motor in (0, 1))
         assert (one == (-two if turned else two)).all()
-        assert not of_motor(state, 1, stepper.FAULT).any() or of_motor(state, 0, stepper.FAULT).any()
+        assert (
+            not of_motor(state, 1, stepper.FAULT).any() or of_motor(state, 0, stepper.FAULT).any()
+        )
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -3,6 +3,8 @@
 
 def test_no_usb_device(unix32f):
     """What to do is said where MicroPython has no machine.USBDevice."""
-    said = unix32f.run("try:\n    import framestep.hal.usb_port\nexcept ImportError as error: print(error)")
+    said = unix32f.run(
+        "try:\n    import framestep.hal.usb_port\nexcept ImportError as error: print(error)"
+    )
     assert "machine.USBDevice" in said
     assert '"ports": 1' in said

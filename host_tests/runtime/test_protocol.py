@@ -11,9 +11,12 @@ from host_tests.protocol import streams
 ECHO = Path(__file__).parent / "frames_echo.py"
 
 
-# Many cases for each start of MicroPython. They are not shrunk: host_tests/protocol does that, on CPython.
+# Many cases for each start of MicroPython. They are not shrunk: host_tests/protocol does that, on
+# CPython.
 @given(st.lists(streams.cases(), min_size=20, max_size=40))
-@settings(max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
 def test_any_stream_in_any_pieces(unix32f, cases):
     answers = unix32f.run(ECHO, stdin="".join(case.line() for case in cases).encode()).split("\n")
     for case, answer in zip(cases, answers, strict=False):
@@ -25,13 +28,21 @@ SUMS = Path(__file__).parent / "checksums.py"
 
 
 def test_checksum(unix32f):
-    for data in b"\xff" * 1100, bytes(1100), random.Random(1).randbytes(1100), b"\xff\0" * 550, b"\0\xff" * 550:
+    for data in (
+        b"\xff" * 1100,
+        bytes(1100),
+        random.Random(1).randbytes(1100),
+        b"\xff\0" * 550,
+        b"\0\xff" * 550,
+    ):
         expected = [
             streams.fletcher(data[start : start + count])
             for start in range(9)
             for count in [*range(70), 255, 256, 257, 271, 272, 511, 512, 513, 1030, 1045, 1046]
         ]
-        assert list(map(int, unix32f.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
+        assert (
+            list(map(int, unix32f.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
+        )
 
 
 CHECK = Path(__file__).parent / "check_bytes.py"

@@ -1,4 +1,5 @@
-"""Real-time operations as machine code on 32 bits, the heap locked: byte by byte what they say on CPython."""
+"""Real-time operations as machine code on 32 bits, the heap locked: byte by byte what they say on
+CPython."""
 
 from pathlib import Path
 
@@ -19,7 +20,9 @@ def said():
 
 
 def test_both_runtimes_say_the_same(unix32f):
-    output = unix32f.run("from realtime_replay import replay\nreplay(print)\n", path=[HERE], heap="400k")
+    output = unix32f.run(
+        "from realtime_replay import replay\nreplay(print)\n", path=[HERE], heap="400k"
+    )
     assert output.split("\n")[:-1] == said()
 
 

@@ -1,5 +1,5 @@
-"""Session scripts on 32-bit MicroPython with the heap locked: those that the fuzzer has found, and extreme values in
-every state. Everything must be as on CPython, from counters close to their end.
+"""Session scripts on 32-bit MicroPython with the heap locked: those that the fuzzer has found, and
+extreme values in every state. Everything must be as on CPython, from counters close to their end.
 """
 
 import random
@@ -15,7 +15,21 @@ from framestep_tools.wire import encode
 from host_tests.recording import differences, recorded
 
 FOUND = sorted((Path(__file__).parents[1] / "fuzz" / "scripts").glob("*.txt"))
-EXTREME = (0, 1, -1, 2**15, 10**6, -(10**6), 2**29, 2**30 - 1, 2**30, -(2**30), -(2**30) - 1, 2**31 - 1, -(2**31))
+EXTREME = (
+    0,
+    1,
+    -1,
+    2**15,
+    10**6,
+    -(10**6),
+    2**29,
+    2**30 - 1,
+    2**30,
+    -(2**30),
+    -(2**30) - 1,
+    2**31 - 1,
+    -(2**31),
+)
 MOTORS = 3
 FIRST, FRAMES = 999_961, 40  # the last frame is the last that there may be
 
@@ -54,7 +68,7 @@ def test_what_the_fuzzer_has_found(unix32f, tmp_path):
         assert not found, path
 
 
-# ---- extreme values in every state ----------------------------------------------------------------------------
+# ---- extreme values in every state ---------------------------------------------------------------
 
 
 def upload():
@@ -72,7 +86,9 @@ def upload():
 
 def run(start, end, flags=0, bloop=0):
     more = struct.pack("<BiHHH", 1, bloop, 3 if bloop else 0, 200 if bloop else 0, flags)
-    return m.MSG_RT_RUN_MOVE, struct.pack("<IiiII", 24_000, start, end, 100, 100) + more + struct.pack("<hh", 0, 360)
+    return m.MSG_RT_RUN_MOVE, struct.pack(
+        "<IiiII", 24_000, start, end, 100, 100
+    ) + more + struct.pack("<hh", 0, 360)
 
 
 LAST = FIRST + FRAMES - 1
@@ -91,7 +107,10 @@ STATES = {
     "in a loop": [(run(FIRST, FIRST + 3, 2), 600), (GO, 900)],
     "turning": [(run(FIRST, FIRST + 3, 1), 600), (GO, 350)],
     "in an exposure": [((m.MSG_RT_SHOOT_FRAME, ABC), 600), (GO, 1050)],
-    "all jogging": [((m.MSG_RT_POSITION_FRAME, words(FIRST)), 700), ((m.MSG_RT_JOG_ALL, words(9000, LAST)), 300)],
+    "all jogging": [
+        ((m.MSG_RT_POSITION_FRAME, words(FIRST)), 700),
+        ((m.MSG_RT_JOG_ALL, words(9000, LAST)), 300),
+    ],
     "uploading": [((m.MSG_RT_UPLOAD_MOVE_BEGIN, words(-1_000_000, -999_900)), 2)],
     "lights on their way": [((m.MSG_DMX, b"\x01\x01\x00" + bytes(range(64))), 30)],
 }
@@ -120,7 +139,10 @@ def extremes(state, seed):
         (m.MSG_MOTOR_SET_LIMITS, b"\x01\x01" + words(-500) + b"\x01" + words(5000) + b"\x00"),
         (m.MSG_MOTOR_SET_SPEED, b"\x01" + words(20_000, 100_000)),
         (m.MSG_MOTOR_RESET_POSITION, b"\x01" + words(100)),
-        (m.MSG_RT_SHOOT_FRAME2, struct.pack("<iIhh", FIRST + 12, 250, -30, 400) + b"\x01" + words(0, 400)),
+        (
+            m.MSG_RT_SHOOT_FRAME2,
+            struct.pack("<iIhh", FIRST + 12, 250, -30, 400) + b"\x01" + words(0, 400),
+        ),
         (m.MSG_GIO_OUT, words(3)),
         (m.MSG_GIO_CAM, words(3)),
         (m.MSG_RT_STOP_LOOP, b""),

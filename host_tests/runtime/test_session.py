@@ -1,4 +1,5 @@
-"""The whole controller as machine code on 32 bits, the heap locked: it says byte by byte what it says on CPython."""
+"""The whole controller as machine code on 32 bits, the heap locked: it says byte by byte what it
+says on CPython."""
 
 import struct
 from pathlib import Path
@@ -16,7 +17,9 @@ def said():
 
 
 def test_both_runtimes_say_the_same(unix32f):
-    output = unix32f.run("from session_replay import replay\nreplay(print)\n", path=[REPLAY.parent], heap="400k")
+    output = unix32f.run(
+        "from session_replay import replay\nreplay(print)\n", path=[REPLAY.parent], heap="400k"
+    )
     assert output.split("\n")[:-1] == said()
 
 

@@ -1,4 +1,5 @@
-"""The stream engine as machine code on 32 bits, heap locked: every word as on CPython, where its edges are judged."""
+"""The stream engine as machine code on 32 bits, heap locked: every word as on CPython, where its
+edges are judged."""
 
 import random
 from pathlib import Path
@@ -14,10 +15,19 @@ from host_tests.hal.test_stream import session
 def test_the_same_words(unix32f_stream, tmp_path, seed):
     rng = random.Random(seed)
     lines = list(session(rng, 3, 5))
-    lines[40:40] = ["cue 400 256 512", "cue 405 512 256", "batch 6", "drive 1024 0", "miss 3", "batch 20"]
+    lines[40:40] = [
+        "cue 400 256 512",
+        "cue 405 512 256",
+        "batch 6",
+        "drive 1024 0",
+        "miss 3",
+        "batch 20",
+    ]
     lines += ["new 1 2", "speed 0 40000 400000", "travel 0 500", *["batch 20"] * 5, "travel 0 -500"]
     lines += [*["batch 20"] * 8, "end"]
-    unix32f_stream.run(REPLAY, tmp_path / "there", stdin="".join(line + "\n" for line in lines).encode())
+    unix32f_stream.run(
+        REPLAY, tmp_path / "there", stdin="".join(line + "\n" for line in lines).encode()
+    )
     there = np.fromfile(Path(tmp_path / "there"), "<i4")
     wanted = np.frombuffer(here(lines, tmp_path / "here"), "<i4")
     assert len(there) == len(wanted) > 100_000

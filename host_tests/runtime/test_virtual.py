@@ -1,4 +1,5 @@
-"""Virtual axes as machine code on 32 bits, the heap locked: they do byte by byte what they do on CPython."""
+"""Virtual axes as machine code on 32 bits, the heap locked: they do byte by byte what they do on
+CPython."""
 
 import sys
 from pathlib import Path
@@ -23,7 +24,9 @@ def said(monkeypatch, backlash):
 
 @pytest.mark.parametrize("backlash", [0, 150])
 def test_both_runtimes_say_the_same(backlash, unix32f, monkeypatch):
-    output = unix32f.run(f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="400k")
+    output = unix32f.run(
+        f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="400k"
+    )
     lines = said(monkeypatch, backlash)
     assert output.split("\n")[:-1] == lines
     # and what they say is of a session in which things happen

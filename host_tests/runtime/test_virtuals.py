@@ -1,6 +1,8 @@
-"""The kinematics as machine code on 32 bits, with the heap locked, give the bits that they give on CPython.
+"""The kinematics as machine code on 32 bits, with the heap locked, give the bits that they give on
+CPython.
 
-On CPython virtual_precision holds them to double precision; so this is the proof for the board's numbers.
+On CPython virtual_precision holds them to double precision; so this is the proof for the board's
+numbers.
 """
 
 import contextlib
@@ -40,7 +42,9 @@ def script(rig, count):
     found = read(rig)
     numbers = [*found.motors, *found.steps_per_unit, *found.positions, *found.lengths]
     table = bytes(found.table[found.table_at :][: 4 * 121]).hex() if found.table_at >= 0 else ""
-    lines = [f"CONFIG {rig.kind} {' '.join(map(str, numbers))} x{table} {' '.join(map(str, steps))}"]
+    lines = [
+        f"CONFIG {rig.kind} {' '.join(map(str, numbers))} x{table} {' '.join(map(str, steps))}"
+    ]
     for n, (stand, pose, _) in enumerate(cases(rig, count, BANDS[-1])):
         for motor, step in stand.items():
             steps[motor - 1] = step
@@ -58,7 +62,9 @@ def test_the_same_bits_as_cpython(unix32f):
     wanted = expected(lines)
     codes = {line.split()[0] for line in wanted}
     assert codes == {"0", str(messages.ERR_RANGE)}
-    answers = unix32f.run(REPLAY, stdin="".join(line + "\n" for line in lines).encode()).splitlines()
+    answers = unix32f.run(
+        REPLAY, stdin="".join(line + "\n" for line in lines).encode()
+    ).splitlines()
     for line, answer, want in zip(lines, answers, wanted, strict=True):
         assert answer == want, line[:80]
 
@@ -66,6 +72,7 @@ def test_the_same_bits_as_cpython(unix32f):
 @pytest.mark.parametrize("name", RIGS)
 @pytest.mark.parametrize("limit, most", [(80, 0.1), (88, 0.5)])
 def test_near_double_precision(name, limit, most):
-    """A track of 20 m, 1000 steps to the millimetre: a tenth of a step, at the end of an arm's reach half a step."""
+    """A track of 20 m, 1000 steps to the millimetre: a tenth of a step, at the end of an arm's
+    reach half a step."""
     worst = errors(RIGS[name], 300, limit, seed=5).max(axis=0)
     assert (worst < most).all(), worst

@@ -1,11 +1,13 @@
-"""Runs on MicroPython and on CPython: the kinematics of the virtual axes, each line of a script with the heap locked.
+"""Runs on MicroPython and on CPython: the kinematics of the virtual axes, each line of a script
+with the heap locked.
 
 Lines on standard input, each answered by one line of numbers, a code first:
 
-    CONFIG kind configuration table-in-hex eight-steps      the pose where the rig stands; configuration: 24 words
-    LOCATE eight-steps                          the same
-    POSE twelve-words                           inverse(): the joints, and the places of the motors
-    AIM six-words twelve-words                  aim point and pose: pan and tilt, and the camera's three axes
+    CONFIG kind configuration table-in-hex eight-steps
+                                the pose where the rig stands; configuration: 24 words
+    LOCATE eight-steps          the same
+    POSE twelve-words           inverse(): the joints, and the places of the motors
+    AIM six-words twelve-words  aim point and pose: pan and tilt, and the camera's three axes
 """
 
 import sys

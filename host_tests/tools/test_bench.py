@@ -1,4 +1,5 @@
-"""The bench's own parts: its keys, its goals, its table, and that a worse figure is told from a better one."""
+"""The bench's own parts: its keys, its goals, its table, and that a worse figure is told from a
+better one."""
 
 import io
 
@@ -35,7 +36,8 @@ def test_keys():
 
 
 @pytest.mark.parametrize(
-    "key, good, bad", [("steps_per_s_8", 350_000, 349_999), ("tick_us_8", 60, 60.1), ("heap_bytes_per_hour", 0, 1)]
+    "key, good, bad",
+    [("steps_per_s_8", 350_000, 349_999), ("tick_us_8", 60, 60.1), ("heap_bytes_per_hour", 0, 1)],
 )
 def test_goals(key, good, bad):
     figure = {figure.key: figure for figure in bench.FIGURES}[key]
@@ -58,16 +60,21 @@ def test_table(explain):
 
 
 def test_mixed_move():
-    """Ramps of 100 000 steps/s² and each of the velocities held exactly; whole steps are what disturbs the ramps."""
+    """Ramps of 100 000 steps/s² and each of the velocities held exactly; whole steps are what
+    disturbs the ramps."""
     moves = bench.mixed_move()
     path = Reference(moves, bench.FPS * 1000, bench.ROLL_MS, bench.ROLL_MS)
     for motor, rate in enumerate(bench.STEADY_RATES, 1):
         assert abs(path.velocity(motor, np.array([1.2]))[0]) == pytest.approx(rate, rel=1e-12)
         assert path.acceleration(motor, np.array([1.2]))[0] == pytest.approx(0, abs=1e-4)
         if rate > 20_000:
-            early = np.abs(path.acceleration(motor, np.arange(0.045, rate / bench.RAMP - 0.1, 0.001)))
+            early = np.abs(
+                path.acceleration(motor, np.arange(0.045, rate / bench.RAMP - 0.1, 0.001))
+            )
             assert np.abs(early - bench.RAMP).max() < 0.03 * bench.RAMP
-            assert abs(path.velocity(motor, np.array([2.399]))[0]) == pytest.approx(bench.RAMP * 0.001)
+            assert abs(path.velocity(motor, np.array([2.399]))[0]) == pytest.approx(
+                bench.RAMP * 0.001
+            )
 
 
 def test_trace_from_records():
@@ -81,7 +88,10 @@ def test_trace_from_records():
         level[pin] ^= 1
         rows.append((t, pin, level[pin]))
     records = np.array(rows, [("t", "u8"), ("pin", "u1"), ("level", "u1")])
-    fast, slow = Trace.from_records(records, board), Trace.from_edges(PinDecoder(board).feed(records))
+    fast, slow = (
+        Trace.from_records(records, board),
+        Trace.from_edges(PinDecoder(board).feed(records)),
+    )
     assert fast.signals.keys() == slow.signals.keys()
     for signal, (times, values) in slow.signals.items():
         assert np.array_equal(fast.signals[signal][0], times)

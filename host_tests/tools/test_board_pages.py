@@ -1,4 +1,5 @@
-"""Every board's data is sound, its page and drawing are made from it, and its example rig file is valid."""
+"""Every board's data is sound, its page and drawing are made from it, and its example rig file is
+valid."""
 
 import copy
 import re
@@ -20,8 +21,13 @@ def test_the_boards_that_there_are():
     readme = (ROOT / "README.md").read_text()
     for name in BOARDS:
         count = board_data(name)["motors"]
-        found = re.search(rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE)
-        assert found, f"add a line to the README's table of boards: | [...](boards/{name}/README.md) | {count} | ..."
+        found = re.search(
+            rf"^\| \[.*\]\(boards/{name}/README\.md\) \| {count} \|", readme, re.MULTILINE
+        )
+        assert found, (
+            "add a line to the README's table of boards: "
+            f"| [...](boards/{name}/README.md) | {count} | ..."
+        )
         same = [other for other in BOARDS if board_data(other)["name"] == board_data(name)["name"]]
         assert same == [name], f"give each board a name of its own in board.json: {same}"
 
@@ -35,7 +41,13 @@ def change(name, **entries):
     return copy.deepcopy(board_data(name)) | entries
 
 
-FOUR_MOTORS = {"motors": 4, "step": [10, 16, 0, 2], "dir": [9, 15, 1, 3], "enable": [8, 14, 4, 5], "page": {}}
+FOUR_MOTORS = {
+    "motors": 4,
+    "step": [10, 16, 0, 2],
+    "dir": [9, 15, 1, 3],
+    "enable": [8, 14, 4, 5],
+    "page": {},
+}
 
 
 @pytest.mark.parametrize(
@@ -47,24 +59,55 @@ FOUR_MOTORS = {"motors": 4, "step": [10, 16, 0, 2], "dir": [9, 15, 1, 3], "enabl
         (change("pico2", chip="rp2040"), "motors: 12, but the chip has 8 state machines"),
         (change("pico", chip="z80"), "chip: z80 is none of rp2040, rp2350"),
         (change("pico", dmx={"uart": 1, "tx": 0, "rx": 1}), "pins 0, 1 are not TX and RX of UART1"),
-        (change("pico", with_drivers={"drivers": {"uart": 0, "tx": 28, "rx": 29, "address": [0]}}), "the same UART"),
-        (change("pico", with_drivers={"drivers": {"uart": 1, "tx": 20, "rx": 21, "address": [0]}}), "pin 20 is used 2"),
-        (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [0, 0]}), "addresses [0, 0]"),
-        (change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [4]}), "addresses [4]"),
-        (change("fysetc_erb", drivers={"pins": [11], "address": [0, 0]}), "drivers: 1 pins for 2 motors"),
-        (change("skr_pico", drivers={"pins": [8, 9, 26, 29], "address": [0] * 4}), "not enough state machines for 4"),
+        (
+            change(
+                "pico", with_drivers={"drivers": {"uart": 0, "tx": 28, "rx": 29, "address": [0]}}
+            ),
+            "the same UART",
+        ),
+        (
+            change(
+                "pico", with_drivers={"drivers": {"uart": 1, "tx": 20, "rx": 21, "address": [0]}}
+            ),
+            "pin 20 is used 2",
+        ),
+        (
+            change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [0, 0]}),
+            "addresses [0, 0]",
+        ),
+        (
+            change("skr_pico", drivers={"uart": 1, "tx": 8, "rx": 9, "address": [4]}),
+            "addresses [4]",
+        ),
+        (
+            change("fysetc_erb", drivers={"pins": [11], "address": [0, 0]}),
+            "drivers: 1 pins for 2 motors",
+        ),
+        (
+            change("skr_pico", drivers={"pins": [8, 9, 26, 29], "address": [0] * 4}),
+            "not enough state machines for 4",
+        ),
         (change("pico", rgb=29), "8 motors: not enough state machines for the RGB LED"),
-        (change("fysetc_erb", **FOUR_MOTORS), "not enough state machines for 2 driver UARTs and the RGB LED"),
+        (
+            change("fysetc_erb", **FOUR_MOTORS),
+            "not enough state machines for 2 driver UARTs and the RGB LED",
+        ),
         (change("skr_pico", leds=[1]), "leds: no such entry"),
     ],
 )
 def test_a_mistake_is_found(data, complaint):
-    assert any(complaint in text for text in board_pages.complaints(data)), board_pages.complaints(data)
+    assert any(complaint in text for text in board_pages.complaints(data)), board_pages.complaints(
+        data
+    )
 
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_page_and_drawing_are_up_to_date(name):
-    old = [str(path.relative_to(ROOT)) for path, text in board_pages.page(name).items() if path.read_text() != text]
+    old = [
+        str(path.relative_to(ROOT))
+        for path, text in board_pages.page(name).items()
+        if path.read_text() != text
+    ]
     assert not old, f"run python -m framestep_tools.board_pages: {', '.join(old)}"
 
 
@@ -77,7 +120,9 @@ def test_drawing_shows_every_pin_inside_its_frame(name):
     shown = {text.text for text in texts}
     off_the_header = {"led"} if "header" in board["page"] else set()
     for use in board_pages.uses(fitted(board)):
-        assert f"{use.what}: {use.wire}" in shown or use.pin in {board.get(key) for key in off_the_header}
+        assert f"{use.what}: {use.wire}" in shown or use.pin in {
+            board.get(key) for key in off_the_header
+        }
     for text in texts:
         # letters of this size are 6.6 units wide on average
         room = {"start": width - float(text.attrib["x"]), "end": float(text.attrib["x"])}
@@ -97,11 +142,15 @@ def test_folder_is_complete(name):
     chip = board_data(name)["chip"]
     cmake = (folder / "mpconfigboard.cmake").read_text()
     line = f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")'
-    assert line in cmake, f"boards/{name}/mpconfigboard.cmake needs this line, by the chip in board.json: {line}"
+    assert line in cmake, (
+        f"boards/{name}/mpconfigboard.cmake needs this line, by the chip in board.json: {line}"
+    )
     assert "${MICROPY_BOARD_DIR}/manifest.py" in cmake
     header = (folder / "mpconfigboard.h").read_text()
     line = f'#define MICROPY_HW_BOARD_NAME FRAMESTEP_BOARD("{board_data(name)["name"]}")'
-    assert line in header, f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
+    assert line in header, (
+        f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
+    )
     assert "MICROPY_HW_FLASH_STORAGE_BYTES" in header
     assert (folder / "manifest.py").read_text() == 'include("../manifest.py")\n'
 
@@ -115,7 +164,8 @@ def test_example_rig_file_is_valid(name):
 
 
 def test_firmware_compiles_for_the_rp2350():
-    """That is all that can be tried of it: it is not emulated. For the RP2040 every test on the board compiles."""
+    """That is all that can be tried of it: it is not emulated. For the RP2040 every test on the
+    board compiles."""
     files = board_files(march("rp2350"), "pico2")
     assert files["/lib/framestep/hal/rp2_pulses.mpy"][0] == ord("M")
     assert board_data("pico2")["name"].encode() in files["/lib/framestep/board.mpy"]

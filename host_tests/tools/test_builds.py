@@ -5,7 +5,8 @@ import sys
 
 
 def test_two_builds_at_once_are_one(tmp_path):
-    """Two processes that need the image wait for each other (here with a build that only notes when it runs)."""
+    """Two processes that need the image wait for each other (here with a build that only notes when
+    it runs)."""
     log = tmp_path / "log"
     script = f"""
 import time
@@ -22,7 +23,10 @@ def run(*command, **environment):
 builds._run = run
 print(builds.frozen("pico"))
 """
-    both = [subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    both = [
+        subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
     made = [process.communicate(timeout=1000)[0] for process in both]
     assert made[0] == made[1] != ""
     assert log.read_text() == "begin\nend\n", "the second one finds it made"

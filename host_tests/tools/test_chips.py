@@ -1,4 +1,5 @@
-"""Every chip of boards/chips.json has what docs/new-chip.md asks for. What is forgotten fails here, with what to do."""
+"""Every chip of boards/chips.json has what docs/new-chip.md asks for. What is forgotten fails here,
+with what to do."""
 
 import ast
 
@@ -19,10 +20,16 @@ def names(module):
 @pytest.mark.parametrize("key", chips())
 def test_its_parts_exist(key):
     chip = chips()[key]
-    assert chip.engine in ENGINES, f"{key}: add its engine {chip.engine!r} to ENGINES in tools/framestep_tools/files.py"
-    assert (HAL / f"{chip.hal}.py").exists(), f"{key}: write its HAL, firmware/framestep/hal/{chip.hal}.py"
+    assert chip.engine in ENGINES, (
+        f"{key}: add its engine {chip.engine!r} to ENGINES in tools/framestep_tools/files.py"
+    )
+    assert (HAL / f"{chip.hal}.py").exists(), (
+        f"{key}: write its HAL, firmware/framestep/hal/{chip.hal}.py"
+    )
     board = chip.plain_board
-    assert board in board_names(), f"{key}: add boards/{board}, or name another board as its plain_board"
+    assert board in board_names(), (
+        f"{key}: add boards/{board}, or name another board as its plain_board"
+    )
     assert board_data(board)["chip"] == key, f"{key}: its plain_board {board} has another chip"
 
 
@@ -30,4 +37,6 @@ def test_its_parts_exist(key):
 def test_every_engine_has_the_same_constants(engine):
     """Those of its own come on top."""
     missing = names(ENGINES["pio"]) - names(ENGINES[engine])
-    assert not missing, f"{ENGINES[engine]} needs {', '.join(sorted(missing))}, as hal/engine.py has them"
+    assert not missing, (
+        f"{ENGINES[engine]} needs {', '.join(sorted(missing))}, as hal/engine.py has them"
+    )

@@ -29,19 +29,34 @@ from framestep_tools.wire import encode
             "cannot open /dev/not-there: No such file or directory; ",
         ),
         (cli.app, ["status", "--device", "/dev/null"], 3, "cannot open /dev/null"),
-        (cli.app, ["status", "socket://127.0.0.1:1"], 3, "cannot open socket://127.0.0.1:1: Connection refused"),
+        (
+            cli.app,
+            ["status", "socket://127.0.0.1:1"],
+            3,
+            "cannot open socket://127.0.0.1:1: Connection refused",
+        ),
         (cli.app, ["status", "socket://nowhere"], 3, "expected socket://HOST:PORT"),
         (cli.app, ["status", "serial://x"], 3, "cannot open serial://x"),
         (cli.app, ["status", "x"], 2, "unexpected extra argument"),
         (cli.app, ["move", "/dev/x", "one", "5"], 2, "'motor': Input should be a valid integer"),
-        (cli.app, ["move", "/dev/x", "0", "5"], 2, "greater than or equal to 1; framestep move --help"),
+        (
+            cli.app,
+            ["move", "/dev/x", "0", "5"],
+            2,
+            "greater than or equal to 1; framestep move --help",
+        ),
         (
             cli.app,
             ["move", "/dev/x", "1", str(2**31)],
             2,
             "'position': Input should be less than or equal to 2147483647",
         ),
-        (cli.app, ["move", "/dev/x", "1", "5", "--velocity", "3"], 2, "--velocity and --acceleration go together"),
+        (
+            cli.app,
+            ["move", "/dev/x", "1", "5", "--velocity", "3"],
+            2,
+            "--velocity and --acceleration go together",
+        ),
         (
             cli.app,
             ["jog", "/dev/x", "1", "5", "--speed", "10001"],
@@ -52,7 +67,12 @@ from framestep_tools.wire import encode
         (cli.app, ["virtual", "/dev/x", "pan"], 2, "an axis needs a position as well"),
         (cli.app, ["virtual", "/dev/x", "up", "5"], 2, "'up' is not one of"),
         (cli.app, ["upload", "/dev/x", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
-        (cli.app, ["run", "/dev/x", "1", "240", "--fps", "0"], 2, "'--fps': Input should be greater than"),
+        (
+            cli.app,
+            ["run", "/dev/x", "1", "240", "--fps", "0"],
+            2,
+            "'--fps': Input should be greater than",
+        ),
         (cli.app, ["sniff"], 2, "either a capture file or a --device"),
         (cli.app, ["sniff", "/not/there.hex"], 1, "cannot read the capture /not/there.hex"),
         (sim.app, ["--speed", "fast"], 1, "expected max or a positive number"),
@@ -62,7 +82,12 @@ from framestep_tools.wire import encode
         (emu.app, ["--single-port", "--repl"], 2, "with a single port"),
         (emu.app, ["--nonsense"], 2, "No such option: --nonsense"),
         (demo.app, ["--board", "toaster"], 2, "'toaster' is not one of"),
-        (demo.app, ["--board", "host", "--move", "/not/there.csv"], 1, "cannot read the move /not/there.csv"),
+        (
+            demo.app,
+            ["--board", "host", "--move", "/not/there.csv"],
+            1,
+            "cannot read the move /not/there.csv",
+        ),
     ],
 )
 def test_one_sentence_says_what_is_wrong(app, args, status, text, capsys):
@@ -135,14 +160,17 @@ def test_a_capture_is_read(tmp_path, capsys):
         "305419896 MOTOR_MOVE motor=2 position=-500",
         "305419896 MOTOR_MOVE ACK ERR_RANGE (0x0014)",
         "9 0x7777 3 bytes: 00 00 00",
-        "10 RT_UPLOAD_MOVE_AXIS motor=1 start_index=0 positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values]",
-        "5 frames; 5 bytes in no frame, 0 frames with a wrong checksum, 0 bytes of an unfinished frame at the end",
+        "10 RT_UPLOAD_MOVE_AXIS motor=1 start_index=0 "
+        "positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values]",
+        "5 frames; 5 bytes in no frame, 0 frames with a wrong checksum, "
+        "0 bytes of an unfinished frame at the end",
     ]
 
 
 def test_an_empty_capture_says_so():
     assert list(read_capture(b"")) == [
-        "0 frames; 0 bytes in no frame, 0 frames with a wrong checksum, 0 bytes of an unfinished frame at the end"
+        "0 frames; 0 bytes in no frame, 0 frames with a wrong checksum, "
+        "0 bytes of an unfinished frame at the end"
     ]
 
 
@@ -255,4 +283,7 @@ def test_what_spreadsheets_make_of_a_move(tmp_path, content):
     move = read_move(path)
     assert move.start_frame == -1
     assert [name.lower() for name in move.names.values()] == ["track", "pan"]
-    assert {motor: list(steps) for motor, steps in move.positions.items()} == {1: [5, 7], 2: [-6, 8]}
+    assert {motor: list(steps) for motor, steps in move.positions.items()} == {
+        1: [5, 7],
+        2: [-6, 8],
+    }

@@ -17,7 +17,8 @@ INFO = p.DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
 class FakeDevice:
     """A port whose device answers each request with what `script` makes of it.
 
-    The script returns pieces to send: bytes at once, or (seconds, bytes) for later. Time passes in reads only.
+    The script returns pieces to send: bytes at once, or (seconds, bytes) for later. Time passes in
+    reads only.
     """
 
     def __init__(self, script):
@@ -98,7 +99,9 @@ def test_acknowledgements_of_both_dialects(size):
 @pytest.mark.parametrize("size", [2, 4], ids=["spec", "dmc-lite"])
 def test_refusal(size):
     client = always(lambda frame: ack(frame, p.Ack.ERR_MOVING, size))
-    with pytest.raises(RequestRefused, match=r"MOTOR_STOP was refused with ERR_MOVING \(0x0012\)") as refused:
+    with pytest.raises(
+        RequestRefused, match=r"MOTOR_STOP was refused with ERR_MOVING \(0x0012\)"
+    ) as refused:
         client.request(p.MotorStop(1))
     assert "something moves that must stand for it. It was MotorStop(motor=1)" in str(refused.value)
     assert refused.value.code is p.Ack.ERR_MOVING
@@ -110,7 +113,9 @@ def test_refusal(size):
 
 def test_motor_move_is_acknowledged_in_the_dmc_lite_dialect():
     assert always(lambda frame: ack(frame, size=4)).request(p.MotorMove(1, 5)) == p.Moving(1)
-    assert always(lambda frame: report(p.Moving(0), frame.id)).request(p.MotorMove(1, 5)) == p.Moving(0)
+    assert always(lambda frame: report(p.Moving(0), frame.id)).request(
+        p.MotorMove(1, 5)
+    ) == p.Moving(0)
 
 
 def test_same_message_back():
@@ -143,7 +148,9 @@ def test_data_where_an_acknowledgement_is_expected():
 def test_silence_takes_the_time_that_was_given():
     device = FakeDevice(lambda frame, request: [])
     client = Client(device)
-    with pytest.raises(NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep ports\)"):
+    with pytest.raises(
+        NoAnswer, match=r"HI within 1\.5 s; a board's other port may be the one \(framestep ports\)"
+    ):
         client.request(p.Hi(), timeout_s=1.5)
     assert device.now == pytest.approx(1.5)
     with pytest.raises(TimeoutError):  # and the default
@@ -217,7 +224,9 @@ def test_wait_event_takes_the_oldest_that_fits():
         device.send(report(p.InputLevels(i)), 0.1 * i)
     device.send(report(p.RtEnd()), 0.35)
     assert client.wait_event(p.RtEnd) == p.RtEnd()
-    assert client.wait_event(p.InputLevels, where=lambda levels: levels.levels == 2) == p.InputLevels(2)
+    assert client.wait_event(
+        p.InputLevels, where=lambda levels: levels.levels == 2
+    ) == p.InputLevels(2)
     assert [event.message.levels for event in client.events] == [0, 1, 3]
     assert client.take_event(p.RtEnd) is None
     with pytest.raises(NoAnswer, match=r"no RtEnd came within 0\.5 s"):
@@ -260,7 +269,9 @@ def test_upload_comes_in_sections_that_fit_the_device():
     assert max(len(r.pack()) for r in requests) <= messages.LARGEST_PAYLOAD
     for motor, steps in move.items():
         mine = [r for r in sections(requests) if r.motor == motor]
-        assert [bool(r.start_index & p.LAST_SECTION) for r in mine] == [False] * (len(mine) - 1) + [True]
+        assert [bool(r.start_index & p.LAST_SECTION) for r in mine] == [False] * (len(mine) - 1) + [
+            True
+        ]
         rebuilt = np.zeros(len(steps), np.int64)
         for r in mine:
             index = r.start_index & ~p.LAST_SECTION
@@ -290,7 +301,9 @@ def test_a_refused_section_ends_the_upload():
     assert not client._waiting  # nothing is left behind
 
 
-@pytest.mark.parametrize(("positions", "section_bytes"), [({1: [1, 2, 3]}, 1036), ({1: []}, 1036), ({1: [1]}, 8)])
+@pytest.mark.parametrize(
+    ("positions", "section_bytes"), [({1: [1, 2, 3]}, 1036), ({1: []}, 1036), ({1: [1]}, 8)]
+)
 def test_uploads_that_cannot_be(positions, section_bytes):
     with pytest.raises(ValueError):
         list(upload_requests(1, 2, positions, section_bytes))

@@ -8,7 +8,18 @@ import zlib
 import pytest
 
 from framestep_emulator.image import make_image
-from framestep_tools.code_file import ENTRIES, HEAD, INDEX, MAGIC, MARK, MARK_AT, NAME, PAGE, CodeFile, runs_at_import
+from framestep_tools.code_file import (
+    ENTRIES,
+    HEAD,
+    INDEX,
+    MAGIC,
+    MARK,
+    MARK_AT,
+    NAME,
+    PAGE,
+    CodeFile,
+    runs_at_import,
+)
 from framestep_tools.files import IN_RAM, board_files, board_modules, compiled
 from framestep_tools.mpy_file import Body, Kind, MpyError, parse
 
@@ -28,18 +39,26 @@ def test_taken_apart_and_put_together_again_a_module_is_the_same(modules):
 
 
 def test_names_and_arguments():
-    source = b"def f(a, b, c, d, e=1): return [x for x in a]\nclass C:\n  def method(self): return lambda: 1\n"
+    source = (
+        b"def f(a, b, c, d, e=1): return [x for x in a]\n"
+        b"class C:\n"
+        b"  def method(self): return lambda: 1\n"
+    )
     module = parse(compiled("names.py", source, "armv6m"))
     function, made = module.body.children
-    assert [module.names[body.name_index] for body in (function, made, made.children[0])] == ["f", "C", "method"]
+    assert [module.names[body.name_index] for body in (function, made, made.children[0])] == [
+        "f",
+        "C",
+        "method",
+    ]
     assert function.argument_count == 5
     assert made.children[0].argument_count == 1
     assert [len(body.children) for body in (function, made)] == [1, 1]
 
 
 def test_frames_of_what_runs_while_the_heap_is_not_locked(modules):
-    """Frames of more than eleven words come from the heap (VM_MAX_STATE_ON_STACK in py/objfun.c). With all memory taken
-    MicroPython collects for each: 30 ms, in which no pass begins."""
+    """Frames of more than eleven words come from the heap (VM_MAX_STATE_ON_STACK in py/objfun.c).
+    With all memory taken MicroPython collects for each: 30 ms, in which no pass begins."""
     source = b"def f(a, b):\n  try:\n    return [a, b, [a, b, [a, b]]]\n  finally:\n    a.x\n"
     assert parse(compiled("frame.py", source, "armv6m")).body.children[0].frame_words == 2 + 9 + 3
     module = parse(modules["framestep/runner.mpy"])
@@ -67,15 +86,28 @@ def names_at_import(source):
         ("def f(x): pass\ny = sorted(z, key=f)", ["f"]),
         ("def f(): pass\ny = sorted(z, key=f)", ["f"]),
         ("def f(): pass\nHANDLERS = {1: f}", []),
-        ("class C:\n    def __init__(self): self.m()\n    def m(self): pass\n    def n(self): pass", ["C"]),
         (
-            "class C:\n    def __init__(self): self.m()\n    def m(self): pass\n    def n(self): pass\nx = C()",
+            "class C:\n"
+            "    def __init__(self): self.m()\n"
+            "    def m(self): pass\n"
+            "    def n(self): pass",
+            ["C"],
+        ),
+        (
+            "class C:\n"
+            "    def __init__(self): self.m()\n"
+            "    def m(self): pass\n"
+            "    def n(self): pass\n"
+            "x = C()",
             ["C", "__init__", "m"],
         ),
         ("def f(): pass\nclass C:\n    x = f()", ["C", "f"]),
         ("@pio(out=1)\ndef f(): pass", ["f"]),
         ("def d(g): return g\n@d\ndef f(): pass", ["d", "f"]),
-        ("@micropython.viper\ndef f(): pass\nclass C:\n    @property\n    def g(self): pass", ["C"]),
+        (
+            "@micropython.viper\ndef f(): pass\nclass C:\n    @property\n    def g(self): pass",
+            ["C"],
+        ),
         ("def f(): pass\ndef g(x=f()): pass", ["f"]),
         ("x = [i for i in y]\ndef f(): return [i for i in y]", ["ListComp"]),
         ("def f():\n    def inner(): pass\n    inner()\nf()", ["f", "inner"]),
@@ -103,7 +135,7 @@ def kernel(x: int, y: int) -> int:
 def short():
     return 1
 TABLE = called(1, 2)
-"""
+"""  # noqa: E501
 
 
 def test_placeholders():
@@ -140,7 +172,11 @@ def in_flash(content):
     """The pages of a code file in a board's flash, found by littlefs' own pointers."""
     image = make_image({"/lib/" + NAME: content, "/a": b"x" * 9000})
     tail = content[HEAD - PAGE :]
-    (last,) = {block for block in range(len(image) // PAGE) if image[block * PAGE + HEAD : (block + 1) * PAGE] == tail}
+    (last,) = {
+        block
+        for block in range(len(image) // PAGE)
+        if image[block * PAGE + HEAD : (block + 1) * PAGE] == tail
+    }
     head = image.index(MAGIC) // PAGE
     blocks = [last]
     while blocks[0] != head:
@@ -186,7 +222,10 @@ def test_what_a_board_gets(modules):
     for name in modules:
         new = parse(files["/lib/" + name])
         for body in new.body.walk():
-            if len(body.code) == MARK_AT + 8 and struct.unpack_from("<I", body.code, MARK_AT)[0] == MARK:
+            if (
+                len(body.code) == MARK_AT + 8
+                and struct.unpack_from("<I", body.code, MARK_AT)[0] == MARK
+            ):
                 assert name != "framestep/motion/tick.mpy"
                 find(pages, count, struct.unpack_from("<I", body.code, MARK_AT + 4)[0])
                 taken += 1

@@ -47,7 +47,9 @@ def run(texts: dict[str, str], name: str) -> dict:
 
 def test_names_of_a_module_and_imported_names_become_numbers():
     user = folded_one(
-        "from a import codes as c\nfrom a.codes import LOWEST as low\nx = [c.OK, low, c.known(c.LOWEST)]\n"
+        "from a import codes as c\n"
+        "from a.codes import LOWEST as low\n"
+        "x = [c.OK, low, c.known(c.LOWEST)]\n"
     )
     assert user == "from a import codes as c\npass\nx = [16, (-4), c.known((-4))]\n"
 
@@ -58,7 +60,15 @@ def test_an_import_that_is_not_needed_any_more_goes():
 
 def test_lines_stay_where_they_are():
     user = folded_one("from a.codes import (\n    OK,\n    known,\n)\ny = known(\n    OK\n)\n")
-    assert user.splitlines() == ["from a.codes import known", "", "", "", "y = known(", "    16", ")"]
+    assert user.splitlines() == [
+        "from a.codes import known",
+        "",
+        "",
+        "",
+        "y = known(",
+        "    16",
+        ")",
+    ]
 
 
 def test_constants_lose_their_public_name_unless_they_are_to_stay():
@@ -85,12 +95,25 @@ def test_a_program_does_the_same_as_before():
     user = "from a import codes as c\nfrom a.codes import known\n"
     user += "result = [known(c.OK), known(19), known(c.LOWEST), c.OK]\n"
     texts = {"a/codes.py": CODES, "a/user.py": user}
-    assert run(texts, "a.user")["result"] == run(fold(texts), "a.user")["result"] == [True, True, False, 16]
+    assert (
+        run(texts, "a.user")["result"]
+        == run(fold(texts), "a.user")["result"]
+        == [True, True, False, 16]
+    )
 
 
 def test_what_is_given_is_folded_for_others():
-    a = "try:\n    import micropython\n    CPYTHON = False\nexcept ImportError:\n    CPYTHON = True\n"
-    texts = fold({"a.py": a, "b.py": "from a import CPYTHON\nif CPYTHON:\n    pass\n"}, given={"a": {"CPYTHON": 0}})
+    a = (
+        "try:\n"
+        "    import micropython\n"
+        "    CPYTHON = False\n"
+        "except ImportError:\n"
+        "    CPYTHON = True\n"
+    )
+    texts = fold(
+        {"a.py": a, "b.py": "from a import CPYTHON\nif CPYTHON:\n    pass\n"},
+        given={"a": {"CPYTHON": 0}},
+    )
     assert texts == {"a.py": a, "b.py": "pass\nif 0:\n    pass\n"}
 
 
@@ -110,7 +133,8 @@ def test_a_name_with_two_meanings_is_refused(text):
 
 
 @pytest.mark.parametrize(
-    ("text", "what"), [("N = const('x')\n", "no whole number"), ("N = const(1)\nN = const(2)\n", "constant already")]
+    ("text", "what"),
+    [("N = const('x')\n", "no whole number"), ("N = const(1)\nN = const(2)\n", "constant already")],
 )
 def test_odd_constants_are_refused(text, what):
     with pytest.raises(FoldError, match=what):
@@ -124,7 +148,9 @@ def test_constants_in_a_circle_are_refused():
 
 def test_the_core_folds_line_by_line():
     for name, text in folded({}, hide=True).items():
-        assert len(text.decode().splitlines()) == len(sources()[name].read_text().splitlines()), name
+        assert len(text.decode().splitlines()) == len(sources()[name].read_text().splitlines()), (
+            name
+        )
 
 
 def test_bytes_of_numbers_become_a_literal():

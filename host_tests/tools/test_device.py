@@ -21,7 +21,8 @@ def test_a_port_that_cannot_be_opened():
 
 
 def test_a_terminal_that_says_nothing_is_left_in_time():
-    """What was sent to a board that restarts is lost at a pseudo-terminal, which stays: so it is asked again soon."""
+    """What was sent to a board that restarts is lost at a pseudo-terminal, which stays: so it is
+    asked again soon."""
     master, slave = os.openpty()
     try:
         tty.setraw(slave)
@@ -40,8 +41,13 @@ def test_a_terminal_that_says_nothing_is_left_in_time():
 def test_a_board_that_does_not_come_up(monkeypatch):
     monkeypatch.setattr(restart, "_START_S", 0.0)
     monkeypatch.setattr(restart, "_LOOK_S", 0.0)
-    for protocol, count, why in ((None, 2, "no port named framestep DMC"), ("/dev/none", 2, "cannot open /dev/none")):
-        with pytest.raises(DeviceError, match=f"does not come up .*{why}.* mpremote connect /dev/x1 exec"):
+    for protocol, count, why in (
+        (None, 2, "no port named framestep DMC"),
+        ("/dev/none", 2, "cannot open /dev/none"),
+    ):
+        with pytest.raises(
+            DeviceError, match=f"does not come up .*{why}.* mpremote connect /dev/x1 exec"
+        ):
             restart.hello("/dev/x1", protocol, count)
     with pytest.raises(DeviceError, match="cannot open /dev/x1"):
         restart.hello("/dev/x1", "/dev/none", 1)
@@ -60,6 +66,8 @@ def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
     silent = Device.__new__(Device)
     silent.write("x.bin", bytes(1200))
     assert sum(script.startswith("w(") for script in scripts) == 3
-    monkeypatch.setattr(Device, "run", lambda device, script: (_ for _ in ()).throw(DeviceError("OSError: 28")))
+    monkeypatch.setattr(
+        Device, "run", lambda device, script: (_ for _ in ()).throw(DeviceError("OSError: 28"))
+    )
     with pytest.raises(DeviceError, match=r"cannot write x\.bin to the board: OSError: 28"):
         silent.write("x.bin", b"")

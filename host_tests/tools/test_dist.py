@@ -1,4 +1,5 @@
-"""`make dist`: the packages hold what the tree has, compiled for their processor, and nothing else."""
+"""`make dist`: the packages hold what the tree has, compiled for their processor, and nothing
+else."""
 
 import json
 
@@ -20,19 +21,23 @@ def folder(tmp_path_factory):
 
 def package(path):
     """{where it goes on the board: content}"""
-    return {target: (path.parent / url).read_bytes() for target, url in json.loads(path.read_text())["urls"]}
+    return {
+        target: (path.parent / url).read_bytes()
+        for target, url in json.loads(path.read_text())["urls"]
+    }
 
 
 @pytest.mark.parametrize("board", board_names())
 def test_a_package_holds_what_make_flash_would_copy(folder, board):
     processor = march(board_data(board)["chip"])
     found = package(folder / processor / f"{board}.json")
-    assert {("/lib/" + target).replace("/lib/../", "/"): content for target, content in found.items()} == board_files(
-        processor, board
-    )
+    assert {
+        ("/lib/" + target).replace("/lib/../", "/"): content for target, content in found.items()
+    } == board_files(processor, board)
     number = next(i for i in range(9) if named(i) == processor)
     compiled = [content for target, content in found.items() if target.endswith(".mpy")]
-    # MicroPython's docs, "mpy files": M, version, then sub-version and processor if there is native code
+    # MicroPython's docs, "mpy files": M, version, then sub-version and processor if there is native
+    # code
     assert {content[:2] for content in compiled} == {b"M\x06"}
     assert {content[2] >> 2 & 15 for content in compiled} == {0, number}
     assert {content[2] & 3 for content in compiled if content[2] >> 2 & 15} == {3}
@@ -43,11 +48,17 @@ def named(number):
 
 
 def test_every_file_belongs_to_a_package_and_every_folder_has_one(folder):
-    assert {path.name for path in folder.iterdir()} == {march(board_data(board)["chip"]) for board in board_names()}
+    assert {path.name for path in folder.iterdir()} == {
+        march(board_data(board)["chip"]) for board in board_names()
+    }
     for processor in folder.iterdir():
-        used = {url for path in processor.glob("*.json") for _, url in json.loads(path.read_text())["urls"]}
-        assert {p.relative_to(processor).as_posix() for p in processor.rglob("*") if p.is_file()} == used | {
-            path.name for path in processor.glob("*.json")
+        used = {
+            url
+            for path in processor.glob("*.json")
+            for _, url in json.loads(path.read_text())["urls"]
         }
+        assert {
+            p.relative_to(processor).as_posix() for p in processor.rglob("*") if p.is_file()
+        } == used | {path.name for path in processor.glob("*.json")}
         assert (processor / "package.json").exists()
     assert package(folder / "armv6m/package.json") == package(folder / "armv6m/pico.json")

@@ -7,7 +7,8 @@ from framestep_tools import files
 
 @pytest.fixture
 def made(tmp_path, monkeypatch):
-    """A function that is remembered, its cache and sources in a scratch folder, and what it was called with."""
+    """A function that is remembered, its cache and sources in a scratch folder, and what it was
+    called with."""
     calls = []
     source = tmp_path / "module.py"
     source.write_text("A = 1\n")

@@ -1,4 +1,5 @@
-"""What `make flash` does to a board's files: against a board of nothing but files, interrupted at every single step."""
+"""What `make flash` does to a board's files: against a board of nothing but files, interrupted at
+every single step."""
 
 import json
 from hashlib import sha256
@@ -8,10 +9,19 @@ import pytest
 from framestep_tools.device import DeviceError, Who
 from framestep_tools.flash import BOOT, FOLDER, LIST, MAIN, check_firmware, install
 
-OLD = {f"{FOLDER}/{name}.mpy": f"old {name}".encode() for name in ("a", "b", "gone", "motion/c")} | {MAIN: b"old main"}
-NEW = {f"{FOLDER}/{name}.mpy": f"new {name}".encode() for name in ("a", "motion/c", "motion/d")} | {MAIN: b"new main"}
+OLD = {
+    f"{FOLDER}/{name}.mpy": f"old {name}".encode() for name in ("a", "b", "gone", "motion/c")
+} | {MAIN: b"old main"}
+NEW = {f"{FOLDER}/{name}.mpy": f"new {name}".encode() for name in ("a", "motion/c", "motion/d")} | {
+    MAIN: b"new main"
+}
 NEW[f"{FOLDER}/b.mpy"] = OLD[f"{FOLDER}/b.mpy"]
-USERS = {"/rig.json": b'{"name": "mine"}', "/lib/other.py": b"mine", f"{FOLDER}/notes.txt": b"mine", "/boot.py": b""}
+USERS = {
+    "/rig.json": b'{"name": "mine"}',
+    "/lib/other.py": b"mine",
+    f"{FOLDER}/notes.txt": b"mine",
+    "/boot.py": b"",
+}
 
 
 class Unplugged(Exception):
@@ -19,7 +29,8 @@ class Unplugged(Exception):
 
 
 class FileBoard:
-    """Changes count down to the moment at which the cable is pulled; a write may then be half done."""
+    """Changes count down to the moment at which the cable is pulled; a write may then be half
+    done."""
 
     def __init__(self, files, steps=1000):
         self.content = dict(files)
@@ -64,7 +75,11 @@ class FileBoard:
 
     def own(self):
         """Everything but a user's files and the list."""
-        return {n: d for n, d in self.content.items() if n not in USERS and n != LIST and not n.endswith(".new")}
+        return {
+            n: d
+            for n, d in self.content.items()
+            if n not in USERS and n != LIST and not n.endswith(".new")
+        }
 
 
 def installed(files=OLD, users=USERS):
@@ -131,7 +146,9 @@ def test_another_main_py_is_kept():
     install(board, NEW, "pico", lambda line: None)
     assert board.content["/main_before.py"] == b"changed by the user"
     install(board, OLD, "pico", lambda line: None)
-    assert board.content["/main_before.py"] == b"changed by the user", "framestep's own main.py is not kept"
+    assert board.content["/main_before.py"] == b"changed by the user", (
+        "framestep's own main.py is not kept"
+    )
 
 
 def test_another_boot_py_stays():
@@ -158,7 +175,12 @@ def test_damage_on_the_way_is_noticed():
 
 
 PICO = Who(
-    "rp2", (1, 26, 1), 4 << 10 | 3 << 8 | 6, "Raspberry Pi Pico with RP2040", True, "/lib/framestep/__init__.mpy"
+    "rp2",
+    (1, 26, 1),
+    4 << 10 | 3 << 8 | 6,
+    "Raspberry Pi Pico with RP2040",
+    True,
+    "/lib/framestep/__init__.mpy",
 )
 
 
@@ -171,7 +193,10 @@ def test_firmware_that_fits():
     ("what", "text"),
     [
         ({"version": (1, 25, 0)}, "has MicroPython 1.25.0: hold BOOTSEL"),
-        ({"mpy": 7 << 10 | 3 << 8 | 6, "machine": "Pico 2"}, "is for armv7emsp, Raspberry Pi Pico needs armv6m"),
+        (
+            {"mpy": 7 << 10 | 3 << 8 | 6, "machine": "Pico 2"},
+            "is for armv7emsp, Raspberry Pi Pico needs armv6m",
+        ),
         ({"platform": "esp32"}, "this one says esp32: name its PORT"),
         ({"mpy": 4 << 10 | 7}, "does not know this form of .mpy files"),
         ({"second_port": False}, "does not know a second USB port"),

@@ -44,12 +44,16 @@ def test_an_argument_stays_one():
 
 
 def test_lines_stay_where_they_are():
-    text = inlined("from a.clock import (\n    elapsed as since,\n)\nx = since(\n    one,\n    two\n)\ny = 1\n")
+    text = inlined(
+        "from a.clock import (\n    elapsed as since,\n)\nx = since(\n    one,\n    two\n)\ny = 1\n"
+    )
     assert text.splitlines()[3] == "x = (one - two & 7)"
     assert text.splitlines()[7] == "y = 1"
 
 
-@pytest.mark.parametrize("use", ["f = elapsed", "x = elapsed(1)", "x = elapsed(1, then=2)", "x = elapsed(elapsed, 1)"])
+@pytest.mark.parametrize(
+    "use", ["f = elapsed", "x = elapsed(1)", "x = elapsed(1, then=2)", "x = elapsed(elapsed, 1)"]
+)
 def test_another_use_is_refused(use):
     with pytest.raises(FoldError, match="line 2: elapsed has to be called, with all arguments"):
         inlined(f"from a.clock import elapsed\n{use}\n")

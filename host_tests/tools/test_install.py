@@ -1,4 +1,5 @@
-"""`framestep install`: drives on three systems, and a folder that stands for one with a simulated board behind it."""
+"""`framestep install`: drives on three systems, and a folder that stands for one with a simulated
+board behind it."""
 
 import threading
 import time
@@ -36,7 +37,9 @@ def test_what_is_no_drive_of_these_boards(tmp_path):
 def test_places_on_each_system(tmp_path):
     mounts = tmp_path / "mounts"
     mounts.write_text(
-        "/dev/sda1 / ext4 rw 0 0\n/dev/sdb1 /media/me/RPI-RP2 vfat rw 0 0\n/dev/sdc1 /mnt/with\\040blank vfat rw 0 0\n"
+        "/dev/sda1 / ext4 rw 0 0\n"
+        "/dev/sdb1 /media/me/RPI-RP2 vfat rw 0 0\n"
+        "/dev/sdc1 /mnt/with\\040blank vfat rw 0 0\n"
     )
     linux = [place.as_posix() for place in drives.places("linux", mounts)]
     assert linux == ["/media/me/RPI-RP2", "/mnt/with blank"]
@@ -86,7 +89,8 @@ def test_a_drive_that_takes_nothing_says_so(tmp_path, monkeypatch):
 
 @pytest.fixture
 def board_behind(tmp_path):
-    """A folder that stands for a drive: when a UF2 file has come, the drive goes and the board is there. Its port."""
+    """A folder that stands for a drive: when a UF2 file has come, the drive goes and the board is
+    there. Its port."""
     folder = drive_in(tmp_path / "RPI-RP2")
     server = Server(SimulatedBoard(), None, "127.0.0.1:0")
     address = next(line.split()[1] for line in server.announcements if line.startswith("tcp "))
@@ -115,9 +119,14 @@ def test_it_copies_the_image_and_asks_the_board_who_it_is(board_behind, tmp_path
     folder, port, got = board_behind
     image = tmp_path / "mine.uf2"
     image.write_bytes(uf2_file())
-    assert cli.app.status(["install", "--drive", str(folder), "--image", str(image), "--device", port]) == 0
+    assert (
+        cli.app.status(["install", "--drive", str(folder), "--image", str(image), "--device", port])
+        == 0
+    )
     said = capsys.readouterr().out
-    assert f"copying 6 kB for the Raspberry Pi Pico onto {folder}\n  100 %\nthe board starts\n" in said
+    assert (
+        f"copying 6 kB for the Raspberry Pi Pico onto {folder}\n  100 %\nthe board starts\n" in said
+    )
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
     assert got[0].name == "framestep-pico.uf2"
     assert got[0].read_bytes() == image.read_bytes()
@@ -126,7 +135,10 @@ def test_it_copies_the_image_and_asks_the_board_who_it_is(board_behind, tmp_path
 @pytest.mark.parametrize(
     ("args", "complaint"),
     [
-        (["--board", "pico2"], "has an RP2040, pico2 an RP2350: --board fysetc_erb or pico or skr_pico"),
+        (
+            ["--board", "pico2"],
+            "has an RP2040, pico2 an RP2350: --board fysetc_erb or pico or skr_pico",
+        ),
         (["--board", "nano"], "no board 'nano'"),
         (["--image", "/not/there.uf2"], "cannot read /not/there.uf2: No such file"),
     ],

@@ -1,4 +1,5 @@
-"""The judge, shown good runs and runs with one known fault each: it has to find every one of them."""
+"""The judge, shown good runs and runs with one known fault each: it has to find every one of
+them."""
 
 import numpy as np
 import pytest
@@ -15,12 +16,15 @@ GRID_S = 20e-6
 def slopes(positions, seconds):
     """Velocity at each frame, 0 at holds and turns; the mean of both sides elsewhere."""
     v = np.diff(positions) / seconds
-    inner = np.where(v[:-1] * v[1:] > 0, np.minimum(np.abs(v[:-1]), np.abs(v[1:])) * np.sign(v[1:]), 0.0)
+    inner = np.where(
+        v[:-1] * v[1:] > 0, np.minimum(np.abs(v[:-1]), np.abs(v[1:])) * np.sign(v[1:]), 0.0
+    )
     return np.concatenate(([v[0]], inner, [v[-1]]))
 
 
 class Path:
-    """What an ideal device plays: a cubic per frame with continuous velocity, run-up and run-out."""
+    """What an ideal device plays: a cubic per frame with continuous velocity, run-up and
+    run-out."""
 
     def __init__(self, positions, fps_milli, kind="cubic"):
         self.p = np.asarray(positions, float)
@@ -39,8 +43,14 @@ class Path:
             x = p + (q - p) * u
         before = np.clip(seconds + ROLL_S, 0, None)
         behind = np.clip(self.t[-1] + ROLL_S - seconds, 0, None)
-        x = np.where(seconds < 0, self.p[0] + self.m[0] * (before**2 / (2 * ROLL_S) - ROLL_S / 2), x)
-        return np.where(seconds > self.t[-1], self.p[-1] + self.m[-1] * (ROLL_S / 2 - behind**2 / (2 * ROLL_S)), x)
+        x = np.where(
+            seconds < 0, self.p[0] + self.m[0] * (before**2 / (2 * ROLL_S) - ROLL_S / 2), x
+        )
+        return np.where(
+            seconds > self.t[-1],
+            self.p[-1] + self.m[-1] * (ROLL_S / 2 - behind**2 / (2 * ROLL_S)),
+            x,
+        )
 
 
 def crossings(path, begin, end):
@@ -66,7 +76,9 @@ def crossings(path, begin, end):
             times.append(np.interp(steps * sign, xs, ts))
             signs.append(np.full(len(steps), sign))
             made = last
-    return (np.concatenate(times), np.concatenate(signs)) if times else (np.zeros(0), np.zeros(0, int))
+    return (
+        (np.concatenate(times), np.concatenate(signs)) if times else (np.zeros(0), np.zeros(0, int))
+    )
 
 
 def trace_of(move, fps_milli, kind="cubic", start=0, jitter_ns=0, seed=1):
@@ -124,7 +136,9 @@ def test_a_good_run_is_good(fps_milli):
 def test_the_demos_move_is_good():
     move = read_move()
     trace = trace_of(move.positions, 24_000)
-    verdict = judge(trace, move.positions, 24_000, path=lambda m, s: Path(move.positions[m], 24_000)(s))
+    verdict = judge(
+        trace, move.positions, 24_000, path=lambda m, s: Path(move.positions[m], 24_000)(s)
+    )
     assert verdict.complaints == []
     assert max(np.nanmax(np.abs(m.edge_error_us)) for m in verdict.motors) < 2
     assert sum(len(m.edge_times_s) for m in verdict.motors) > 50_000
@@ -197,14 +211,19 @@ def test_a_fault_is_found(name):
     assert judge(good, move, 24_000, end=end).good
     verdict = judge(edited(good, motor, edit), move, 24_000, end=end)
     assert not verdict.good
-    assert any(c.startswith(f"motor {motor}: ") and complaint in c for c in verdict.complaints), verdict.complaints
+    assert any(c.startswith(f"motor {motor}: ") and complaint in c for c in verdict.complaints), (
+        verdict.complaints
+    )
     assert all(c.startswith(f"motor {motor}: ") for c in verdict.complaints), verdict.complaints
 
 
 def test_errors_within_the_limits_are_reported_and_pass():
     move = curves()
     verdict = judge(
-        edited(trace_of(move, 24_000), 5, shifted(20, 15_000)), move, 24_000, limits=Limits(velocity_share=1)
+        edited(trace_of(move, 24_000), 5, shifted(20, 15_000)),
+        move,
+        24_000,
+        limits=Limits(velocity_share=1),
     )
     assert verdict.good
     assert verdict.worst_time_us == pytest.approx(15, abs=1)
@@ -215,7 +234,9 @@ def test_the_limit_may_be_a_part_of_a_step():
     move = {1: np.arange(30) * 2, 2: np.arange(30) * 90}
     late = edited(edited(trace_of(move, 24_000), 1, shifted(20, 60_000)), 2, shifted(10, 60_000))
     assert len(judge(late, move, 24_000).complaints) == 2
-    complaints = judge(late, move, 24_000, limits=Limits(time_steps=0.01, velocity_share=1)).complaints
+    complaints = judge(
+        late, move, 24_000, limits=Limits(time_steps=0.01, velocity_share=1)
+    ).complaints
     assert len(complaints) == 1
     assert complaints[0].startswith("motor 2: 1 frames off their time")
 
@@ -229,7 +250,8 @@ def test_linear_interpolation_jumps():
 
 
 def test_a_turn_between_frames():
-    """A path that turns a little behind the frame with the greatest position is smooth; one that goes on is not."""
+    """A path that turns a little behind the frame with the greatest position is smooth; one that
+    goes on is not."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
     good = trace_of(move, 24_000)
@@ -244,7 +266,8 @@ def test_a_turn_between_frames():
 
 
 def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
-    """The path has its peak behind frame 4; its edges are right along it, and wrong along one that turns at once."""
+    """The path has its peak behind frame 4; its edges are right along it, and wrong along one that
+    turns at once."""
     steps = np.array([0, 300, 600, 900, 1000, 960, 700, 400, 100, -200, -500])
     move = {1: steps, 2: np.arange(11) * 100}
     turning = {motor: Path(p, 24_000) for motor, p in move.items()}
@@ -256,7 +279,12 @@ def test_with_the_path_given_a_turn_between_frames_is_judged_by_it():
     run = good.steps(1)[0] < ORIGIN_NS - 10**9
     before = tuple(part[run] for part in good.signals["m1"])
     after = np.rint(edges * 1e9).astype(np.int64) + ORIGIN_NS, signs
-    trace = Trace({**good.signals, "m1": tuple(np.concatenate(parts) for parts in zip(before, after, strict=True))})
+    trace = Trace(
+        {
+            **good.signals,
+            "m1": tuple(np.concatenate(parts) for parts in zip(before, after, strict=True)),
+        }
+    )
     verdict = judge(trace, move, 24_000, path=lambda m, s: turning[m](s), limits=Limits(path_us=5))
     assert verdict.complaints == []
     complaints = judge(trace, move, 24_000, path=lambda m, s: flat[m](s)).complaints
@@ -288,7 +316,13 @@ def test_an_edge_off_the_path_is_found_between_frames():
     limits = Limits(path_us=5)
     good = judge(trace_of(move, 24_000), move, 24_000, path=lambda m, s: ideal[m](s), limits=limits)
     assert good.complaints == []
-    bad = judge(edited(trace_of(move, 24_000), 5, shove), move, 24_000, path=lambda m, s: ideal[m](s), limits=limits)
+    bad = judge(
+        edited(trace_of(move, 24_000), 5, shove),
+        move,
+        24_000,
+        path=lambda m, s: ideal[m](s),
+        limits=limits,
+    )
     assert any("µs off the path" in c for c in bad.complaints)
 
 
@@ -310,15 +344,20 @@ def test_other_positions_are_no_such_run():
 
 def test_a_motor_that_has_no_business_in_the_run():
     move = curves()
-    trace = Trace({**trace_of(move, 24_000).signals, "m8": (np.array([ORIGIN_NS + 10**9]), np.array([1]))})
-    assert judge(trace, move, 24_000).complaints == ["motor 8: moved during the run without being in the upload"]
+    trace = Trace(
+        {**trace_of(move, 24_000).signals, "m8": (np.array([ORIGIN_NS + 10**9]), np.array([1]))}
+    )
+    assert judge(trace, move, 24_000).complaints == [
+        "motor 8: moved during the run without being in the upload"
+    ]
 
 
 def test_an_empty_trace_has_no_run():
     with pytest.raises(NoRun, match="no run of this move"):
         judge(Trace({}), curves(), 24_000)
     with pytest.raises(NoRun):
-        judge(trace_of(curves(), 24_000), {1: np.zeros(20, int)}, 24_000)  # nothing passes through a frame
+        # nothing passes through a frame
+        judge(trace_of(curves(), 24_000), {1: np.zeros(20, int)}, 24_000)
 
 
 def test_the_first_full_pass_after_a_time():

@@ -23,7 +23,9 @@ OTHER = "from p.first import Point as P, _LIMIT\nfrom p import last\nmade = P()\
 
 
 def merged(first: str = FIRST, last: str = LAST, **others: str) -> dict[str, str]:
-    texts = {"p/first.py": first, "p/last.py": last} | {f"p/{name}.py": text for name, text in others.items()}
+    texts = {"p/first.py": first, "p/last.py": last} | {
+        f"p/{name}.py": text for name, text in others.items()
+    }
     return merge(texts, {"p/last.py": ("p/first.py",)})
 
 
@@ -46,7 +48,11 @@ def test_imports_stand_once_and_names_of_two_files_get_a_number():
 
 def test_a_module_outside_imports_from_where_they_are():
     other = merged(other=OTHER)["p/other.py"].splitlines()
-    assert other == ["from p.last import Point as P, _LIMIT as _LIMIT", "from p import last", "made = P()"]
+    assert other == [
+        "from p.last import Point as P, _LIMIT as _LIMIT",
+        "from p import last",
+        "made = P()",
+    ]
 
 
 def test_lines_lead_back_to_the_files():
@@ -99,7 +105,9 @@ def test_a_package_is_one_module_in_the_order_of_its_imports():
 
 def test_boards_have_them_merged():
     found = _board_sources("pico")
-    for last, others in groups({path: file.read_text() for path, file in sources().items()}).items():
+    for last, others in groups(
+        {path: file.read_text() for path, file in sources().items()}
+    ).items():
         assert others
         assert last.removesuffix("py") + "mpy" in found
         assert not {path.removesuffix("py") + "mpy" for path in others} & set(found)

@@ -22,7 +22,10 @@ def f(data: ptr8, words: ptr32) -> int:
 x = addressof
 """
     assert leaned(text).splitlines()[0] == "from framestep.native import addressof"
-    assert leaned(text.replace(" addressof,", "").replace("x = addressof\n", "")).splitlines()[0] == "pass"
+    assert (
+        leaned(text.replace(" addressof,", "").replace("x = addressof\n", "")).splitlines()[0]
+        == "pass"
+    )
 
 
 def test_what_is_used_at_work_is_imported():
@@ -71,18 +74,31 @@ def _kernel(x: int) -> int:
 def _kept(x):
     return _kernel(x) + _WORDS[0]
 """
-    assert leaned(text) == text.replace("_WORDS", "__1").replace("_kernel", "__2").replace("(x", "(_0").replace(
-        "return x", "return _0"
-    )
-    for use in ("a._WORDS = 3\n", "from b import _WORDS\n", "x = '_WORDS'\n", "def f():\n    _WORDS = 3\n"):
+    assert leaned(text) == text.replace("_WORDS", "__1").replace("_kernel", "__2").replace(
+        "(x", "(_0"
+    ).replace("return x", "return _0")
+    for use in (
+        "a._WORDS = 3\n",
+        "from b import _WORDS\n",
+        "x = '_WORDS'\n",
+        "def f():\n    _WORDS = 3\n",
+    ):
         assert "_WORDS" in leaned(text + use)
     assert "_kernel" in leaned(text, kept={"_kernel"})
 
 
 def test_data_of_objects_is_numbered():
-    text = "class A:\n    def f(self, x):\n        self._one = x._two = self.three\n        x.y(self)._two = 1\n"
+    text = (
+        "class A:\n"
+        "    def f(self, x):\n"
+        "        self._one = x._two = self.three\n"
+        "        x.y(self)._two = 1\n"
+    )
     assert leaned(text) == (
-        "class A:\n    def f(self, _1):\n        self._1 = _1._2 = self.three\n        _1.y(self)._2 = 1\n"
+        "class A:\n"
+        "    def f(self, _1):\n"
+        "        self._1 = _1._2 = self.three\n"
+        "        _1.y(self)._2 = 1\n"
     )
 
 
@@ -101,7 +117,10 @@ def test_objects_of_two_modules_keep_their_data():
     """Numbers of the one would be those of the other."""
     base = "class A:\n    def f(self):\n        self._one = 1\n"
     own = "class B({0}):\n    def g(self):\n        self._two = 1\n"
-    for derived in ("from a import A\n" + own.format("A"), "from c import a as b\n" + own.format("b.A")):
+    for derived in (
+        "from a import A\n" + own.format("A"),
+        "from c import a as b\n" + own.format("b.A"),
+    ):
         found = lean({"a.py": base, "c/a.py": base.replace("one", "three"), "d.py": derived})
         assert found["d.py"] == derived
         assert "_one" in found["a.py"] or "_three" in found["c/a.py"]

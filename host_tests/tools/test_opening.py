@@ -1,4 +1,5 @@
-"""Ports that are busy, wrong, pulled out or noisy; a second program; Ctrl-C: a sentence, a status, no traceback."""
+"""Ports that are busy, wrong, pulled out or noisy; a second program; Ctrl-C: a sentence, a status,
+no traceback."""
 
 import os
 import random
@@ -14,7 +15,15 @@ import pytest
 from framestep_tools import cli, door, opening
 from framestep_tools.boards import SimulatedBoard
 from framestep_tools.client import GREETING_ID, BrokenOff, Client, NoAnswer, WrongPort
-from framestep_tools.errors import BROKEN_OFF, INTERRUPTED, NO_CONTROLLER, NO_PORT, PORT_BUSY, REFUSED, ToolError
+from framestep_tools.errors import (
+    BROKEN_OFF,
+    INTERRUPTED,
+    NO_CONTROLLER,
+    NO_PORT,
+    PORT_BUSY,
+    REFUSED,
+    ToolError,
+)
 from framestep_tools.opening import NoPort, PortBusy
 from framestep_tools.payloads import Hi, MotorStatus
 from framestep_tools.serve import PtyLink, Server
@@ -45,7 +54,9 @@ def device():
 def terminal():
     """A pseudo-terminal with nothing behind it yet, which the test plays."""
     link = PtyLink()
-    found = SimpleNamespace(link=link, path=link.path, got=b"", answer=lambda data: b"", ended=False)
+    found = SimpleNamespace(
+        link=link, path=link.path, got=b"", answer=lambda data: b"", ended=False
+    )
 
     def play():
         while not found.ended:
@@ -132,7 +143,9 @@ def test_ctrl_c_while_it_is_loaded(after):
 
 
 def test_a_port_that_another_program_has(device, capsys):
-    other = subprocess.Popen(["sh", "-c", f"exec 3<>{device}; echo; exec sleep 100"], stdout=subprocess.PIPE)
+    other = subprocess.Popen(
+        ["sh", "-c", f"exec 3<>{device}; echo; exec sleep 100"], stdout=subprocess.PIPE
+    )
     try:
         other.stdout.readline()
         until(lambda: cli.app.status(["status", device]) == PORT_BUSY)
@@ -159,7 +172,10 @@ def test_a_pulled_cable(terminal):
     terminal.ended = True
     time.sleep(0.01)
     os.close(terminal.link._master)
-    with pytest.raises(BrokenOff, match=f"{terminal.path} broke off: the cable was pulled, .*comes to rest by itself"):
+    with pytest.raises(
+        BrokenOff,
+        match=f"{terminal.path} broke off: the cable was pulled, .*comes to rest by itself",
+    ):
         client.request(Hi())
     client.close()
     terminal.link.close = lambda: None
@@ -214,7 +230,11 @@ def test_whatever_comes_ends_in_a_sentence():
     random_bytes = random.Random(5)
     for seed in range(200):
         kind = random_bytes.choice([Hi.TYPE, 0x8001, MotorStatus.TYPE, 0x7777])
-        frame = encode(kind, random_bytes.randbytes(random_bytes.randrange(60)), random_bytes.choice([0, GREETING_ID]))
+        frame = encode(
+            kind,
+            random_bytes.randbytes(random_bytes.randrange(60)),
+            random_bytes.choice([0, GREETING_ID]),
+        )
         client = Client(Noise([random_bytes.randbytes(seed % 7) + frame]), timeout_s=0.0)
         try:
             client.greet()
@@ -226,13 +246,19 @@ def test_whatever_comes_ends_in_a_sentence():
 @pytest.mark.parametrize(
     ("text", "kind", "words"),
     [
-        ("could not open port 'COM5': PermissionError(13, 'Access is denied.', None, 5)", PortBusy, "has COM5 open"),
         (
-            "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
-            NoPort, "No such file or directory; framestep ports lists",
+            "could not open port 'COM5': PermissionError(13, 'Access is denied.', None, 5)",
+            PortBusy,
+            "has COM5 open",
+        ),
+        (
+            "could not open port 'COM9': "
+            "FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)",
+            NoPort,
+            "No such file or directory; framestep ports lists",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_windows_says(text, kind, words):
     import serial
 

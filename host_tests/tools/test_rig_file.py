@@ -8,13 +8,19 @@ from framestep_tools.files import board_data
 from framestep_tools.rig_file import RigFileError
 
 WRONG = {
-    '{"jog_timeout_ms": -1}': "jog_timeout_ms: found -1, allowed is a whole number from 0 to 60000 ms",
+    '{"jog_timeout_ms": -1}': (
+        "jog_timeout_ms: found -1, allowed is a whole number from 0 to 60000 ms"
+    ),
     '{"nane": "x"}': "nane: no such setting; there are dialect,",
-    '{"motors": [{}, {"pulse_us": "1"}]}': "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 4.0 µs",
+    '{"motors": [{}, {"pulse_us": "1"}]}': (
+        "motors[2].pulse_us: found '1', allowed is a number from 0.25 to 4.0 µs"
+    ),
     '{"outputs": [{"pin": 2}]}': "outputs[1].pin: found 2, which is the board's step 1 already",
 }
 NO_JSON = {
-    b'{\n  "name": "x",\n  "ports" 1\n}': "not valid JSON in line 3, column 11 (Expecting ':' delimiter)",
+    b'{\n  "name": "x",\n  "ports" 1\n}': (
+        "not valid JSON in line 3, column 11 (Expecting ':' delimiter)"
+    ),
     b'{"name": "x",\n5}': "not valid JSON in line 2, column 1",
     b'{"ports": NaN}': "not valid JSON (NaN is no JSON)",
     b'{\n"name": "\xe9"}': "expected is UTF-8, found byte 0xE9 in line 2",
@@ -45,7 +51,9 @@ def test_a_right_file(tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text('{"name": "Krän", "motors": [{"invert": true}, {}], "outputs": [{"pin": 22}]}')
     assert cli.app.status(["rig", "check", str(file), "--board", "pico"]) == 0
-    assert capsys.readouterr().out == f"{file} is right for Raspberry Pi Pico: 'Krän', 2 motors set\n"
+    assert (
+        capsys.readouterr().out == f"{file} is right for Raspberry Pi Pico: 'Krän', 2 motors set\n"
+    )
     assert cli.app.status(["rig", "check", str(file), "--board", "toaster"]) == 1
     assert "no board 'toaster': there are " in capsys.readouterr().err
     assert cli.app.status(["rig", "check", str(tmp_path / "none")]) == 1
@@ -53,7 +61,8 @@ def test_a_right_file(tmp_path, capsys):
 
 
 def edit(tmp_path, versions, answers):
-    """(what edit_until_right gives back, the mistakes that were told) for an editor that writes these versions."""
+    """(what edit_until_right gives back, the mistakes that were told) for an editor that writes
+    these versions."""
     file = tmp_path / "rig.json"
     file.write_text("{}")
     versions, answers, told = iter(versions), iter(answers), []
@@ -62,7 +71,9 @@ def edit(tmp_path, versions, answers):
         told.append(mistake)
         return next(answers)
 
-    return rig_file.edit_until_right(file, board_data("pico"), lambda p: p.write_text(next(versions)), again), told
+    return rig_file.edit_until_right(
+        file, board_data("pico"), lambda p: p.write_text(next(versions)), again
+    ), told
 
 
 def test_editing_until_it_is_right(tmp_path):
@@ -88,7 +99,10 @@ def test_the_editor(tmp_path, monkeypatch):
     monkeypatch.setenv("EDITOR", "sed -i s/a/b/")
     rig_file.run_editor(file)
     assert file.read_text() == "b"
-    for editor, text in (("false", "ended with status 1"), ("/not/there", "cannot start the editor /not/there")):
+    for editor, text in (
+        ("false", "ended with status 1"),
+        ("/not/there", "cannot start the editor /not/there"),
+    ):
         monkeypatch.setenv("EDITOR", editor)
         with pytest.raises(rig_file.ToolError, match=text):
             rig_file.run_editor(file)
@@ -111,7 +125,9 @@ def test_the_key_that_was_meant(text, meant, tmp_path, capsys):
     assert capsys.readouterr().err.strip().endswith(meant)
 
 
-@pytest.mark.parametrize("text", ['{"ports": 1, "ports": 2}', '{"motors": [{}, {"ports": 1, "ports": 1}]}'])
+@pytest.mark.parametrize(
+    "text", ['{"ports": 1, "ports": 2}', '{"motors": [{}, {"ports": 1, "ports": 1}]}']
+)
 def test_a_doubled_key(text, tmp_path, capsys):
     file = tmp_path / "rig.json"
     file.write_text(text)
@@ -136,10 +152,15 @@ def test_what_is_copied_out_of_the_comments(tmp_path):
     lines = draft.splitlines()
     lines[2] = '{ // mine\n"ports": 1, // for one cable\n// "dmx": true\n"dmx": false}'
     new = rig_file.edit_until_right(
-        file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda mistake: told.append(mistake)
+        file,
+        board_data("pico"),
+        lambda p: p.write_text("\n".join(lines)),
+        lambda mistake: told.append(mistake),
     )
     assert new == b'{\n"ports": 1,\n"dmx": false}'
     assert not told
     lines[2] = '{\n"ports" 1}'
     with pytest.raises(RigFileError, match="line 4, column 9"):
-        rig_file.edit_until_right(file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False)
+        rig_file.edit_until_right(
+            file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False
+        )

@@ -13,14 +13,18 @@ def test_page_is_up_to_date():
 
 def test_a_changed_setting_shows(monkeypatch):
     kind, low, _, default, unit, meaning = rig_table.rig.SETTINGS["report_ms"]
-    monkeypatch.setitem(rig_table.rig.SETTINGS, "report_ms", (kind, low, 999, default, unit, meaning))
+    monkeypatch.setitem(
+        rig_table.rig.SETTINGS, "report_ms", (kind, low, 999, default, unit, meaning)
+    )
     text = rig_table.PAGE.read_text()
     assert rig_table.updated(text) != text
 
 
 def test_schema_is_up_to_date(capsys):
     file = ROOT / "docs" / "rig.schema.json"
-    assert file.read_text(encoding="utf-8") == rig_schema.text(), "run python -m framestep_tools.rig_schema"
+    assert file.read_text(encoding="utf-8") == rig_schema.text(), (
+        "run python -m framestep_tools.rig_schema"
+    )
     assert cli.app.status(["rig", "schema"]) == 0
     assert json.loads(capsys.readouterr().out) == rig_schema.schema()
 

@@ -1,4 +1,5 @@
-"""`make test` gives the same verdict each time: nothing in the tests depends on chance, or on what has run before."""
+"""`make test` gives the same verdict each time: nothing in the tests depends on chance, or on what
+has run before."""
 
 import ast
 import functools
@@ -62,9 +63,10 @@ def test_every_source_of_chance_has_a_seed():
                 assert node.args, f"{where} needs a seed"
             elif owner in ("random", "np.random", "numpy.random") and name[0].islower():
                 # np.random.default_rng(3) is often named `random`
-                named = any(isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and n.id == owner
-                            for n in ast.walk(tree)) or any(isinstance(n, ast.arg) and n.arg == owner
-                                                            for n in ast.walk(tree))  # fmt: skip
+                named = any(
+                    isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and n.id == owner
+                    for n in ast.walk(tree)
+                ) or any(isinstance(n, ast.arg) and n.arg == owner for n in ast.walk(tree))
                 assert named, f"{where} draws from the module's own generator"
             assert name not in ("urandom", "uuid4", "token_bytes", "SystemRandom"), where
 
@@ -78,13 +80,18 @@ def test_no_test_leaves_the_profile():
     assert hypothesis.HealthCheck.too_slow in profile.suppress_health_check
     for path, tree in sources().items():
         for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and getattr(node.func, "attr", dotted(node.func)) == "settings":
+            if (
+                isinstance(node, ast.Call)
+                and getattr(node.func, "attr", dotted(node.func)) == "settings"
+            ):
                 given = {k.arg: ast.unparse(k.value) for k in node.keywords}
                 where = f"{path.relative_to(ROOT)}:{node.lineno}"
                 assert given.get("derandomize", "True") == "True", where
                 assert given.get("database", "None") == "None", where
                 assert given.get("deadline", "None") == "None", where
-                assert given.get("suppress_health_check", "list(HealthCheck)") == "list(HealthCheck)", where
+                assert (
+                    given.get("suppress_health_check", "list(HealthCheck)") == "list(HealthCheck)"
+                ), where
 
 
 def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path):
@@ -92,12 +99,17 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
     makefile = tmp_path / "Makefile"
     makefile.write_text(
         f"include {ROOT / 'Makefile'}\n"
-        f"outer:\n\t@echo '$(ARGS) $(SEED)'; $(MAKE) --no-print-directory -f {makefile} inner BOARD=skr_pico\n"
+        "outer:\n"
+        "\t@echo '$(ARGS) $(SEED)'; "
+        f"$(MAKE) --no-print-directory -f {makefile} inner BOARD=skr_pico\n"
         'inner:\n\t@echo "$(ARGS)$$ARGS$(SEED)$$SEED $(BOARD)"\n'
     )
     command = ["make", "-f", makefile, "outer", "ARGS=--durations=9", "SEED=3", "BOARD=pico2"]
-    outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}  # of a `make test`
-    made = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT, env=outside)
+    # of a `make test`
+    outside = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    made = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=ROOT, env=outside
+    )
     assert made.stdout.splitlines() == ["--durations=9 3", " skr_pico"]
 
 
@@ -105,10 +117,15 @@ def test_what_is_asked_of_a_target_is_not_asked_of_those_that_it_makes(tmp_path)
 def drawn(*modules):
     """The examples of a test where these modules have been imported."""
     script = DRAWN.format(tests=str(TESTS), core=str(ROOT / "firmware"))
-    return subprocess.run([sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", script, *modules], capture_output=True, text=True, check=True
+    ).stdout
 
 
-@pytest.mark.parametrize("imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]])
+@pytest.mark.parametrize(
+    "imported", [["framestep.rig"], ["framestep_tools.payloads", "framestep.motion.ramps"]]
+)
 def test_examples_do_not_depend_on_what_is_imported(imported):
-    """Hypothesis would draw numbers of the modules that are there, and so of the tests that have run before."""
+    """Hypothesis would draw numbers of the modules that are there, and so of the tests that have
+    run before."""
     assert drawn() == drawn(*imported) != ""

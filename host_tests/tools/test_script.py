@@ -67,7 +67,9 @@ def test_a_move_is_played_and_answered():
     heard = frames(player)
     assert heard[0][1].type == m.MSG_HI
     assert [(ms, f.type) for ms, f in heard if f.id == 5] == [(10, m.MSG_MOTOR_MOVE)]
-    assert sum(value for _, signal, value in edges if signal == "m1") == 300 == player.board.steps(0)
+    assert (
+        sum(value for _, signal, value in edges if signal == "m1") == 300 == player.board.steps(0)
+    )
 
 
 def test_the_main_loop_is_away():
@@ -107,7 +109,9 @@ def test_a_rig_file_with_a_mistake(rig):
 
 
 def test_too_little_memory_and_no_flash():
-    player, _ = play('board pico\nrig {"remember_positions": true}\nmemory 16\nflash none\n0 open\n50 end')
+    player, _ = play(
+        'board pico\nrig {"remember_positions": true}\nmemory 16\nflash none\n0 open\n50 end'
+    )
     hello = frames(player)[0][1]
     assert struct.unpack_from("<I", hello.payload, 41)[0] == 0
     assert Script().flash == {}

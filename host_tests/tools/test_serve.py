@@ -1,4 +1,5 @@
-"""Serving a board: pseudo-terminal and TCP, one client at a time, pace, trace. The board here is a small fake."""
+"""Serving a board: pseudo-terminal and TCP, one client at a time, pace, trace. The board here is a
+small fake."""
 
 import contextlib
 import os
@@ -25,7 +26,8 @@ PATIENCE_S = 100  # the answer comes at once, but a busy computer may take its t
 
 
 class FakeChannel:
-    """Answers HI two milliseconds after it came; says HI unasked when its port is opened; notes opening and closing."""
+    """Answers HI two milliseconds after it came; says HI unasked when its port is opened; notes
+    opening and closing."""
 
     def __init__(self):
         self.now = 0
@@ -117,7 +119,9 @@ def until(condition, seconds=PATIENCE_S):
 
 
 def tcp_url(server, name="tcp"):
-    return "socket://" + next(line.split()[1] for line in server.announcements if line.startswith(name + " "))
+    return "socket://" + next(
+        line.split()[1] for line in server.announcements if line.startswith(name + " ")
+    )
 
 
 def test_client_over_the_pseudo_terminal():
@@ -154,7 +158,8 @@ def test_client_over_tcp_and_dtr():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:
         with Client.open(tcp_url(server), PATIENCE_S) as client:
-            # the HI that it says unasked may be there before pyserial, on opening a socket, drops what has come
+            # the HI that it says unasked may be there before pyserial, on opening a socket, drops
+            # what has come
             assert client.request(Hi()) == INFO
         until(lambda: board.protocol.log == [True, False])
 
@@ -180,7 +185,10 @@ def test_what_was_sent_before_leaving_arrives():
 
 def test_one_client_at_a_time():
     board = FakeBoard()
-    with serving(board, tcp="127.0.0.1:0") as server, Client.open(tcp_url(server), PATIENCE_S) as first:
+    with (
+        serving(board, tcp="127.0.0.1:0") as server,
+        Client.open(tcp_url(server), PATIENCE_S) as first,
+    ):
         assert first.request(Hi()) == INFO
         host, port = tcp_url(server).removeprefix("socket://").split(":")
         with socket.create_connection((host, int(port))) as second:
@@ -246,7 +254,8 @@ def pace(board):
 
 
 def keeps_real_time(board):
-    """As soon as a busy computer lets it. It may fall behind, and make up for a tenth of a second, but not be ahead."""
+    """As soon as a busy computer lets it. It may fall behind, and make up for a tenth of a second,
+    but not be ahead."""
     until(lambda: kept_pace(board) > 0.8)
     return True
 
@@ -288,7 +297,9 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
     assert pace.target(first, MS, False) == first  # and from there on anew
 
 
-@pytest.mark.parametrize("text", ["7000", "localhost", ":7000", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:70000"])
+@pytest.mark.parametrize(
+    "text", ["7000", "localhost", ":7000", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:70000"]
+)
 def test_addresses_that_are_none(text):
     with pytest.raises(ToolError, match="expected HOST:PORT"):
         parse_address(text)

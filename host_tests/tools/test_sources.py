@@ -1,4 +1,5 @@
-"""Which MicroPython tools/micropython/build.sh takes; Debian's archive and the release are the test's own."""
+"""Which MicroPython tools/micropython/build.sh takes; Debian's archive and the release are the
+test's own."""
 
 import os
 import subprocess
@@ -16,14 +17,22 @@ BEGINS_TO_WORK = '"$ROOT/tools/setup.sh" python'
 
 @pytest.fixture
 def run(tmp_path):
-    """run(commands, *versions): the result of commands with build.sh's functions, where Debian has these versions."""
+    """run(commands, *versions): the result of commands with build.sh's functions, where Debian has
+    these versions."""
     functions, found, _ = SCRIPT.read_text().partition(f"\n{BEGINS_TO_WORK}\n")
     assert found
 
     def run(commands, *versions):
         listed = "".join(f"Version: {version}\\n" for version in versions)
-        text = functions.replace('"$(dirname "${BASH_SOURCE[0]}")/../steps.sh"', f'"{ROOT}/tools/steps.sh"')
-        text += f"\napt_setup() {{ :; }}\nneed_packages() {{ :; }}\napt-cache() {{ printf '{listed}'; }}\n{commands}\n"
+        text = functions.replace(
+            '"$(dirname "${BASH_SOURCE[0]}")/../steps.sh"', f'"{ROOT}/tools/steps.sh"'
+        )
+        text += (
+            "\napt_setup() { :; }\n"
+            "need_packages() { :; }\n"
+            f"apt-cache() {{ printf '{listed}'; }}\n"
+            f"{commands}\n"
+        )
         environment = os.environ | {"FRAMESTEP_CACHE": str(tmp_path / "cache")}
         return subprocess.run(["bash", "-c", text], env=environment, capture_output=True, text=True)
 
@@ -33,7 +42,9 @@ def run(tmp_path):
 def release(folder):
     """A file like MicroPython's release, and its hash."""
     header = folder / "mpconfig.h"
-    header.write_text("".join(f"#define MICROPY_VERSION_{name} {number}\n" for name, number in NUMBERS.items()))
+    header.write_text(
+        "".join(f"#define MICROPY_VERSION_{name} {number}\n" for name, number in NUMBERS.items())
+    )
     file = folder / "release.tar.xz"
     with tarfile.open(file, "w:xz") as archive:
         archive.add(header, "micropython-1.26.1/py/mpconfig.h")

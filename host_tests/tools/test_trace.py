@@ -43,7 +43,8 @@ def test_pins_are_those_that_the_rig_file_leaves():
     assert load_board("pico", {"motor_count": 3}).step == (2, 4, 6)
     assert load_board("skr_pico").levels[7] == "enable2"
     assert load_board("pico", {"motors": [{"driver": {"run_ma": 500}}]}).levels[26] == "shutter"
-    assert load_board("pico", {"motor_count": 99}) == load_board("pico")  # a mistake: the board's defaults hold
+    # a mistake: the board's defaults hold
+    assert load_board("pico", {"motor_count": 99}) == load_board("pico")
 
 
 def test_an_unknown_board_is_named():
@@ -83,15 +84,23 @@ def test_state_is_kept_between_chunks_and_a_high_start_is_no_step():
     assert decoder.feed(records((0, 4, 1), (0, 5, 1))) == [(0, "dir2", 1)]
     assert decoder.feed(records((10, 4, 0))) == []
     assert decoder.feed(records((20, 4, 1), (20, 4, 1))) == [(20, "m2", -1)]
-    assert decoder.feed(records((30, 5, 0), (40, 4, 0), (50, 4, 1))) == [(30, "dir2", 0), (50, "m2", 1)]
+    assert decoder.feed(records((30, 5, 0), (40, 4, 0), (50, 4, 1))) == [
+        (30, "dir2", 0),
+        (50, "m2", 1),
+    ]
 
 
-edges = st.lists(st.tuples(st.integers(0, 10**15), st.sampled_from(["m1", "m12", "dir1", "gio3"]), st.integers(-1, 1)))
+edges = st.lists(
+    st.tuples(
+        st.integers(0, 10**15), st.sampled_from(["m1", "m12", "dir1", "gio3"]), st.integers(-1, 1)
+    )
+)
 
 
 @given(edges, st.lists(st.integers(0, 10**15), max_size=5))
 def test_csv_is_in_order_and_complete(tmp_path_factory, happened, looks):
-    """Edges that come in blocks, in no order within a block, are written by time, and never before theirs."""
+    """Edges that come in blocks, in no order within a block, are written by time, and never before
+    theirs."""
     path = tmp_path_factory.mktemp("trace") / "t.csv"
     with TraceWriter(path) as writer:
         for begin, end in zip([-1, *sorted(looks)], [*sorted(looks), 10**15], strict=True):
@@ -122,7 +131,9 @@ def test_future_edges_wait():
     assert out.getvalue().splitlines()[1:] == ["100,m2,-1", "250,m1,1", "300,m1,1"]
 
 
-@pytest.mark.parametrize("text", ["", "time,signal,value\n", f"{HEADER}\n1,m1\n", f"{HEADER}\nsoon,m1,1\n"])
+@pytest.mark.parametrize(
+    "text", ["", "time,signal,value\n", f"{HEADER}\n1,m1\n", f"{HEADER}\nsoon,m1,1\n"]
+)
 def test_what_is_no_trace_is_refused(tmp_path, text):
     path = tmp_path / "t.csv"
     path.write_text(text)
@@ -133,5 +144,12 @@ def test_what_is_no_trace_is_refused(tmp_path, text):
 def test_positions():
     trace = Trace.from_edges([(10, "m1", 1), (20, "m1", 1), (30, "m1", -1), (15, "dir1", 1)])
     assert trace.motors == [1]
-    assert trace.position_at(1, [9, 10, 19, 20, 30, 99], start=100).tolist() == [100, 101, 101, 102, 101, 101]
+    assert trace.position_at(1, [9, 10, 19, 20, 30, 99], start=100).tolist() == [
+        100,
+        101,
+        101,
+        102,
+        101,
+        101,
+    ]
     assert trace.position_at(2, [5]).tolist() == [0]

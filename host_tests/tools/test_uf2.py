@@ -12,7 +12,13 @@ from framestep_tools.files import board_files
 FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # those of a Raspberry Pi Pico
 
 
-def firmware(version=b"v1.26.1", name=b"MicroPython", board=b"Raspberry Pi Pico", at=FILES_AT, size=FILES_SIZE):
+def firmware(
+    version=b"v1.26.1",
+    name=b"MicroPython",
+    board=b"Raspberry Pi Pico",
+    at=FILES_AT,
+    size=FILES_SIZE,
+):
     """The flash of a firmware with pico-sdk's binary info: its version, and a block device."""
     flash = bytearray(3000)
     struct.pack_into("<5I", flash, 0x100, 0x7188EBF2, 0x10000200, 0x10000208, 0, 0xE71AA390)
@@ -94,17 +100,24 @@ def test_joined_it_has_the_firmware_and_the_files():
 
 
 def test_a_sector_is_given_as_a_whole():
-    """The chip's loader erases a sector when its first page comes, so one with something in it has all its pages."""
+    """The chip's loader erases a sector when its first page comes, so one with something in it has
+    all its pages."""
     _, content = install.joined(uf2_file(), "x.uf2", None, None)
     pages = [at for at in uf2.parse(content, "x").pages if at >= FILES_AT]
     sectors = {at & -uf2.SECTOR for at in pages}
-    assert sorted(pages) == [at + page for at in sorted(sectors) for page in range(0, uf2.SECTOR, uf2.PAGE)]
+    assert sorted(pages) == [
+        at + page for at in sorted(sectors) for page in range(0, uf2.SECTOR, uf2.PAGE)
+    ]
 
 
 @pytest.mark.parametrize(
     ("flash", "board", "complaint"),
     [
-        (bytes(3000), None, "no MicroPython: get one from https://micropython.org/download/RPI_PICO/"),
+        (
+            bytes(3000),
+            None,
+            "no MicroPython: get one from https://micropython.org/download/RPI_PICO/",
+        ),
         (firmware(name=b"ROMFS"), None, "no MicroPython"),
         (firmware(version=b"v1.25.0"), None, r"MicroPython v1.25.0; 1\.26 or newer"),
         (firmware(board=b"Raspberry Pi Pico with framestep"), None, "framestep in it already"),

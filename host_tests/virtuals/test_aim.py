@@ -1,4 +1,5 @@
-"""The direction to an aim point, and the camera's own axes, against the double-precision reference."""
+"""The direction to an aim point, and the camera's own axes, against the double-precision
+reference."""
 
 import numpy as np
 import pytest
@@ -31,7 +32,13 @@ PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)
 def aimed(place, point, pan=0.0, safe=0.0):
     """Code, pan and tilt from a place to a point, both X, Y, Z."""
     r = Firmware(4).r
-    for at, value in ((V_EW, place[0]), (V_NS, place[1]), (V_TRACK, place[2]), (NEAR_PAN, pan), (SAFE, safe)):
+    for at, value in (
+        (V_EW, place[0]),
+        (V_NS, place[1]),
+        (V_TRACK, place[2]),
+        (NEAR_PAN, pan),
+        (SAFE, safe),
+    ):
         put(r, at, value)
     for i in range(3):
         put(r, AIM_X + 2 * i, point[i])
@@ -73,7 +80,8 @@ def test_the_camera_looks_at_the_point(place, point, before):
 
 
 @pytest.mark.parametrize(
-    "point, inside", [((60, 999, 79), True), ((60, 0, 80), False), ((-61, 5, -80), False), ((0, 5, 0), True)]
+    "point, inside",
+    [((60, 999, 79), True), ((60, 0, 80), False), ((-61, 5, -80), False), ((0, 5, 0), True)],
 )
 def test_safe_distance_is_a_cylinder(point, inside):
     code, _, _ = aimed((0, 0, 0), point, safe=100)
@@ -93,6 +101,9 @@ def test_camera_axes(angles, axis):
 
 
 def test_the_camera_line_is_where_the_camera_looks():
-    np.testing.assert_allclose(-reference.line_direction(2, 30, 20, 70), reference.looks(30, 20), atol=1e-12)
+    np.testing.assert_allclose(
+        -reference.line_direction(2, 30, 20, 70), reference.looks(30, 20), atol=1e-12
+    )
     np.testing.assert_allclose(reference.line_direction(2, 0, 0, 0), [0, 0, 1], atol=1e-12)
-    np.testing.assert_allclose(reference.line_direction(0, 90, 0, 0), [0, 0, -1], atol=1e-12)  # left: X looks forward
+    # left: X looks forward
+    np.testing.assert_allclose(reference.line_direction(0, 90, 0, 0), [0, 0, -1], atol=1e-12)

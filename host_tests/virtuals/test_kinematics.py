@@ -36,7 +36,9 @@ def near(got, wanted, atol):
     home=st.integers(-2_000_000_000, 2_000_000_000),
 )
 def test_x_y_z(nodal, place, angles, home):
-    rig = Rig(reference.X_Y_Z, (Axis(1, 1000, home / 100000, 77), Axis(2), Axis(3), *HEAD), nodal=nodal)
+    rig = Rig(
+        reference.X_Y_Z, (Axis(1, 1000, home / 100000, 77), Axis(2), Axis(3), *HEAD), nodal=nodal
+    )
     firmware = Firmware.of(rig)
     near(firmware.pose(), rig.forward(rig.joints([77, 0, 0, -900, 0, 0])), 1e-4)
     assert firmware.told() == [0, home / 100000, 0, 12.5, 0, 0]
@@ -54,7 +56,11 @@ def test_swing_pan(swing, pan, wanted):
     joints = rig.joints([swing, pan])
     near(pose, rig.forward(joints), 1e-5)
     near(firmware.told(), [0, 0, 0, swing / 1000 + pan / 500.5, 0, 0], 1e-5)
-    near(firmware.inverse([0, 0, 0, wanted, 0, 0]), rig.inverse([0, 0, 0, wanted, 0, 0], joints), 1e-5)
+    near(
+        firmware.inverse([0, 0, 0, wanted, 0, 0]),
+        rig.inverse([0, 0, 0, wanted, 0, 0], joints),
+        1e-5,
+    )
     near(firmware.steps(), rig.steps(rig.inverse([0, 0, 0, wanted, 0, 0], joints)), 0.01)
 
 
@@ -63,7 +69,8 @@ def test_swing_pan(swing, pan, wanted):
 
 @st.composite
 def arms(draw):
-    """An arm, with a table or without, and joints within its reach: up to ±88 degrees, several turns of the swing."""
+    """An arm, with a table or without, and joints within its reach: up to ±88 degrees, several
+    turns of the swing."""
     kind = draw(st.sampled_from([reference.BOOM_SWING_TRACK, reference.Y_SWING_TRACK]))
     length = draw(st.integers(200_000, 5_000_000)) / 1000
     extension = draw(st.integers(-100_000, 1_000_000)) / 1000
@@ -83,19 +90,24 @@ def arms(draw):
     axes = (first, Axis(2, 2000, round(draw(ANGLE), 5), 5), Axis(3, 1000, -55.5, 10**6), *HEAD)
     rig = Rig(kind, axes, length, extension, draw(NODAL), table)
     swing = draw(st.floats(-88, 88)) + 180 * draw(st.integers(-3, 3))
-    joints = np.array([up, swing, draw(st.floats(-20000, 20000)), draw(ANGLE), draw(ANGLE), draw(ANGLE)])
+    joints = np.array(
+        [up, swing, draw(st.floats(-20000, 20000)), draw(ANGLE), draw(ANGLE), draw(ANGLE)]
+    )
     return rig, joints
 
 
 _ROUNDING = 2.0**-29  # of a number's size: how far a result of `reals` may be off (motion/reals.py)
-_ANGLE = 1e-6  # degrees: the arc tangent (motion/compute.py), and what the steps of an angle round to
+# degrees: the arc tangent (motion/compute.py), and what the steps of an angle round to
+_ANGLE = 1e-6
 
 
 def conditioning(rig, joints):
-    """How far inverse() may be from the joints if each result it works with is off by its rounding, to first order.
+    """How far inverse() may be from the joints if each result it works with is off by its rounding,
+    to first order.
 
-    Near ±90 degrees of boom and swing a place says little about an angle: an error of the place comes out
-    1 / cos(boom) times as large in the reach, and that 1 / cos(swing) times as large in swing and track.
+    Near ±90 degrees of boom and swing a place says little about an angle: an error of the place
+    comes out 1 / cos(boom) times as large in the reach, and that 1 / cos(swing) times as large in
+    swing and track.
     """
     boom, swing, track = joints[0], joints[1], abs(joints[2])
     reach, _ = rig._arm(boom)
@@ -120,23 +132,36 @@ def conditioning(rig, joints):
 
 
 def spread(rig, joints):
-    """The same for forward(): the angles' rounding, on the arm that they turn, and that of sines and sums."""
+    """The same for forward(): the angles' rounding, on the arm that they turn, and that of sines
+    and sums."""
     angles = np.radians(3 * _ROUNDING * np.abs(joints) + _ANGLE / 2)
     size = rig.length + abs(rig.extension)
     nodal = sum(map(abs, rig.nodal))
-    place = 4 * _ROUNDING * (size + nodal + abs(joints[2])) + size * angles[1] + nodal * angles[[1, 3, 4, 5]].sum()
+    place = (
+        4 * _ROUNDING * (size + nodal + abs(joints[2]))
+        + size * angles[1]
+        + nodal * angles[[1, 3, 4, 5]].sum()
+    )
     if rig.kind == reference.BOOM_SWING_TRACK:
         place += size * angles[0]
     else:
         place += 4 * _ROUNDING * abs(joints[0])
-    return np.array([place, place, place, *np.degrees([angles[1] + angles[3], angles[4], angles[5]])])
+    return np.array(
+        [place, place, place, *np.degrees([angles[1] + angles[3], angles[4], angles[5]])]
+    )
 
 
 @given(arms())
 @example(
     # so near to 90 degrees the last bit of the place, 7.6e-6, is 2.2e-4 of the track
     (
-        Rig(3, (Axis(1), Axis(2, 2000), Axis(3, 1000, -55.5, 10**6), *HEAD), 4901.188, 0, (0, 0, -0.001)),
+        Rig(
+            3,
+            (Axis(1), Axis(2, 2000), Axis(3, 1000, -55.5, 10**6), *HEAD),
+            4901.188,
+            0,
+            (0, 0, -0.001),
+        ),
         np.array([0.0, 88.0, 0.0, 0.0, 0.0, 0.0]),
     )
 )
@@ -146,8 +171,12 @@ def test_forward_and_back(case):
     firmware = Firmware.of(rig)
     steps = np.round(rig.steps(joints))
     joints = rig.joints(steps)
-    pose = firmware.locate({axis.motor: int(step) for axis, step in zip(rig.axes, steps, strict=True)})
-    assert (np.abs(pose - rig.forward(joints)) <= spread(rig, joints)).all(), pose - rig.forward(joints)
+    pose = firmware.locate(
+        {axis.motor: int(step) for axis, step in zip(rig.axes, steps, strict=True)}
+    )
+    assert (np.abs(pose - rig.forward(joints)) <= spread(rig, joints)).all(), pose - rig.forward(
+        joints
+    )
     back = firmware.inverse(rig.forward(joints))
     assert (np.abs(back - joints) <= conditioning(rig, joints)).all(), back - joints
 
@@ -155,10 +184,13 @@ def test_forward_and_back(case):
 @given(arms(), st.tuples(*[st.floats(-2, 2)] * 3))
 @example((Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78), np.zeros(6)), (0, 0, 1.1))
 def test_what_is_out_of_reach(case, way):
-    """Where the reference finds no joints, nor does the firmware; where they are a degree away from that it does."""
+    """Where the reference finds no joints, nor does the firmware; where they are a degree away from
+    that it does."""
     rig, joints = case
     firmware = Firmware.of(rig)
-    firmware.locate({axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(joints), strict=True)})
+    firmware.locate(
+        {axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(joints), strict=True)}
+    )
     pose = rig.forward(joints)
     pose[:3] += np.array(way) * rig.length
     try:
@@ -179,7 +211,8 @@ def test_what_is_out_of_reach(case, way):
 
 
 def test_along_a_path_no_joint_jumps():
-    """Swing and pan of an arm behind its column, beyond a turn, follow a line from one side to the other."""
+    """Swing and pan of an arm behind its column, beyond a turn, follow a line from one side to the
+    other."""
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 800, 200, (10, 20, 30))
     firmware = Firmware.of(rig)
     start = np.array([20.0, 545.0, 3000.0, -600.0, 10.0, 5.0])
@@ -200,7 +233,8 @@ def test_along_a_path_no_joint_jumps():
 
 
 def test_worked_values():
-    """Field note 9.9: length 857.7, extension 78, vNS +100 moves the track by -5.8494 (-5.84949)."""
+    """Field note 9.9: length 857.7, extension 78, vNS +100 moves the track by -5.8494
+    (-5.84949)."""
     rig = Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 857.7, 78)
     firmware = Firmware.of(rig)
     pose = firmware.forward([0, 0, 0, 0, 0, 0])
@@ -251,10 +285,23 @@ def test_boom_table(sign):
     for angle in (-60, -59.75, -0.5, 0, 30.25, 59.999, 60):
         firmware.inverse(rig.forward([angle, 0, 0, 0, 0, 0]))
         near(firmware.steps(), rig.steps([angle, 0, 0, 0, 0, 0]), 0.05)
-    for step in (table[0], table[0] + 1, table[0] - 1, 0, 1, -1, 12345, table[1], table[119], table[120]):
+    for step in (
+        table[0],
+        table[0] + 1,
+        table[0] - 1,
+        0,
+        1,
+        -1,
+        12345,
+        table[1],
+        table[119],
+        table[120],
+    ):
         if min(table) <= step <= max(table):
             firmware.locate({1: step})
-            assert firmware.inverse(firmware.pose())[0] == pytest.approx(rig.joints([step, 0, 0, 0, 0, 0])[0], abs=1e-6)
+            assert firmware.inverse(firmware.pose())[0] == pytest.approx(
+                rig.joints([step, 0, 0, 0, 0, 0])[0], abs=1e-6
+            )
         else:
             with pytest.raises(Refused):
                 firmware.locate({1: step})
@@ -296,7 +343,8 @@ def test_an_axis_without_a_motor_stays():
     ],
 )
 def test_a_place_that_is_no_int32(sign, start, far):
-    """Motors' steps are 32 bits; a pose for which a motor would have to go beyond is out of reach."""
+    """Motors' steps are 32 bits; a pose for which a motor would have to go beyond is out of
+    reach."""
     rig = Rig(4, (Axis(1, 1, 0.0, sign * start), Axis(2), Axis(3), *HEAD))
     firmware = Firmware.of(rig)
     firmware.inverse([0, sign * far, 0, 0, 0, 0])
@@ -319,7 +367,9 @@ def test_an_axis_that_counts_backward():
 # ---------------------------------------------------------------- VIRT_CONFIG
 
 FULL = {
-    1: Rig(1, (Axis(1), Axis(2), Axis(3), *HEAD), 500, 100, (1, 2, 3), tuple(range(-600, 610, 10)), 50),
+    1: Rig(
+        1, (Axis(1), Axis(2), Axis(3), *HEAD), 500, 100, (1, 2, 3), tuple(range(-600, 610, 10)), 50
+    ),
     2: Rig(2, (Axis(1), Axis(2))),
     3: Rig(3, (Axis(1), Axis(2), Axis(3), *HEAD), 500, 100, (1, 2, 3), safe=50),
     4: Rig(4, (Axis(1), Axis(2), Axis(3), *HEAD), nodal=(1, 2, 3), safe=50),
@@ -341,7 +391,12 @@ def test_refused_configurations_change_nothing(kind):
 
     def held():
         table = firmware.geometry.table.tolist() if kind == 1 else None
-        return firmware.r[:KEPT].tolist(), bytes(firmware.geometry.motor), firmware.geometry.start.tolist(), table
+        return (
+            firmware.r[:KEPT].tolist(),
+            bytes(firmware.geometry.motor),
+            firmware.geometry.start.tolist(),
+            table,
+        )
 
     before = held()
     bad = [
@@ -354,7 +409,12 @@ def test_refused_configurations_change_nothing(kind):
     if kind in (1, 3):
         bad += [word(payload, 73, -100_000)]
     if kind == 1:
-        bad += [word(payload, 73, 0), word(payload, 93, 10), word(payload, 93 + 480, 590), word(payload, 93 + 240, 10)]
+        bad += [
+            word(payload, 73, 0),
+            word(payload, 93, 10),
+            word(payload, 93 + 480, 590),
+            word(payload, 93 + 240, 10),
+        ]
     if kind == 2:
         bad += [word(payload, 1, 0)]
     for changed in bad:
@@ -372,12 +432,23 @@ LEAST = {1: 93, 2: 17, 3: 93, 4: 85}
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_what_follows_is_ignored(kind):
-    """Field note 1.8: behind the last optional field that is there. The boom table is there from 484 bytes on (9.2)."""
-    bare = Rig(kind, FULL[kind].axes, FULL[kind].length, FULL[kind].extension, FULL[kind].nodal).payload()
+    """Field note 1.8: behind the last optional field that is there. The boom table is there from
+    484 bytes on (9.2)."""
+    bare = Rig(
+        kind, FULL[kind].axes, FULL[kind].length, FULL[kind].extension, FULL[kind].nodal
+    ).payload()
     assert len(bare) == LEAST[kind]
     for safe in (None, 123.25) if kind != 2 else (None,):
         for table in (None, FULL[1].table) if kind == 1 else (None,):
-            rig = Rig(kind, FULL[kind].axes, FULL[kind].length, FULL[kind].extension, FULL[kind].nodal, table, safe)
+            rig = Rig(
+                kind,
+                FULL[kind].axes,
+                FULL[kind].length,
+                FULL[kind].extension,
+                FULL[kind].nodal,
+                table,
+                safe,
+            )
             payload = rig.payload()
             # what is too short for the next optional field, or any length behind the last one
             room = 485 if safe is not None and table is None and kind == 1 else 900
@@ -408,10 +479,15 @@ def test_each_length_is_read_as_what_it_is():
                 near(firmware.steps(), rig.steps([10, 20, 30, 40, 50, 60]), 0.01)
 
 
-# ---------------------------------------------------------------- the host's coordinates (field note 9.2)
+# ---------------------------------------------------------- the host's coordinates (field note 9.2)
 
 
-@given(st.integers(-(2**31), 2**31 - 1), st.integers(2**29, 2**30 - 1), st.sampled_from([1, -1]), st.integers(-40, 6))
+@given(
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(2**29, 2**30 - 1),
+    st.sampled_from([1, -1]),
+    st.integers(-40, 6),
+)
 @example(2**31 - 1, 2**29, 1, -29)
 @example(-(2**31), 2**29, 1, 2)
 @example(2**31 - 1, 2**30 - 1, -1, 2)
@@ -428,7 +504,11 @@ def test_what_is_told_is_held_within_32_bits(told, mantissa, sign, exponent):
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_all_positions_0_read_0(kind):
     """Whatever the reach of the boom, the nodal offset and the steps at which the motors stand."""
-    for steps in ((0,) * 6, (12_345, -54_321, 2**30, 77_777, -8_888, 9_999), (-(2**31), 5, 2**31 - 1, 6, 7, 8)):
+    for steps in (
+        (0,) * 6,
+        (12_345, -54_321, 2**30, 77_777, -8_888, 9_999),
+        (-(2**31), 5, 2**31 - 1, 6, 7, 8),
+    ):
         axes = tuple(Axis(i + 1, 1000, 0.0, steps[i]) for i in range(2 if kind == 2 else 6))
         if kind == 2 and any(steps):
             continue  # it has no positions: see test_swing_pan
@@ -454,7 +534,8 @@ def test_the_pose_told_is_that_of_the_message(kind):
 
 def test_many_turns_before_the_configuration_cost_no_precision():
     axes = tuple(
-        Axis(i + 1, 1000, 0.0, s) for i, s in enumerate((0, 2**30 + 360_007, 2**30, -(2**30), 2**30, -(2**30)))
+        Axis(i + 1, 1000, 0.0, s)
+        for i, s in enumerate((0, 2**30 + 360_007, 2**30, -(2**30), 2**30, -(2**30)))
     )
     rig = Rig(1, axes, 857.7, 78.0, (20.0, 35.5, -12.0))
     firmware = Firmware.of(rig)

@@ -45,7 +45,8 @@ def device_file(name):
 class Emulator:
     """One emulated board in its own node process.
 
-    firmware    image to put in flash (default: the one tools/micropython/build.sh makes, made if it is missing)
+    firmware    image to put in flash (default: the one tools/micropython/build.sh makes, made if it
+                is missing)
     files       {device path: bytes or str} for a fresh file system
     put         {host path: device path} of further files and directories for it
     fs_image    a ready littlefs image instead of files
@@ -53,7 +54,8 @@ class Emulator:
     lockstep    time moves only in advance() and in reads that wait
     boot        run until the USB serial port is there (in lockstep)
     speed       when running freely, never faster than so many times real time
-    tcp         TCP ports on 127.0.0.1 for the USB serial ports; 0 takes a free one, shown in tcp_ports after the start
+    tcp         TCP ports on 127.0.0.1 for the USB serial ports; 0 takes a free one, shown in
+                tcp_ports after the start
     args        further arguments for emu.mjs, e.g. ["--xip-miss", "0"]
     """
 
@@ -107,7 +109,15 @@ class Emulator:
 
     def start(self):
         firmware = self.firmware or builds.emulator_ready()
-        command = ["node", HERE / "board" / "emu.mjs", "--firmware", firmware, "--ctl", "0", "--exit-with-stdin"]
+        command = [
+            "node",
+            HERE / "board" / "emu.mjs",
+            "--firmware",
+            firmware,
+            "--ctl",
+            "0",
+            "--exit-with-stdin",
+        ]
         command += ["--tcp", str(self.tcp_ports[0]), "--tcp2", str(self.tcp_ports[1]), *self.args]
         if self.lockstep:
             command.append("--lockstep")
@@ -118,12 +128,16 @@ class Emulator:
         if fs_image := self._image():
             command += ["--fs", fs_image]
         # closing its standard input ends the emulator even if this process is killed
-        self.process = subprocess.Popen(list(map(os.fspath, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            list(map(os.fspath, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
         atexit.register(self.close)
         try:
             line = self.process.stdout.readline()
             if not line:
-                raise EmulatorError(f"the emulator did not start (exit status {self.process.wait()})")
+                raise EmulatorError(
+                    f"the emulator did not start (exit status {self.process.wait()})"
+                )
             ready = json.loads(line)
             self.tcp_ports = (ready["tcp"], ready["tcp2"])
             self._ctl = socket.create_connection(("127.0.0.1", ready["ctl"]))
@@ -186,25 +200,33 @@ class Emulator:
         return self.cmd("run_until_ns", ns=ns)
 
     def wait_event(self, kind, ms):
-        """Run until an event of this kind happens (reset, usb-configured, halt, ...); for lockstep."""
+        """Run until an event of this kind happens (reset, usb-configured, halt, ...); for
+        lockstep."""
         self.advance(ms, until_event=kind)
         if not any(event["type"] == kind for event in self.events()):
             raise EmulatorError(f"no {kind} within {ms} ms")
 
     def wait_usb(self, ms=BOOT_LIMIT_MS, after=0, ports=None):
-        """Wait until the host has configured the board's USB device (at `after` ns or later, with so many ports).
+        """Wait until the host has configured the board's USB device (at `after` ns or later, with
+        so many ports).
 
         ms is a limit of virtual time.
         """
 
         def configured():
-            return [e["ports"] for e in self.events() if e["type"] == "usb-configured" and e["t"] >= after]
+            return [
+                e["ports"]
+                for e in self.events()
+                if e["type"] == "usb-configured" and e["t"] >= after
+            ]
 
         deadline = self.ns / 1e6 + ms
         while not (seen := configured()) or ports not in (None, seen[-1]):
             left = deadline - self.ns / 1e6
             if left <= 0:
-                raise EmulatorError(f"no USB device with {ports or 'any'} serial ports within {ms} ms; seen: {seen}")
+                raise EmulatorError(
+                    f"no USB device with {ports or 'any'} serial ports within {ms} ms; seen: {seen}"
+                )
             if self.lockstep:
                 self.advance(left, until_event="usb-configured")
             else:
@@ -244,7 +266,8 @@ class Emulator:
         self.cmd("setpin", pin=pin, value=value)
 
     def press_bootsel(self, on=True):
-        """Press the BOOTSEL button, or let go of it; the boot ROM's own loader does not look at it here."""
+        """Press the BOOTSEL button, or let go of it; the boot ROM's own loader does not look at it
+        here."""
         self.cmd("button", on=on)
 
     def pins(self):
@@ -254,7 +277,8 @@ class Emulator:
         return self.pins()[n]["level"]
 
     def trace_start(self, pins=None, file=None):
-        """Record the edges of these pins (default: all), in memory or in a file (read it with TraceFile)."""
+        """Record the edges of these pins (default: all), in memory or in a file (read it with
+        TraceFile)."""
         more = {} if pins is None else {"pins": list(pins)}
         if file:
             more["file"] = os.path.abspath(file)

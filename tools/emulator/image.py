@@ -25,8 +25,8 @@ def make_image(files):
 def collect(put):
     """{host path: device path} -> {device path: bytes}.
 
-    A directory is taken with everything in it, __pycache__ left out; a device path that ends in "/" (or is empty) keeps
-    the name of the file.
+    A directory is taken with everything in it, __pycache__ left out; a device path that ends in "/"
+    (or is empty) keeps the name of the file.
     """
     files = {}
     for host, device in put.items():
@@ -35,7 +35,9 @@ def collect(put):
         if host.is_dir():
             for path in sorted(host.rglob("*")):
                 if path.is_file() and "__pycache__" not in path.parts:
-                    files[device.rstrip("/") + "/" + path.relative_to(host).as_posix()] = path.read_bytes()
+                    files[device.rstrip("/") + "/" + path.relative_to(host).as_posix()] = (
+                        path.read_bytes()
+                    )
         else:
             if not device or device.endswith("/"):
                 device += host.name

@@ -48,7 +48,11 @@ def emulation_speed():
             "while True: f(100000)",
             2000,
         )
-        speed("allocating, with garbage collection", "while True:\n    x = [i for i in range(500)]", 2000)
+        speed(
+            "allocating, with garbage collection",
+            "while True:\n    x = [i for i in range(500)]",
+            2000,
+        )
         repl.exec(device_file("pulses.py"))
         words = "[((22 << 12) | (1999 << 1) | 1) for i in range(4)]"
         repl.exec(f"for sm in sms:\n    for w in {words}:\n        sm.put(w)\n")
@@ -58,7 +62,10 @@ def emulation_speed():
         after = emu.cmd("time")
         edges = len(emu.trace_stop())
         ratio = (after["ns"] - before["ns"]) / 1e6 / (after["real_ms"] - before["real_ms"])
-        say(f"{'8 PIO step generators at 98 kHz, traced':44} {ratio:8.2f} x real time ({edges} edges in 70 ms)")
+        say(
+            f"{'8 PIO step generators at 98 kHz, traced':44} "
+            f"{ratio:8.2f} x real time ({edges} edges in 70 ms)"
+        )
 
 
 TIMING = """
@@ -146,13 +153,15 @@ def interpreter_costs():
                 "print('%-44s %9.2f us' % ('gc.collect(), almost empty heap', t))\n"
                 "objects = [bytearray(16) for i in range(3000)]\n"
                 "t = time.ticks_us(); gc.collect(); t = time.ticks_diff(time.ticks_us(), t)\n"
-                "print('%-44s %9.2f us' % ('gc.collect() with 3000 objects', t), gc.mem_free(), 'bytes free')\n"
+                "print('%-44s %9.2f us' % ('gc.collect() with 3000 objects', t), "
+                "gc.mem_free(), 'bytes free')\n"
             ).rstrip()
         )
 
 
-# Scores of a real Pico at 125 MHz, from MicroPython's pull request 12846 (2023, N=100 M=100): higher
-# is faster. The firmware was older, with the boot ROM's sin and cos, which shows in bm_float.
+# Scores of a real Pico at 125 MHz, from MicroPython's pull request 12846 (2023, N=100 M=100):
+# higher is faster. The firmware was older, with the boot ROM's sin and cos, which shows in
+# bm_float.
 REAL_SCORES = {
     "bm_chaos": 213.40,
     "bm_fannkuch": 55.57,
@@ -179,11 +188,18 @@ def timing_against_real_board():
         for name, real in REAL_SCORES.items():
             script = (folder / (name + ".py")).read_text()
             with Emulator(args=["--xip-miss", xip_miss]) as emu:
-                us, norm, _ = emu.repl().exec(f"{script}\n{bench_run}\nbm_run(100, 100)\n").split(None, 2)
+                us, norm, _ = (
+                    emu.repl().exec(f"{script}\n{bench_run}\nbm_run(100, 100)\n").split(None, 2)
+                )
             ratios.append(int(norm) * 1e6 / int(us) / real)
         mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-        each = ", ".join(f"{name} {ratio:.2f}" for name, ratio in zip(REAL_SCORES, ratios, strict=True))
-        say(f"cache miss {xip_miss} cycles: speed relative to the real board {mean:.2f} on average ({each})")
+        each = ", ".join(
+            f"{name} {ratio:.2f}" for name, ratio in zip(REAL_SCORES, ratios, strict=True)
+        )
+        say(
+            f"cache miss {xip_miss} cycles: "
+            f"speed relative to the real board {mean:.2f} on average ({each})"
+        )
 
 
 def interrupt_costs():
@@ -205,13 +221,22 @@ def interrupt_costs():
             "    while time.ticks_diff(time.ticks_ms(), t) < ms: pass\n"
         )
         for name in ("empty", "toggle", "bytecode"):
-            for rate, work in ((1000, "time.sleep_ms(200)"), (1000, "busy(200)"), (5000, "busy(200)")):
+            for rate, work in (
+                (1000, "time.sleep_ms(200)"),
+                (1000, "busy(200)"),
+                (5000, "busy(200)"),
+            ):
                 with emu.measure() as m:
-                    repl.exec(f"t = machine.Timer(-1, freq={rate}, callback={name}, hard=True)\n{work}\nt.deinit()")
+                    repl.exec(
+                        f"t = machine.Timer(-1, freq={rate}, callback={name}, hard=True)\n"
+                        f"{work}\n"
+                        "t.deinit()"
+                    )
                 irq = m["exceptions"]["irq3"]
                 mean = irq["cycles"] / irq["count"]
                 say(
-                    f"hard Timer {rate} Hz, {name:8} {work[:5]:5}: {mean:6.0f} cycles = {mean / 125:5.2f} us each, "
+                    f"hard Timer {rate} Hz, {name:8} {work[:5]:5}: "
+                    f"{mean:6.0f} cycles = {mean / 125:5.2f} us each, "
                     f"worst {irq['max'] / 125:.1f} us, {100 * mean * rate / 125e6:.1f} % of the CPU"
                 )
         # what a write to the flash does to a 1 kHz interrupt
@@ -230,7 +255,8 @@ BLOCK = bytes(i & 0xFF for i in range(1036))
 
 
 def send_blocks(emu, repl, name, code, count, remark):
-    """Run code on the board that takes `count` blocks and prints how many microseconds they took."""
+    """Run code on the board that takes `count` blocks and prints how many microseconds they
+    took."""
     repl.start(
         "import sys, select, micropython, time\n"
         "micropython.kbd_intr(-1)\n"
@@ -243,7 +269,10 @@ def send_blocks(emu, repl, name, code, count, remark):
     with emu.measure() as m:
         us = int(repl.finish(120).split()[0])
     each = us / (count * len(BLOCK))
-    say(f"{name:52} {1000 / each:7.1f} kB/s = {each:6.2f} us/byte, {remark}, load {100 * m['load']:.0f} %")
+    say(
+        f"{name:52} {1000 / each:7.1f} kB/s = {each:6.2f} us/byte, "
+        f"{remark}, load {100 * m['load']:.0f} %"
+    )
 
 
 def serial_throughput():
@@ -258,12 +287,15 @@ def serial_throughput():
     )
     with Emulator() as emu:
         repl = emu.repl()
-        send_blocks(emu, repl, "stdin.buffer.readinto, 1036-byte blocks", readinto, blocks, "blocking")
+        send_blocks(
+            emu, repl, "stdin.buffer.readinto, 1036-byte blocks", readinto, blocks, "blocking"
+        )
         send_blocks(
             emu,
             repl,
             "poll(0), then readinto of header and payload",
-            "r = sys.stdin.buffer.readinto; h = bytearray(12); m = memoryview(b)[12:]; p = poll.poll\n"
+            "r = sys.stdin.buffer.readinto; h = bytearray(12); m = memoryview(b)[12:]; "
+            "p = poll.poll\n"
             "t = 0; n = 0\n"
             "print('ready')\n"
             f"while n < {blocks}:\n"
@@ -312,10 +344,19 @@ def serial_throughput():
             "never blocking",
         )
     with Emulator(args=["--xip-miss", "0"]) as emu:
-        send_blocks(emu, emu.repl(), "the first one without cache misses", readinto, blocks, "blocking")
+        send_blocks(
+            emu, emu.repl(), "the first one without cache misses", readinto, blocks, "blocking"
+        )
     with Emulator(files={"/cdc2.py": device_file("cdc2.py")}) as emu:
         repl = emu.repl()
-        repl.exec("import cdc2\ntotal = 0\ndef on_rx(p, n):\n    global total\n    total += n\nport = cdc2.CDC2(on_rx)")
+        repl.exec(
+            "import cdc2\n"
+            "total = 0\n"
+            "def on_rx(p, n):\n"
+            "    global total\n"
+            "    total += n\n"
+            "port = cdc2.CDC2(on_rx)"
+        )
         start = emu.ns
         repl.serial.write(b"port.start()\x04")
         emu.wait_usb(after=start, ports=2)
@@ -328,9 +369,13 @@ def serial_throughput():
             second.flush()
         rate = 200 * len(BLOCK) / (emu.ns - start) * 1e9
         name = "second CDC, machine.USBDevice, 1036-byte transfers"
-        say(f"{name:52} {rate / 1000:7.1f} kB/s, one callback a block, load {100 * m['load']:.0f} %")
+        say(
+            f"{name:52} {rate / 1000:7.1f} kB/s, one callback a block, load {100 * m['load']:.0f} %"
+        )
         repl = emu.repl()
-        repl.start("import sys\nd = bytes(1024)\nfor i in range(100): n = sys.stdout.buffer.write(d)\n")
+        repl.start(
+            "import sys\nd = bytes(1024)\nfor i in range(100): n = sys.stdout.buffer.write(d)\n"
+        )
         start = emu.ns
         repl.serial.timeout = 10
         repl.serial.read(100 * 1024)
@@ -339,13 +384,22 @@ def serial_throughput():
         repl.finish()
 
 
-MEASUREMENTS = (emulation_speed, interpreter_costs, timing_against_real_board, interrupt_costs, serial_throughput)
+MEASUREMENTS = (
+    emulation_speed,
+    interpreter_costs,
+    timing_against_real_board,
+    interrupt_costs,
+    serial_throughput,
+)
 
 
 def main(names):
     unknown = set(names) - {f.__name__ for f in MEASUREMENTS}
     if unknown:
-        return f"no measurement {', '.join(sorted(unknown))}; there are: {', '.join(f.__name__ for f in MEASUREMENTS)}"
+        return (
+            f"no measurement {', '.join(sorted(unknown))}; "
+            f"there are: {', '.join(f.__name__ for f in MEASUREMENTS)}"
+        )
     for function in MEASUREMENTS:
         if names and function.__name__ not in names:
             continue

@@ -70,7 +70,9 @@ class Serial:
         if now >= deadline:
             return False
         if self.emu.lockstep:
-            self.emu.advance(min((deadline - now) / 1e6, 10_000), until_rx=self.port, min_bytes=missing)
+            self.emu.advance(
+                min((deadline - now) / 1e6, 10_000), until_rx=self.port, min_bytes=missing
+            )
         else:
             time.sleep(self.POLL_SECONDS)
         return True
@@ -119,7 +121,8 @@ class Serial:
                 time.sleep(self.POLL_SECONDS)
 
     def hold(self, on=True):
-        """Stop taking what the board sends, as a program that has the port open and does not read; on=False goes on."""
+        """Stop taking what the board sends, as a program that has the port open and does not read;
+        on=False goes on."""
         self.emu.cmd("hold", port=self.port, on=on)
 
     def reset_input_buffer(self):
@@ -133,8 +136,8 @@ class Serial:
 class PtyBridge:
     """A pseudo terminal copied to and from a TCP port by a thread.
 
-    The board sees a port that is open (DTR) while a program has the terminal open, as with a real one: the TCP
-    connection is made when one opens it and ended when the last one closes it.
+    The board sees a port that is open (DTR) while a program has the terminal open, as with a real
+    one: the TCP connection is made when one opens it and ended when the last one closes it.
     """
 
     _LOOK_MS = 10  # between looks at a terminal that nobody has open
@@ -165,7 +168,8 @@ class PtyBridge:
                     self._copy(connection)
 
     def _copy(self, connection):
-        """Until the program closes the terminal (OSError from the master), the board's side ends, or close()."""
+        """Until the program closes the terminal (OSError from the master), the board's side ends,
+        or close()."""
         while True:
             ready, _, _ = select.select([self.master, connection, self.wake_read], [], [])
             if self.wake_read in ready:

@@ -14,7 +14,9 @@ class Symbols:
     """Names of the addresses of a firmware, from its ELF file."""
 
     def __init__(self, elf):
-        lines = subprocess.run(["arm-none-eabi-nm", "-n", elf], capture_output=True, text=True, check=True).stdout
+        lines = subprocess.run(
+            ["arm-none-eabi-nm", "-n", elf], capture_output=True, text=True, check=True
+        ).stdout
         found = [line.split() for line in lines.splitlines()]
         pairs = [(int(f[0], 16), f[2]) for f in found if len(f) == 3 and not f[2].startswith("$")]
         self.addresses = [address for address, _ in pairs]
@@ -45,8 +47,9 @@ class Function:
 class Profile:
     """Profiles the board within its context: profile = Profile(emulator, elf); with profile: ...
 
-    `elf`: the firmware that the board runs, for the names. Afterwards `functions` are the Python functions, those with
-    the most time of their own first, `firmware` µs by symbol, `ms` how long it was.
+    `elf`: the firmware that the board runs, for the names. Afterwards `functions` are the Python
+    functions, those with the most time of their own first, `firmware` µs by symbol, `ms` how long
+    it was.
     """
 
     def __init__(self, emulator, elf):

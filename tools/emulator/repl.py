@@ -39,9 +39,11 @@ class Repl:
         self.raw = False
 
     def start(self, code, until=None):
-        """Send code and return as soon as the board has begun to run it, or has printed the line `until`.
+        """Send code and return as soon as the board has begun to run it, or has printed the line
+        `until`.
 
-        Code that reads serial data prints such a line once it may be sent some: compiling it takes a while.
+        Code that reads serial data prints such a line once it may be sent some: compiling it takes
+        a while.
         """
         if not self.raw:
             self.enter()

@@ -12,13 +12,15 @@ def edges_from(data):
 
 
 def edge_times(edges, pin, level=None):
-    """Times (ns) of one pin's edges; the first record of a trace is the starting level, not an edge."""
+    """Times (ns) of one pin's edges; the first record of a trace is the starting level, not an
+    edge."""
     mine = edges[edges["pin"] == pin]
     return mine["t"] if level is None else mine["t"][mine["level"] == level]
 
 
 class TraceFile:
-    """Follows the file that Emulator.trace_start(file=...) writes: read() gives the records since the last call.
+    """Follows the file that Emulator.trace_start(file=...) writes: read() gives the records since
+    the last call.
 
     What has happened on the pins is in the file within 50 ms of real time.
     """

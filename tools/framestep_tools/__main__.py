@@ -1,4 +1,5 @@
-"""Where the command `framestep` begins: Ctrl-C ends it without a word also while it is still being loaded."""
+"""Where the command `framestep` begins: Ctrl-C ends it without a word also while it is still being
+loaded."""
 
 import signal
 import sys

@@ -1,9 +1,9 @@
 """Measures the firmware on the emulated board against its goals: `make bench`.
 
-All eight motors play an uploaded move with positions reported, and every figure comes from the edges on the pins, the
-emulated clock, or counters of the runtime; FIGURES says how for each. The board is run twice: with the model of the
-flash cache, which gives build/bench.json, and without. How far the emulator's computing times have been checked against
-a real board stands in TRUST.
+All eight motors play an uploaded move with positions reported, and every figure comes from the
+edges on the pins, the emulated clock, or counters of the runtime; FIGURES says how for each. The
+board is run twice: with the model of the flash cache, which gives build/bench.json, and without.
+How far the emulator's computing times have been checked against a real board stands in TRUST.
 """
 
 import json
@@ -62,29 +62,52 @@ RAMP = 100_000  # steps/s²
 STEEPEST = 4_000_000  # steps/s²: the acceleration that the motors are allowed
 ROLL_MS = 200
 PULSE_US = 0.5  # a pulse of the default 1 µs ends at 480 000 steps/s
-TOP_RATES = (500_000, 475_000, 450_000, 425_000, 400_000, 375_000, 350_000, 325_000, 300_000, 250_000, 200_000)
+TOP_RATES = (
+    500_000,
+    475_000,
+    450_000,
+    425_000,
+    400_000,
+    375_000,
+    350_000,
+    325_000,
+    300_000,
+    250_000,
+    200_000,
+)
 STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ideal
-STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)  # of the motors in the mixed move
+# of the motors in the mixed move
+STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)
 _WIDTH = 120  # of the table where there is no terminal
 AT_ONCE = 40  # requests that follow each other at once, right after GO
-ARM = Rig(  # the rig of the virtual motions: steps per degree or millimetre, and what the host calls the pose
+# the rig of the virtual motions: steps per degree or millimetre, and what the host calls the pose
+ARM = Rig(
     1,
     tuple(
         Axis(motor, steps, place)
         for motor, (steps, place) in enumerate(
-            ((250.0, 3.0), (300.0, 10.0), (80.0, 4000.0), (250.0, -10.0), (250.0, -3.0), (250.0, 0.0)), 1
+            (
+                (250.0, 3.0),
+                (300.0, 10.0),
+                (80.0, 4000.0),
+                (250.0, -10.0),
+                (250.0, -3.0),
+                (250.0, 0.0),
+            ),
+            1,
         )
     ),
     length=857.7,
     extension=78.0,
     nodal=(20.0, 35.5, -12.0),
 )
-ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)  # the steps of its motors then: boom at 3 degrees, swing at 10
+# the steps of its motors then: boom at 3 degrees, swing at 10
+ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)
 ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
 WINDOW = 4  # sections of an upload on their way at once
 
 
-# ---- the figures -----------------------------------------------------------------------------------------------
+# ---- the figures ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -117,9 +140,9 @@ FIGURES = (
         "steps/s",
         350_000,
         None,
-        "rising edges of each motor from its first to its last frame over that time, the slowest of the eight, in the "
-        "fastest move at constant velocity in which every edge is within 0.5 µs of the ideal and no fault occurs; "
-        "motors can be set to 500 000 at most",
+        "rising edges of each motor from its first to its last frame over that time, "
+        "the slowest of the eight, in the fastest move at constant velocity in which every edge "
+        "is within 0.5 µs of the ideal and no fault occurs; motors can be set to 500 000 at most",
     ),
     Figure("steps_per_s_1", "steps/s", 500_000, None, "the same for one motor, the others at rest"),
     Figure(
@@ -127,31 +150,33 @@ FIGURES = (
         "µs",
         None,
         0.5,
-        "pins: worst distance of a rising edge from where the ideal path crosses that step, at constant velocity, of "
-        "eight motors at 1 000 to 99 700 steps/s; each motor has its own origin of time, the median of its edges",
+        "pins: worst distance of a rising edge from where the ideal path crosses that step, "
+        "at constant velocity, of eight motors at 1 000 to 99 700 steps/s; "
+        "each motor has its own origin of time, the median of its edges",
     ),
     Figure(
         "edge_error_ramp_us",
         "µs",
         None,
         2,
-        "the same where the path accelerates: ramps of 100 000 steps/s² of all eight motors, but for the last "
-        "step before a standstill",
+        "the same where the path accelerates: "
+        "ramps of 100 000 steps/s² of all eight motors, but for the last step before a standstill",
     ),
     Figure(
         "frame_error_us",
         "µs",
         None,
         5,
-        "pins: worst distance between the time of a frame and the edge onto the frame's step, over all frames in "
-        "motion; one origin of time for all motors",
+        "pins: worst distance between the time of a frame and the edge onto the frame's step, "
+        "over all frames in motion; one origin of time for all motors",
     ),
     Figure(
         "tick_us_8",
         "µs",
         None,
         60,
-        "emulated clock: cycles spent in the timer's interrupt per millisecond of the mixed move, entry and exit too",
+        "emulated clock: cycles spent in the timer's interrupt per millisecond of the mixed move, "
+        "entry and exit too",
     ),
     Figure(
         "cpu_load_8_percent",
@@ -165,24 +190,32 @@ FIGURES = (
         "frames",
         10_000,
         None,
-        "HI's UPLOAD FRAME COUNT with the code frozen into the firmware; so many are then uploaded for eight motors",
+        "HI's UPLOAD FRAME COUNT with the code frozen into the firmware; "
+        "so many are then uploaded for eight motors",
     ),
     Figure(
         "rx_bytes_per_s",
         "bytes/s",
         400_000,
         None,
-        "emulated clock: bytes of that upload over its time, first byte to last answer, while eight motors move and "
-        "positions are reported (no move can be played while it is uploaded)",
+        "emulated clock: bytes of that upload over its time, first byte to last answer, "
+        "while eight motors move and positions are reported "
+        "(no move can be played while it is uploaded)",
     ),
-    Figure("rx_bytes_per_s_single_port", "bytes/s", 80_000, None, "the same with ports: 1 in the rig file"),
+    Figure(
+        "rx_bytes_per_s_single_port",
+        "bytes/s",
+        80_000,
+        None,
+        "the same with ports: 1 in the rig file",
+    ),
     Figure(
         "reply_ms_median",
         "ms",
         None,
         2,
-        "emulated clock: from the host writing a request to having its whole reply, one after the other right after GO "
-        "and then at random moments of that move",
+        "emulated clock: from the host writing a request to having its whole reply, "
+        "one after the other right after GO and then at random moments of that move",
     ),
     Figure("reply_ms_max", "ms", None, 10, "the slowest of these"),
     Figure(
@@ -190,23 +223,26 @@ FIGURES = (
         "ms",
         None,
         15,
-        "the same, the slowest, while a boom-swing-track rig of six motors does a virtual move and a jog on line; the "
-        "requests that start and stop them are not counted",
+        "the same, the slowest, while a boom-swing-track rig of six motors "
+        "does a virtual move and a jog on line; "
+        "the requests that start and stop them are not counted",
     ),
     Figure(
         "heap_bytes_per_hour",
         "bytes/h",
         None,
         0,
-        "gc.mem_alloc() after the mixed move less that before it, the collector off, scaled to an hour",
+        "gc.mem_alloc() after the mixed move less that before it, the collector off, "
+        "scaled to an hour",
     ),
     Figure(
         "virtual_update_us",
         "µs",
         None,
         None,
-        "the board's clock: from a boom-swing-track pose to the steps of six motors, with nodal offset and boom table, "
-        "nothing playing; a virtual axis in motion needs it for each knot",
+        "the board's clock: from a boom-swing-track pose to the steps of six motors, "
+        "with nodal offset and boom table, nothing playing; "
+        "a virtual axis in motion needs it for each knot",
     ),
 )
 
@@ -217,13 +253,15 @@ def _number(value: float) -> str:
     return f"{value:.3g}"
 
 
-# ---- the moves -------------------------------------------------------------------------------------------------
+# ---- the moves -----------------------------------------------------------------------------------
 
 
 def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
-    """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and ramp down.
+    """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and
+    ramp down.
 
-    The odd motors go up, the even ones down. Those that have not the time for their velocity turn at the middle.
+    The odd motors go up, the even ones down. Those that have not the time for their velocity turn
+    at the middle.
     """
     frames = round(seconds * fps) + 1
     t = np.arange(frames) / fps
@@ -243,10 +281,13 @@ def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
 
 def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarray]:
     """Positions of so many motors at a constant velocity, a multiple of FPS."""
-    return {motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1) for motor in range(1, motors + 1)}
+    return {
+        motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1)
+        for motor in range(1, motors + 1)
+    }
 
 
-# ---- measuring -------------------------------------------------------------------------------------------------
+# ---- measuring -----------------------------------------------------------------------------------
 
 
 class Session:
@@ -266,8 +307,11 @@ class Session:
         """Where the motors say they are."""
         return dict(enumerate(self.client.request(MotorGetPosition()).steps, 1))
 
-    def prepare(self, positions: Mapping[int, np.ndarray], velocity: int, fps: int = FPS) -> dict[int, np.ndarray]:
-        """Upload a move that begins where the motors stand, and bring them to where it begins. Gives the positions."""
+    def prepare(
+        self, positions: Mapping[int, np.ndarray], velocity: int, fps: int = FPS
+    ) -> dict[int, np.ndarray]:
+        """Upload a move that begins where the motors stand, and bring them to where it begins.
+        Gives the positions."""
         client = self.client
         stands = self.positions
         moved = {motor: steps + stands[motor] for motor, steps in positions.items()}
@@ -280,7 +324,9 @@ class Session:
         client.pump(0.05)
         return moved
 
-    def play(self, positions: Mapping[int, np.ndarray], meanwhile: Callable[[], None] | None = None) -> "Played":
+    def play(
+        self, positions: Mapping[int, np.ndarray], meanwhile: Callable[[], None] | None = None
+    ) -> "Played":
         """Play what prepare() has prepared."""
         client, board = self.client, self.board
         start = self.positions
@@ -303,13 +349,22 @@ class Session:
         faults = [event.message for event in client.events if isinstance(event.message, HardStop)]
         trace = Trace.from_records(records, board.pins)
         path = Reference(positions, FPS * 1000, ROLL_MS, ROLL_MS)
-        verdict = judge(trace, positions, FPS * 1000, start, self.positions, path, limits=Limits(velocity_share=1.0))
+        verdict = judge(
+            trace,
+            positions,
+            FPS * 1000,
+            start,
+            self.positions,
+            path,
+            limits=Limits(velocity_share=1.0),
+        )
         return Played(verdict, path, measured, reports, faults)
 
 
 @dataclass
 class Played:
-    """A move that has been played: its verdict, what the emulator measured, position reports and faults that came."""
+    """A move that has been played: its verdict, what the emulator measured, position reports and
+    faults that came."""
 
     verdict: Verdict
     path: Reference
@@ -328,20 +383,26 @@ class Played:
 
     def rate(self) -> float:
         """Steps per second between the first and the last frame, of the slowest motor."""
-        slowest = min((len(m.edge_times_s) - 1) / np.ptp(m.edge_times_s) for m in self.verdict.motors)
+        slowest = min(
+            (len(m.edge_times_s) - 1) / np.ptp(m.edge_times_s) for m in self.verdict.motors
+        )
         return round(float(slowest), -1)  # an edge is known to 8 ns
 
     @property
     def complaints(self) -> list[str]:
         """What was wrong with it."""
-        return self.verdict.complaints + [f"HARD_STOP {fault.motor} was sent" for fault in self.faults]
+        return self.verdict.complaints + [
+            f"HARD_STOP {fault.motor} was sent" for fault in self.faults
+        ]
 
 
 def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float:
     """The highest of TOP_RATES at which so many motors play a move with every edge in its place."""
     for wanted in TOP_RATES:
         say(f"{motors} motors at {wanted} steps/s")
-        positions = session.prepare(steady_move(wanted, motors), min(wanted + wanted // 100, 500_000))
+        positions = session.prepare(
+            steady_move(wanted, motors), min(wanted + wanted // 100, 500_000)
+        )
         played = session.play(positions)
         worst = float(np.nanmax(played.errors_us(ramps=False)))
         if not played.complaints and worst <= STEADY_US:
@@ -351,11 +412,15 @@ def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float
     return 0.0
 
 
-def upload_rate(session: Session, frames: int, during: AbstractContextManager[Any] | None = None) -> float:
+def upload_rate(
+    session: Session, frames: int, during: AbstractContextManager[Any] | None = None
+) -> float:
     """Bytes per second of an upload of so many frames for eight motors, while they all move."""
     client = session.client
     t = np.arange(frames)
-    positions = {motor: (100 * motor * np.sin(t / 300)).astype(np.int64) for motor in range(1, MOTORS + 1)}
+    positions = {
+        motor: (100 * motor * np.sin(t / 300)).astype(np.int64) for motor in range(1, MOTORS + 1)
+    }
     requests = list(upload_requests(1, frames, positions))
     size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in requests[1:-1])
     for motor, stands in session.positions.items():
@@ -406,7 +471,8 @@ class Asker:
     KINDS = (MotorStatus, MotorGetPosition, Hi)
 
     def __init__(self, client: Client, at_once: int = AT_ONCE):
-        """at_once: so many requests follow each other at once, those after them at random moments."""
+        """at_once: so many requests follow each other at once, those after them at random
+        moments."""
         self.client = client
         self.at_once = at_once
         self.ms: list[float] = []
@@ -443,7 +509,8 @@ def virtual_replies(session: Session) -> list[float]:
         jog()
     client.request(VirtStop(messages.VIRT_MOTOR_EW))
     jog.until_idle()
-    client.request(VirtConfig.unpack(b"\0"))  # none: else what is measured next has virtual positions reported as well
+    # none: else what is measured next has virtual positions reported as well
+    client.request(VirtConfig.unpack(b"\0"))
     return ask.ms + jog.ms
 
 
@@ -459,9 +526,13 @@ def _mixed(session: Session, figures: dict[str, float]) -> None:
     taken.append(int(session.repl("print(gc.mem_alloc())")))
     session.repl("gc.enable()")
     if played.complaints:
-        raise ToolError("the mixed move was not played as uploaded: " + "; ".join(played.complaints))
+        raise ToolError(
+            "the mixed move was not played as uploaded: " + "; ".join(played.complaints)
+        )
     if played.reports < 10:
-        raise ToolError(f"only {played.reports} position reports came while the mixed move was played")
+        raise ToolError(
+            f"only {played.reports} position reports came while the mixed move was played"
+        )
     ticks = played.measured["exceptions"]["irq3"]
     figures["edge_error_steady_us"] = float(np.nanmax(played.errors_us(ramps=False)))
     figures["edge_error_ramp_us"] = float(np.nanmax(played.errors_us(ramps=True)))
@@ -508,7 +579,8 @@ LOOP_FPS = (25, 60)
 
 
 def loops() -> list[tuple[str, int, int, int, int]]:
-    """[(what, passes in a second, their mean and their longest time in µs, fewest segments queued)]."""
+    """[(what, passes in a second, their mean and their longest time in µs, fewest segments
+    queued)]."""
     names = {name: getattr(stepper, name) for name in ("PLANNED", "PLAN_SEGMENTS", "TAIL", "HEAD")}
     found = []
     with EmulatedBoard(trace=False, frozen=True) as board:
@@ -520,7 +592,9 @@ def loops() -> list[tuple[str, int, int, int, int]]:
             client.pump(0.3)
             session.repl("watch.clear()")
             client.pump(1.0)
-            count, total, worst, least = session.repl("print(watch.count, watch.sum, watch.worst, watch.least)").split()
+            count, total, worst, least = session.repl(
+                "print(watch.count, watch.sum, watch.worst, watch.least)"
+            ).split()
             found.append((what, int(count), int(total) // int(count), int(worst), int(least)))
 
         watch("at rest")
@@ -536,7 +610,9 @@ def loops() -> list[tuple[str, int, int, int, int]]:
 
 def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
     """loops() as a table."""
-    result = Table(title="passes of the main loop, flash-cache model on, frozen image", title_justify="left")
+    result = Table(
+        title="passes of the main loop, flash-cache model on, frozen image", title_justify="left"
+    )
     for name in ("", "in a second", "mean, µs", "longest, µs", "fewest segments queued"):
         result.add_column(name, justify="right" if name else "left", no_wrap=True)
     for what, *figures in rows:
@@ -544,10 +620,12 @@ def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
     return result
 
 
-# ---- showing ---------------------------------------------------------------------------------------------------
+# ---- showing -------------------------------------------------------------------------------------
 
 
-def table(modelled: Mapping[str, float], ideal: Mapping[str, float], explain: bool = False) -> Table:
+def table(
+    modelled: Mapping[str, float], ideal: Mapping[str, float], explain: bool = False
+) -> Table:
     """The figures beside their goals: with the flash-cache model, and without it."""
     result = Table(title="RP2040 at 125 MHz, emulated", title_justify="left", show_lines=explain)
     result.add_column("figure", no_wrap=True)
@@ -559,16 +637,26 @@ def table(modelled: Mapping[str, float], ideal: Mapping[str, float], explain: bo
         result.add_column("how")
     for figure in FIGURES:
         value = modelled[figure.key]
-        verdict = {True: "[green]reached[/]", False: "[red]missed[/]", None: ""}[figure.reached(value)]
-        cells = [figure.key, figure.goal, _number(value), _number(ideal[figure.key]), figure.unit, verdict]
+        verdict = {True: "[green]reached[/]", False: "[red]missed[/]", None: ""}[
+            figure.reached(value)
+        ]
+        cells = [
+            figure.key,
+            figure.goal,
+            _number(value),
+            _number(ideal[figure.key]),
+            figure.unit,
+            verdict,
+        ]
         result.add_row(*cells, *([figure.how] if explain else []))
     return result
 
 
 TRUST = (
-    "Computing times of the emulator have been checked against a real board only by MicroPython's own benchmarks: they "
-    "run at 0.91 of the speed published for a Pico, at 1.12 without cache misses, single ones at 0.6 to 1.26 "
-    "(make emulator-measure, tools/emulator/README.md). Take what rests on computing time as right to about 20 %. "
+    "Computing times of the emulator have been checked against a real board only "
+    "by MicroPython's own benchmarks: they run at 0.91 of the speed published for a Pico, "
+    "at 1.12 without cache misses, single ones at 0.6 to 1.26 (make emulator-measure, "
+    "tools/emulator/README.md). Take what rests on computing time as right to about 20 %. "
     "Edges are exact to the clock cycle of the model of the PIO."
 )
 
@@ -577,7 +665,9 @@ app = Command("bench")
 
 @app.command()
 def main(
-    explain: Annotated[bool, typer.Option("--explain", help="say how each figure is measured")] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="say how each figure is measured")
+    ] = False,
     out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
 ) -> None:
     """Measure the firmware on the emulated board against its goals."""
@@ -590,7 +680,9 @@ def main(
 
     def run(cache: bool) -> dict[str, float]:
         name = "cache model on" if cache else "no cache misses"
-        return measure(cache, lambda text: console.print(f"{time.monotonic() - began:5.0f} s  {name}: {text}"))
+        return measure(
+            cache, lambda text: console.print(f"{time.monotonic() - began:5.0f} s  {name}: {text}")
+        )
 
     with ThreadPoolExecutor(2) as pool:
         modelled, ideal = pool.map(run, (True, False))
@@ -601,7 +693,9 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(modelled, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
-    console.print(f"with copied files instead of a frozen image: {_number(copied)} frames (goal 5 000)")
+    console.print(
+        f"with copied files instead of a frozen image: {_number(copied)} frames (goal 5 000)"
+    )
     console.print(loop_table(passes))
     console.print(tick_cost.table(parts))
     console.print(TRUST)

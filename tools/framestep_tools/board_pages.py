@@ -1,4 +1,5 @@
-"""A board's page: the table of its pins and the drawing, made from boards/<board>/board.json; and a check of that data.
+"""A board's page: the table of its pins and the drawing, made from boards/<board>/board.json; and a
+check of that data.
 
 python -m framestep_tools.board_pages          put them into every boards/<board>
 """
@@ -19,7 +20,20 @@ END = "<!-- end of pins -->"
 _ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can tell apart
 
 _KEYS = {
-    *("name", "chip", "motors", "step", "dir", "enable", "estop", "shutter", "meter", "dmx", "drivers", "gio"),
+    *(
+        "name",
+        "chip",
+        "motors",
+        "step",
+        "dir",
+        "enable",
+        "estop",
+        "shutter",
+        "meter",
+        "dmx",
+        "drivers",
+        "gio",
+    ),
     *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
     "pins",  # not in the file: files.board_data puts it there
 }
@@ -35,7 +49,8 @@ class Use(NamedTuple):
 
 
 def uses(board: Mapping[str, Any]) -> list[Use]:
-    """Every pin that is spoken for, in the order of the table. board: data as framestep.rig.fitted gives it."""
+    """Every pin that is spoken for, in the order of the table. board: data as framestep.rig.fitted
+    gives it."""
     found = list(_motors(board))
     if isinstance(board["enable"], int):
         found.append(Use(board["enable"], "motor", "enable of all drivers", "EN of every driver"))
@@ -47,7 +62,8 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
         if key in board:
             found.append(Use(board[key], kind, what, wire))
     found += [
-        Use(pin, "stop", f"stop input {i}", "limit switch to GND") for i, pin in enumerate(board.get("stops", []), 1)
+        Use(pin, "stop", f"stop input {i}", "limit switch to GND")
+        for i, pin in enumerate(board.get("stops", []), 1)
     ]
     line = board.get("dmx")
     if line:
@@ -59,15 +75,26 @@ def uses(board: Mapping[str, Any]) -> list[Use]:
             found.append(Use(pin, "serial", f"TMC2209 UART of motor {i}", "on the board"))
     elif line:
         on_board = "sockets" in board.get("page", {})
-        found.append(Use(line["tx"], "serial", "TMC2209 UART TX", "on the board" if on_board else "1 kΩ to PDN_UART"))
-        found.append(Use(line["rx"], "serial", "TMC2209 UART RX", "on the board" if on_board else "PDN_UART"))
+        found.append(
+            Use(
+                line["tx"],
+                "serial",
+                "TMC2209 UART TX",
+                "on the board" if on_board else "1 kΩ to PDN_UART",
+            )
+        )
+        found.append(
+            Use(line["rx"], "serial", "TMC2209 UART RX", "on the board" if on_board else "PDN_UART")
+        )
     pins = board.get("gio", [])
     outputs = board.get("outputs", []) + pins[: len(pins) // 2]
     inputs = pins[len(pins) // 2 :] + board.get("inputs", [])
     for i, pin in enumerate(outputs, 1):
         wire = "low-side transistor, load to +" if pin not in pins else "3.3 V logic, a few mA"
         found.append(Use(pin, "gio", f"general output {i}", wire))
-    found += [Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)]
+    found += [
+        Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)
+    ]
     for key, what, wire in (
         ("led", "LED", "on the board"),
         ("rgb", "RGB LED", "DIN of a WS2812 or its like"),
@@ -85,8 +112,15 @@ def _motors(board: Mapping[str, Any]) -> Iterator[Use]:
         own = f"driver {i + 1}" if sockets is None else f"socket {sockets[i]}"
         if i < len(address):
             own += f", address {address[i]}"
-        yield Use(step, "motor", f"motor {i + 1} step", f"STEP of {own}" if sockets is None else own)
-        yield Use(direction, "motor", f"motor {i + 1} direction", f"DIR of {own}" if sockets is None else own)
+        yield Use(
+            step, "motor", f"motor {i + 1} step", f"STEP of {own}" if sockets is None else own
+        )
+        yield Use(
+            direction,
+            "motor",
+            f"motor {i + 1} direction",
+            f"DIR of {own}" if sockets is None else own,
+        )
         if isinstance(board["enable"], list):
             yield Use(board["enable"][i], "motor", f"motor {i + 1} enable", own)
 
@@ -98,13 +132,16 @@ def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Every state that settings can bring a board's data into: (its name, the data)."""
     for count in range(1, board["motors"] + 1):
         for drivers in (False, True):
-            yield f"{count} motors{', drivers' if drivers else ''}", fitted(dict(board), count, drivers)
+            yield (
+                f"{count} motors{', drivers' if drivers else ''}",
+                fitted(dict(board), count, drivers),
+            )
 
 
 def state_machines(board: Mapping[str, Any]) -> int:
-    """How many from the first on are spoken for: one a motor, two a driver's line from the next PIO block (of four) on,
-    and one the RGB LED, in what the motors leave of their last block or behind them all. (Of a block's 32 words the
-    steps take 14, the lines 11, the LED 12.)
+    """How many from the first on are spoken for: one a motor, two a driver's line from the next PIO
+    block (of four) on, and one the RGB LED, in what the motors leave of their last block or behind
+    them all. (Of a block's 32 words the steps take 14, the lines 11, the LED 12.)
     """
     wires = board.get("drivers", {}).get("pins", [])[: board["motors"]]
     count = board["motors"]
@@ -124,13 +161,18 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
     chip = chips()[board["chip"]]
     lengths = {len(board[key]) for key in ("step", "dir", "enable") if isinstance(board[key], list)}
     if lengths != {board["motors"]}:
-        return [*found, f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}"]
+        return [
+            *found,
+            f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}",
+        ]
     if board["motors"] > chip.motors:
         found.append(f"motors: {board['motors']}, but the chip has {chip.motors} state machines")
     for state, data in fits(board):
         counts = Counter(use.pin for use in uses(data))
         found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
-        found += [f"{state}: there is no pin {pin}" for pin in counts if pin not in range(chip.pins)]
+        found += [
+            f"{state}: there is no pin {pin}" for pin in counts if pin not in range(chip.pins)
+        ]
         lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
         wires = data.get("drivers", {}).get("pins", [])
         if wires and len(wires) != board["motors"]:
@@ -141,14 +183,21 @@ def complaints(board: Mapping[str, Any]) -> list[str]:
         for line in lines:
             uart = chip.uarts[line["uart"]]
             if line["tx"] not in uart["tx"] or line["rx"] not in uart["rx"]:
-                found.append(f"{state}: pins {line['tx']}, {line['rx']} are not TX and RX of UART{line['uart']}")
+                found.append(
+                    f"{state}: "
+                    f"pins {line['tx']}, {line['rx']} are not TX and RX of UART{line['uart']}"
+                )
         if len({line["uart"] for line in lines}) < len(lines):
             found.append(f"{state}: DMX and drivers on the same UART")
     for place in (board, board.get("with_drivers", {})):
         address = place.get("drivers", {}).get("address", [])
         shared = "pins" not in place.get("drivers", {})
-        if (shared and len(set(address)) < len(address)) or not set(address) <= set(range(_ADDRESSES)):
-            found.append(f"drivers: addresses {address} are not different ones from 0 to {_ADDRESSES - 1}")
+        if (shared and len(set(address)) < len(address)) or not set(address) <= set(
+            range(_ADDRESSES)
+        ):
+            found.append(
+                f"drivers: addresses {address} are not different ones from 0 to {_ADDRESSES - 1}"
+            )
     return list(dict.fromkeys(found))
 
 
@@ -169,14 +218,29 @@ def supplies(board: Mapping[str, Any]) -> list[str]:
     if "sockets" in board.get("page", {}):
         return [
             "| GND | common ground | GND of every switch, and of the motors' supply |",
-            "| – | pull-up of each driver's EN | look whether the board has them; else 10 kΩ from EN to 3.3 V |",
-            "| – | capacitor at VMOT | look whether the board has one for each driver; else 100 µF, 50 V |",
+            (
+                "| – | pull-up of each driver's EN "
+                "| look whether the board has them; else 10 kΩ from EN to 3.3 V |"
+            ),
+            (
+                "| – | capacitor at VMOT "
+                "| look whether the board has one for each driver; else 100 µF, 50 V |"
+            ),
         ]
     return [
         "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
-        "| GND | common ground | GND beside VIO of every driver, of every switch, and of the motors' supply |",
-        "| – | pull-up of EN | 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |",
-        "| – | capacitor at VMOT | 100 µF, 50 V between VMOT and GND of each driver, a few cm from it |",
+        (
+            "| GND | common ground "
+            "| GND beside VIO of every driver, of every switch, and of the motors' supply |"
+        ),
+        (
+            "| – | pull-up of EN "
+            "| 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |"
+        ),
+        (
+            "| – | capacitor at VMOT "
+            "| 100 µF, 50 V between VMOT and GND of each driver, a few cm from it |"
+        ),
     ]
 
 
@@ -186,7 +250,12 @@ def table(board: Mapping[str, Any]) -> str:
     lines = [*_rows(board, plain), *supplies(board)]
     for variant in board.get("page", {}).get("variants", []):
         data = fitted(dict(board), variant.get("motor_count", 0), variant.get("drivers", False))
-        lines += ["", f"{variant['title']}:", "", *_rows(board, [use for use in uses(data) if use not in plain])]
+        lines += [
+            "",
+            f"{variant['title']}:",
+            "",
+            *_rows(board, [use for use in uses(data) if use not in plain]),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -240,7 +309,9 @@ def _columns(board: Mapping[str, Any], found: list[Use]) -> tuple[list[_Row], li
 
 def _text(x: float, y: float, text: str, anchor: str = "start", **style: str) -> str:
     attributes = "".join(f' {key.replace("_", "-")}="{value}"' for key, value in style.items())
-    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}"{attributes}>{html.escape(text)}</text>'
+    return (
+        f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}"{attributes}>{html.escape(text)}</text>'
+    )
 
 
 def drawing(board: Mapping[str, Any]) -> str:
@@ -253,7 +324,9 @@ def drawing(board: Mapping[str, Any]) -> str:
         ' font-family="sans-serif" font-size="12">',
         f'<rect width="{_WIDTH}" height="{height}" fill="#ffffff"/>',
         _text(_WIDTH / 2, 26, board["name"], "middle", font_size="18", font_weight="bold"),
-        _text(_WIDTH / 2, 44, "drawn from its data; not tried on hardware", "middle", fill="#566573"),
+        _text(
+            _WIDTH / 2, 44, "drawn from its data; not tried on hardware", "middle", fill="#566573"
+        ),
         f'<rect x="{_LEFT}" y="{_TOP - 14}" width="{_RIGHT - _LEFT}" height="{height - _TOP - 44}"'
         ' rx="10" fill="#eef3ee" stroke="#2c3e50" stroke-width="2"/>',
     ]
@@ -266,7 +339,9 @@ def drawing(board: Mapping[str, Any]) -> str:
                 _text(
                     edge - 14 * side,
                     y + 4,
-                    f"{row.number} {row.label}".strip() if side < 0 else f"{row.label} {row.number}".strip(),
+                    f"{row.number} {row.label}".strip()
+                    if side < 0
+                    else f"{row.label} {row.number}".strip(),
                     inner,
                     fill="#2c3e50",
                 )
@@ -276,7 +351,9 @@ def drawing(board: Mapping[str, Any]) -> str:
             if row.use is None:
                 continue
             end = edge + 34 * side
-            parts.append(f'<path d="M{edge + 5 * side} {y}H{end}" stroke="{colour}" stroke-width="2"/>')
+            parts.append(
+                f'<path d="M{edge + 5 * side} {y}H{end}" stroke="{colour}" stroke-width="2"/>'
+            )
             text = f"{row.use.what}: {row.use.wire}"
             parts.append(_text(end + 5 * side, y + 4, text, anchor, fill=colour))
     legend = (

@@ -1,7 +1,8 @@
 """A whole controller to talk to, simulated or emulated, behind one face: time, ports and edges.
 
-Time stands still except in `run_until`; so the same input gives the same run, and a server or a test decides how
-fast it goes. What `Board.edges` hands out is in no particular order but complete up to now.
+Time stands still except in `run_until`; so the same input gives the same run, and a server or a
+test decides how fast it goes. What `Board.edges` hands out is in no particular order but complete
+up to now.
 """
 
 import base64
@@ -82,7 +83,8 @@ class Board(Protocol):
 
 
 class SimulatedBoard:
-    """The controller on the host HAL, with the pins of a board in boards/. motors: how many, whatever the board has.
+    """The controller on the host HAL, with the pins of a board in boards/. motors: how many,
+    whatever the board has.
 
     `chips`: simulated TMC2209 drivers of motor 1, 2, …, where the board has a UART for them.
     """
@@ -91,18 +93,24 @@ class SimulatedBoard:
     protocol: Channel
     repl: Channel | None = None
 
-    def __init__(self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"):
+    def __init__(
+        self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"
+    ):
         from framestep.host_board import HostBoard
 
         self.chips: list[Chip] = []
 
         def wire(hal):
             self.chips = driver_chips.of(hal.board)
-            return Chips(self.chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {}))
+            return Chips(
+                self.chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {})
+            )
 
         self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board), wire=wire)
         self._edges: list[Edge] = []
-        self._board.on_edge = lambda time_ns, signal, value: self._edges.append((time_ns, signal, value))
+        self._board.on_edge = lambda time_ns, signal, value: self._edges.append(
+            (time_ns, signal, value)
+        )
         self._out = bytearray()
         self.protocol = self
 
@@ -186,10 +194,11 @@ class BoardHalted(ToolError):
 class EmulatedBoard:
     """The firmware as a board gets it, on an emulated one: nothing is patched.
 
-    `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port and there is no
-    REPL channel. `frozen`: the firmware with the code in it instead of copied files. `args` go to the emulator (its
-    --help). `board` is a folder in boards/: the firmware gets that one's pins. `emulator` is the
-    framestep_emulator.Emulator, for pins, loads and the like, `pins` the pin map.
+    `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port
+    and there is no REPL channel. `frozen`: the firmware with the code in it instead of copied
+    files. `args` go to the emulator (its --help). `board` is a folder in boards/: the firmware gets
+    that one's pins. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like,
+    `pins` the pin map.
     """
 
     slice_ns = 4_000_000
@@ -217,15 +226,20 @@ class EmulatedBoard:
         self.emulator = Emulator(firmware, files=files, flash=flash, args=args).start()
         try:
             self.pins = load_board(board, rig)
-            inverted = [i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)]
+            inverted = [
+                i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)
+            ]
             self._decoder = PinDecoder(self.pins, inverted)
             if trace:
                 self.emulator.trace_start(self.pins.pins)
             self._tracing = trace
             if single:
-                # Nothing tells that the controller is up but its greeting, which waits for whoever reads it.
+                # Nothing tells that the controller is up but its greeting, which waits for whoever
+                # reads it.
                 self.emulator.cmd("open", port=0, on=True)
-                self.emulator.cmd("run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0)
+                self.emulator.cmd(
+                    "run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0
+                )
             else:
                 self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
             self._now = self.emulator.ns
@@ -237,7 +251,8 @@ class EmulatedBoard:
         self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
 
     def wire_switches(self) -> None:
-        """Connect the stop switches that the rig has; nobody touches them. A rig file with a mistake has none."""
+        """Connect the stop switches that the rig has; nobody touches them. A rig file with a
+        mistake has none."""
         try:
             rig = Rig(self._rig or None, self._data)
         except RigError:
@@ -254,7 +269,9 @@ class EmulatedBoard:
         state = self.emulator.cmd("run_until_ns", ns=ns, **until)
         self._now = state["ns"]
         if state["halted"]:
-            raise BoardHalted(f"the emulated board has stopped at {self._now * 1e-9:.6f} s: {state['halted']}")
+            raise BoardHalted(
+                f"the emulated board has stopped at {self._now * 1e-9:.6f} s: {state['halted']}"
+            )
 
     def edges(self) -> list[Edge]:
         return self._decoder.feed(self.emulator.trace_read()) if self._tracing else []
@@ -277,7 +294,8 @@ def _is_inverted(motor: Any) -> bool:
 
 
 class LockstepPort:
-    """A board's port as Client takes it: reads that wait let the board's time pass, `timeout` is in its seconds."""
+    """A board's port as Client takes it: reads that wait let the board's time pass, `timeout` is in
+    its seconds."""
 
     def __init__(self, board: Board, channel: Channel | None = None):
         self.board = board

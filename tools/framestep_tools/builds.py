@@ -9,7 +9,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from framestep_tools.errors import ToolError
-from framestep_tools.files import CACHE, FIRMWARE, IN_RAM, ROOT, board_chip, board_modules, board_names, compiled
+from framestep_tools.files import (
+    CACHE,
+    FIRMWARE,
+    IN_RAM,
+    ROOT,
+    board_chip,
+    board_modules,
+    board_names,
+    compiled,
+)
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -25,7 +34,8 @@ class BuildError(ToolError):
 
 
 def _run(*command: str, show: bool = False, **environment: str) -> str:
-    """What the command prints on standard output. show: what it says of its progress goes where ours goes."""
+    """What the command prints on standard output. show: what it says of its progress goes where
+    ours goes."""
     result = subprocess.run(
         command,
         cwd=ROOT,
@@ -42,7 +52,8 @@ def _run(*command: str, show: bool = False, **environment: str) -> str:
 
 
 def micropython(target: str) -> Path:
-    """The product of a target of build.sh ("rp2", "unix32f", ...), built first if it is not there."""
+    """The product of a target of build.sh ("rp2", "unix32f", ...), built first if it is not
+    there."""
     product = CACHE / _PRODUCTS[target]
     if not product.exists():
         _run("tools/micropython/build.sh", target)
@@ -73,16 +84,20 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """{module's path: content} of what is frozen into a board's image: what it would get copied, but for what begins.
+    """{module's path: content} of what is frozen into a board's image: what it would get copied,
+    but for what begins.
 
     Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
     """
     processor = board_chip(board).processor
     files = board_modules(processor, board)
     in_ram = {name: files.pop(name) for name in IN_RAM}
-    files["framestep/ram_files.mpy"] = compiled("framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor)
+    files["framestep/ram_files.mpy"] = compiled(
+        "framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor
+    )
     beginning = {
-        name: b"\n".join((FIRMWARE / part).read_bytes() for part in parts) for name, parts in _BEGINNING.items()
+        name: b"\n".join((FIRMWARE / part).read_bytes() for part in parts)
+        for name, parts in _BEGINNING.items()
     }
     return files | beginning
 
@@ -93,8 +108,12 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
     common = [folder.parent / name for name in ("framestep.cmake", "framestep.h", "manifest.py")]
     own = (*folder.glob("mpconfig*"), folder / "manifest.py")
-    definition = {str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)}
-    return hashlib.sha256(repr((sorted(files.items()), sorted(definition.items()))).encode()).hexdigest()
+    definition = {
+        str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
+    }
+    return hashlib.sha256(
+        repr((sorted(files.items()), sorted(definition.items()))).encode()
+    ).hexdigest()
 
 
 def images_ready() -> dict[str, Path]:
@@ -103,23 +122,30 @@ def images_ready() -> dict[str, Path]:
     for board in board_names():
         build = CACHE / "build" / f"image-{board}"
         stamp, image = build / "stamp", build / "firmware.uf2"
-        if stamp.exists() and image.exists() and stamp.read_text() == _digest(board, image_files(board)):
+        if (
+            stamp.exists()
+            and image.exists()
+            and stamp.read_text() == _digest(board, image_files(board))
+        ):
             found[board] = image
     return found
 
 
 def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
-    """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has changed.
+    """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has
+    changed.
 
-    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board would get copied.
-    `checkout`: the MicroPython to build, if not Debian's; show: tell the build's steps on standard error. Two processes
-    may call this at once.
+    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board
+    would get copied. `checkout`: the MicroPython to build, if not Debian's; show: tell the build's
+    steps on standard error. Two processes may call this at once.
     """
     files = image_files(board)
     folder = ROOT / "boards" / board
     digest = _digest(board, files)
     name = (
-        board if checkout is None else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
+        board
+        if checkout is None
+        else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
     )
     build, modules = CACHE / "build" / f"image-{name}", CACHE / "frozen" / name
     product, stamp = build / "firmware.bin", build / "stamp"
@@ -143,7 +169,10 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
 
 
 def emulator_ready() -> Path:
-    """What the emulated board needs: node, its package, and the RP2040 firmware, whose path is given back."""
-    if not (ROOT / "tools/emulator/board/node_modules/rp2040js/package.json").exists() or not shutil.which("node"):
+    """What the emulated board needs: node, its package, and the RP2040 firmware, whose path is
+    given back."""
+    if not (
+        ROOT / "tools/emulator/board/node_modules/rp2040js/package.json"
+    ).exists() or not shutil.which("node"):
         _run("tools/setup.sh", "node")
     return micropython("rp2")

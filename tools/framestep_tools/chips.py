@@ -35,7 +35,10 @@ def chips() -> dict[str, Chip]:
     names = {field.name for field in fields(Chip)}
     for key, entry in entries.items():
         if entry.keys() != names:
-            raise ToolError(f"{FILE.name}: {key} needs {', '.join(sorted(names ^ entry.keys()))}, or has it too much")
+            raise ToolError(
+                f"{FILE.name}: {key} needs {', '.join(sorted(names ^ entry.keys()))}, "
+                "or has it too much"
+            )
     return {key: Chip(**entry) for key, entry in entries.items()}
 
 

@@ -1,8 +1,8 @@
 """The command `framestep`: talk to a motion controller from a shell.
 
-The device is the only board on USB, or --device: a port's path (/dev/ttyACM1, COM5) or socket://HOST:PORT, which
-may also come first after the command. The controller stops its motors when its host leaves, so a command that moves
-something waits until it stands.
+The device is the only board on USB, or --device: a port's path (/dev/ttyACM1, COM5) or
+socket://HOST:PORT, which may also come first after the command. The controller stops its motors
+when its host leaves, so a command that moves something waits until it stands.
 """
 
 from typing import Annotated
@@ -14,7 +14,9 @@ from .errors import STATUSES, Command
 
 _EPILOG = "Exit status: " + "; ".join(f"{number} {text}" for number, text in STATUSES.items()) + "."
 
-app = Command("framestep", help=__doc__, epilog=_EPILOG, no_args_is_help=False, invoke_without_command=True)
+app = Command(
+    "framestep", help=__doc__, epilog=_EPILOG, no_args_is_help=False, invoke_without_command=True
+)
 
 
 def _version(asked: bool) -> None:
@@ -29,7 +31,10 @@ def _version(asked: bool) -> None:
 def _framestep(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="say which version this is")
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="say which version this is"
+        ),
     ] = False,
 ) -> None:
     if context.invoked_subcommand is None:

@@ -5,9 +5,10 @@
         client.request(MotorMove(motor=1, position=5000))
         client.wait_idle()
 
-One thread, no callbacks out of the blue: the port is read only while a method of the client waits. A port is
-anything with pyserial's `read`, `write`, `timeout` and `close`. All times are in seconds of the port's own
-clock: a port with a method `clock()` (an emulated board in lockstep) has its own, others the computer's.
+One thread, no callbacks out of the blue: the port is read only while a method of the client waits.
+A port is anything with pyserial's `read`, `write`, `timeout` and `close`. All times are in seconds
+of the port's own clock: a port with a method `clock()` (an emulated board in lockstep) has its own,
+others the computer's.
 """
 
 import dataclasses
@@ -47,7 +48,8 @@ DEFAULT_TIMEOUT_S = 2.0
 POLL_INTERVAL_S = 0.05  # between two looks at MOTOR_STATUS
 READ_SIZE = 4096
 _NOISE_BYTES = 1000
-GREETING_ID = 0x20202020  # spaces: with it no byte of a HI makes a REPL do anything but edit its line
+# spaces: with it no byte of a HI makes a REPL do anything but edit its line
+GREETING_ID = 0x20202020
 CTRL_C = b"\x03"
 _CLOCK_GRAIN_S = 1e-6  # less than that is left only by rounding, and a port may round it to nothing
 _LONGEST_READ_S = 1.0  # endless waits are cut up, no port knows infinity
@@ -70,7 +72,10 @@ class RequestRefused(ClientError):
 
     def __init__(self, request: Payload, code: Ack):
         name = type_name(request.TYPE)
-        super().__init__(f"{name} was refused with {code.name} (0x{code:04X}): {code.words}. It was {_filled(request)}")
+        super().__init__(
+            f"{name} was refused with {code.name} (0x{code:04X}): {code.words}. "
+            f"It was {_filled(request)}"
+        )
         self.request = request
         self.code = code
 
@@ -78,7 +83,10 @@ class RequestRefused(ClientError):
 def _filled(request: Payload) -> str:
     """A request with those of its fields that hold something."""
     values = ((field.name, getattr(request, field.name)) for field in dataclasses.fields(request))
-    return f"{type(request).__name__}({', '.join(f'{name}={value}' for name, value in values if value is not None)})"
+    return (
+        f"{type(request).__name__}"
+        f"({', '.join(f'{name}={value}' for name, value in values if value is not None)})"
+    )
 
 
 class NoAnswer(ClientError, TimeoutError):
@@ -86,7 +94,8 @@ class NoAnswer(ClientError, TimeoutError):
 
 
 class BrokenOff(ClientError):
-    """The connection is no more: the cable was pulled, the board was reset, or the program between has ended."""
+    """The connection is no more: the cable was pulled, the board was reset, or the program between
+    has ended."""
 
     status = BROKEN_OFF
 
@@ -102,7 +111,8 @@ class WrongPort(ClientError):
 
 
 class Event(NamedTuple):
-    """A message that the device sent unasked: when it was read, and what it says (the bare Frame if unknown)."""
+    """A message that the device sent unasked: when it was read, and what it says (the bare Frame if
+    unknown)."""
 
     time_s: float
     message: Payload | Frame
@@ -112,7 +122,8 @@ class Client:
     """A connection to one device.
 
     `events` holds the unasked messages in the order of their arrival, the newest `EVENTS_KEPT`;
-    `on_event`, if set, is called with each of them as well. `stray` counts replies to nothing that was asked.
+    `on_event`, if set, is called with each of them as well. `stray` counts replies to nothing that
+    was asked.
     """
 
     EVENTS_KEPT = 10_000
@@ -136,7 +147,8 @@ class Client:
 
     @classmethod
     def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Self":
-        """Open a device path or socket://host:port; NoPort, PortBusy (opening.py) where that cannot be."""
+        """Open a device path or socket://host:port; NoPort, PortBusy (opening.py) where that cannot
+        be."""
         return cls(open_port(url, timeout_s), timeout_s, url)
 
     def close(self) -> None:
@@ -157,16 +169,19 @@ class Client:
     # ---- requests and answers
 
     def request(self, request: Request[R], timeout_s: float | None = None) -> R:
-        """Send a request, return its reply; RequestRefused if the device does not take it, NoAnswer if it is silent."""
+        """Send a request, return its reply; RequestRefused if the device does not take it, NoAnswer
+        if it is silent."""
         return self.answer_to(self.send(request), timeout_s)
 
     def code(self, request: Payload, timeout_s: float | None = None) -> Ack:
-        """Send a request and return the response code: OK also for a reply with data. Raises no RequestRefused."""
+        """Send a request and return the response code: OK also for a reply with data. Raises no
+        RequestRefused."""
         return self._result(self.send(request), timeout_s)[1]
 
     def send(self, request: Payload) -> int:
         """Send a request without waiting; returns the ID that `answer_to` takes."""
-        id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1  # 0 belongs to unasked messages
+        # 0 belongs to unasked messages
+        id, self._next_id = self._next_id, self._next_id % 0xFFFF_FFFF + 1
         self._waiting[id] = request
         try:
             payload = request.pack()
@@ -184,7 +199,8 @@ class Client:
         return id
 
     def greet(self) -> DeviceInfo:
-        """Ask who the device is. Where a REPL is at the port: WrongPort, and its line is as empty as before."""
+        """Ask who the device is. Where a REPL is at the port: WrongPort, and its line is as empty
+        as before."""
         self._next_id = GREETING_ID
         try:
             self.info = self.request(Hi())
@@ -195,12 +211,14 @@ class Client:
             if b"DF" in self._noise:  # a line editor shows what it takes
                 self._guard(self.port.write, CTRL_C)
                 raise WrongPort(
-                    f"{self.name} is a REPL, not the protocol's port: take the board's other one (framestep ports)"
+                    f"{self.name} is a REPL, not the protocol's port: "
+                    "take the board's other one (framestep ports)"
                 ) from None
             if self._noise:
                 raise WrongPort(
-                    f"{self.name}: what comes from there ({len(self._noise)} bytes) is not this protocol: is another "
-                    "device at this port, or another program's output?"
+                    f"{self.name}: what comes from there ({len(self._noise)} bytes) "
+                    "is not this protocol: "
+                    "is another device at this port, or another program's output?"
                 ) from None
             raise error
 
@@ -212,10 +230,13 @@ class Client:
             raise RequestRefused(request, code)
         return reply
 
-    def stream(self, requests: Iterable[Payload], window: int = 1, timeout_s: float | None = None) -> int:
+    def stream(
+        self, requests: Iterable[Payload], window: int = 1, timeout_s: float | None = None
+    ) -> int:
         """Send requests with up to `window` of them unanswered; returns their number.
 
-        After a refusal nothing more is sent, the answers still to come are waited for, and RequestRefused is raised.
+        After a refusal nothing more is sent, the answers still to come are waited for, and
+        RequestRefused is raised.
         """
         if window < 1:
             raise ValueError(f"a window of at least 1 request is needed, not {window}")
@@ -245,8 +266,12 @@ class Client:
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         try:
             if not self._pump_until(lambda: id in self._answers, timeout_s):
-                other = "" if self._heard else "; a board's other port may be the one (framestep ports)"
-                raise NoAnswer(f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s{other}")
+                other = (
+                    "" if self._heard else "; a board's other port may be the one (framestep ports)"
+                )
+                raise NoAnswer(
+                    f"no answer to {type_name(request.TYPE)} within {timeout_s:g} s{other}"
+                )
             frame = self._answers.pop(id)
         finally:
             del self._waiting[id]
@@ -258,13 +283,16 @@ class Client:
                     return reply, Ack.OK
                 raise ValueError(f"found {reply}")
             code = Ack.unpack(frame.payload)
-            if expected is Moving and code == Ack.OK:  # dmc-lite dialect: MOTOR_MOVE is acknowledged (field note 1.4)
+            # dmc-lite dialect: MOTOR_MOVE is acknowledged (field note 1.4)
+            if expected is Moving and code == Ack.OK:
                 return Moving(1), code
             if expected is not Ack and code == Ack.OK:
                 raise ValueError("found a bare acknowledgement")
             return code, code
         except (KeyError, ValueError) as error:
-            raise ClientError(f"{type_name(request.TYPE)} expects {expected.__name__} in return: {error}") from None
+            raise ClientError(
+                f"{type_name(request.TYPE)} expects {expected.__name__} in return: {error}"
+            ) from None
 
     # ---- events
 
@@ -272,8 +300,14 @@ class Client:
         """Let messages come in for that long; 0 takes what is there."""
         self._pump_until(lambda: False, seconds)
 
-    def wait_event(self, kind: type[P], timeout_s: float | None = None, where: Callable[[P], bool] | None = None) -> P:
-        """The oldest event of a class (for which `where` holds), taken out of `events`; NoAnswer if none comes."""
+    def wait_event(
+        self,
+        kind: type[P],
+        timeout_s: float | None = None,
+        where: Callable[[P], bool] | None = None,
+    ) -> P:
+        """The oldest event of a class (for which `where` holds), taken out of `events`; NoAnswer if
+        none comes."""
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         found: list[P] = []
 
@@ -288,7 +322,8 @@ class Client:
         return found[0]
 
     def take_event(self, kind: type[P], where: Callable[[P], bool] | None = None) -> P | None:
-        """The oldest event of a class that has arrived, taken out of `events`; None if there is none."""
+        """The oldest event of a class that has arrived, taken out of `events`; None if there is
+        none."""
         for i, event in enumerate(self.events):
             message = event.message
             if isinstance(message, kind) and (where is None or where(message)):
@@ -303,7 +338,9 @@ class Client:
         deadline = self.clock() + timeout_s
         while not (status := self.request(MotorStatus())).idle:
             if self.clock() >= deadline:
-                raise NoAnswer(f"still moving after {timeout_s:g} s: motors {status.moving}, DMX {status.dmx}")
+                raise NoAnswer(
+                    f"still moving after {timeout_s:g} s: motors {status.moving}, DMX {status.dmx}"
+                )
             self.pump(poll_s)
 
     def upload_move(
@@ -314,11 +351,12 @@ class Client:
         window: int = 1,
         section_bytes: int = messages.LARGEST_PAYLOAD,
     ) -> None:
-        """Upload motors' positions in steps, one for each scene frame from the first to the last; {motor: positions}.
+        """Upload motors' positions in steps, one for each scene frame from the first to the last;
+        {motor: positions}.
 
-        Fewer positions than frames: the device repeats the last one. A section's payload has at most `section_bytes`
-        bytes; `window` is how many sections may be on their way unanswered. RequestRefused at the first section that
-        the device does not take.
+        Fewer positions than frames: the device repeats the last one. A section's payload has at
+        most `section_bytes` bytes; `window` is how many sections may be on their way unanswered.
+        RequestRefused at the first section that the device does not take.
         """
         self.stream(upload_requests(start_frame, end_frame, positions, section_bytes), window)
 
@@ -364,9 +402,12 @@ class Client:
             if "multiple access" in str(error) and os.path.exists(self.name):
                 why = "another program reads the same port, or the board was reset"
             else:
-                why = "the cable was pulled, the board was reset, or the program behind it has ended"
+                why = (
+                    "the cable was pulled, the board was reset, or the program behind it has ended"
+                )
             raise BrokenOff(
-                f"the connection to {self.name} broke off: {why}; what moved comes to rest by itself"
+                f"the connection to {self.name} broke off: {why}; "
+                "what moved comes to rest by itself"
             ) from error
 
     def _take(self, data: bytes) -> None:
@@ -405,12 +446,16 @@ def upload_requests(
     per_section = (section_bytes - _MOTOR_AND_INDEX) // 4
     if per_section < 1:
         raise ValueError(
-            f"a section of {section_bytes} bytes holds no position, it needs at least {_MOTOR_AND_INDEX + 4}"
+            f"a section of {section_bytes} bytes holds no position, "
+            f"it needs at least {_MOTOR_AND_INDEX + 4}"
         )
     frames = end_frame - start_frame + 1
     for motor, steps in positions.items():
         if not 1 <= len(steps) <= frames:
-            raise ValueError(f"motor {motor}: 1 to {frames} positions are expected, one a frame, found {len(steps)}")
+            raise ValueError(
+                f"motor {motor}: 1 to {frames} positions are expected, "
+                f"one a frame, found {len(steps)}"
+            )
     yield RtUploadMoveBegin(start_frame, end_frame)
     for motor, steps in positions.items():
         for index in range(0, len(steps), per_section):

@@ -1,17 +1,19 @@
 """Code that a board runs from where it lies in flash, although it was copied as files.
 
-MicroPython loads a .mpy file into RAM. Its bytecode and machine code would run from anywhere, though, and flash can be
-read like memory. So the bodies of functions are taken out of the .mpy files and put into one file beside them, and what
-is loaded has placeholders, which framestep.hal.rp2_code replaces by the places of the bodies in flash.
+MicroPython loads a .mpy file into RAM. Its bytecode and machine code would run from anywhere,
+though, and flash can be read like memory. So the bodies of functions are taken out of the .mpy
+files and put into one file beside them, and what is loaded has placeholders, which
+framestep.hal.rp2_code replaces by the places of the bodies in flash.
 
-Bodies that run while their module is imported stay in it: the module's own and its classes', and the functions that
-those call. A placeholder that is called after all raises TypeError.
+Bodies that run while their module is imported stay in it: the module's own and its classes', and
+the functions that those call. A placeholder that is called after all raises TypeError.
 
-A page of the file is what littlefs keeps in one block of flash. A block but the first begins with pointers of
-littlefs, so each page has its first 32 bytes free of code; the first page begins with the file's head. A body lies
-in one page, at a multiple of four. It is found by its key, which is made of its content, so a .mpy file and a code
-file that do not belong together are found out. The index, pairs of key and place in order of the keys, has the second
-half of as many pages as it needs.
+A page of the file is what littlefs keeps in one block of flash. A block but the first begins with
+pointers of littlefs, so each page has its first 32 bytes free of code; the first page begins with
+the file's head. A body lies in one page, at a multiple of four. It is found by its key, which is
+made of its content, so a .mpy file and a code file that do not belong together are found out. The
+index, pairs of key and place in order of the keys, has the second half of as many pages as it
+needs.
 """
 
 import ast
@@ -26,10 +28,12 @@ from .mpy_file import Body, Kind, MpyError, MpyFile, parse
 
 NAME = "framestep/code.bin"
 PAGE = 4096
-HEAD = 32  # bytes at the start of a page without code; littlefs needs 28 of them in a file of up to 127 pages
+# bytes at the start of a page without code; littlefs needs 28 of them in a file of up to 127 pages
+HEAD = 32
 INDEX = 2048  # where in a page the index is
 ENTRIES = 256  # of the index, in a page
-FORWARD = b'\n__import__("framestep.hal.rp2_code").hal.rp2_code.forward()\n'  # the end of each module with placeholders
+# the end of each module with placeholders
+FORWARD = b'\n__import__("framestep.hal.rp2_code").hal.rp2_code.forward()\n'
 MAGIC = b"framestp"
 MARK = 0x1AF2C0DE  # in a placeholder; a small integer on the board
 MARK_AT = 16  # where in a placeholder it is, the key behind it
@@ -38,12 +42,29 @@ _WORTH = 32  # bytes of code: below, the placeholder takes as much memory
 
 _LOAD_NONE, _RAISE = 0x51, 0x65
 _NATIVE_RAISE = 34  # number in the table of functions for machine code
-_HARMLESS = {"property", "staticmethod", "classmethod", "viper", "setter"}  # decorators that do not call the function
-_Scope = ast.FunctionDef | ast.Lambda | ast.ClassDef | ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
-_SCOPES = (ast.FunctionDef, ast.Lambda, ast.ClassDef, ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+# decorators that do not call the function
+_HARMLESS = {"property", "staticmethod", "classmethod", "viper", "setter"}
+_Scope = (
+    ast.FunctionDef
+    | ast.Lambda
+    | ast.ClassDef
+    | ast.ListComp
+    | ast.SetComp
+    | ast.DictComp
+    | ast.GeneratorExp
+)
+_SCOPES = (
+    ast.FunctionDef,
+    ast.Lambda,
+    ast.ClassDef,
+    ast.ListComp,
+    ast.SetComp,
+    ast.DictComp,
+    ast.GeneratorExp,
+)
 
 
-# ---- which functions run while a module is imported ----------------------------------------------------------------
+# ---- which functions run while a module is imported ----------------------------------------------
 
 
 def _nested(scope: ast.Module | _Scope) -> Iterator[_Scope]:
@@ -56,7 +77,10 @@ def _nested(scope: ast.Module | _Scope) -> Iterator[_Scope]:
             parts = [value]
         case ast.DictComp(key=key, value=value, generators=[first, *rest]):
             parts = [*first.ifs, *rest, key, value]
-        case ast.ListComp(elt=value, generators=[first, *rest]) | ast.SetComp(elt=value, generators=[first, *rest]):
+        case (
+            ast.ListComp(elt=value, generators=[first, *rest])
+            | ast.SetComp(elt=value, generators=[first, *rest])
+        ):
             parts = [*first.ifs, *rest, value]
         case ast.GeneratorExp(elt=value, generators=[first, *rest]):
             parts = [*first.ifs, *rest, value]
@@ -70,7 +94,11 @@ def _scopes(node: ast.AST) -> Iterator[_Scope]:
     match node:
         case ast.FunctionDef(args=args) | ast.Lambda(args=args):
             decorators = node.decorator_list if isinstance(node, ast.FunctionDef) else []
-            for before in (*decorators, *args.defaults, *(default for default in args.kw_defaults if default)):
+            for before in (
+                *decorators,
+                *args.defaults,
+                *(default for default in args.kw_defaults if default),
+            ):
                 yield from _scopes(before)
             yield node
             return
@@ -93,8 +121,8 @@ def _scopes(node: ast.AST) -> Iterator[_Scope]:
 def runs_at_import(tree: ast.Module) -> set[ast.AST]:
     """The scopes of a module that run, or may run, while it is imported.
 
-    A call is taken for one of every function of the module that has the name; functions of other modules have been
-    made to run from flash when they are called.
+    A call is taken for one of every function of the module that has the name; functions of other
+    modules have been made to run from flash when they are called.
     """
     return _AtImport(tree).found
 
@@ -118,7 +146,9 @@ class _AtImport:
     def _visit(self, node: ast.AST) -> None:
         match node:
             case ast.FunctionDef():
-                names = [name for name in map(_identifier, node.decorator_list) if name not in _HARMLESS]
+                names = [
+                    name for name in map(_identifier, node.decorator_list) if name not in _HARMLESS
+                ]
                 for name in names:
                     self._call(name)
                 if names:
@@ -128,7 +158,11 @@ class _AtImport:
                         self._visit(part)
                 return
             case ast.Call():
-                for called in (node.func, *node.args, *(argument.value for argument in node.keywords)):
+                for called in (
+                    node.func,
+                    *node.args,
+                    *(argument.value for argument in node.keywords),
+                ):
                     self._call(_identifier(called))
         if isinstance(node, _SCOPES):
             self.found.add(node)
@@ -160,13 +194,16 @@ def _identifier(node: ast.AST) -> str:
 
 
 def _pairs(module: MpyFile, tree: ast.Module, name: str) -> Iterator[tuple[Body, _Scope]]:
-    """Each body of a compiled module with the piece of source that it was made of. MpyError where they do not fit."""
+    """Each body of a compiled module with the piece of source that it was made of. MpyError where
+    they do not fit."""
 
     def nested(body: Body, node: ast.Module | _Scope) -> Iterator[tuple[Body, _Scope]]:
         for child, scope in zip_longest(body.children, _nested(node)):
             if child is None or scope is None or not _fits(module, child, scope):
                 line = getattr(scope or node, "lineno", 1)
-                raise MpyError(f"{name}, line {line}: what was compiled is not what the source says")
+                raise MpyError(
+                    f"{name}, line {line}: what was compiled is not what the source says"
+                )
             yield child, scope
             yield from nested(child, scope)
 
@@ -175,14 +212,16 @@ def _pairs(module: MpyFile, tree: ast.Module, name: str) -> Iterator[tuple[Body,
 
 def _fits(module: MpyFile, body: Body, scope: _Scope) -> bool:
     if body.kind == Kind.VIPER:
-        return isinstance(scope, ast.FunctionDef) and "viper" in map(_identifier, scope.decorator_list)
+        return isinstance(scope, ast.FunctionDef) and "viper" in map(
+            _identifier, scope.decorator_list
+        )
     name = module.names[body.name_index]
     if isinstance(scope, ast.FunctionDef | ast.ClassDef):
         return name in (None, scope.name)
     return name is None or name.startswith("<")
 
 
-# ---- the files -----------------------------------------------------------------------------------------------------
+# ---- the files -----------------------------------------------------------------------------------
 
 
 @dataclass
@@ -191,10 +230,14 @@ class CodeFile:
 
     bodies: dict[int, bytes] = field(default_factory=dict)  # by key
 
-    def take(self, name: str, source: str, compiled: bytes, stays: Set[str] = frozenset()) -> bytes | None:
-        """The module with placeholders for the bodies that have been taken out of it, None if there were none.
+    def take(
+        self, name: str, source: str, compiled: bytes, stays: Set[str] = frozenset()
+    ) -> bytes | None:
+        """The module with placeholders for the bodies that have been taken out of it, None if there
+        were none.
 
-        source: what it was compiled of, but for FORWARD at its end. stays: names of functions that stay in it.
+        source: what it was compiled of, but for FORWARD at its end. stays: names of functions that
+        stay in it.
         """
         module = parse(compiled)
         tree = ast.parse(source)
@@ -207,15 +250,22 @@ class CodeFile:
                 continue
             if body.kind not in (Kind.BYTECODE, Kind.VIPER):
                 continue
-            start = _raising(body) if body.kind == Kind.BYTECODE else _raising_machine_code(module.function_table)
+            start = (
+                _raising(body)
+                if body.kind == Kind.BYTECODE
+                else _raising_machine_code(module.function_table)
+            )
             if len(start) <= MARK_AT:
-                body.code = start.ljust(MARK_AT, b"\0") + struct.pack("<II", MARK, self.add(body.code))
+                body.code = start.ljust(MARK_AT, b"\0") + struct.pack(
+                    "<II", MARK, self.add(body.code)
+                )
                 taken = True
         return module.packed() if taken else None
 
     def add(self, code: bytes) -> int:
         """Put a body in; its key."""
-        key = int.from_bytes(sha256(code).digest()[:4], "little") >> 2  # a small integer on the board
+        # a small integer on the board
+        key = int.from_bytes(sha256(code).digest()[:4], "little") >> 2
         while self.bodies.setdefault(key, code) != code:
             key += 1
         return key
@@ -248,9 +298,13 @@ class CodeFile:
             add_page()
         places = {key: place(code) for key, code in self.bodies.items()}
         for i, key in enumerate(sorted(places)):
-            struct.pack_into("<II", pages[i // ENTRIES], INDEX + 8 * (i % ENTRIES), key, places[key])
+            struct.pack_into(
+                "<II", pages[i // ENTRIES], INDEX + 8 * (i % ENTRIES), key, places[key]
+            )
         check = zlib.crc32(b"".join(page[HEAD:] for page in pages))
-        pages[0][:HEAD] = struct.pack("<8sIII", MAGIC, len(pages), len(self.bodies), check).ljust(HEAD, b"\xff")
+        pages[0][:HEAD] = struct.pack("<8sIII", MAGIC, len(pages), len(self.bodies), check).ljust(
+            HEAD, b"\xff"
+        )
         return b"".join(page[_pointers(number) :] for number, page in enumerate(pages))
 
 
@@ -270,8 +324,8 @@ def _number(value: int) -> bytes:
 
 
 def _raising_machine_code(table: int) -> bytes:
-    """A function that calls MicroPython's own to raise; r0 is the function's object, `table` where its constants have
-    the table of functions."""
+    """A function that calls MicroPython's own to raise; r0 is the function's object, `table` where
+    its constants have the table of functions."""
     return struct.pack(
         "<7H",
         0x6841,  # ldr r1, [r0, #4]    its context

@@ -1,11 +1,12 @@
 """Puts the numbers of other modules' constants into the source before it is compiled for a board.
 
-MicroPython's compiler replaces a `const()` by its number within its own module only. Elsewhere `messages.OK` is two
-look-ups in dictionaries, and each constant is a name and a dictionary entry in the board's memory: some 30 bytes.
-`fold` does for all modules together what the compiler does for one, and hides the constants from it (a name with
-an underscore, which it keeps nowhere). Lines stay where they are, so that tracebacks are right. Where they are put
-together to bytes, `bytes((A, 1) + (B, 2))`, that becomes a literal too: the board would keep the tuples beside it.
-So do formulas, which framestep.motion.formula compiles: `formula(registers, "...")`.
+MicroPython's compiler replaces a `const()` by its number within its own module only. Elsewhere
+`messages.OK` is two look-ups in dictionaries, and each constant is a name and a dictionary entry in
+the board's memory: some 30 bytes. `fold` does for all modules together what the compiler does for
+one, and hides the constants from it (a name with an underscore, which it keeps nowhere). Lines stay
+where they are, so that tracebacks are right. Where they are put together to bytes, `bytes((A, 1) +
+(B, 2))`, that becomes a literal too: the board would keep the tuples beside it. So do formulas,
+which framestep.motion.formula compiles: `formula(registers, "...")`.
 
 Only names that a module gives once, at its top level, as `NAME = const(...)`, are constants.
 """
@@ -38,7 +39,8 @@ _OPERATORS: dict[type, Callable[..., int]] = {
 
 
 class FoldError(Exception):
-    """Source in which constants cannot be told from other names; the text says where, and what to change."""
+    """Source in which constants cannot be told from other names; the text says where, and what to
+    change."""
 
 
 @dataclass
@@ -49,26 +51,36 @@ class _Module:
     tree: ast.Module
     constants: dict[str, int] = field(default_factory=dict)  # its own
     given: dict[str, int] = field(default_factory=dict)
-    imported: dict[str, tuple[str, str]] = field(default_factory=dict)  # name here -> module and name there
+    # name here -> module and name there
+    imported: dict[str, tuple[str, str]] = field(default_factory=dict)
     modules: dict[str, str] = field(default_factory=dict)  # name here -> module that it stands for
 
     @property
     def public(self) -> dict[str, int]:
         """Those of its constants that others may use."""
-        return self.given | {name: value for name, value in self.constants.items() if not name.startswith("_")}
+        return self.given | {
+            name: value for name, value in self.constants.items() if not name.startswith("_")
+        }
 
 
 def fold(
-    sources: Mapping[str, str], hide: bool = True, given: Mapping[str, Mapping[str, int]] = MappingProxyType({})
+    sources: Mapping[str, str],
+    hide: bool = True,
+    given: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
 ) -> dict[str, str]:
-    """The same modules, {path: source}, with constants of one another as numbers. The path of framestep.motors.axes is
-    "framestep/motors/axes.py".
+    """The same modules, {path: source}, with constants of one another as numbers. The path of
+    framestep.motors.axes is "framestep/motors/axes.py".
 
-    hide: constants without an underscore get one. Without it they remain for scripts that import them.
-    given: {module: {name: number}}, what other modules are to take for constants although they are made otherwise.
+    hide: constants without an underscore get one. Without it they remain for scripts that import
+    them.
+    given: {module: {name: number}}, what other modules are to take for constants although they are
+    made otherwise.
     """
     modules = {
-        m.name: m for m in (_Module(_dotted(path), path, text, ast.parse(text)) for path, text in sources.items())
+        m.name: m
+        for m in (
+            _Module(_dotted(path), path, text, ast.parse(text)) for path, text in sources.items()
+        )
     }
     for module in modules.values():
         module.given = dict(given.get(module.name, {}))
@@ -103,7 +115,8 @@ def _definitions(module: _Module) -> Iterator[tuple[str, ast.expr, ast.Name]]:
     for node in module.tree.body:
         match node:
             case ast.Assign(
-                targets=[ast.Name(id=name) as target], value=ast.Call(func=ast.Name(id="const"), args=[value])
+                targets=[ast.Name(id=name) as target],
+                value=ast.Call(func=ast.Name(id="const"), args=[value]),
             ):
                 yield name, value, target
 
@@ -126,12 +139,16 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
                 return _OPERATORS[type(op)](compute(left), compute(right))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
                 return _OPERATORS[type(op)](compute(operand))
-        raise FoldError(f"{module.path}, line {node.lineno}: const() of something that is no whole number")
+        raise FoldError(
+            f"{module.path}, line {node.lineno}: const() of something that is no whole number"
+        )
 
     try:
         for name, value, target in _definitions(module):
             if name in known:
-                raise FoldError(f"{module.path}, line {target.lineno}: {name} is a constant already")
+                raise FoldError(
+                    f"{module.path}, line {target.lineno}: {name} is a constant already"
+                )
             known[name] = compute(value)
     except LookupError:
         return False
@@ -195,15 +212,21 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
                     attributes.add(id(base))
             case ast.Name(id=name, ctx=ast.Load()) if name in foreign:
                 edits.replace(node, _literal(foreign[name]))
-            case ast.Name(id=name) if name in hidden and (isinstance(node.ctx, ast.Load) or id(node) in targets):
+            case ast.Name(id=name) if name in hidden and (
+                isinstance(node.ctx, ast.Load) or id(node) in targets
+            ):
                 edits.replace(node, hidden[name])
-    needed = {n.id for n in ast.walk(module.tree) if isinstance(n, ast.Name) and id(n) not in attributes}
+    needed = {
+        n.id for n in ast.walk(module.tree) if isinstance(n, ast.Name) and id(n) not in attributes
+    }
     _refuse_other_meanings(module, {*foreign, *hidden, *folded}, targets)
     for node in ast.walk(module.tree):
         if isinstance(node, ast.ImportFrom):
             gone = {"formula"} if node.module == _FORMULA else set()
             shorten(edits, node, {*foreign, *(folded - needed), *gone})
-    return _with_bytes(edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()})
+    return _with_bytes(
+        edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()}
+    )
 
 
 def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
@@ -214,27 +237,39 @@ def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
 
 
 def _imports_formula(module: _Module) -> bool:
-    return any(isinstance(node, ast.ImportFrom) and node.module == _FORMULA for node in ast.walk(module.tree))
+    return any(
+        isinstance(node, ast.ImportFrom) and node.module == _FORMULA
+        for node in ast.walk(module.tree)
+    )
 
 
 def _compiled(module: _Module, modules: Mapping[str, _Module], call: ast.Call) -> bytes:
-    """What a call of formula() gives; its registers are constants of a module, or with globals() those known here."""
+    """What a call of formula() gives; its registers are constants of a module, or with globals()
+    those known here."""
     names: dict[str, int]
     match call.args:
         case [ast.Name(id=name), ast.Constant(value=str(text)) as node] if name in module.modules:
             names = modules[module.modules[name]].public
-        case [ast.Call(func=ast.Name(id="globals"), args=[]), ast.Constant(value=str(text)) as node]:
+        case [
+            ast.Call(func=ast.Name(id="globals"), args=[]),
+            ast.Constant(value=str(text)) as node,
+        ]:
             names = module.constants | {
                 name: modules[source].public[original]
                 for name, (source, original) in module.imported.items()
                 if original in modules[source].public
             }
         case _:
-            raise FoldError(f"{module.path}, line {call.lineno}: formula() takes a module, or globals(), and a text")
+            raise FoldError(
+                f"{module.path}, line {call.lineno}: "
+                "formula() takes a module, or globals(), and a text"
+            )
     try:
         return formula(names, text)
     except FormulaError as error:
-        raise FoldError(f"{module.path}, line {node.lineno + error.line - 1}: {error.reason}") from None
+        raise FoldError(
+            f"{module.path}, line {node.lineno + error.line - 1}: {error.reason}"
+        ) from None
 
 
 def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
@@ -270,7 +305,8 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
 
 
 def _hidden(module: _Module) -> dict[str, str]:
-    """Names with an underscore for its constants, more of them where the module has that name already."""
+    """Names with an underscore for its constants, more of them where the module has that name
+    already."""
     used = {node.id for node in ast.walk(module.tree) if isinstance(node, ast.Name)}
     hidden = {}
     for name in module.public.keys() - module.given.keys():
@@ -292,7 +328,8 @@ def _refuse_other_meanings(module: _Module, names: set[str], targets: set[int]) 
                 continue
         if name in names:
             raise FoldError(
-                f"{module.path}, line {node.lineno}: {name} is a constant or a module here; give it another name"
+                f"{module.path}, line {node.lineno}: "
+                f"{name} is a constant or a module here; give it another name"
             )
 
 
@@ -304,5 +341,7 @@ def shorten(edits: Edits, node: ast.ImportFrom, gone: set[str]) -> None:
     if not kept:
         edits.replace(node, "pass")
         return
-    names = ", ".join(alias.name + (f" as {alias.asname}" if alias.asname else "") for alias in kept)
+    names = ", ".join(
+        alias.name + (f" as {alias.asname}" if alias.asname else "") for alias in kept
+    )
     edits.replace(node, f"from {node.module} import {names}")

@@ -1,8 +1,9 @@
 """Plays a camera move on a board and checks every edge on its pins: `make demo`.
 
-The move is uploaded, played with pre-roll and post-roll, and judged from the pins. `build/demo/trace.csv` gets the
-edges, `build/demo/move.png` the picture. The last line says how many frames, the worst position error at a frame in
-steps and the worst frame time error in µs; the exit status is 1 if the move was not played as uploaded.
+The move is uploaded, played with pre-roll and post-roll, and judged from the pins.
+`build/demo/trace.csv` gets the edges, `build/demo/move.png` the picture. The last line says how
+many frames, the worst position error at a frame in steps and the worst frame time error in µs; the
+exit status is 1 if the move was not played as uploaded.
 """
 
 import sys
@@ -25,7 +26,16 @@ from .errors import Command, ToolError
 from .files import ROOT
 from .judge import Verdict, judge
 from .move_file import CAMERA_MOVE, Move, read_move
-from .payloads import Hi, MotorGetPosition, MotorSetSpeed, MotorStatus, Positions, RtEnd, RtGo, RtRunMove
+from .payloads import (
+    Hi,
+    MotorGetPosition,
+    MotorSetSpeed,
+    MotorStatus,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtRunMove,
+)
 from .plots import plot_move
 from .reference import Reference
 from .trace import Trace, TraceWriter
@@ -77,7 +87,9 @@ class Display:
         self.move, self.console = move, console
         self.live: Live | None = None
         self.progress = Progress(
-            TextColumn("{task.description:<10}"), BarColumn(), TextColumn("frame {task.completed:.1f} of {task.total}")
+            TextColumn("{task.description:<10}"),
+            BarColumn(),
+            TextColumn("frame {task.completed:.1f} of {task.total}"),
         )
         self.task = self.progress.add_task("", total=move.end_frame, completed=0)
         self._last_line_s = float("-inf")
@@ -118,15 +130,20 @@ class Display:
             self.live.update(table)
         elif event.time_s - self._last_line_s >= LINE_EVERY_S:
             self._last_line_s = event.time_s
-            steps = "  ".join(f"{name} {report.steps[motor - 1]}" for motor, name in self.move.names.items())
+            steps = "  ".join(
+                f"{name} {report.steps[motor - 1]}" for motor, name in self.move.names.items()
+            )
             self.console.print(f"  frame {frame:6.1f}  {steps}")
 
 
 Standing = dict[int, int]  # motor -> position in steps
 
 
-def play(client: Client, move: Move, fps_milli: int, recorder: Recorder, display: Display) -> tuple[Standing, Standing]:
-    """Upload a move and play it once; returns where the motors say they are before anything moved, and at the end."""
+def play(
+    client: Client, move: Move, fps_milli: int, recorder: Recorder, display: Display
+) -> tuple[Standing, Standing]:
+    """Upload a move and play it once; returns where the motors say they are before anything moved,
+    and at the end."""
     info = client.request(Hi())
     display.phase(f"{info.name}: {info.motors} motors, holds {info.upload_frames} frames")
     if info.motors < len(move.positions):
@@ -163,8 +180,19 @@ def standing(client: Client) -> Standing:
 
 def show_verdict(verdict: Verdict, move: Move, console: Console) -> None:
     """A table with a line per motor, then the complaints."""
-    table = Table(box=None, title="steps on the pins against the upload and its ideal path", title_justify="left")
-    for name in ("motor", "axis", "steps in the run", "worst position error", "worst time error, µs", "worst step, µs"):
+    table = Table(
+        box=None,
+        title="steps on the pins against the upload and its ideal path",
+        title_justify="left",
+    )
+    for name in (
+        "motor",
+        "axis",
+        "steps in the run",
+        "worst position error",
+        "worst time error, µs",
+        "worst step, µs",
+    ):
         table.add_column(name, justify="right")
     for motor in verdict.motors:
         table.add_row(
@@ -185,18 +213,24 @@ app = Command("demo")
 
 @app.command()
 def main(
-    board: Annotated[BoardKind, typer.Option(help="the emulated board, or the simulation on this computer")] = (
-        BoardKind.EMULATOR
-    ),
+    board: Annotated[
+        BoardKind, typer.Option(help="the emulated board, or the simulation on this computer")
+    ] = (BoardKind.EMULATOR),
     fps: Annotated[float, typer.Option(help="frames per second", min=0.1, max=120)] = 24,
-    move_file: Annotated[Path, typer.Option("--move", help="the move as CSV", metavar="FILE")] = CAMERA_MOVE,
-    out: Annotated[Path, typer.Option(help="folder for the trace and the picture", metavar="DIR")] = _RESULT_FOLDER,
+    move_file: Annotated[
+        Path, typer.Option("--move", help="the move as CSV", metavar="FILE")
+    ] = CAMERA_MOVE,
+    out: Annotated[
+        Path, typer.Option(help="folder for the trace and the picture", metavar="DIR")
+    ] = _RESULT_FOLDER,
 ) -> int:
     """Play a camera move and check every edge."""
     console = Console(highlight=False)
     move = read_move(move_file)
     fps_milli = round(fps * 1000)
-    console.print(f"bringing up the {'emulated board' if board is BoardKind.EMULATOR else 'host simulation'}")
+    console.print(
+        f"bringing up the {'emulated board' if board is BoardKind.EMULATOR else 'host simulation'}"
+    )
     device: Board = EmulatedBoard() if board is BoardKind.EMULATOR else SimulatedBoard()
     began = time.monotonic()
     try:

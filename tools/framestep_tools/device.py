@@ -1,7 +1,7 @@
 """A board on the REPL's port, reached by mpremote: what is on it, its files, and a restart.
 
-Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion, and the port under us with it
-(the board's second USB port goes, so all of it re-enumerates).
+Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion, and the
+port under us with it (the board's second USB port goes, so all of it re-enumerates).
 """
 
 import contextlib
@@ -25,7 +25,8 @@ from .payloads import MotorStatus, Status
 from .wire import FrameDecoder, encode
 
 RIG_FILE = "/rig.json"
-# Factor of how long a board may take before it counts as gone, for a computer that is very busy or emulates the board
+# Factor of how long a board may take before it counts as gone, for a computer that is very busy or
+# emulates the board
 PATIENCE = float(os.environ.get("FRAMESTEP_PATIENCE") or 1)
 _READ_S = 10.0 * PATIENCE  # a board that is silent for so long in the middle of something has gone
 _REPL_S = 10.0 * PATIENCE  # to get to the raw REPL
@@ -38,7 +39,8 @@ _CHUNK = 1024
 _SMALL_CHUNK = 512  # where a board's memory is in small pieces
 _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
 
-# what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to, in the background)
+# what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to,
+# in the background)
 _STATE = """
 import sys
 b = sys.modules.get("framestep.boot")
@@ -49,7 +51,7 @@ def moving():
     o = getattr(c, "operations", None) or c.stage  # as older versions call them
     return c.axes.moving_bits() | (o.engaged if r.alive else 0)  # without its passes it stays as it was
 print((bool(c), moving(), bool(c) and r.background))
-"""
+"""  # noqa: E501
 _STOP = """
 if moving(): print(1)
 else:
@@ -65,7 +67,7 @@ try:
 except Exception: f = ""
 a = getattr
 print((sys.platform, i.version[:3], a(i, "_mpy", 0), a(i, "_machine", ""), hasattr(machine, "USBDevice"), f))
-"""
+"""  # noqa: E501
 _BOARD = """
 try:
     from framestep.board import BOARD
@@ -97,7 +99,8 @@ def digest(path):
     f.close()
     print(repr(path) + ":" + repr(h.digest()) + ",")
 """
-# Packed and in base64 a file is a third of what its bytes are as text, and the text is what takes the time
+# Packed and in base64 a file is a third of what its bytes are as text, and the text is what takes
+# the time
 _WRITE = """
 from binascii import a2b_base64
 from deflate import DeflateIO, RAW
@@ -122,7 +125,8 @@ class Moving(DeviceError):
 
 
 class State(NamedTuple):
-    """Whether framestep's controller is there, a bit per motor that moves, whether it leaves the REPL free."""
+    """Whether framestep's controller is there, a bit per motor that moves, whether it leaves the
+    REPL free."""
 
     runs: bool
     moving: int
@@ -141,7 +145,8 @@ class Who(NamedTuple):
 
     @property
     def march(self) -> str:
-        """Processor of native code in .mpy files, by mpy-cross' name (MicroPython's docs, "mpy files")."""
+        """Processor of native code in .mpy files, by mpy-cross' name (MicroPython's docs, "mpy
+        files")."""
         names = ("", "x86", "x64", "armv6", "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp")
         number = self.mpy >> 10 & 15
         return names[number] if number < len(names) else f"number {number}"
@@ -181,7 +186,8 @@ class Device:
         self.close()
 
     def connect(self) -> None:
-        """Get to the REPL. Moving if the protocol is on the same port and its motors move; else framestep goes on.
+        """Get to the REPL. Moving if the protocol is on the same port and its motors move; else
+        framestep goes on.
 
         With one port for both, framestep stops here: the REPL is what Ctrl-C leaves of it.
         """
@@ -202,13 +208,16 @@ class Device:
 
     def _open(self) -> None:
         try:
-            from mpremote.transport_serial import SerialTransport  # and pyserial, which needs what this system has
+            # and pyserial, which needs what this system has
+            from mpremote.transport_serial import SerialTransport
 
             self._transport = SerialTransport(self.path, timeout=_READ_S)
         except (OSError, TransportError) as error:
             others = holders(self.path)
             hint = (
-                f"{' and '.join(others)} has it open" if others else "is the board there, and no terminal open on it?"
+                f"{' and '.join(others)} has it open"
+                if others
+                else "is the board there, and no terminal open on it?"
             )
             failed = DeviceError(f"cannot open {self.path} ({error}): {hint}")
             failed.status = PORT_BUSY if others else NO_PORT
@@ -224,10 +233,17 @@ class Device:
             end = time.monotonic() + _ASK_S
             while time.monotonic() < end:
                 for frame in decoder.feed(port.read(64)):
-                    if frame.id == _ASK_ID and frame.request_type == MotorStatus.TYPE and not frame.is_ack:
+                    if (
+                        frame.id == _ASK_ID
+                        and frame.request_type == MotorStatus.TYPE
+                        and not frame.is_ack
+                    ):
                         moving = Status.unpack(frame.payload).moving
                         if moving:
-                            raise Moving(f"motors move ({', '.join(map(str, moving))}); nothing has been changed")
+                            raise Moving(
+                                f"motors move ({', '.join(map(str, moving))}); "
+                                "nothing has been changed"
+                            )
                         return
             port.timeout = _READ_S
         except OSError as error:
@@ -243,8 +259,8 @@ class Device:
             port.timeout = _READ_S
         except (OSError, TransportError) as error:
             raise DeviceError(
-                f"the REPL on {self.path} does not answer ({error}): close other programs that use the port, or press "
-                "the board's reset button and try again"
+                f"the REPL on {self.path} does not answer ({error}): close other programs "
+                "that use the port, or press the board's reset button and try again"
             ) from None
 
     def run(self, script: str) -> str:
@@ -264,11 +280,14 @@ class Device:
         """The data of boards/<board>/board.json that framestep has there."""
         found = self.run(_BOARD)
         if not found.strip():
-            raise DeviceError(f"framestep is not on the board on {self.path}: make flash puts it there")
+            raise DeviceError(
+                f"framestep is not on the board on {self.path}: make flash puts it there"
+            )
         return literal_eval(found)
 
     def halt(self) -> None:
-        """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if something does."""
+        """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if
+        something does."""
         self.run(_STATE)
         if int(self.run(_STOP)):
             raise Moving("motors move, or a run is prepared; nothing has been changed")
@@ -285,7 +304,9 @@ class Device:
         found: dict[str, bytes] = {}
         wanted = list(names)
         for at in range(0, len(wanted), _AT_ONCE):
-            found |= literal_eval("{" + self.run(f"for n in {wanted[at : at + _AT_ONCE]}: digest(n)") + "}")
+            found |= literal_eval(
+                "{" + self.run(f"for n in {wanted[at : at + _AT_ONCE]}: digest(n)") + "}"
+            )
         return found
 
     def read(self, name: str) -> bytes | None:
@@ -298,7 +319,8 @@ class Device:
             raise DeviceError(f"cannot read {name} from the board: {error}") from None
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file, in folders that are made if need be. A file that is there is cut short before."""
+        """Write a file, in folders that are made if need be. A file that is there is cut short
+        before."""
         for at, sign in enumerate(name):
             if sign == "/" and at:
                 self.run(_FOLDER % name[:at])
@@ -318,7 +340,8 @@ class Device:
         self.run("f.close()")
 
     def replace(self, name: str, data: bytes) -> None:
-        """Give a file new content, in one step at the end: it is the old or the new one, whatever happens."""
+        """Give a file new content, in one step at the end: it is the old or the new one, whatever
+        happens."""
         new = name + ".new"
         self.write(new, data)
         if self.read(new) != data:
@@ -326,7 +349,8 @@ class Device:
         self.rename(new, name)
 
     def rename(self, name: str, new: str) -> None:
-        """Give a file another name, in one step that is done or not done even if the power fails."""
+        """Give a file another name, in one step that is done or not done even if the power
+        fails."""
         self.run(f"import os\nos.rename({name!r}, {new!r})")
 
     def remove(self, name: str) -> None:
@@ -352,7 +376,11 @@ class Device:
         while True:
             time.sleep(_LOOK_S)
             for port in ports.listed():  # the system may give it another name
-                if self._board and port.board == self._board and port.use in (ports.REPL, ports.SINGLE):
+                if (
+                    self._board
+                    and port.board == self._board
+                    and port.use in (ports.REPL, ports.SINGLE)
+                ):
                     self.path = port.path
                     break
             try:

@@ -1,7 +1,8 @@
 """`make dist`: framestep as packages for `mpremote mip install`, in build/dist.
 
-A folder for each processor, with the .mpy files that boards with it share, in `boards` those that differ, and a package
-per board: <board>.json. package.json is that of the plain board (Raspberry Pi Pico, Pico 2).
+A folder for each processor, with the .mpy files that boards with it share, in `boards` those that
+differ, and a package per board: <board>.json. package.json is that of the plain board (Raspberry Pi
+Pico, Pico 2).
 """
 
 import json
@@ -19,7 +20,8 @@ _LIB = "/lib/"
 
 
 def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]:
-    """{path below build/dist: content} of everything. say: told each board, which takes some seconds."""
+    """{path below build/dist: content} of everything. say: told each board, which takes some
+    seconds."""
     made: dict[str, bytes] = {}
     for board in board_names():
         say(f"compiling for {board}")
@@ -29,7 +31,11 @@ def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]
         for path, content in board_files(processor, board).items():
             # mip installs into /lib; boot.py and main.py belong beside it
             target = path.removeprefix(_LIB) if path.startswith(_LIB) else f"..{path}"
-            source = f"boards/{board}.mpy" if path == _BOARD else Path(target).as_posix().removeprefix("../")
+            source = (
+                f"boards/{board}.mpy"
+                if path == _BOARD
+                else Path(target).as_posix().removeprefix("../")
+            )
             made[f"{processor}/{source}"] = content
             urls.append([target, source])
         package = json.dumps({"urls": urls, "version": version()}, indent=1).encode() + b"\n"
@@ -41,10 +47,13 @@ def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]
 
 @cache
 def packaged(folder: Path, board: str) -> dict[str, bytes]:
-    """{path on the board: content} of a board's package in a folder that `write` has made for its processor."""
+    """{path on the board: content} of a board's package in a folder that `write` has made for its
+    processor."""
     urls = json.loads((folder / f"{board}.json").read_text())["urls"]
     return {
-        f"/{target.removeprefix('../')}" if target.startswith("../") else _LIB + target: (folder / source).read_bytes()
+        f"/{target.removeprefix('../')}" if target.startswith("../") else _LIB + target: (
+            folder / source
+        ).read_bytes()
         for target, source in urls
     }
 

@@ -1,8 +1,10 @@
-"""Lets a second program reach a device through the one that has its port: `framestep stop` while `framestep run` plays.
+"""Lets a second program reach a device through the one that has its port: `framestep stop` while
+`framestep run` plays.
 
-The first program listens on this computer alone, and puts where, with a secret, into a file that only its user can
-read. The second sends the secret and then frames. They go to the device with IDs of the first one's; the answers go
-back with the IDs that they came with, and what the device sends unasked goes to both.
+The first program listens on this computer alone, and puts where, with a secret, into a file that
+only its user can read. The second sends the secret and then frames. They go to the device with IDs
+of the first one's; the answers go back with the IDs that they came with, and what the device sends
+unasked goes to both.
 """
 
 import contextlib
@@ -74,7 +76,8 @@ class _Guest:
 
 
 class Door:
-    """Where other programs come in, as long as a client has a port. The client calls `look`, `answer` and `tell`."""
+    """Where other programs come in, as long as a client has a port. The client calls `look`,
+    `answer` and `tell`."""
 
     def __init__(self, client: "Client", path: str, who: str):
         self._client = client
@@ -85,7 +88,9 @@ class Door:
         self._server.setblocking(False)
         self._file = _place(path)
         self._file.parent.mkdir(mode=0o700, exist_ok=True)
-        said = json.dumps({"port": self._server.getsockname()[1], "secret": self._secret, "who": who})
+        said = json.dumps(
+            {"port": self._server.getsockname()[1], "secret": self._secret, "who": who}
+        )
         with contextlib.suppress(OSError):
             self._file.unlink()
         with open(os.open(self._file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:

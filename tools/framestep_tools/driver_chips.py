@@ -1,7 +1,9 @@
-"""TMC2209 driver chips on one wire, simulated: what they take in, what they answer, when, and what can go wrong.
+"""TMC2209 driver chips on one wire, simulated: what they take in, what they answer, when, and what
+can go wrong.
 
-From the TMC2209 datasheet's "UART single wire interface" and the makers' register reference (analogdevicesinc/TMC-API,
-tmc/ic/TMC2209), not from the firmware's own code, so that one checks the other.
+From the TMC2209 datasheet's "UART single wire interface" and the makers' register reference
+(analogdevicesinc/TMC-API, tmc/ic/TMC2209), not from the firmware's own code, so that one checks the
+other.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -29,7 +31,8 @@ _IDLE_BITS = 63  # a telegram that stops for so long is dropped
 
 
 def crc8(data: Iterable[int]) -> int:
-    """The datasheet's CRC: shifted through bit by bit, the lowest bit of each byte first, polynomial 0x07."""
+    """The datasheet's CRC: shifted through bit by bit, the lowest bit of each byte first,
+    polynomial 0x07."""
     crc = 0
     for byte in data:
         for i in range(8):
@@ -40,7 +43,8 @@ def crc8(data: Iterable[int]) -> int:
 
 @dataclass
 class Chip:
-    """One driver. `writes` are all registers written since it has power, in order: (register, value)."""
+    """One driver. `writes` are all registers written since it has power, in order: (register,
+    value)."""
 
     address: int
     powered: bool = True
@@ -106,19 +110,26 @@ class Chip:
 
 
 def of(board: Mapping[str, Any]) -> list[Chip]:
-    """A chip for each address that a board's data has (as framestep.rig.fitted gives it): those of motor 1, 2, …"""
+    """A chip for each address that a board's data has (as framestep.rig.fitted gives it): those of
+    motor 1, 2, …"""
     return [Chip(address) for address in board.get("drivers", {}).get("address", [])]
 
 
 class Chips:
     """A wire with drivers on it, behind the face of framestep.hal's `wire`: bytes take their time.
 
-    clock: nanoseconds. `spoil(direction, data) -> data` may change or drop what goes to the drivers ("to", a telegram)
-    or comes from them ("from", an answer). echo: what is sent comes back. apart: each chip has its own wire, in the
-    order of the motors.
+    clock: nanoseconds. `spoil(direction, data) -> data` may change or drop what goes to the drivers
+    ("to", a telegram) or comes from them ("from", an answer). echo: what is sent comes back. apart:
+    each chip has its own wire, in the order of the motors.
     """
 
-    def __init__(self, chips: Iterable[Chip], clock: Callable[[], float], echo: bool = True, apart: bool = False):
+    def __init__(
+        self,
+        chips: Iterable[Chip],
+        clock: Callable[[], float],
+        echo: bool = True,
+        apart: bool = False,
+    ):
         self.chips = list(chips)
         self.apart = apart
         self.chosen = 0

@@ -1,4 +1,5 @@
-"""The drive that a board shows when it is plugged in with BOOTSEL held, on Linux, macOS and Windows."""
+"""The drive that a board shows when it is plugged in with BOOTSEL held, on Linux, macOS and
+Windows."""
 
 import os
 import re
@@ -17,8 +18,8 @@ _LABELS = ("RPI-RP2", "RP2350")
 _LOOK_S = 0.5
 _CHUNK = 64 * 1024
 PRESS = (
-    "hold the board's BOOTSEL button while you plug it in (or while you press its reset button), then let go: "
-    "a drive named RPI-RP2 or RP2350 appears"
+    "hold the board's BOOTSEL button while you plug it in (or while you press its reset button), "
+    "then let go: a drive named RPI-RP2 or RP2350 appears"
 )
 
 
@@ -77,15 +78,21 @@ def _not_mounted() -> str | None:
     return None
 
 
-def wait(say: Callable[[str], None], seconds: float, find: Callable[[], list[Drive]] = connected) -> Drive:
-    """The only board's drive; waits for it, and says what to press. DriveError if none comes, or there are several."""
+def wait(
+    say: Callable[[str], None], seconds: float, find: Callable[[], list[Drive]] = connected
+) -> Drive:
+    """The only board's drive; waits for it, and says what to press. DriveError if none comes, or
+    there are several."""
     end = time.monotonic() + seconds
     said = hinted = False
     while True:
         drives = find()
         if len(drives) > 1:
             names = " or ".join(str(drive.path) for drive in drives)
-            raise DriveError(f"{len(drives)} boards show a drive: leave one plugged in, or name it, --drive {names}")
+            raise DriveError(
+                f"{len(drives)} boards show a drive: "
+                f"leave one plugged in, or name it, --drive {names}"
+            )
         if drives:
             return drives[0]
         if not said:
@@ -95,12 +102,17 @@ def wait(say: Callable[[str], None], seconds: float, find: Callable[[], list[Dri
             say(f"the drive is there, but not mounted; this does it: udisksctl mount -b {device}")
             hinted = True
         if time.monotonic() > end:
-            raise DriveError(f"no board's drive has appeared in {seconds:g} s; --drive names its folder")
+            raise DriveError(
+                f"no board's drive has appeared in {seconds:g} s; --drive names its folder"
+            )
         time.sleep(_LOOK_S)
 
 
-def drop(drive: Drive, name: str, content: bytes, progress: Callable[[int], None] = lambda done: None) -> None:
-    """Copy a UF2 file onto a drive. The board restarts as soon as it has all of it, and the drive goes.
+def drop(
+    drive: Drive, name: str, content: bytes, progress: Callable[[int], None] = lambda done: None
+) -> None:
+    """Copy a UF2 file onto a drive. The board restarts as soon as it has all of it, and the drive
+    goes.
 
     progress: told how many bytes are written.
     """
@@ -114,4 +126,6 @@ def drop(drive: Drive, name: str, content: bytes, progress: Callable[[int], None
     except OSError as error:
         # What the system still wants to write about the file finds no drive any more
         if written < len(content) - _CHUNK or look(drive.path):
-            raise DriveError(f"cannot write {name} onto {drive.path}: {error.strerror or error}") from None
+            raise DriveError(
+                f"cannot write {name} onto {drive.path}: {error.strerror or error}"
+            ) from None

@@ -1,4 +1,5 @@
-"""Errors that the user of a tool can do something about, and commands that show them as one sentence."""
+"""Errors that the user of a tool can do something about, and commands that show them as one
+sentence."""
 
 import os
 import sys
@@ -48,7 +49,11 @@ class Command(typer.Typer):
 
     def __init__(self, name: str, expected: tuple[type[Exception], ...] = (), **options: Any):
         super().__init__(
-            name=name, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None, **options
+            name=name,
+            add_completion=False,
+            pretty_exceptions_enable=False,
+            rich_markup_mode=None,
+            **options,
         )  # plain text: rich would take as long again as all the rest of a command's start
         self.program = name
         self.expected: tuple[type[Exception], ...] = (ToolError, *expected)
@@ -60,13 +65,17 @@ class Command(typer.Typer):
     def status(self, args: list[str] | None = None) -> int:
         """Run with these arguments (default: the process's) and return the exit status."""
         try:
-            result = typer.main.get_command(self)(args=args, prog_name=self.program, standalone_mode=False)
+            result = typer.main.get_command(self)(
+                args=args, prog_name=self.program, standalone_mode=False
+            )
             sys.stdout.flush()
             return result if isinstance(result, int) else DONE
         except TyperException as error:
             context = getattr(error, "ctx", None)
             asked = context.command_path if context else self.program
-            return self._say(f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", USAGE)
+            return self._say(
+                f"{error.format_message().rstrip('.')}; {asked} --help says what is expected", USAGE
+            )
         except self.expected as error:
             return self._say(str(error), getattr(error, "status", FAILED))
         except (Abort, KeyboardInterrupt):
@@ -85,7 +94,8 @@ class Command(typer.Typer):
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether a Ctrl-C is behind an error: some libraries make an ImportError of it while they are loaded."""
+    """Whether a Ctrl-C is behind an error: some libraries make an ImportError of it while they are
+    loaded."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True

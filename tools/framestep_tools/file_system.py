@@ -15,7 +15,8 @@ class DoesNotFit(ToolError, ValueError):
 
 
 def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
-    """The image of a file system with these files in it {device path: content}; DoesNotFit if it is too small."""
+    """The image of a file system with these files in it {device path: content}; DoesNotFit if it is
+    too small."""
     system = LittleFS(
         block_size=BLOCK_SIZE,
         block_count=block_count,
@@ -35,7 +36,9 @@ def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
                 file.write(data.encode() if isinstance(data, str) else data)
         except (LittleFSError, OSError) as error:
             room = BLOCK_SIZE * block_count // 1024
-            raise DoesNotFit(f"{path} ({len(data)} bytes) does not fit: the board has {room} KB: {error}") from error
+            raise DoesNotFit(
+                f"{path} ({len(data)} bytes) does not fit: the board has {room} KB: {error}"
+            ) from error
     return bytes(system.context.buffer)
 
 

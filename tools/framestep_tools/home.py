@@ -1,7 +1,9 @@
-"""Where framestep's own files lie: in a checkout of its sources, or inside the package that a user has installed.
+"""Where framestep's own files lie: in a checkout of its sources, or inside the package that a user
+has installed.
 
-setup.py puts into the package what a user needs without the sources: `data/boards` with each board's board.json and
-rig.json, `data/packages` as framestep_tools.dist makes them, and `data/images/<board>.uf2`.
+setup.py puts into the package what a user needs without the sources: `data/boards` with each
+board's board.json and rig.json, `data/packages` as framestep_tools.dist makes them, and
+`data/images/<board>.uf2`.
 """
 
 import os
@@ -22,7 +24,8 @@ CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()
 
 @cache
 def version() -> str:
-    """framestep's version, which the firmware tells a host: 0.1.0. Importing the controller for it would take long."""
+    """framestep's version, which the firmware tells a host: 0.1.0. Importing the controller for it
+    would take long."""
     import framestep
 
     text = Path(framestep.__file__).with_name("reports.py").read_text()

@@ -1,10 +1,11 @@
-"""Puts what a function computes in the place of its calls, before the source is compiled for a board.
+"""Puts what a function computes in the place of its calls, before the source is compiled for a
+board.
 
-A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the functions of
-framestep/clock.py, each of them a single `return`, are for the reader alone.
+A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the
+functions of framestep/clock.py, each of them a single `return`, are for the reader alone.
 
-Each parameter stands in the expression once: so what a call gives is computed once, as in a call. Lines stay where they
-are, so that tracebacks are right.
+Each parameter stands in the expression once: so what a call gives is computed once, as in a call.
+Lines stay where they are, so that tracebacks are right.
 """
 
 import ast
@@ -31,11 +32,15 @@ class _Function:
 
 
 def inline(texts: Mapping[str, str], path: str) -> dict[str, str]:
-    """The modules, {path: source}, with no calls of functions of the module `path`. They have been folded
-    (framestep_tools.constants) before. FoldError where a function or a use of it is not fit for that."""
+    """The modules, {path: source}, with no calls of functions of the module `path`. They have been
+    folded (framestep_tools.constants) before. FoldError where a function or a use of it is not fit
+    for that."""
     functions = _functions(path, texts[path])
     source = path.removesuffix(".py").replace("/", ".")
-    return {name: text if name == path else _inlined(name, text, source, functions) for name, text in texts.items()}
+    return {
+        name: text if name == path else _inlined(name, text, source, functions)
+        for name, text in texts.items()
+    }
 
 
 def _functions(path: str, text: str) -> dict[str, _Function]:
@@ -53,11 +58,20 @@ def _functions(path: str, text: str) -> dict[str, _Function]:
                 value=ast.Call(func=ast.Name(id="const"), args=[ast.Constant(value=int(value))]),
             ):
                 constants[name] = value
-            case ast.FunctionDef(name=name, args=arguments, body=[*_, ast.Return(value=ast.expr() as result)]):
+            case ast.FunctionDef(
+                name=name, args=arguments, body=[*_, ast.Return(value=ast.expr() as result)]
+            ):
                 parameters = tuple(argument.arg for argument in arguments.args)
-                used = [n.id for n in ast.walk(result) if isinstance(n, ast.Name) and n.id not in constants]
+                used = [
+                    n.id
+                    for n in ast.walk(result)
+                    if isinstance(n, ast.Name) and n.id not in constants
+                ]
                 if sorted(used) != sorted(parameters):
-                    raise FoldError(f"{path}, line {node.lineno}: {name} has to use each parameter once, nothing else")
+                    raise FoldError(
+                        f"{path}, line {node.lineno}: "
+                        f"{name} has to use each parameter once, nothing else"
+                    )
                 functions[name] = _Function(parameters, Number().visit(result))
     return functions
 
@@ -80,7 +94,9 @@ def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Functio
         text = edits.text()
     for left in ast.walk(ast.parse(text)):
         if isinstance(left, ast.Name) and left.id in here:
-            raise FoldError(f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments")
+            raise FoldError(
+                f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments"
+            )
     return text
 
 
@@ -93,7 +109,12 @@ def _innermost(
         match node:
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in here:
                 function = functions[here[name]]
-                inner = {n.id for argument in arguments for n in ast.walk(argument) if isinstance(n, ast.Name)}
+                inner = {
+                    n.id
+                    for argument in arguments
+                    for n in ast.walk(argument)
+                    if isinstance(n, ast.Name)
+                }
                 if len(arguments) == len(function.parameters) and not inner & here.keys():
                     found.append((node, function))
     return found

@@ -1,5 +1,5 @@
-"""framestep onto a board without a compiler: its image onto the BOOTSEL drive, or one file of a stock MicroPython and
-framestep's file system."""
+"""framestep onto a board without a compiler: its image onto the BOOTSEL drive, or one file of a
+stock MicroPython and framestep's file system."""
 
 import json
 from collections.abc import Callable
@@ -20,7 +20,8 @@ _OURS = b" with framestep"  # in the name that an image of framestep gives its b
 
 
 def image_of(board: str) -> bytes:
-    """The UF2 image of a board: the one that the package brings; in a checkout built, if need be."""
+    """The UF2 image of a board: the one that the package brings; in a checkout built, if need
+    be."""
     board_data(board)  # is there such a board?
     if not home.INSTALLED:
         from .builds import frozen
@@ -29,33 +30,44 @@ def image_of(board: str) -> bytes:
     path = home.IMAGES / f"{board}.uf2"
     if not path.exists():
         raise ToolError(
-            f"this installation of framestep brings no image for {board}: it was installed from sources. Take the "
-            "release's package or its .uf2 file (--image FILE), or join one with MicroPython's: framestep uf2 --help"
+            f"this installation of framestep brings no image for {board}: "
+            "it was installed from sources. "
+            "Take the release's package or its .uf2 file (--image FILE), "
+            "or join one with MicroPython's: framestep uf2 --help"
         )
     return path.read_bytes()
 
 
 def board_on(drive: Drive, board: str | None) -> str:
-    """The board to install for: the one that was asked for, if the drive is of its chip; the chip's plain one."""
+    """The board to install for: the one that was asked for, if the drive is of its chip; the chip's
+    plain one."""
     if board is None:
         return chips()[drive.chip].plain_board
     wanted = board_chip(board).name
     if drive.chip != board_data(board)["chip"]:
-        fitting = " or ".join(name for name in board_names() if board_data(name)["chip"] == drive.chip)
+        fitting = " or ".join(
+            name for name in board_names() if board_data(name)["chip"] == drive.chip
+        )
         raise DriveError(
-            f"the board on {drive.path} has an {chips()[drive.chip].name}, {board} an {wanted}: --board {fitting}"
+            f"the board on {drive.path} has an {chips()[drive.chip].name}, "
+            f"{board} an {wanted}: --board {fitting}"
         )
     return board
 
 
-def onto_drive(board: str, content: bytes, drive: Drive, device: str | None, say: Callable[[str], None]) -> None:
+def onto_drive(
+    board: str, content: bytes, drive: Drive, device: str | None, say: Callable[[str], None]
+) -> None:
     """Drop an image onto a board's drive, wait until the board is up, and say who answers.
 
     device: the protocol's port, where it cannot be found.
     """
     image = uf2.parse(content, "the image")
     if image.chip != drive.chip:
-        raise DriveError(f"the image is for an {chips()[image.chip].name}, the board has an {chips()[drive.chip].name}")
+        raise DriveError(
+            f"the image is for an {chips()[image.chip].name}, "
+            f"the board has an {chips()[drive.chip].name}"
+        )
     before = {port.board for port in listed()} if device is None else set()
     last = 0
 
@@ -76,14 +88,17 @@ def onto_drive(board: str, content: bytes, drive: Drive, device: str | None, say
         new = [port for port in listed() if port.use != OTHER and port.board not in before]
         return next((port.path for port in new if port.use == PROTOCOL), None)
 
-    path, info = answer(find, "it shows no port named framestep DMC; if its rig file says ports: 1, name its port")
+    path, info = answer(
+        find, "it shows no port named framestep DMC; if its rig file says ports: 1, name its port"
+    )
     say(greeting(path, info))
     if f"{info.major}.{info.minor}.{info.revision}" != home.version():
         say(f"this is not the version that was copied, {home.version()}: is it another board?")
 
 
 def joined(content: bytes, name: str, board: str | None, rig: bytes | None) -> tuple[str, bytes]:
-    """A stock MicroPython's UF2 file with framestep's files added: the board, and the new UF2 file's content.
+    """A stock MicroPython's UF2 file with framestep's files added: the board, and the new UF2
+    file's content.
 
     rig: the rig file's content. The file system is written as a whole: what a board had in it goes.
     """
@@ -94,14 +109,18 @@ def joined(content: bytes, name: str, board: str | None, rig: bytes | None) -> t
         raise ToolError(f"{name} is for an {chips()[image.chip].name}, {board} has an {chip.name}")
     area, version = image.file_system(), image.version()
     if area is None or version is None:
-        raise ToolError(f"{name} is no MicroPython: get one from https://micropython.org/download/{chip.download}/")
+        raise ToolError(
+            f"{name} is no MicroPython: get one from https://micropython.org/download/{chip.download}/"
+        )
     if _OURS in image.flash():
         raise ToolError(f"{name} has framestep in it already: drop it onto the board as it is")
-    numbers = tuple(int(part) for part in version.lstrip("v").split("-")[0].split(".")[:2] if part.isdigit())
+    numbers = tuple(
+        int(part) for part in version.lstrip("v").split("-")[0].split(".")[:2] if part.isdigit()
+    )
     if len(numbers) == 2 and numbers < OLDEST:
         raise ToolError(
-            f"{name} is MicroPython {version}; {'.'.join(map(str, OLDEST))} or newer is needed, from "
-            f"https://micropython.org/download/{chip.download}/"
+            f"{name} is MicroPython {version}; {'.'.join(map(str, OLDEST))} or newer is needed, "
+            f"from https://micropython.org/download/{chip.download}/"
         )
     files = dict(board_files(chip.processor, board))
     about = {"board": board, "main": sha256(files[MAIN]).hexdigest(), "files": sorted(files)}

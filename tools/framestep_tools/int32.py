@@ -1,12 +1,15 @@
-"""Numbers that do not fit, found on CPython: kernels leave 32 bits, passes make what MicroPython would allocate.
+"""Numbers that do not fit, found on CPython: kernels leave 32 bits, passes make what MicroPython
+would allocate.
 
-`install()`, called before anything of framestep is imported, rewrites the modules of the core as they are loaded:
+`install()`, called before anything of framestep is imported, rewrites the modules of the core as
+they are loaded:
 
-* in a kernel (`@micropython.viper`) each result of an operation must fit 32 bits signed, but for what `& mask` cuts
-  off at once: that is native.py's contract, of which CPython alone sees only what is stored in an array
+* in a kernel (`@micropython.viper`) each result of an operation must fit 32 bits signed, but for
+  what `& mask` cuts off at once: that is native.py's contract, of which CPython alone sees only
+  what is stored in an array
 * in a line of a kernel that ends in `# wraps` sums are meant to come round, and do, as on a board
-* elsewhere a whole number from -2^30 to 2^30 - 1 must come out while `armed` is set, as in a pass of the main loop:
-  anything beyond is an object on the heap of a 32-bit board
+* elsewhere a whole number from -2^30 to 2^30 - 1 must come out while `armed` is set, as in a pass
+  of the main loop: anything beyond is an object on the heap of a 32-bit board
 
 Outside() is raised with the place. What is rewritten runs up to twice as long.
 """
@@ -49,7 +52,10 @@ def small(value, line):
 
 
 def _kernel(function: ast.FunctionDef) -> bool:
-    return any(isinstance(d, ast.Attribute) and d.attr in ("viper", "native") for d in function.decorator_list)
+    return any(
+        isinstance(d, ast.Attribute) and d.attr in ("viper", "native")
+        for d in function.decorator_list
+    )
 
 
 def _mask(node) -> bool:
@@ -89,21 +95,32 @@ class _Checks(ast.NodeTransformer):
             [ast.LtE(), ast.LtE()],
             [ast.NamedExpr(ast.Name(name, ast.Store()), node), ast.Constant(0x7FFFFFFF)],
         )
-        wrong = ast.Call(ast.Name("_int32_word", ast.Load()), [ast.Name(name, ast.Load()), line], [])
+        wrong = ast.Call(
+            ast.Name("_int32_word", ast.Load()), [ast.Name(name, ast.Load()), line], []
+        )
         return ast.IfExp(fits, ast.Name(name, ast.Load()), wrong)
 
     def visit_BinOp(self, node):
         before = self.masked
-        ring = isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.LShift | ast.BitAnd | ast.BitOr | ast.BitXor)
-        mask = isinstance(node.op, ast.BitAnd) and self.kernel and (_mask(node.right) or _mask(node.left))
+        ring = isinstance(
+            node.op, ast.Add | ast.Sub | ast.Mult | ast.LShift | ast.BitAnd | ast.BitOr | ast.BitXor
+        )
+        mask = (
+            isinstance(node.op, ast.BitAnd)
+            and self.kernel
+            and (_mask(node.right) or _mask(node.left))
+        )
         self.masked = bool(mask) or (before and ring)
         node.left = self.visit(node.left)
-        self.masked = self.masked and not isinstance(node.op, ast.LShift)  # the count of a shift is a number
+        # the count of a shift is a number
+        self.masked = self.masked and not isinstance(node.op, ast.LShift)
         node.right = self.visit(node.right)
         self.masked = before
         if before and ring:
             return node
-        if self.kernel is None or (isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant)):
+        if self.kernel is None or (
+            isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant)
+        ):
             return node
         if isinstance(node.op, ast.Mod) and isinstance(node.left, ast.Constant):
             return node  # a text
@@ -136,7 +153,11 @@ class _Checks(ast.NodeTransformer):
         before, self.masked = self.masked, False
         self.generic_visit(node)
         self.masked = before
-        if self.kernel is False and isinstance(node.ctx, ast.Load) and not isinstance(node.slice, ast.Slice):
+        if (
+            self.kernel is False
+            and isinstance(node.ctx, ast.Load)
+            and not isinstance(node.slice, ast.Slice)
+        ):
             return ast.copy_location(self._checked(node), node)
         return node
 
@@ -151,7 +172,11 @@ class _Checks(ast.NodeTransformer):
 
 def rewritten(source: str, filename: str):
     """Code of a module with the checks in it."""
-    wraps = {number for number, line in enumerate(source.split("\n"), 1) if line.rstrip().endswith("# wraps")}
+    wraps = {
+        number
+        for number, line in enumerate(source.split("\n"), 1)
+        if line.rstrip().endswith("# wraps")
+    }
     tree = _Checks(wraps).visit(ast.parse(source, filename))
     names = ", ".join(f"{name} as _int32_{name}" for name in ("small", "word", "wrap"))
     imports = ast.parse(f"from framestep_tools.int32 import {names}").body
@@ -179,7 +204,11 @@ class _Finder(importlib.abc.MetaPathFinder):
 
 def install() -> None:
     """From now on modules of the core are loaded with checks. RuntimeError where it is too late."""
-    loaded = [name for name in sys.modules if name.startswith("framestep.") and not name.startswith(_ONLY_HERE)]
+    loaded = [
+        name
+        for name in sys.modules
+        if name.startswith("framestep.") and not name.startswith(_ONLY_HERE)
+    ]
     if loaded:
         raise RuntimeError(f"already loaded without checks: {', '.join(loaded)}")
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):

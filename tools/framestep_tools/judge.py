@@ -1,29 +1,38 @@
-"""Judges a played move by the edges on the pins: did each motor stand where the upload wants it, at each frame's time?
+"""Judges a played move by the edges on the pins: did each motor stand where the upload wants it, at
+each frame's time?
 
-The time origin. A trace does not say when the first frame was: it is found by vote. Wherever a motor passes
-through a frame's position p(N), the edge that reaches p(N) says that frame 0 was at (edge time − frame time).
-Edges of the run all name the same moment; those of positioning moves, of other passes or of errors name scattered ones.
-The origin is the median of the fullest window of `_VOTE_WINDOW_NS`. One origin holds for all motors.
+The time origin. A trace does not say when the first frame was: it is found by vote. Wherever a
+motor passes through a frame's position p(N), the edge that reaches p(N) says that frame 0 was at
+(edge time − frame time). Edges of the run all name the same moment; those of positioning moves, of
+other passes or of errors name scattered ones. The origin is the median of the fullest window of
+`_VOTE_WINDOW_NS`. One origin holds for all motors.
 
-Frame times are rational: frame N lies at round(N · 10⁹ / fps_milli) µs after the run's first, which is frame 0.
+Frame times are rational: frame N lies at round(N · 10⁹ / fps_milli) µs after the run's first, which
+is frame 0.
 
 What is required (each can fail alone, `Limits` has the figures):
 
-    position   within ±20 µs of a frame's time, steps made = position uploaded: ±1 in motion, exactly at rest (where a
-               neighbouring frame has the same position)
-    time       in motion the edge that reaches the position comes within 20 µs of the frame's time; at rest and where
-               the motion turns the motor has arrived by then, and does not leave before
+    position   within ±20 µs of a frame's time, steps made = position uploaded: ±1 in motion,
+               exactly at rest (where a neighbouring frame has the same position)
+    time       in motion the edge that reaches the position comes within 20 µs of the frame's time;
+               at rest and where the motion turns the motor has arrived by then, and does not leave
+               before
     sum        where the motor's own word is given, all steps of the trace add up to it
     holds      no edge between two frames with the same position
-    reversals  no edge against the motion between two frames, except where the motion turns: at a turn the path may pass
-               the frame's position as far as a cubic with the mean slope there does, 4/27 of that slope
-    velocity   the two cubics fitted to the edges on either side of a frame have the same velocity there
+    reversals  no edge against the motion between two frames, except where the motion turns: at a
+               turn the path may pass the frame's position as far as a cubic with the mean slope
+               there does, 4/27 of that slope
+    velocity   the two cubics fitted to the edges on either side of a frame have the same velocity
+               there
 
-Where the ideal path is given (reference.py makes one), it is what counts for the last two, and a further one is added:
+Where the ideal path is given (reference.py makes one), it is what counts for the last two, and a
+further one is added:
 
-    reversals  no edge against the motion of the path, but for the step at which that comes to a standstill
+    reversals  no edge against the motion of the path, but for the step at which that comes to a
+               standstill
     velocity   the cubics fitted have the path's velocity at the frame
-    path       each edge lies where the path crosses that step: reported, and judged where there is a limit for it
+    path       each edge lies where the path crosses that step: reported, and judged where there is
+               a limit for it
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -50,15 +59,18 @@ class Limits:
     moving_steps: int = 1
     rest_steps: int = 0
     time_us: float = 20.0
-    time_steps: float = 0.0  # the time in which the motor makes this part of a step is allowed where it is longer
-    velocity_steps_s: float = 10.0  # allowed jump of velocity at a frame, or difference from the path's …
+    # the time in which the motor makes this part of a step is allowed where it is longer
+    time_steps: float = 0.0
+    # allowed jump of velocity at a frame, or difference from the path's …
+    velocity_steps_s: float = 10.0
     velocity_share: float = 0.02  # … and this share of the velocity there in addition
     path_us: float | None = None  # worst edge against the ideal path; None: reported only
 
 
 @dataclass
 class MotorVerdict:
-    """How one motor kept to its frames. Arrays have an entry per frame, NaN where a figure has no meaning."""
+    """How one motor kept to its frames. Arrays have an entry per frame, NaN where a figure has no
+    meaning."""
 
     motor: int
     position_error: np.ndarray  # steps; at the best moment within the time limit
@@ -82,7 +94,8 @@ class MotorVerdict:
 
     @property
     def worst_edge_us(self) -> float:
-        """Largest distance of an edge from the path's crossing, in µs; 0 where no path was given."""
+        """Largest distance of an edge from the path's crossing, in µs; 0 where no path was
+        given."""
         return float(np.nanmax(np.abs(self.edge_error_us), initial=0.0))
 
 
@@ -141,8 +154,8 @@ def judge(
 ) -> Verdict:
     """Judge the edges of a run.
 
-    positions   the uploaded steps of each motor at the run's frames, in the order of play (for a section or a
-                backward run: that slice)
+    positions   the uploaded steps of each motor at the run's frames, in the order of play (for a
+                section or a backward run: that slice)
     start       each motor's position before the trace's first edge, 0 if not given
     end         where the motor says it is after the last one
     path        path(motor, seconds): the ideal positions at times after the first frame
@@ -153,7 +166,9 @@ def judge(
     frames = {motor: np.asarray(steps, np.int64) for motor, steps in positions.items()}
     counts = {len(steps) for steps in frames.values()}
     if len(counts) != 1:
-        raise ValueError(f"every motor needs a position for each frame, found {sorted(counts)} frames")
+        raise ValueError(
+            f"every motor needs a position for each frame, found {sorted(counts)} frames"
+        )
     start = start or {}
     times = frame_times_ns(counts.pop(), fps_milli)
     made = {motor: trace.positions(motor, start.get(motor, 0)) for motor in frames}
@@ -165,9 +180,17 @@ def judge(
         verdict.motors.append(one.judge(path, verdict.complaints))
         stands = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
         if end and end.get(motor, stands) != stands:
-            verdict.complaints.append(f"motor {motor}: stands at {stands} by its steps, but says it is at {end[motor]}")
-    strangers = [m for m in trace.motors if m not in frames and _moves(trace, m, origin, origin + int(times[-1]))]
-    verdict.complaints += [f"motor {m}: moved during the run without being in the upload" for m in strangers]
+            verdict.complaints.append(
+                f"motor {motor}: stands at {stands} by its steps, but says it is at {end[motor]}"
+            )
+    strangers = [
+        m
+        for m in trace.motors
+        if m not in frames and _moves(trace, m, origin, origin + int(times[-1]))
+    ]
+    verdict.complaints += [
+        f"motor {m}: moved during the run without being in the upload" for m in strangers
+    ]
     return verdict
 
 
@@ -177,7 +200,8 @@ def _moves(trace: Trace, motor: int, begin: int, end: int) -> bool:
 
 
 def _through(steps: np.ndarray) -> np.ndarray:
-    """Direction in which a motor passes through each frame: +1, -1, or 0 at rest, at turns and at the two ends."""
+    """Direction in which a motor passes through each frame: +1, -1, or 0 at rest, at turns and at
+    the two ends."""
     signs = np.sign(np.diff(steps))
     through = np.zeros(len(steps), np.int64)
     through[1:-1] = np.where(signs[:-1] == signs[1:], signs[1:], 0)
@@ -208,12 +232,15 @@ def _origin(frames, made, start, times, after_ns) -> int:
             for frame, low, high in zip(through, first, end, strict=True):
                 votes.append(edges[order[low:high]] - times[frame])
     ballots = np.sort(np.concatenate(votes)) if votes else np.zeros(0, np.int64)
-    counts = np.searchsorted(ballots, ballots + _VOTE_WINDOW_NS, side="right") - np.arange(len(ballots))
+    counts = np.searchsorted(ballots, ballots + _VOTE_WINDOW_NS, side="right") - np.arange(
+        len(ballots)
+    )
     if counts.max(initial=0) < _LEAST_VOTES:
         raise NoRun(
             "no run of this move in the trace: at least "
-            f"{_LEAST_VOTES} frames with a motor passing through are expected in time with each other, "
-            f"found {int(counts.max(initial=0))}; check the frame rate, the start positions and the upload"
+            f"{_LEAST_VOTES} frames with a motor passing through are expected "
+            f"in time with each other, found {int(counts.max(initial=0))}; "
+            "check the frame rate, the start positions and the upload"
         )
     best = int(np.argmax(counts))
     return int(np.median(ballots[best : best + counts[best]]))
@@ -256,7 +283,8 @@ class _Motor:
         if len(late):
             worst = late[np.argmax(np.abs(time_us[late]))]
             complain(
-                f"{len(late)} frames off their time, the worst frame {worst} (from 0) by {time_us[worst]:+.1f} µs, "
+                f"{len(late)} frames off their time, "
+                f"the worst frame {worst} (from 0) by {time_us[worst]:+.1f} µs, "
                 f"allowed are {limits.time_us:g}"
             )
         held, against = self._between_frames()
@@ -265,33 +293,46 @@ class _Motor:
         if held:
             complain(f"{held} steps while it should hold still")
         if against:
-            complain(f"{against} steps against the motion {'of the path' if path else 'between two frames'}")
+            complain(
+                f"{against} steps against the motion "
+                f"{'of the path' if path else 'between two frames'}"
+            )
         allowed_velocity = limits.velocity_steps_s + limits.velocity_share * np.abs(fitted)
         jumps = np.flatnonzero(np.abs(wrong_velocity) > allowed_velocity)
         if len(jumps):
             worst = jumps[np.argmax(np.abs(wrong_velocity[jumps]))]
             complain(
-                f"velocity {'is wrong' if path else 'jumps'} at {len(jumps)} frames, the worst frame {worst} "
-                f"(from 0) by {wrong_velocity[worst]:+.0f} steps/s at {fitted[worst]:.0f} steps/s"
+                f"velocity {'is wrong' if path else 'jumps'} at {len(jumps)} frames, "
+                f"the worst frame {worst} (from 0) by {wrong_velocity[worst]:+.0f} steps/s "
+                f"at {fitted[worst]:.0f} steps/s"
             )
         if limits.path_us is not None and np.nanmax(np.abs(error_us), initial=0.0) > limits.path_us:
-            complain(f"an edge is {np.nanmax(np.abs(error_us)):.1f} µs off the path, allowed are {limits.path_us:g}")
-        return MotorVerdict(self.motor, position, time_us, wrong_velocity, seconds, self.after[run], error_us)
+            complain(
+                f"an edge is {np.nanmax(np.abs(error_us)):.1f} µs off the path, "
+                f"allowed are {limits.path_us:g}"
+            )
+        return MotorVerdict(
+            self.motor, position, time_us, wrong_velocity, seconds, self.after[run], error_us
+        )
 
     def _allowed_us(self) -> np.ndarray:
         """Allowed time error at each frame, by the mean velocity over the two frames around it."""
         allowed = np.full(len(self.times), self.limits.time_us)
         if self.limits.time_steps and len(self.steps) > 2:
-            rate = np.abs(self.steps[2:] - self.steps[:-2]) / (self.times[2:] - self.times[:-2])  # steps per ns
+            # steps per ns
+            rate = np.abs(self.steps[2:] - self.steps[:-2]) / (self.times[2:] - self.times[:-2])
             with np.errstate(divide="ignore"):
-                allowed[1:-1] = np.maximum(allowed[1:-1], np.minimum(self.limits.time_steps / rate / 1000, 1e3))
+                allowed[1:-1] = np.maximum(
+                    allowed[1:-1], np.minimum(self.limits.time_steps / rate / 1000, 1e3)
+                )
         return allowed
 
     def _position_at(self, times: np.ndarray) -> np.ndarray:
         return self.positions[np.searchsorted(self.edges, times, side="right")]
 
     def _end_in_motion(self) -> np.ndarray:
-        """The first and the last frame, where the run-up or run-out carries a moving motor through them."""
+        """The first and the last frame, where the run-up or run-out carries a moving motor through
+        them."""
         moving = np.zeros(len(self.steps), bool)
         for at, inside in ((0, 1), (-1, -2)):
             if len(self.steps) > 1 and self.steps[at] != self.steps[inside]:
@@ -314,7 +355,9 @@ class _Motor:
             seen = self.positions[low : high + 1] - wanted
             position[frame] = seen[np.argmin(np.abs(seen))]
             # The stretches of time near the frame in which the motor stood at the wanted position
-            low, high = np.searchsorted(self.edges, (at - _SEARCH_NS, at + _SEARCH_NS), side="right")
+            low, high = np.searchsorted(
+                self.edges, (at - _SEARCH_NS, at + _SEARCH_NS), side="right"
+            )
             there = np.flatnonzero(self.positions[low : high + 1] == wanted) + low
             if not len(there):
                 # At a turn one step short is as good as there, and has no time of its own.
@@ -333,9 +376,14 @@ class _Motor:
         slack = int(self.limits.time_us * 1000)
         held = against = 0
         past = np.zeros(len(self.steps), np.int64)
-        past[1:-1] = np.ceil(4 / 27 * np.abs(self.steps[2:] - self.steps[:-2]) / 2) * _turns(self.steps)[1:-1]
+        past[1:-1] = (
+            np.ceil(4 / 27 * np.abs(self.steps[2:] - self.steps[:-2]) / 2)
+            * _turns(self.steps)[1:-1]
+        )
         for frame, travel in enumerate(np.diff(self.steps)):
-            low, high = np.searchsorted(self.edges, (self.times[frame] + slack, self.times[frame + 1] - slack))
+            low, high = np.searchsorted(
+                self.edges, (self.times[frame] + slack, self.times[frame + 1] - slack)
+            )
             signs = np.diff(self.positions[low : high + 1])
             if travel == 0:
                 held += len(signs)
@@ -345,7 +393,8 @@ class _Motor:
         return held, against
 
     def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity before and behind each frame, in steps/s, from the edges there; NaN where they are too few."""
+        """Velocity before and behind each frame, in steps/s, from the edges there; NaN where they
+        are too few."""
         count = len(self.times)
         starts, ends = np.full(count, np.nan), np.full(count, np.nan)
         for frame in range(count - 1):
@@ -355,7 +404,9 @@ class _Motor:
                 continue
             span = (end - begin) * 1e-9
             u = (self.edges[low:high] - begin) / (end - begin)
-            cubic = np.polynomial.Polynomial.fit(u, self.after[low:high].astype(float), 3, domain=[0, 1]).deriv()
+            cubic = np.polynomial.Polynomial.fit(
+                u, self.after[low:high].astype(float), 3, domain=[0, 1]
+            ).deriv()
             starts[frame], ends[frame] = cubic(0) / span, cubic(1) / span
         return np.concatenate(([np.nan], ends[:-1])), starts
 
@@ -365,18 +416,24 @@ class _Motor:
         return behind - before, (before + behind) / 2
 
     def _velocity_errors(self, path) -> tuple[np.ndarray, np.ndarray]:
-        """The greater of the differences from the path's velocity before and behind each frame, and the path's."""
+        """The greater of the differences from the path's velocity before and behind each frame, and
+        the path's."""
         seconds = (self.times - self.times[0]) * 1e-9
-        ideal = path(self.motor, seconds + _FRAME_STENCIL_S) - path(self.motor, seconds - _FRAME_STENCIL_S)
+        ideal = path(self.motor, seconds + _FRAME_STENCIL_S) - path(
+            self.motor, seconds - _FRAME_STENCIL_S
+        )
         ideal = ideal / (2 * _FRAME_STENCIL_S)
         before, behind = (velocity - ideal for velocity in self._velocities())
         worse = np.nan_to_num(np.abs(before), nan=-1.0) > np.nan_to_num(np.abs(behind), nan=-1.0)
         return np.where(worse, before, behind), ideal
 
     def _along(self, path, seconds: np.ndarray, run: slice) -> tuple[np.ndarray, np.ndarray]:
-        """For each edge how late it is against the path's crossing of its position (µs), and whether it goes along with
-        the path (1) or against it (-1). Neither within a step of a standstill: NaN and 0."""
-        before, ideal, behind = (path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S))
+        """For each edge how late it is against the path's crossing of its position (µs), and
+        whether it goes along with the path (1) or against it (-1). Neither within a step of a
+        standstill: NaN and 0."""
+        before, ideal, behind = (
+            path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S)
+        )
         velocity = (behind - before) / (2 * _STENCIL_S)
         acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
         # A step is made when the path reaches its position, going up or down.
@@ -384,4 +441,6 @@ class _Motor:
         moving = velocity**2 > 2 * np.abs(acceleration)
         signs = np.diff(self.positions[run.start : run.stop + 1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(moving, ahead / velocity * 1e6, np.nan), np.where(moving, np.sign(velocity * signs), 0)
+            return np.where(moving, ahead / velocity * 1e6, np.nan), np.where(
+                moving, np.sign(velocity * signs), 0
+            )

@@ -16,7 +16,10 @@ app = Command("image", expected=(BuildError, CompileError))
 def main(
     board: Annotated[str, typer.Option(help="a folder of boards/")] = "pico",
     micropython: Annotated[
-        str | None, typer.Option(help="a checkout of MicroPython, 1.26 or newer, to build; without it Debian's sources")
+        str | None,
+        typer.Option(
+            help="a checkout of MicroPython, 1.26 or newer, to build; without it Debian's sources"
+        ),
     ] = None,
 ) -> None:
     """Build the image of a board."""
@@ -26,8 +29,9 @@ def main(
     print(f"building for the {name} (some minutes the first time)", flush=True)
     shutil.copyfile(frozen(board, micropython, show=True).with_suffix(".uf2"), made)
     print(
-        f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: hold BOOTSEL while plugging in the {name}, and "
-        "drop the file onto the drive that appears; rig.json on the board stays"
+        f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: "
+        f"hold BOOTSEL while plugging in the {name}, "
+        "and drop the file onto the drive that appears; rig.json on the board stays"
     )
 
 

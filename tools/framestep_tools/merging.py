@@ -1,13 +1,14 @@
 """Makes one module of several before they are compiled for a board.
 
-A module takes some 400 bytes of a board's memory: its dictionary, the names that it imports, and in copied code a table
-of all names that it uses. So that files can be short nevertheless, those of a package that are always loaded together
-are one module there, called like the one that needs all others. Another name that two of them have gets a number. They
-have been folded (framestep_tools.constants) before.
+A module takes some 400 bytes of a board's memory: its dictionary, the names that it imports, and in
+copied code a table of all names that it uses. So that files can be short nevertheless, those of a
+package that are always loaded together are one module there, called like the one that needs all
+others. Another name that two of them have gets a number. They have been folded
+(framestep_tools.constants) before.
 
 Tracebacks: the first file's lines are 1 to 1000, the second's 1001 to 2000, and so on.
 
-    python -m framestep_tools.merging framestep.virtuals.requests 3123      which file and line that is
+    python -m framestep_tools.merging framestep.virtuals.requests 3123   which file and line that is
 """
 
 import ast
@@ -18,28 +19,46 @@ from pathlib import PurePosixPath
 
 from .constants import Edits, FoldError
 
-# What is one module on a board: the last file of each package, which has the name, and the files that stay apart.
+# What is one module on a board: the last file of each package, which has the name, and the files
+# that stay apart.
 TOGETHER: Mapping[str, Sequence[str]] = {
-    "framestep/io/requests.py": ("tmc2209", "tmc2209_setup", "restore"),  # only where there are drivers, at the start
+    # only where there are drivers, at the start
+    "framestep/io/requests.py": ("tmc2209", "tmc2209_setup", "restore"),
     "framestep/motors/requests.py": (),
     "framestep/motion/ramps.py": (  # with phases alone
         *("compute", "formula", "kernel", "reals", "segments", "stepper", "tick"),
     ),
     "framestep/moves/requests.py": ("registers",),
     "framestep/virtuals/requests.py": (  # types that a rig may do without, and what they need
-        *("absent", "registers", "kinematics", "arm", "boom_swing_track", "swing_pan", "x_y_z", "y_swing_track"),
+        *(
+            "absent",
+            "registers",
+            "kinematics",
+            "arm",
+            "boom_swing_track",
+            "swing_pan",
+            "x_y_z",
+            "y_swing_track",
+        ),
     ),
 }
 LINES = 1000
 
 
-def groups(texts: Mapping[str, str], together: Mapping[str, Sequence[str]] = TOGETHER) -> dict[str, list[str]]:
-    """{last file: the others, each after those that it imports}; texts: the sources as they were before folding."""
+def groups(
+    texts: Mapping[str, str], together: Mapping[str, Sequence[str]] = TOGETHER
+) -> dict[str, list[str]]:
+    """{last file: the others, each after those that it imports}; texts: the sources as they were
+    before folding."""
     found = {}
     for last, apart in together.items():
         folder = PurePosixPath(last).parent
         inner = {p: text for p, text in sorted(texts.items()) if PurePosixPath(p).parent == folder}
-        ordered = [path for path in _in_order(inner, last) if PurePosixPath(path).stem not in ("__init__", *apart)]
+        ordered = [
+            path
+            for path in _in_order(inner, last)
+            if PurePosixPath(path).stem not in ("__init__", *apart)
+        ]
         if ordered[-1] != last:
             raise FoldError(f"{ordered[ordered.index(last) + 1]} imports {last}")
         found[last] = ordered[:-1]
@@ -58,7 +77,10 @@ def _in_order(texts: Mapping[str, str], last: str) -> list[str]:
         seen.add(path)
         for node in ast.parse(texts[path]).body:
             if isinstance(node, ast.ImportFrom):
-                for module in (node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)):
+                for module in (
+                    node.module or "",
+                    *(f"{node.module}.{alias.name}" for alias in node.names),
+                ):
                     if module in modules:
                         add(modules[module])
         ordered.append(path)
@@ -69,10 +91,11 @@ def _in_order(texts: Mapping[str, str], last: str) -> list[str]:
 
 
 def merge(texts: Mapping[str, str], merged: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """The modules, {path: source}, with those in `merged`, as groups() gives it, as one. FoldError where they cannot
-    be."""
+    """The modules, {path: source}, with those in `merged`, as groups() gives it, as one. FoldError
+    where they cannot be."""
     found = dict(texts)
-    moved: dict[str, tuple[str, dict[str, str]]] = {}  # module: where it is now, and its names there
+    # module: where it is now, and its names there
+    moved: dict[str, tuple[str, dict[str, str]]] = {}
     for last, others in merged.items():
         group = _Group({path: found.pop(path) for path in (*others, last)})
         found[last] = group.text()
@@ -101,7 +124,11 @@ def _top(tree: ast.Module) -> Iterator[str]:
             case ast.Import() | ast.ImportFrom() | ast.Expr() | ast.Pass():
                 pass
             case _:
-                yield from (n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+                yield from (
+                    n.id
+                    for n in ast.walk(node)
+                    if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+                )
 
 
 def _local(tree: ast.Module) -> set[str]:
@@ -112,7 +139,9 @@ def _local(tree: ast.Module) -> set[str]:
             case ast.FunctionDef() | ast.Lambda():
                 found.update(n.arg for n in ast.walk(function.args) if isinstance(n, ast.arg))
                 found.update(
-                    n.id for n in ast.walk(function) if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)
+                    n.id
+                    for n in ast.walk(function)
+                    if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)
                 )
             case ast.Import(names=names) | ast.ImportFrom(names=names) if function not in tree.body:
                 found.update(alias.asname or alias.name for alias in names)
@@ -128,7 +157,8 @@ class _Group:
         self.texts = texts
         self.trees = {path: ast.parse(text) for path, text in texts.items()}
         self.modules = {_dotted(path): path for path in texts}
-        self.names: dict[str, dict[str, str]] = {}  # of each file: its own names, and what they are called now
+        # of each file: its own names, and what they are called now
+        self.names: dict[str, dict[str, str]] = {}
         self.imports: dict[str, tuple[str, ...]] = {}  # names imported so far: what they are
         self._name_all()
 
@@ -137,13 +167,19 @@ class _Group:
         for path, tree in self.trees.items():
             for node in tree.body:
                 match node:
-                    case ast.ImportFrom(module=str(module), names=names) if module not in self.modules:
+                    case ast.ImportFrom(module=str(module), names=names) if (
+                        module not in self.modules
+                    ):
                         for alias in names:
                             if f"{module}.{alias.name}" not in self.modules:
-                                self._import(path, node, alias.asname or alias.name, (module, alias.name))
+                                self._import(
+                                    path, node, alias.asname or alias.name, (module, alias.name)
+                                )
                     case ast.Import(names=names):
                         for alias in names:
-                            self._import(path, node, alias.asname or alias.name.split(".")[0], (alias.name,))
+                            self._import(
+                                path, node, alias.asname or alias.name.split(".")[0], (alias.name,)
+                            )
         taken |= self.imports.keys()
         for path, tree in self.trees.items():
             own = self.names[path] = {}
@@ -151,7 +187,10 @@ class _Group:
                 if name in own:
                     continue
                 if name in dir(builtins):
-                    raise FoldError(f"{path}: {name} would hide the built-in one from the modules merged with it")
+                    raise FoldError(
+                        f"{path}: {name} would hide the built-in one "
+                        "from the modules merged with it"
+                    )
                 number = 2
                 own[name] = name
                 while own[name] in taken:
@@ -161,7 +200,9 @@ class _Group:
 
     def _import(self, path: str, node: ast.stmt, name: str, what: tuple[str, ...]) -> None:
         if self.imports.setdefault(name, what) != what:
-            raise FoldError(f"{path}, line {node.lineno}: {name} is another thing in a module merged with it")
+            raise FoldError(
+                f"{path}, line {node.lineno}: {name} is another thing in a module merged with it"
+            )
 
     def text(self) -> str:
         parts = []
@@ -171,7 +212,11 @@ class _Group:
             count = len(text.splitlines())
             if count > LINES and number < len(self.texts) - 1:
                 raise FoldError(f"{path} has more than {LINES} lines")
-            parts.append(text if number == len(self.texts) - 1 else text.rstrip("\n") + "\n" * (LINES - count + 1))
+            parts.append(
+                text
+                if number == len(self.texts) - 1
+                else text.rstrip("\n") + "\n" * (LINES - count + 1)
+            )
         return "".join(parts)
 
     def _of(self, path: str, imported: set[str]) -> str:
@@ -203,24 +248,42 @@ class _Group:
             edits.replace(node, f"{start} {names}" if kept else "pass")
         changed = {old for old, now in new.items() if old != now} | stands_for.keys()
         if hidden := sorted(changed & _local(tree)):
-            raise FoldError(f"{path}: {', '.join(hidden)} is a variable of a function as well; give it another name")
+            raise FoldError(
+                f"{path}: {', '.join(hidden)} is a variable of a function as well; "
+                "give it another name"
+            )
         bases = set()
         for node in ast.walk(tree):
             match node:
-                case ast.JoinedStr() if any(isinstance(n, ast.Name) and n.id in changed for n in ast.walk(node)):
-                    raise FoldError(f"{path}, line {node.lineno}: {ast.unparse(node)} names what is called otherwise")
-                case ast.Attribute(value=ast.Name(id=name) as base, attr=attribute) if name in stands_for:
+                case ast.JoinedStr() if any(
+                    isinstance(n, ast.Name) and n.id in changed for n in ast.walk(node)
+                ):
+                    raise FoldError(
+                        f"{path}, line {node.lineno}: "
+                        f"{ast.unparse(node)} names what is called otherwise"
+                    )
+                case ast.Attribute(value=ast.Name(id=name) as base, attr=attribute) if (
+                    name in stands_for
+                ):
                     if attribute not in stands_for[name]:
                         raise FoldError(f"{path}, line {node.lineno}: {name} has no {attribute}")
                     edits.replace(node, stands_for[name][attribute])
                     bases.add(id(base))
                 case ast.Name(id=name) if name in changed and id(node) not in bases:
                     if name in stands_for:
-                        raise FoldError(f"{path}, line {node.lineno}: {name} is no module on a board")
+                        raise FoldError(
+                            f"{path}, line {node.lineno}: {name} is no module on a board"
+                        )
                     edits.replace(node, new[name])
-                case ast.FunctionDef(name=name) | ast.ClassDef(name=name) if node in tree.body and name in changed:
-                    begin = node.col_offset + len("def " if isinstance(node, ast.FunctionDef) else "class ")
-                    edits.edits.append((node.lineno - 1, begin, begin + len(name.encode()), new[name].encode()))
+                case ast.FunctionDef(name=name) | ast.ClassDef(name=name) if (
+                    node in tree.body and name in changed
+                ):
+                    begin = node.col_offset + len(
+                        "def " if isinstance(node, ast.FunctionDef) else "class "
+                    )
+                    edits.edits.append(
+                        (node.lineno - 1, begin, begin + len(name.encode()), new[name].encode())
+                    )
         return edits.text()
 
     def _known(self, path: str, node: ast.stmt, other: str, name: str) -> str:
@@ -237,11 +300,15 @@ def _redirected(path: str, text: str, moved: Mapping[str, tuple[str, dict[str, s
             continue
         for alias in node.names:
             if f"{node.module}.{alias.name}" in moved:
-                raise FoldError(f"{path}, line {node.lineno}: {alias.name} is no module on a board; import from it")
+                raise FoldError(
+                    f"{path}, line {node.lineno}: "
+                    f"{alias.name} is no module on a board; import from it"
+                )
         if node.module in moved:
             there, names = moved[node.module]
             parts = [
-                names.get(a.name, a.name) + (f" as {a.asname or a.name}" if a.asname or a.name in names else "")
+                names.get(a.name, a.name)
+                + (f" as {a.asname or a.name}" if a.asname or a.name in names else "")
                 for a in node.names
             ]
             edits.replace(node, f"from {there} import {', '.join(parts)}")
@@ -255,7 +322,8 @@ def main() -> None:
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     texts = {path: file.read_text() for path, file in sources().items()}
-    path = sys.argv[1].removesuffix(".py").replace(".", "/") + ".py"  # an image shows a path, copied code a module
+    # an image shows a path, copied code a module
+    path = sys.argv[1].removesuffix(".py").replace(".", "/") + ".py"
     print("{}:{}".format(*where(path, int(sys.argv[2]), groups(texts))))
 
 

@@ -1,4 +1,5 @@
-"""Moves kept as CSV: a column `frame`, then a column per motor in the order of the motors, positions in steps."""
+"""Moves kept as CSV: a column `frame`, then a column per motor in the order of the motors,
+positions in steps."""
 
 import csv
 import os
@@ -33,17 +34,19 @@ class Move:
         return self.start_frame + self.frames - 1
 
     def section(self, first: int, last: int) -> dict[int, list[int]]:
-        """Positions at the scene frames from `first` to `last`, both included; backward if `last` comes first."""
+        """Positions at the scene frames from `first` to `last`, both included; backward if `last`
+        comes first."""
         step = 1 if last >= first else -1
         frames = range(first - self.start_frame, last + step - self.start_frame, step)
         return {motor: [steps[i] for i in frames] for motor, steps in self.positions.items()}
 
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
-    """Read a move; MoveFileError, with the line, if the file is not there or not as described above.
+    """Read a move; MoveFileError, with the line, if the file is not there or not as described
+    above.
 
-    What spreadsheets make of such a file is read as well: a byte order mark, ; or tabs between the columns, 12.0 for
-    12, blank lines at the end, empty columns behind the last, FRAME for frame.
+    What spreadsheets make of such a file is read as well: a byte order mark, ; or tabs between the
+    columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME for frame.
     """
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
@@ -51,10 +54,14 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     except OSError as error:
         raise MoveFileError(f"cannot read the move {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
-        raise MoveFileError(f"cannot read the move {path}: it is no text, see byte {error.start}") from None
+        raise MoveFileError(
+            f"cannot read the move {path}: it is no text, see byte {error.start}"
+        ) from None
     first = text.split("\n", 1)[0]
     between = max("\t;,", key=first.count)
-    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=between)]
+    rows = [
+        [cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=between)
+    ]
     while rows and not any(rows[-1]):
         rows.pop()
     header = rows[0] if rows else []
@@ -62,13 +69,16 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
         header.pop()
     if len(header) < 2 or header[0].lower() != "frame":
         raise MoveFileError(
-            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, found {','.join(header)!r}"
+            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, "
+            f"found {','.join(header)!r}"
         )
     values: list[list[int]] = []
     for line, row in enumerate(rows[1:], 2):
         numbers = _numbers(row, header, f"{path}, line {line}")
         if values and numbers[0] != values[-1][0] + 1:
-            raise MoveFileError(f"{path}, line {line}: expected frame {values[-1][0] + 1}, found {numbers[0]}")
+            raise MoveFileError(
+                f"{path}, line {line}: expected frame {values[-1][0] + 1}, found {numbers[0]}"
+            )
         values.append(numbers)
     if not values:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
@@ -81,7 +91,9 @@ def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
     while len(row) > len(header) and not row[-1]:
         row = row[:-1]
     if len(row) != len(header):
-        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {','.join(row)!r}")
+        raise MoveFileError(
+            f"{where}: expected {len(header)} whole numbers, found {','.join(row)!r}"
+        )
     numbers = []
     for cell, name in zip(row, header, strict=True):
         whole, _, fraction = cell.partition(".")
@@ -90,8 +102,12 @@ def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
                 raise ValueError
             number = int(whole)
         except ValueError:
-            raise MoveFileError(f"{where}: expected a whole number for {name}, found {cell!r}") from None
+            raise MoveFileError(
+                f"{where}: expected a whole number for {name}, found {cell!r}"
+            ) from None
         if not -(2**31) <= number < 2**31:
-            raise MoveFileError(f"{where}: positions have to fit 32 bits signed, found {number} for {name}")
+            raise MoveFileError(
+                f"{where}: positions have to fit 32 bits signed, found {number} for {name}"
+            )
         numbers.append(number)
     return numbers

@@ -1,7 +1,7 @@
 """Compiled modules (.mpy, version 6) taken apart and put together again.
 
-The form is described in MicroPython's py/persistentcode.c: a head, the tables of names and constant objects, then the
-body of the module, in which the bodies of its classes and functions are nested.
+The form is described in MicroPython's py/persistentcode.c: a head, the tables of names and constant
+objects, then the body of the module, in which the bodies of its classes and functions are nested.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,8 @@ class Body:
 
     @property
     def frame_words(self) -> int:
-        """Of bytecode: words of a call's frame, its locals and stack, and three for each `try` nested in another."""
+        """Of bytecode: words of a call's frame, its locals and stack, and three for each `try`
+        nested in another."""
         state = self.code[0] >> 3 & 15
         tries = self.code[0] >> 2 & 1
         for n, byte in enumerate(self.code[1 : self._signature()[1]]):
@@ -48,7 +49,8 @@ class Body:
 
     @property
     def signature(self) -> bytes:
-        """Of bytecode: the bytes before its size, which say how it is called and how deep its stack is."""
+        """Of bytecode: the bytes before its size, which say how it is called and how deep its stack
+        is."""
         return self.code[: self._signature()[1]]
 
     @property
@@ -60,7 +62,8 @@ class Body:
         return _Reader(self.code, at + 1).number()
 
     def _signature(self) -> tuple[int, int]:
-        """Number of positional arguments, and where the signature ends. Bits are told in py/bc.h."""
+        """Number of positional arguments, and where the signature ends. Bits are told in
+        py/bc.h."""
         arguments = self.code[0] & 3
         at = 0
         while self.code[at] & 0x80:
@@ -76,7 +79,11 @@ class Body:
 
     def packed(self) -> bytes:
         """The body as it stands in the file."""
-        parts = [_packed(len(self.code) << 3 | bool(self.children) << 2 | self.kind), self.code, self.extra]
+        parts = [
+            _packed(len(self.code) << 3 | bool(self.children) << 2 | self.kind),
+            self.code,
+            self.extra,
+        ]
         if self.children:
             parts += [_packed(len(self.children)), *(child.packed() for child in self.children)]
         return b"".join(parts)
@@ -88,7 +95,8 @@ class MpyFile:
 
     head: bytes  # all before the body
     names: list[str | None]  # None for those that every MicroPython knows by number
-    function_table: int  # which of the constant objects is the table of functions for machine code; -1: none
+    # which of the constant objects is the table of functions for machine code; -1: none
+    function_table: int
     body: Body
 
     def packed(self) -> bytes:
@@ -96,7 +104,8 @@ class MpyFile:
         return self.head + self.body.packed()
 
 
-_PLAIN_OBJECTS = range(0, 5)  # without data: the table of functions for machine code, None, False, True, ...
+# without data: the table of functions for machine code, None, False, True, ...
+_PLAIN_OBJECTS = range(0, 5)
 _FUNCTION_TABLE = 0
 _TEXT, _BYTES, _TUPLE = 5, 6, 10
 
@@ -150,7 +159,9 @@ class _Reader:
             for _ in range(3):
                 self.number()
         extra = self.data[begin : self.at]
-        return Body(kind, code, extra, [self.body() for _ in range(self.number())] if head & 4 else [])
+        return Body(
+            kind, code, extra, [self.body() for _ in range(self.number())] if head & 4 else []
+        )
 
 
 def parse(data: bytes) -> MpyFile:
@@ -166,7 +177,9 @@ def parse(data: bytes) -> MpyFile:
     body = reader.body()
     if reader.at != len(data):
         raise MpyError("a .mpy file with something behind its code")
-    return MpyFile(head, table, kinds.index(_FUNCTION_TABLE) if _FUNCTION_TABLE in kinds else -1, body)
+    return MpyFile(
+        head, table, kinds.index(_FUNCTION_TABLE) if _FUNCTION_TABLE in kinds else -1, body
+    )
 
 
 def _packed(value: int) -> bytes:

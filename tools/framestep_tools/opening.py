@@ -1,7 +1,7 @@
 """Opens a device's port for one program alone, and says in a sentence why it cannot be opened.
 
-A port is what Client takes: `read`, `write`, `timeout` and `close`. TCP needs nothing but the standard library, a
-serial port needs pyserial.
+A port is what Client takes: `read`, `write`, `timeout` and `close`. TCP needs nothing but the
+standard library, a serial port needs pyserial.
 """
 
 import contextlib
@@ -31,7 +31,10 @@ class PortBusy(ToolError):
 
     def __init__(self, path: str, holders: list[str]):
         who = " and ".join(holders) or "another program"
-        super().__init__(f"{who} has {path} open: end it there first, the protocol's port is for one program at a time")
+        super().__init__(
+            f"{who} has {path} open: end it there first, "
+            "the protocol's port is for one program at a time"
+        )
         self.path = path
 
 
@@ -79,21 +82,28 @@ def _open_socket(url: str, timeout: float) -> TcpPort:
     try:
         return TcpPort(url, timeout)
     except ValueError:
-        raise NoPort(f"cannot open {url}: expected {SCHEME}HOST:PORT such as {SCHEME}127.0.0.1:7000") from None
+        raise NoPort(
+            f"cannot open {url}: expected {SCHEME}HOST:PORT such as {SCHEME}127.0.0.1:7000"
+        ) from None
     except OSError as error:
         why = error.strerror or str(error)
         raise NoPort(f"cannot open {url}: {why}; is the program that offers it running?") from error
 
 
 def _why(url: str, error: Exception) -> ToolError:
-    """The sentence for what pyserial says. On Windows the number is in its text only, as are its reasons."""
+    """The sentence for what pyserial says. On Windows the number is in its text only, as are its
+    reasons."""
     number = getattr(error, "errno", None)
     text = str(error)
     busy = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
     if number in busy or "exclusively lock" in text or "PermissionError(13" in text:
         return PortBusy(url, holders(url))
     if number == errno.EACCES:
-        ask = "; sudo usermod -aG dialout $USER, then a new login, allows it" if sys.platform == "linux" else ""
+        ask = (
+            "; sudo usermod -aG dialout $USER, then a new login, allows it"
+            if sys.platform == "linux"
+            else ""
+        )
         return NoPort(f"cannot open {url}: this user may not{ask}")
     why = os.strerror(number) if number else text  # pyserial's own text says everything three times
     if "FileNotFoundError(2" in text:
@@ -113,7 +123,8 @@ def _exclude(port: Any, on: bool) -> None:
 
 
 def holders(path: str) -> list[str]:
-    """Other programs that have a port open, such as "screen (process 4711)", as far as the system tells."""
+    """Other programs that have a port open, such as "screen (process 4711)", as far as the system
+    tells."""
     if sys.platform == "linux":
         return _holders_linux(path)
     if sys.platform == "darwin":
@@ -142,7 +153,9 @@ def _leads_to(entry: Path, real: str) -> bool:
 
 def _holders_macos(path: str) -> list[str]:
     try:
-        said = subprocess.run(["lsof", "-F", "pc", path], capture_output=True, text=True, timeout=5).stdout
+        said = subprocess.run(
+            ["lsof", "-F", "pc", path], capture_output=True, text=True, timeout=5
+        ).stdout
     except (OSError, subprocess.TimeoutExpired):
         return []
     found, process = [], ""

@@ -1,9 +1,9 @@
 """The protocol's messages as typed values: what a request says and what its reply holds.
 
-Each class stands for one message type and lists its data section field by field, in the order of the
-specification. `pack` makes the data section, `unpack` reads one; both raise ValueError with the
-expected and the found when something does not fit. Motor numbers count from 1. An argument that ends
-the list and may be left out of the message is None when it is.
+Each class stands for one message type and lists its data section field by field, in the order of
+the specification. `pack` makes the data section, `unpack` reads one; both raise ValueError with the
+expected and the found when something does not fit. Motor numbers count from 1. An argument that
+ends the list and may be left out of the message is None when it is.
 
     MotorMove(motor=1, position=-500).pack()        # b'\\x01\\x0c\\xfe\\xff\\xff'
     Status.unpack(b'\\x01\\x00\\x00\\x00\\x00').moving   # [1]
@@ -51,12 +51,14 @@ Text32 = Annotated[str, "32s"]
 Levels = Annotated[Sequence[int], "*B"]
 Steps = Annotated[Numbers, "*i"]
 
-# The high bit of START INDEX: these are the channel's last values, repeat the final one (spec: MSG_RT_UPLOAD_MOVE_AXIS)
+# The high bit of START INDEX: these are the channel's last values, repeat the final one (spec:
+# MSG_RT_UPLOAD_MOVE_AXIS)
 LAST_SECTION = messages.LAST_SECTION << 16
 
 
 class Ack(IntEnum):
-    """Response codes. A code that the specification does not know gets a name of its own, such as UNKNOWN_0x0042."""
+    """Response codes. A code that the specification does not know gets a name of its own, such as
+    UNKNOWN_0x0042."""
 
     OK = messages.OK
     ERR_CHECKSUM = messages.ERR_CHECKSUM
@@ -88,7 +90,8 @@ class Ack(IntEnum):
 
     @classmethod
     def unpack(cls, data: bytes) -> "Ack":
-        """Either dialect: the code is a WORD, or a DWORD with the code in its low word (field note 1.4)."""
+        """Either dialect: the code is a WORD, or a DWORD with the code in its low word (field note
+        1.4)."""
         if len(data) not in (2, 4):
             raise ValueError(f"a response code has 2 or 4 bytes, this one has {len(data)}")
         return cls(int.from_bytes(data[:2], "little"))
@@ -99,8 +102,14 @@ _ACK_WORDS = {
     Ack.ERR_CHECKSUM: "it arrived damaged",
     Ack.ERR_MOVING: "something moves that must stand for it",
     Ack.ERR_UNSUPPORTED: "the device does not know it",
-    Ack.ERR_RANGE: "there is no such motor, frame or value, or it needs more velocity or acceleration than is set",
-    Ack.ERR_GENERAL: "E-stop held, motor off, driver failed, rig file wrong, or a request missing that goes before",
+    Ack.ERR_RANGE: (
+        "there is no such motor, frame or value, "
+        "or it needs more velocity or acceleration than is set"
+    ),
+    Ack.ERR_GENERAL: (
+        "E-stop held, motor off, driver failed, rig file wrong, "
+        "or a request missing that goes before"
+    ),
     Ack.ERR_NOT_IN_POSITION: "the motors are not where it begins",
     Ack.ERR_PREROLL: "in its pre-roll a motor would pass a limit, or needs a longer one",
     Ack.ERR_POSTROLL: "in its post-roll a motor would pass a limit, or needs a longer one",
@@ -116,8 +125,8 @@ _layouts: dict[type, list[tuple[str, Any, bool]]] = {}
 
 
 def _layout(cls: type) -> list[tuple[str, Any, bool]]:
-    """(name, code, may be left out) of each field. The code is struct's, with '*' before it where values repeat to the
-    end of the data, or the class of records that do."""
+    """(name, code, may be left out) of each field. The code is struct's, with '*' before it where
+    values repeat to the end of the data, or the class of records that do."""
     if cls in _layouts:
         return _layouts[cls]
     hints = get_type_hints(cls, include_extras=True)
@@ -145,11 +154,15 @@ class Payload:
                 left_out = left_out or name
                 continue
             if left_out:
-                raise ValueError(f"{type(self).__name__}: {name} is given, so {left_out} before it is needed too")
+                raise ValueError(
+                    f"{type(self).__name__}: {name} is given, so {left_out} before it is needed too"
+                )
             try:
                 parts.append(_pack_field(code, value))
             except (struct.error, OverflowError) as error:
-                raise ValueError(f"{type(self).__name__}: {name}={value!r} does not fit: {error}") from None
+                raise ValueError(
+                    f"{type(self).__name__}: {name}={value!r} does not fit: {error}"
+                ) from None
         return b"".join(parts)
 
     @classmethod
@@ -162,7 +175,8 @@ class Payload:
 
     @classmethod
     def unpack_known(cls, data: bytes) -> "tuple[Self, int]":
-        """Read the known fields of a data section, and how many bytes follow them (field note 1.8)."""
+        """Read the known fields of a data section, and how many bytes follow them (field note
+        1.8)."""
         values, rest = {}, memoryview(data)
         for name, code, optional in _layout(cls):
             if optional and not rest:
@@ -170,7 +184,9 @@ class Payload:
             try:
                 values[name], rest = _unpack_field(code, rest)
             except struct.error:
-                raise ValueError(f"{cls.__name__}: {len(data)} bytes are too few, {name} is not there") from None
+                raise ValueError(
+                    f"{cls.__name__}: {len(data)} bytes are too few, {name} is not there"
+                ) from None
         return cls(**values), len(rest)
 
 
@@ -187,7 +203,8 @@ def _pack_field(code: str, value: Any) -> bytes:
 
 
 def _pack_values(code: str, values: Numbers) -> bytes:
-    """Values one after the other; OverflowError if one of them is no whole number or outside the type's range."""
+    """Values one after the other; OverflowError if one of them is no whole number or outside the
+    type's range."""
     try:
         numbers = [operator.index(value) for value in values]
     except TypeError as error:
@@ -196,8 +213,12 @@ def _pack_values(code: str, values: Numbers) -> bytes:
         return struct.pack(f"<{len(numbers)}{code}", *numbers)
     except struct.error:
         bits = 8 * struct.calcsize("<" + code)
-        least, most = (0, 2**bits - 1) if code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-        raise OverflowError(f"{least} to {most} are allowed, found {min(numbers)} to {max(numbers)}") from None
+        least, most = (
+            (0, 2**bits - 1) if code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        )
+        raise OverflowError(
+            f"{least} to {most} are allowed, found {min(numbers)} to {max(numbers)}"
+        ) from None
 
 
 def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
@@ -205,7 +226,9 @@ def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
         size = sum(struct.calcsize("<" + c) for _, c, _ in _layout(code))
         if len(rest) % size:
             raise struct.error
-        return tuple(code.unpack(bytes(rest[i : i + size])) for i in range(0, len(rest), size)), rest[:0]
+        return tuple(
+            code.unpack(bytes(rest[i : i + size])) for i in range(0, len(rest), size)
+        ), rest[:0]
     if code[0] == "*":
         count, left = divmod(len(rest), struct.calcsize("<" + code[1]))
         if left:
@@ -222,7 +245,8 @@ R = TypeVar("R")
 
 
 class Request(Payload, Generic[R]):
-    """A message for the device. `REPLY` is the class of its answer; Ack where there is only a response code."""
+    """A message for the device. `REPLY` is the class of its answer; Ack where there is only a
+    response code."""
 
     REPLY: ClassVar[Any]
 
@@ -283,7 +307,8 @@ class Status(Payload):
 
 @dataclass(frozen=True)
 class Moving(Payload):
-    """Whether the motor moves (spec: MSG_MOTOR_MOVE); a device of the dmc-lite dialect acknowledges instead."""
+    """Whether the motor moves (spec: MSG_MOTOR_MOVE); a device of the dmc-lite dialect acknowledges
+    instead."""
 
     TYPE = messages.MSG_MOTOR_MOVE
     moving: U8
@@ -291,7 +316,8 @@ class Moving(Payload):
 
 @dataclass(frozen=True)
 class Positions(Payload):
-    """Where the motors are, in steps; `move_time` in thousandths of a frame (spec: MSG_MOTOR_GET_POSITION)."""
+    """Where the motors are, in steps; `move_time` in thousandths of a frame (spec:
+    MSG_MOTOR_GET_POSITION)."""
 
     TYPE = messages.MSG_MOTOR_GET_POSITION
     move_time: I32
@@ -300,7 +326,8 @@ class Positions(Payload):
 
 @dataclass(frozen=True)
 class HardStop(Payload):
-    """The device stopped on its own: 0 E-stop, 1 upper limit, 2 lower limit, 100 fault (spec: MSG_MOTOR_HARD_STOP)."""
+    """The device stopped on its own: 0 E-stop, 1 upper limit, 2 lower limit, 100 fault (spec:
+    MSG_MOTOR_HARD_STOP)."""
 
     TYPE = messages.MSG_MOTOR_HARD_STOP
     reason: U8
@@ -317,7 +344,8 @@ class Trust(Payload):
 
 @dataclass(frozen=True)
 class Condition(Payload):
-    """What the specification has no message for: CONDITION_ bits, and how far each position can be trusted."""
+    """What the specification has no message for: CONDITION_ bits, and how far each position can be
+    trusted."""
 
     TYPE = messages.MSG_CONDITION
     bits: U32
@@ -326,9 +354,10 @@ class Condition(Payload):
 
 @dataclass(frozen=True)
 class Exceeded(Payload):
-    """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of nothing), the
-    motor, the scene frame, and by how many steps/s or steps/s². Then what is set for a motor, that one or the one that
-    was named (bits: SET_), and limit sets with an active switch, a bit each; older devices do not tell these."""
+    """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of
+    nothing), the motor, the scene frame, and by how many steps/s or steps/s². Then what is set for
+    a motor, that one or the one that was named (bits: SET_), and limit sets with an active switch,
+    a bit each; older devices do not tell these."""
 
     TYPE = messages.MSG_EXCEEDED
     what: U8
@@ -347,7 +376,8 @@ class Exceeded(Payload):
 
 @dataclass(frozen=True)
 class VirtPositions(Payload):
-    """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec: MSG_VIRT_GET_POSITION)."""
+    """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec:
+    MSG_VIRT_GET_POSITION)."""
 
     TYPE = messages.MSG_VIRT_GET_POSITION
     track: I32
@@ -421,7 +451,8 @@ class GetCondition(Request[Condition]):
 
 @dataclass(frozen=True)
 class GetExceeded(Request[Exceeded]):
-    """Ask what the last move asked too much of, and what is set for a motor; only framestep answers."""
+    """Ask what the last move asked too much of, and what is set for a motor; only framestep
+    answers."""
 
     TYPE = messages.MSG_EXCEEDED
     motor: U8 | None = None
@@ -446,7 +477,8 @@ class MotorStop(Request[Ack]):
 
 @dataclass(frozen=True)
 class MotorStopAll(Request[Ack]):
-    """Slow all motors down to a stop; a second one soon after is the hard stop. Flag 1: without warning lights."""
+    """Slow all motors down to a stop; a second one soon after is the hard stop. Flag 1: without
+    warning lights."""
 
     TYPE = messages.MSG_MOTOR_STOP_ALL
     flags: U32 | None = None
@@ -470,7 +502,8 @@ class MotorResetPosition(Request[Ack]):
 
 @dataclass(frozen=True)
 class MotorJog(Request[Ack]):
-    """Jog toward a position: speed 1 (inching) to 10000 (the motor's own velocity and acceleration)."""
+    """Jog toward a position: speed 1 (inching) to 10000 (the motor's own velocity and
+    acceleration)."""
 
     TYPE = messages.MSG_MOTOR_JOG
     motor: U8
@@ -499,7 +532,8 @@ class MotorSetSpeed(Request[Ack]):
 
 @dataclass(frozen=True)
 class MotorSetLimits(Request[Ack]):
-    """Set a motor's software limits in steps, and its hardware limit set (0 none, 0x80 swaps high and low)."""
+    """Set a motor's software limits in steps, and its hardware limit set (0 none, 0x80 swaps high
+    and low)."""
 
     TYPE = messages.MSG_MOTOR_SET_LIMITS
     motor: U8
@@ -528,7 +562,8 @@ class RtUploadMoveBegin(Request[Ack]):
 
 @dataclass(frozen=True)
 class RtUploadMoveAxis(Request[Ack]):
-    """Positions of a motor, frame by frame from an index (0 is the start frame; | LAST_SECTION for the last ones)."""
+    """Positions of a motor, frame by frame from an index (0 is the start frame; | LAST_SECTION for
+    the last ones)."""
 
     TYPE = messages.MSG_RT_UPLOAD_MOVE_AXIS
     motor: U8
@@ -582,8 +617,8 @@ class RtPositionFrame(Request[Ack]):
 class RtRunMove(Request[Ack]):
     """Go to the pre-roll position of a run and wait for RtGo.
 
-    `fps_milli` is frames per second · 1000, times are in ms. Flags: 1 ping-pong, 2 loop, 0x10 camera at
-    start and stop, 0x20 camera at each frame, between the two shutter angles (0 to 360).
+    `fps_milli` is frames per second · 1000, times are in ms. Flags: 1 ping-pong, 2 loop, 0x10
+    camera at start and stop, 0x20 camera at each frame, between the two shutter angles (0 to 360).
     """
 
     TYPE = messages.MSG_RT_RUN_MOVE
@@ -612,7 +647,8 @@ class BlurMotor(Payload):
 
 @dataclass(frozen=True)
 class RtShootFrame(Request[Ack]):
-    """Get ready to shoot one frame in motion: direction 1 forward, exposure in ms, blur in tenths of a percent."""
+    """Get ready to shoot one frame in motion: direction 1 forward, exposure in ms, blur in tenths
+    of a percent."""
 
     TYPE = messages.MSG_RT_SHOOT_FRAME
     frame: I32
@@ -624,7 +660,8 @@ class RtShootFrame(Request[Ack]):
 
 @dataclass(frozen=True)
 class RtShootFrame2(Request[Ack]):
-    """Get ready to shoot one frame in motion; the shutter opens and closes at these angles (field note 7.2)."""
+    """Get ready to shoot one frame in motion; the shutter opens and closes at these angles (field
+    note 7.2)."""
 
     TYPE = messages.MSG_RT_SHOOT_FRAME2
     frame: I32
@@ -666,7 +703,8 @@ class RtJogAll(Request[Ack]):
 
 @dataclass(frozen=True)
 class VirtMove(Request[Ack]):
-    """Move a virtual motor (1 track, 2 east-west, 3 north-south, 4 pan, 5 tilt, 6 roll) to units · 100000."""
+    """Move a virtual motor (1 track, 2 east-west, 3 north-south, 4 pan, 5 tilt, 6 roll) to units ·
+    100000."""
 
     TYPE = messages.MSG_VIRT_MOVE
     motor: U8
@@ -683,7 +721,8 @@ class VirtStop(Request[Ack]):
 
 @dataclass(frozen=True)
 class VirtJog(Request[Ack]):
-    """Jog a virtual motor; the destination is a step position of its main motor (field note 9.6)."""
+    """Jog a virtual motor; the destination is a step position of its main motor (field note
+    9.6)."""
 
     TYPE = messages.MSG_VIRT_JOG
     motor: U8
@@ -738,10 +777,12 @@ _ARM_AXES = 6
 
 @dataclass(frozen=True)
 class VirtConfig(Request[Ack]):
-    """Configure the virtuals; each type has its own data (spec: MSG_VIRT_CONFIG, field notes 2, 9.2 and 9.3).
+    """Configure the virtuals; each type has its own data (spec: MSG_VIRT_CONFIG, field notes 2, 9.2
+    and 9.3).
 
     type 0     nothing else
-    type 1     six axes, lengths (boom, extension, nodal x, y, z) · 1000, and if wanted the table and the safe distance
+    type 1     six axes, lengths (boom, extension, nodal x, y, z) · 1000, and if wanted the table
+               and the safe distance
     type 2     two axes: swing and pan, without positions
     type 3, 4  as type 1 without the table; the two lengths of the arm only in type 3
     """
@@ -755,7 +796,9 @@ class VirtConfig(Request[Ack]):
 
     def pack(self) -> bytes:
         if self.type == messages.VIRT_SWING_PAN:
-            body = b"".join(struct.pack("<II", axis.motor, axis.steps_per_unit_milli) for axis in self.axes)
+            body = b"".join(
+                struct.pack("<II", axis.motor, axis.steps_per_unit_milli) for axis in self.axes
+            )
         else:
             body = b"".join(axis.pack() for axis in self.axes)
         numbers = [*self.lengths, *self.boom_table]
@@ -772,11 +815,19 @@ class VirtConfig(Request[Ack]):
             if kind == messages.VIRT_NONE:
                 return cls(kind)
             if kind == messages.VIRT_SWING_PAN:
-                return cls(kind, tuple(VirtualAxis(*struct.unpack_from("<II", body, at)) for at in (0, 8)))
-            if kind not in (messages.VIRT_BOOM_SWING_TRACK, messages.VIRT_Y_SWING_TRACK, messages.VIRT_X_Y_Z):
+                return cls(
+                    kind, tuple(VirtualAxis(*struct.unpack_from("<II", body, at)) for at in (0, 8))
+                )
+            if kind not in (
+                messages.VIRT_BOOM_SWING_TRACK,
+                messages.VIRT_Y_SWING_TRACK,
+                messages.VIRT_X_Y_Z,
+            ):
                 raise ValueError(f"VirtConfig: type {kind} is not one of 0 to 4")
             size = len(VirtualAxis(0, 0, 0).pack())
-            axes = tuple(VirtualAxis.unpack(body[i * size : (i + 1) * size]) for i in range(_ARM_AXES))
+            axes = tuple(
+                VirtualAxis.unpack(body[i * size : (i + 1) * size]) for i in range(_ARM_AXES)
+            )
             rest = body[_ARM_AXES * size :]
             lengths = struct.unpack_from("<3i" if kind == messages.VIRT_X_Y_Z else "<5i", rest)
             rest = rest[4 * len(lengths) : len(rest) & ~3]

@@ -1,9 +1,10 @@
 """How smooth the motion between frames is: docs/interpolation.svg, made by `make plots`.
 
-For each motor of the demo's move velocity and acceleration of framestep's cubics (reference.py, whose velocities at
-frames are the firmware's own) against the straight lines of dmc-lite, the device that Dragonframe ships: it works out a
-position every 20 ms on the straight line from frame to frame, and holds one velocity until the next. A velocity that
-jumps has no acceleration; drawn is the jump spread over the whole 20 ms, the least that a motor could make of it.
+For each motor of the demo's move velocity and acceleration of framestep's cubics (reference.py,
+whose velocities at frames are the firmware's own) against the straight lines of dmc-lite, the
+device that Dragonframe ships: it works out a position every 20 ms on the straight line from frame
+to frame, and holds one velocity until the next. A velocity that jumps has no acceleration; drawn is
+the jump spread over the whole 20 ms, the least that a motor could make of it.
 
 The same source makes the same file, byte for byte.
 """
@@ -28,11 +29,13 @@ PICTURE = ROOT / "docs" / "interpolation.svg"
 FPS_MILLI = 24_000
 LINEAR_GRID_S = 0.02
 CLOSE_UP_S = 0.4
-_PER_FRAME = 4  # points drawn from frame to frame in the close-up: a parabola of velocity looks round
+# points drawn from frame to frame in the close-up: a parabola of velocity looks round
+_PER_FRAME = 4
 
 
 def linear_velocity(positions: Sequence[int], fps_milli: int) -> tuple[np.ndarray, np.ndarray]:
-    """(times in s, steps/s held from each of them on) of straight lines followed on a grid of 20 ms."""
+    """(times in s, steps/s held from each of them on) of straight lines followed on a grid of 20
+    ms."""
     frames = frame_times_ns(len(positions), fps_milli) * 1e-9
     grid = np.arange(0, frames[-1], LINEAR_GRID_S)
     return grid[:-1], np.diff(np.interp(grid, frames, positions)) / LINEAR_GRID_S
@@ -54,7 +57,9 @@ def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None
 
     reference = Reference(move.positions, fps_milli, 1000, 1000)
     frames = frame_times_ns(move.frames, fps_milli) * 1e-9
-    fine = np.interp(np.arange((move.frames - 1) * _PER_FRAME + 1) / _PER_FRAME, np.arange(move.frames), frames)
+    fine = np.interp(
+        np.arange((move.frames - 1) * _PER_FRAME + 1) / _PER_FRAME, np.arange(move.frames), frames
+    )
     with plt.rc_context(
         {
             "svg.hashsalt": "framestep",  # names within the file: random without it
@@ -64,7 +69,9 @@ def draw(move: Move, out: str | os.PathLike, fps_milli: int = FPS_MILLI) -> None
             "grid.alpha": 0.3,
         }
     ):
-        figure, axes = plt.subplots(3, len(move.names), figsize=(3.3 * len(move.names), 7.2), squeeze=False)
+        figure, axes = plt.subplots(
+            3, len(move.names), figsize=(3.3 * len(move.names), 7.2), squeeze=False
+        )
         for column, (motor, name) in enumerate(move.names.items()):
             velocity, close, acceleration = axes[:, column]
             grid, linear = linear_velocity(move.positions[motor], fps_milli)
@@ -112,7 +119,9 @@ app = Command("plot_interpolation")
 
 @app.command()
 def main(
-    move_file: Annotated[Path, typer.Option("--move", help="the move as CSV", metavar="FILE")] = CAMERA_MOVE,
+    move_file: Annotated[
+        Path, typer.Option("--move", help="the move as CSV", metavar="FILE")
+    ] = CAMERA_MOVE,
     out: Annotated[Path, typer.Option(help="the picture", metavar="FILE")] = PICTURE,
 ) -> int:
     """Draw velocity and acceleration between frames against linear interpolation."""

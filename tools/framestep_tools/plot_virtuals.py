@@ -1,7 +1,8 @@
 """Drawings of the virtual axes' rigs: docs/virtual-*.svg, made by `make plots`.
 
-Every line is where virtual_reference.py puts it for the pose in POSES: signs and lengths are those that the tests hold
-the firmware to. Left from above, in the middle from the side, right the camera with its angles and the nodal offset.
+Every line is where virtual_reference.py puts it for the pose in POSES: signs and lengths are those
+that the tests hold the firmware to. Left from above, in the middle from the side, right the camera
+with its angles and the nodal offset.
 """
 
 import io
@@ -16,7 +17,16 @@ import typer
 from .errors import Command
 from .files import ROOT
 from .plot_interpolation import _short
-from .virtual_reference import BOOM_SWING_TRACK, SWING_PAN, X_Y_Z, Y_SWING_TRACK, Axis, Rig, looks, rotation
+from .virtual_reference import (
+    BOOM_SWING_TRACK,
+    SWING_PAN,
+    X_Y_Z,
+    Y_SWING_TRACK,
+    Axis,
+    Rig,
+    looks,
+    rotation,
+)
 
 DOCS = ROOT / "docs"
 FILES = {
@@ -38,7 +48,8 @@ POSES = {
     Y_SWING_TRACK: (420.0, 35.0, 250.0, -15.0, 0.0, 0.0),
     X_Y_Z: (350.0, 420.0, -400.0, 20.0, 0.0, 0.0),
 }
-LENGTH, EXTENSION, COLUMN = 800.0, 260.0, -420.0  # COLUMN: how far below the boom's axis the track is drawn
+# COLUMN: how far below the boom's axis the track is drawn
+LENGTH, EXTENSION, COLUMN = 800.0, 260.0, -420.0
 
 _METAL = {"color": "0.25", "linewidth": 3.0, "solid_capstyle": "round"}
 _THIN = {"color": "0.55", "linewidth": 0.8}
@@ -53,7 +64,8 @@ def rig(kind: int) -> Rig:
 
 
 class _View:
-    """An axes object that looks at the world from one side. across, up: which of X, Y, Z, with their signs."""
+    """An axes object that looks at the world from one side. across, up: which of X, Y, Z, with
+    their signs."""
 
     def __init__(self, axes: Any, title: str, across: tuple[int, int], up: tuple[int, int]):
         self.axes = axes
@@ -71,7 +83,9 @@ class _View:
         (x, y), (u, v) = self.flat(a), self.flat(b)
         self.axes.plot([x, u], [y, v], **style)
 
-    def arrow(self, a: Any, b: Any, colour: str, text: str = "", shift: tuple[float, float] = (0, 0)) -> None:
+    def arrow(
+        self, a: Any, b: Any, colour: str, text: str = "", shift: tuple[float, float] = (0, 0)
+    ) -> None:
         """An arrow from a to b, and a text at its head."""
         (x, y), (u, v) = self.flat(a), self.flat(b)
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
@@ -79,12 +93,17 @@ class _View:
         if text:
             self.text((u + shift[0], v + shift[1]), text, colour)
 
-    def text(self, at: tuple[float, float], text: str, colour: str = "black", **options: Any) -> None:
+    def text(
+        self, at: tuple[float, float], text: str, colour: str = "black", **options: Any
+    ) -> None:
         """A text at a place of the paper."""
         self.axes.text(*at, text, color=colour, fontsize=8, ha="center", va="center", **options)
 
-    def arc(self, centre: Any, radius: float, begin: float, end: float, colour: str, text: str) -> None:
-        """An arc with an arrow head at its end; angles in degrees on the paper, counter-clockwise from the right."""
+    def arc(
+        self, centre: Any, radius: float, begin: float, end: float, colour: str, text: str
+    ) -> None:
+        """An arc with an arrow head at its end; angles in degrees on the paper, counter-clockwise
+        from the right."""
         x, y = self.flat(centre)
         angles = np.radians(np.linspace(begin, end, 30))
         points = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
@@ -92,7 +111,9 @@ class _View:
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         self.axes.annotate("", points[-1], points[-3], arrowprops=style)
         middle = np.radians((begin + end) / 2)
-        self.text((x + 1.22 * radius * np.cos(middle), y + 1.22 * radius * np.sin(middle)), text, colour)
+        self.text(
+            (x + 1.22 * radius * np.cos(middle), y + 1.22 * radius * np.sin(middle)), text, colour
+        )
 
     def sweep(self, point: Callable[[float], Any], colour: str) -> None:
         """An arrow along point(t), t from 0 to a right angle."""
@@ -118,7 +139,9 @@ class _View:
         broad = right if abs(right[self._across[0]]) + abs(right[self._up[0]]) > 0.5 else up
         corners = [place + 90 * broad, place - 90 * broad, place - 170 * forward - 90 * broad]
         corners += [place - 170 * forward + 90 * broad, place + 90 * broad]
-        self.axes.fill(*np.array([self.flat(c) for c in corners]).T, color="0.8", ec="0.25", lw=1, zorder=3)
+        self.axes.fill(
+            *np.array([self.flat(c) for c in corners]).T, color="0.8", ec="0.25", lw=1, zorder=3
+        )
         self.axes.plot(*self.flat(place), "o", color=_VIRTUAL, markersize=5, zorder=4)
         self.line(place, place + 420 * forward, color=_VIRTUAL, linewidth=1, linestyle="--")
 
@@ -151,7 +174,11 @@ def _above(axes: Any, kind: int) -> None:
     else:
         track = joints[2] if kind != SWING_PAN else 0.0
         swing = joints[0] if kind == SWING_PAN else joints[1]
-        reach = LENGTH + EXTENSION if kind != BOOM_SWING_TRACK else LENGTH * np.cos(np.radians(joints[0])) + EXTENSION
+        reach = (
+            LENGTH + EXTENSION
+            if kind != BOOM_SWING_TRACK
+            else LENGTH * np.cos(np.radians(joints[0])) + EXTENSION
+        )
         sine, cosine = np.sin(np.radians(swing)), np.cos(np.radians(swing))
         column = np.array([0.0, 0.0, track])
         place = column + reach * np.array([sine, 0.0, -cosine])
@@ -178,7 +205,11 @@ def _above(axes: Any, kind: int) -> None:
     view.camera(place, pan, 0)
     view.arc(place, 330, 90, 90 + pan, _VIRTUAL, "+vPan")
     if kind == SWING_PAN:
-        view.text((650, -150), "vPan = pan + swing\nno lengths are known:\nvTrack = vEW = vNS = 0", _VIRTUAL)
+        view.text(
+            (650, -150),
+            "vPan = pan + swing\nno lengths are known:\nvTrack = vEW = vNS = 0",
+            _VIRTUAL,
+        )
     elif kind != X_Y_Z:
         view.text((650, -420), "vTrack = track − reach·cos(swing)\nvPan = pan + swing", _VIRTUAL)
     _compass(view, [-800, 0, -300], {"EW +X": (1, 0, 0), "track +Z": (0, 0, 1)})
@@ -205,21 +236,29 @@ def _side(axes: Any, kind: int) -> None:
         view.text((-420, -70), "0", "0.4")
         view.arrow([0, 0, place[2]], place, _JOINT, "Y", (-70, -230))
         view.camera(place, 0, 0)
-        view.text((1000, -200), "vEW = X   vNS = Y   vTrack = Z\nvPan, vTilt, vRoll = PAN, TILT, ROLL", _VIRTUAL)
+        view.text(
+            (1000, -200),
+            "vEW = X   vNS = Y   vTrack = Z\nvPan, vTilt, vRoll = PAN, TILT, ROLL",
+            _VIRTUAL,
+        )
     else:
         # the arm swung to the front, so that its lengths are true
         flat = joints.copy()
         flat[1] = flat[3] = 0
         place = _world(drawn.forward(flat))
         column = np.array([0.0, 0.0, flat[2]])
-        view.line([0, COLUMN, 500], [0, COLUMN, -1150], color="0.7", linewidth=5, solid_capstyle="butt")
+        view.line(
+            [0, COLUMN, 500], [0, COLUMN, -1150], color="0.7", linewidth=5, solid_capstyle="butt"
+        )
         elbow = place + [0, 0, EXTENSION]
         if kind == BOOM_SWING_TRACK:
             top = column
             view.line(top, top + [0, 0, -900], **_THIN, linestyle=":")
             view.arc(top, 480, 0, flat[0], _JOINT, "+boom")
             view.measure(top, elbow, "LENGTH", (-60, 100))
-            view.text((620, -230), "reach = LENGTH·cos(boom) + EXT\nvNS = LENGTH·sin(boom)", _VIRTUAL)
+            view.text(
+                (620, -230), "reach = LENGTH·cos(boom) + EXT\nvNS = LENGTH·sin(boom)", _VIRTUAL
+            )
         else:
             top = column + [0, flat[0], 0]
             view.line(column, column + [0, 0, -1100], **_THIN, linestyle=":")
@@ -232,7 +271,9 @@ def _side(axes: Any, kind: int) -> None:
         view.axes.plot(*view.flat(elbow), "o", color="0.25", markersize=5)
         view.measure(elbow, place, "EXT", (0, 150))
         view.camera(place, 0, 0)
-        view.arrow(place * [0, 0, 1] + [0, 0, -200], place + [0, 0, -200], _VIRTUAL, "vNS", (110, -110))
+        view.arrow(
+            place * [0, 0, 1] + [0, 0, -200], place + [0, 0, -200], _VIRTUAL, "vNS", (110, -110)
+        )
     _compass(view, [0, 700, 500], {"NS +Y": (0, 1, 0)})
     view.arrow([0, 700, 500], [0, 700, 50], "0.5", "forward (−Z)", (60, 60))
     axes.set_xlim(-800, 1450)
@@ -259,11 +300,15 @@ def _head(axes: Any, kind: int) -> None:
         view.arrow(centre, slanted(*way), "0.5", text, shift)
     nodal = (200, 330, 170)
     corners = [(0, 0, 0), (nodal[0], 0, 0), (nodal[0], nodal[1], 0), nodal]
-    for a, b, text, shift in zip(corners, corners[1:], ("X", "Y", "Z"), ((-45, -10), (0, -45), (40, 0)), strict=False):
+    for a, b, text, shift in zip(
+        corners, corners[1:], ("X", "Y", "Z"), ((-45, -10), (0, -45), (40, 0)), strict=False
+    ):
         view.line(slanted(*a), slanted(*b), color="0.3", linewidth=1.4)
         x, y, _ = (slanted(*a) + slanted(*b)) / 2
         view.text((x + shift[0], y + shift[1]), text, "0.3")
-    view.arrow(centre, slanted(*nodal), "tab:green", "nodal point:\nthe pose is its place", (-130, 75))
+    view.arrow(
+        centre, slanted(*nodal), "tab:green", "nodal point:\nthe pose is its place", (-130, 75)
+    )
     view.axes.plot(*view.flat(centre), "o", color="0.25", markersize=8)
     view.text((-190, -60), "where pan, tilt\nand roll meet", "0.25")
     view.sweep(lambda t: slanted(120 * np.cos(t), 120 * np.sin(t), 330), _VIRTUAL)
@@ -285,7 +330,9 @@ def draw(kind: int, out: str | os.PathLike) -> None:
     import matplotlib.pyplot as plt
 
     with plt.rc_context({"svg.hashsalt": "framestep", "svg.fonttype": "none", "font.size": 9}):
-        figure, (above, side, head) = plt.subplots(1, 3, figsize=(13, 4.2), width_ratios=(1.2, 1.2, 1.0))
+        figure, (above, side, head) = plt.subplots(
+            1, 3, figsize=(13, 4.2), width_ratios=(1.2, 1.2, 1.0)
+        )
         figure.suptitle(TITLES[kind])
         _above(above, kind)
         _side(side, kind)
@@ -293,7 +340,10 @@ def draw(kind: int, out: str | os.PathLike) -> None:
         figure.text(0.01, 0.02, "orange: the rig's own axes", color=_JOINT, fontsize=8)
         blue = "blue: virtual axes"
         if kind != SWING_PAN:
-            blue += ", drawn from where the formulas have 0; the host counts from the pose that it tells in VIRT_CONFIG"
+            blue += (
+                ", drawn from where the formulas have 0; "
+                "the host counts from the pose that it tells in VIRT_CONFIG"
+            )
         figure.text(0.16, 0.02, blue, color=_VIRTUAL, fontsize=8)
         figure.tight_layout()
         drawn = io.StringIO()

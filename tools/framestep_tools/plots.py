@@ -12,7 +12,10 @@ _VELOCITY_BINS = 1000
 
 
 def plot_move(
-    verdict: Verdict, uploaded: Mapping[int, Sequence[int]], names: Mapping[int, str], path: str | os.PathLike
+    verdict: Verdict,
+    uploaded: Mapping[int, Sequence[int]],
+    names: Mapping[int, str],
+    path: str | os.PathLike,
 ):
     """Position, velocity and step-timing error of each motor over the run, as a PNG."""
     import matplotlib
@@ -22,18 +25,35 @@ def plot_move(
 
     motors = verdict.motors
     frame_s = frame_times_ns(verdict.frames, verdict.fps_milli) * 1e-9
-    figure, axes = plt.subplots(3, len(motors), figsize=(4.2 * len(motors), 8.5), sharex=True, squeeze=False)
+    figure, axes = plt.subplots(
+        3, len(motors), figsize=(4.2 * len(motors), 8.5), sharex=True, squeeze=False
+    )
     for column, motor in enumerate(motors):
         position, velocity, error = axes[:, column]
         position.set_title(f"motor {motor.motor}: {names.get(motor.motor, '')}")
         position.plot(motor.edge_times_s, motor.edge_positions, linewidth=1.2, label="steps made")
-        position.plot(frame_s, uploaded[motor.motor], ".", markersize=2.5, color="black", label="uploaded frames")
-        velocity.plot(*_velocity(motor.edge_times_s, motor.edge_positions, frame_s[-1]), linewidth=0.9)
+        position.plot(
+            frame_s,
+            uploaded[motor.motor],
+            ".",
+            markersize=2.5,
+            color="black",
+            label="uploaded frames",
+        )
+        velocity.plot(
+            *_velocity(motor.edge_times_s, motor.edge_positions, frame_s[-1]), linewidth=0.9
+        )
         if len(motor.edge_error_us):
-            error.plot(motor.edge_times_s, motor.edge_error_us, ",", color="tab:gray", label="each step")
-        error.plot(frame_s, motor.time_error_us, ".", markersize=3, color="tab:red", label="at the frames")
+            error.plot(
+                motor.edge_times_s, motor.edge_error_us, ",", color="tab:gray", label="each step"
+            )
+        error.plot(
+            frame_s, motor.time_error_us, ".", markersize=3, color="tab:red", label="at the frames"
+        )
         error.set_xlabel("seconds after the first frame")
-    for row, label in zip(axes[:, 0], ("position, steps", "velocity, steps/s", "timing error, µs"), strict=True):
+    for row, label in zip(
+        axes[:, 0], ("position, steps", "velocity, steps/s", "timing error, µs"), strict=True
+    ):
         row.set_ylabel(label)
     axes[0, 0].legend(loc="best", fontsize="small")
     axes[2, 0].legend(loc="best", fontsize="small")
@@ -46,8 +66,11 @@ def plot_move(
     plt.close(figure)
 
 
-def _velocity(times_s: np.ndarray, positions: np.ndarray, end_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Steps per second from the intervals between the edges, averaged over a thousandth of the run."""
+def _velocity(
+    times_s: np.ndarray, positions: np.ndarray, end_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Steps per second from the intervals between the edges, averaged over a thousandth of the
+    run."""
     grid = np.linspace(0, end_s, _VELOCITY_BINS + 1)
     if len(times_s) < 2:
         return grid, np.zeros(len(grid))

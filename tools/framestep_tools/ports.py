@@ -1,12 +1,16 @@
-"""Which of the computer's serial ports are a board's, and what for, from what the system says about them.
+"""Which of the computer's serial ports are a board's, and what for, from what the system says about
+them.
 
-No port is opened for it. A board with framestep has two ports, each of two USB interfaces: the REPL's begins with
-interface 0, the protocol's with interface 2. Where a system tells that number (as pyserial 3.5 hands it on):
+No port is opened for it. A board with framestep has two ports, each of two USB interfaces: the
+REPL's begins with interface 0, the protocol's with interface 2. Where a system tells that number
+(as pyserial 3.5 hands it on):
 
 * Linux: at the end of `location`, 1-1.2:1.2; the interface's name is in `interface` as well.
-* Windows: at the end of `location` and so of `hwid`, LOCATION=1-2:x.2; names of interfaces are not told.
-* macOS: in the device's name, which ends with the number of the port's second interface (…usbmodem…3 is 2); `location`
-  and `interface` are the same for both ports, the latter one of the two names.
+* Windows: at the end of `location` and so of `hwid`, LOCATION=1-2:x.2; names of interfaces are not
+  told.
+* macOS: in the device's name, which ends with the number of the port's second interface
+  (…usbmodem…3 is 2); `location` and `interface` are the same for both ports, the latter one of the
+  two names.
 """
 
 import os
@@ -23,19 +27,21 @@ _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and de
 _TOLD = re.compile(r":(?:x|\d+)\.(\d+)$")
 _MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
 GET = (
-    "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 onto the drive that appears), "
-    "take a cable that carries data, or name a port"
+    "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 "
+    "onto the drive that appears), take a cable that carries data, or name a port"
 )
 
 
 class PortError(ToolError):
-    """There is no such port, or more than one that could be meant; the text says which there are."""
+    """There is no such port, or more than one that could be meant; the text says which there
+    are."""
 
     status = NO_PORT
 
 
 class Port(NamedTuple):
-    """A serial port. `board` tells one board's ports apart from another's, `use` is PROTOCOL, REPL, SINGLE or OTHER."""
+    """A serial port. `board` tells one board's ports apart from another's, `use` is PROTOCOL, REPL,
+    SINGLE or OTHER."""
 
     path: str
     use: str
@@ -89,7 +95,9 @@ def listed(records: Iterable[Any] | None = None) -> list[Port]:
         from serial.tools import list_ports
 
         records = list_ports.comports()
-    everything = sorted(records, key=lambda r: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", r.device)])
+    everything = sorted(
+        records, key=lambda r: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", r.device)]
+    )
     boards: dict[str, list[Any]] = {}
     for record in everything:
         if is_board(record):
@@ -103,11 +111,14 @@ def listed(records: Iterable[Any] | None = None) -> list[Port]:
 
 def _port(record: Any, use: str, board: str) -> Port:
     product = getattr(record, "product", None) or getattr(record, "description", None) or ""
-    return Port(record.device, use, board, product, record.serial_number or "", interface_number(record))
+    return Port(
+        record.device, use, board, product, record.serial_number or "", interface_number(record)
+    )
 
 
 def _same(port: Port, path: str) -> bool:
-    return port.path in (path, os.path.realpath(path))  # it may be a link, as those in /dev/serial/by-id
+    # it may be a link, as those in /dev/serial/by-id
+    return port.path in (path, os.path.realpath(path))
 
 
 def known(path: str) -> Port | None:
@@ -130,7 +141,8 @@ def is_path(port: Port, path: str) -> bool:
 def _only(ports: list[Port], what: str) -> str:
     if len(ports) > 1:
         raise PortError(
-            f"there are {len(ports)} boards: name the port of one of them, {' or '.join(p.path for p in ports)}"
+            f"there are {len(ports)} boards: name the port of one of them, "
+            f"{' or '.join(p.path for p in ports)}"
         )
     if not ports:
         raise PortError(f"no board with {what} is on USB: {GET}")
@@ -143,8 +155,9 @@ def protocol_port() -> str:
     found = [port for port in ports if port.use == PROTOCOL]
     if not found and ports:
         raise PortError(
-            f"the board on {ports[0].path} shows one port only: framestep is not running there (what the REPL says "
-            f'tells why), or its rig file says "ports": 1, then name the port: --device {ports[0].path}'
+            f"the board on {ports[0].path} shows one port only: "
+            "framestep is not running there (what the REPL says tells why), "
+            f'or its rig file says "ports": 1, then name the port: --device {ports[0].path}'
         )
     return _only(found, "framestep")
 

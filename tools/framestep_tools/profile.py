@@ -1,4 +1,5 @@
-"""Where the processor's time goes while the emulated board does what `make bench` measures: `make profile`."""
+"""Where the processor's time goes while the emulated board does what `make bench` measures: `make
+profile`."""
 
 from enum import Enum
 from typing import Annotated, Any
@@ -29,7 +30,8 @@ class Scenario(str, Enum):
 
 
 def _play(session: bench.Session, profile: Profile, wait_s: float, seconds: float) -> None:
-    """Profile so many seconds of the mixed move from a moment after GO on, with requests at random moments."""
+    """Profile so many seconds of the mixed move from a moment after GO on, with requests at random
+    moments."""
     client = session.client
     session.prepare(bench.mixed_move(), max(bench.STEADY_RATES) * 11 // 10)
     random = np.random.default_rng(1)
@@ -49,7 +51,9 @@ def tables(profile: Profile, rows: int) -> tuple[Table, Table]:
     python = Table("Python function", "calls per ms", "own, µs per ms", "with calls")
     for function in profile.functions[:rows]:
         figures = function.calls, function.own_us, function.inner_us
-        python.add_row(function.name.removeprefix(_OURS), *(f"{figure / profile.ms:.2f}" for figure in figures))
+        python.add_row(
+            function.name.removeprefix(_OURS), *(f"{figure / profile.ms:.2f}" for figure in figures)
+        )
     firmware = Table("function of the firmware", "own, µs per ms")
     for name, us in list(profile.firmware.items())[:rows]:
         firmware.add_row(name.removeprefix(_OURS), f"{us / profile.ms:.2f}")
@@ -65,7 +69,8 @@ def main(
     rows: Annotated[int, typer.Option(help="lines of each table", min=1)] = 40,
     cache: Annotated[bool, typer.Option(help="with the model of the flash cache")] = True,
 ) -> None:
-    """Print where the processor's time goes: in an upload, in one through a single port, in a move, just after GO."""
+    """Print where the processor's time goes: in an upload, in one through a single port, in a move,
+    just after GO."""
     rig: dict[str, Any] = {"motors": [{"pulse_us": bench.PULSE_US}] * bench.MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1

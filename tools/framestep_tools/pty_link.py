@@ -23,7 +23,9 @@ class PtyLink:
 
     def __init__(self) -> None:
         if not can_make_one():
-            raise ToolError("only Linux and macOS have pseudo-terminals, this system has none: use TCP")
+            raise ToolError(
+                "only Linux and macOS have pseudo-terminals, this system has none: use TCP"
+            )
         import tty
 
         self._master, slave = os.openpty()

@@ -1,9 +1,10 @@
 """The motion that a run should be: what a played move is judged and drawn against.
 
-The velocity at a frame is the firmware's own decision (framestep.moves.path.slope); all else is worked out here in
-floating point, on its own: a cubic Hermite from frame to frame, the end frame's period at constant velocity, and
-pre-roll and post-roll with constant acceleration from and to rest on a whole step, as framestep/moves/run.py describes
-them. Backlash is not in it, nor the way back to the end frame.
+The velocity at a frame is the firmware's own decision (framestep.moves.path.slope); all else is
+worked out here in floating point, on its own: a cubic Hermite from frame to frame, the end frame's
+period at constant velocity, and pre-roll and post-roll with constant acceleration from and to rest
+on a whole step, as framestep/moves/run.py describes them. Backlash is not in it, nor the way back
+to the end frame.
 """
 
 from array import array
@@ -19,13 +20,18 @@ _FAR = 2**30 - 1  # stands for no soft limit
 Limits = tuple[int | None, int | None]  # lower and upper soft limit, steps
 
 
-def slopes(positions: Sequence[int] | np.ndarray, first: int, last: int, limits: Limits = (None, None)) -> np.ndarray:
-    """Velocity at each frame of an upload from index `first` to `last` (backward if that is less), in steps per frame
-    of the play. limits: the motor's soft limits."""
+def slopes(
+    positions: Sequence[int] | np.ndarray, first: int, last: int, limits: Limits = (None, None)
+) -> np.ndarray:
+    """Velocity at each frame of an upload from index `first` to `last` (backward if that is less),
+    in steps per frame of the play. limits: the motor's soft limits."""
     step = 1 if last >= first else -1
     window = array("i", [0] * path.WINDOW_WORDS)
     window[path.MOST] = path.MONOTONE
-    bounds = array("i", (far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)))
+    bounds = array(
+        "i",
+        (far if limit is None else limit for limit, far in zip(limits, (-_FAR, _FAR), strict=True)),
+    )
     bounds.append(0)
     found = []
     for index in range(first, last + step, step):
@@ -41,8 +47,8 @@ class Reference:
     """Ideal position, velocity and acceleration of each motor in one pass of a run.
 
     positions       the whole upload: steps of each motor at every frame
-    pre_ms, post_ms those of RUN_MOVE. With 0 a motor that is moving at its first or last frame would need a roll that
-                    the device chooses: ValueError
+    pre_ms, post_ms those of RUN_MOVE. With 0 a motor that is moving at its first or last frame
+                    would need a roll that the device chooses: ValueError
     first, last     indices of the frames played, the whole upload if not given
     limits          soft limits (lower, upper) of motors that have them, in steps
 
@@ -65,13 +71,20 @@ class Reference:
             way = 1 if end >= first else -1
             frames = np.arange(first, end + way, way)
             p = np.asarray(steps, np.int64)[frames]
-            v = slopes(steps, first, end, (limits or {}).get(motor, (None, None))) * fps_milli / 1000
+            v = (
+                slopes(steps, first, end, (limits or {}).get(motor, (None, None)))
+                * fps_milli
+                / 1000
+            )
             t = frame_times_ns(len(frames), fps_milli) * 1e-9
             if len(frames) == 1:
                 v = np.zeros(1)
             for what, ms, velocity in (("pre", pre_ms, v[0]), ("post", post_ms, v[-1])):
                 if not ms and velocity:
-                    raise ValueError(f"motor {motor} moves at the end of the section, a {what}-roll above 0 is needed")
+                    raise ValueError(
+                        f"motor {motor} moves at the end of the section, "
+                        f"a {what}-roll above 0 is needed"
+                    )
             # field notes 6.2 and 6.11; the end frame lasts its period, rest is on a whole step
             begins = p[0] + np.floor((1 - v[0] * pre_ms / 1000) / 2)
             period = 10**9 // fps_milli * 1e-6
@@ -100,7 +113,8 @@ class Reference:
     def _value(self, motor: int, seconds: np.ndarray, derivative: int) -> np.ndarray:
         t, cubics = self._pieces[motor]
         seconds = np.asarray(seconds, float)
-        at = np.searchsorted(t, seconds, side="right")  # 0 is the rest before, len(t) the one behind
+        # 0 is the rest before, len(t) the one behind
+        at = np.searchsorted(t, seconds, side="right")
         x = seconds - t[np.maximum(at - 1, 0)]
         c = cubics[at].T
         if derivative == 0:
@@ -111,11 +125,17 @@ class Reference:
 
 
 def _cubics(t: np.ndarray, p: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Coefficients, constant first, of the rest before, the cubics from knot to knot, and the rest behind."""
+    """Coefficients, constant first, of the rest before, the cubics from knot to knot, and the rest
+    behind."""
     span = np.diff(t)
     mean = np.diff(p) / span
     moving = np.column_stack(
-        (p[:-1], v[:-1], (3 * mean - 2 * v[:-1] - v[1:]) / span, (v[:-1] + v[1:] - 2 * mean) / span**2)
+        (
+            p[:-1],
+            v[:-1],
+            (3 * mean - 2 * v[:-1] - v[1:]) / span,
+            (v[:-1] + v[1:] - 2 * mean) / span**2,
+        )
     )
     rests = np.zeros((2, 4))
     rests[:, 0] = p[0], p[-1]

@@ -1,6 +1,8 @@
-"""Why a device refuses a request, in words: which motor, which frame, what would be needed and what is set where.
+"""Why a device refuses a request, in words: which motor, which frame, what would be needed and what
+is set where.
 
-The device is asked what it is set to (framestep's own messages); other devices' refusals keep the words of their code.
+The device is asked what it is set to (framestep's own messages); other devices' refusals keep the
+words of their code.
 """
 
 from framestep import texts
@@ -42,10 +44,15 @@ from .payloads import (
     type_name,
 )
 
-_SPEED = "set by SET_SPEED: Dragonframe's axis set-up, or framestep move … --velocity --acceleration"
+_SPEED = (
+    "set by SET_SPEED: Dragonframe's axis set-up, or framestep move … --velocity --acceleration"
+)
 _LIMITS = "set by SET_LIMITS: Dragonframe's axis set-up"
 _STOPPED = (
-    (CONDITION_RIG_FILE_INVALID, "the rig file has a mistake, which the REPL tells: nothing moves until it is right"),
+    (
+        CONDITION_RIG_FILE_INVALID,
+        "the rig file has a mistake, which the REPL tells: nothing moves until it is right",
+    ),
     (CONDITION_ESTOP, "the E-stop is held"),
     (CONDITION_DRIVER, "a driver does not work (the REPL tells which and why)"),
 )
@@ -69,7 +76,10 @@ def _why(client: Client, request: Payload, code: Ack) -> str | None:
         return f"there is no motor {motor}, the device has motors 1 to {info.motors}"
     if isinstance(request, RtUploadMoveBegin) and code == Ack.ERR_RANGE:
         frames = request.end_frame - request.start_frame + 1
-        return f"{frames} frames are more than the {info.upload_frames} that fit, or their numbers go beyond ±1000000"
+        return (
+            f"{frames} frames are more than the {info.upload_frames} that fit, "
+            "or their numbers go beyond ±1000000"
+        )
     if code == Ack.ERR_MOVING:
         return _moving(client, motor)
     if code == Ack.ERR_GENERAL:
@@ -85,7 +95,9 @@ def _moving(client: Client, motor: int | None) -> str:
     moving = client.request(MotorStatus()).moving
     if not moving:
         return "a run waits for GO or has not ended yet: framestep stop ends it"
-    which = f"motor {motor} moves" if motor in moving else f"motors {', '.join(map(str, moving))} move"
+    which = (
+        f"motor {motor} moves" if motor in moving else f"motors {', '.join(map(str, moving))} move"
+    )
     return f"{which}; wait, or framestep stop"
 
 
@@ -97,14 +109,24 @@ def _general(client: Client, request: Payload, motor: int | None) -> str | None:
     if isinstance(motor, int):
         told = client.request(GetExceeded(motor)).bits or 0
         if told & SET_FOLLOWS:
-            return f"motor {motor} does what motor {motor - 1} does (they are coupled): move that one"
+            return (
+                f"motor {motor} does what motor {motor - 1} does (they are coupled): move that one"
+            )
         if not told & SET_ENABLED:
-            return f"motor {motor} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"
-        return f"motor {motor} is coupled to one that is switched off, or something else has taken a pin of it"
+            return (
+                f"motor {motor} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"
+            )
+        return (
+            f"motor {motor} is coupled to one that is switched off, "
+            "or something else has taken a pin of it"
+        )
     if isinstance(request, RtRunMove):
         return "no move has been uploaded since the board's start: framestep upload FILE"
     if isinstance(request, (VirtGetPosition, VirtMove)):
-        return "no virtual axes are configured: Dragonframe does that when a rig with such axes is set up"
+        return (
+            "no virtual axes are configured: "
+            "Dragonframe does that when a rig with such axes is set up"
+        )
     if isinstance(request, RtUploadMoveEnd):
         return "no upload has begun"
     if isinstance(request, RtGo):
@@ -126,7 +148,10 @@ def _motor(client: Client, request: Payload, code: Ack, told: Exceeded) -> str |
     if code != Ack.ERR_RANGE:
         return None
     if isinstance(request, MotorSetSpeed):
-        return f"motor {motor} cannot do {request.velocity} steps/s with the pulses of its rig file (pulse_us)"
+        return (
+            f"motor {motor} cannot do {request.velocity} steps/s "
+            "with the pulses of its rig file (pulse_us)"
+        )
     if isinstance(request, MotorResetPosition):
         return f"{request.position} leaves no room for the backlash of motor {motor}"
     return None
@@ -138,35 +163,59 @@ def _run(client: Client, request: RtRunMove, code: Ack) -> str | None:
     where = f"motor {motor} at frame {frame}"
     if told.what == EXCEEDED_VELOCITY and told.velocity is not None:
         return (
-            f"{where} would need {told.velocity + told.by} steps/s at {fps:g} frames/s, its velocity is "
-            f"{told.velocity} steps/s ({_SPEED})"
+            f"{where} would need {told.velocity + told.by} steps/s at {fps:g} frames/s, "
+            f"its velocity is {told.velocity} steps/s ({_SPEED})"
         )
-    if told.what == EXCEEDED_ACCELERATION and told.acceleration is not None and code == Ack.ERR_RANGE:
+    if (
+        told.what == EXCEEDED_ACCELERATION
+        and told.acceleration is not None
+        and code == Ack.ERR_RANGE
+    ):
         return (
-            f"{where} would need {told.acceleration + told.by} steps/s² at {fps:g} frames/s, its acceleration is "
-            f"{told.acceleration} steps/s² ({_SPEED}), and strict_moves is set in the rig file"
+            f"{where} would need {told.acceleration + told.by} steps/s² at {fps:g} frames/s, "
+            f"its acceleration is {told.acceleration} steps/s² ({_SPEED}), "
+            "and strict_moves is set in the rig file"
         )
     if told.what == EXCEEDED_BOARD:
-        return f"{where} would need a change of velocity that the board cannot make: less steps or fewer frames/s"
+        return (
+            f"{where} would need a change of velocity that the board cannot make: "
+            "less steps or fewer frames/s"
+        )
     if told.what == EXCEEDED_UPPER:
-        return f"{where} would be past its upper soft limit, {_limit(told.upper, told.bits, SET_UPPER)}"
+        return (
+            f"{where} would be past its upper soft limit, "
+            f"{_limit(told.upper, told.bits, SET_UPPER)}"
+        )
     if told.what == EXCEEDED_LOWER:
-        return f"{where} would be past its lower soft limit, {_limit(told.lower, told.bits, SET_LOWER)}"
+        return (
+            f"{where} would be past its lower soft limit, "
+            f"{_limit(told.lower, told.bits, SET_LOWER)}"
+        )
     if told.what in (EXCEEDED_PREROLL, EXCEEDED_POSTROLL):
         pre = told.what == EXCEEDED_PREROLL
-        roll, time_ms = ("pre-roll", request.preroll_ms) if pre else ("post-roll", request.postroll_ms)
+        roll, time_ms = (
+            ("pre-roll", request.preroll_ms) if pre else ("post-roll", request.postroll_ms)
+        )
         limits = [str(told.lower)] * bool((told.bits or 0) & SET_LOWER) + [str(told.upper)] * bool(
             (told.bits or 0) & SET_UPPER
         )
         past = f" or pass a soft limit ({', '.join(limits)})" if limits else ""
         return (
-            f"in its {roll} of {time_ms} ms motor {motor} would need more than its {told.acceleration} steps/s²{past}: "
-            f"give it a longer or a shorter one, or begin and end the move more slowly"
+            f"in its {roll} of {time_ms} ms motor {motor} would need "
+            f"more than its {told.acceleration} steps/s²{past}: "
+            "give it a longer or a shorter one, or begin and end the move more slowly"
         )
     if code == Ack.ERR_RANGE:
-        return f"frames {request.start_frame} to {request.end_frame} at {fps:g} frames/s are not all in the upload"
+        return (
+            f"frames {request.start_frame} to {request.end_frame} at {fps:g} frames/s "
+            "are not all in the upload"
+        )
     return "; ".join(texts.exceeded(told.what, motor, frame, told.by)) or None
 
 
 def _limit(value: int | None, bits: int | None, which: int) -> str:
-    return f"{value} ({_LIMITS})" if (bits or 0) & which else "which is that of the motor coupled to it"
+    return (
+        f"{value} ({_LIMITS})"
+        if (bits or 0) & which
+        else "which is that of the motor coupled to it"
+    )

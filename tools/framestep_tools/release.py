@@ -2,11 +2,14 @@
 
 framestep-VERSION-py3-none-any.whl   the package, for pipx install
 framestep-BOARD-VERSION.uf2          the image of each board
-framestep-mip-VERSION.zip            the packages for mpremote mip install; `mip` is the same as a tree to be served
-SHA256SUMS, NOTES.md                 sums of all of these, and what CHANGELOG.md says of this version
+framestep-mip-VERSION.zip            the packages for mpremote mip install; `mip` is the same as a
+                                     tree to be served
+SHA256SUMS, NOTES.md                 sums of all of these, and what CHANGELOG.md says of this
+                                     version
 
-Times inside the files are that of the commit, or SOURCE_DATE_EPOCH. An index for mip (mpremote mip install --index
-.../mip framestep-pico) is made as MicroPython's own: package/6/NAME/latest.json and file/XX/HASH.
+Times inside the files are that of the commit, or SOURCE_DATE_EPOCH. An index for mip (mpremote mip
+install --index .../mip framestep-pico) is made as MicroPython's own: package/6/NAME/latest.json and
+file/XX/HASH.
 """
 
 import hashlib
@@ -40,12 +43,15 @@ def epoch() -> int:
     """The time that files of the release have."""
     if given := os.environ.get("SOURCE_DATE_EPOCH"):
         return int(given)
-    told = subprocess.run(["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True)
+    told = subprocess.run(
+        ["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True
+    )
     return int(told.stdout) if told.returncode == 0 and told.stdout.strip() else _FIRST
 
 
 def notes(changelog: str, wanted: str) -> str:
-    """What CHANGELOG.md says of a version; of what is unreleased, if the version has no heading yet."""
+    """What CHANGELOG.md says of a version; of what is unreleased, if the version has no heading
+    yet."""
     parts = dict(re.findall(r"^## (\S+).*\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE))
     said = (parts.get(wanted) or parts.get("Unreleased", "")).strip()
     if not said:
@@ -54,7 +60,8 @@ def notes(changelog: str, wanted: str) -> str:
 
 
 def index(packages: Mapping[str, bytes]) -> dict[str, bytes]:
-    """{path: content} of an index for mip, of the packages that `make dist` makes: one a board, framestep-BOARD."""
+    """{path: content} of an index for mip, of the packages that `make dist` makes: one a board,
+    framestep-BOARD."""
     made: dict[str, bytes] = {}
     listed = []
     for board in board_names():
@@ -70,8 +77,15 @@ def index(packages: Mapping[str, bytes]) -> dict[str, bytes]:
         package = {"v": 1, "version": version(), "hashes": hashes, "urls": [], "deps": []}
         for what in ("latest", version()):
             made[f"package/{_MPY}/{name}/{what}.json"] = _json(package)
-        entry = {"name": name, "version": version(), "versions": {_MPY: [version()]}, "license": "MIT"}
-        listed.append(entry | {"author": "", "description": f"framestep for {board_data(board)['name']}"})
+        entry = {
+            "name": name,
+            "version": version(),
+            "versions": {_MPY: [version()]},
+            "license": "MIT",
+        }
+        listed.append(
+            entry | {"author": "", "description": f"framestep for {board_data(board)['name']}"}
+        )
     made["index.json"] = _json({"v": 2, "updated": epoch(), "packages": listed})
     return made
 
@@ -96,7 +110,10 @@ def zipped(files: Mapping[str, bytes], when: int) -> bytes:
 def same_each_time(wheel: bytes, when: int) -> bytes:
     """A wheel in an order, with times and permissions that do not depend on where it was built."""
     with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
-        return zipped({name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}, when)
+        return zipped(
+            {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")},
+            when,
+        )
 
 
 def wheel(folder: Path, when: int) -> Path:
@@ -127,7 +144,10 @@ def make(folder: Path) -> list[Path]:
     os.environ["SOURCE_DATE_EPOCH"] = str(when)
     for board in board_names():
         print(f"the image for the {board_data(board)['name']}", flush=True)
-        shutil.copyfile(frozen(board, show=True).with_suffix(".uf2"), folder / f"framestep-{board}-{version()}.uf2")
+        shutil.copyfile(
+            frozen(board, show=True).with_suffix(".uf2"),
+            folder / f"framestep-{board}-{version()}.uf2",
+        )
     print("the packages for mpremote", flush=True)
     tree = index(dist.packages(say=lambda line: print(line, flush=True)))
     write_tree(folder / "mip", tree)

@@ -17,8 +17,8 @@ _ANSWER_S = 2.0
 def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]:
     """Ask the board that restarts who it is; the port on which it answers, and the answer.
 
-    repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that is known; ports: how
-    many the rig file asks for.
+    repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that
+    is known; ports: how many the rig file asks for.
     """
     return answer(
         lambda: repl if ports == 1 else protocol or protocol_of(repl),
@@ -27,7 +27,9 @@ def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]
     )
 
 
-def answer(find: Callable[[], str | None], otherwise: str, advice: str = "") -> tuple[str, DeviceInfo]:
+def answer(
+    find: Callable[[], str | None], otherwise: str, advice: str = ""
+) -> tuple[str, DeviceInfo]:
     """Wait for a board that starts; the port on which it answers, and who it says it is.
 
     find: gives its port, None while there is none; otherwise: what is told if none comes.
@@ -49,6 +51,7 @@ def answer(find: Callable[[], str | None], otherwise: str, advice: str = "") -> 
 def greeting(path: str, info: DeviceInfo) -> str:
     """Who the device is and what it can do, in a line."""
     return (
-        f"{info.name} on {path}, firmware {info.major}.{info.minor}.{info.revision}: {info.motors} motors, "
-        f"{info.dmx_channels} DMX channels, {info.outputs} outputs, {info.inputs} inputs, {info.upload_frames} frames"
+        f"{info.name} on {path}, firmware {info.major}.{info.minor}.{info.revision}: "
+        f"{info.motors} motors, {info.dmx_channels} DMX channels, "
+        f"{info.outputs} outputs, {info.inputs} inputs, {info.upload_frames} frames"
     )

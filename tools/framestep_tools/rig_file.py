@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 
 class RigFileError(ToolError):
-    """A rig file with a mistake, or that cannot be read: the key, what was found, what is allowed."""
+    """A rig file with a mistake, or that cannot be read: the key, what was found, what is
+    allowed."""
 
 
 class _Doubled(Exception):
@@ -62,7 +63,9 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise RigFileError(f"{name}: not valid JSON ({error})") from None
     if not isinstance(settings, dict):
-        raise RigFileError(f"{name}: expected an object of settings, found {type(settings).__name__}")
+        raise RigFileError(
+            f"{name}: expected an object of settings, found {type(settings).__name__}"
+        )
     return settings
 
 
@@ -76,7 +79,8 @@ def read(path: str | Path) -> dict[str, Any]:
 
 
 def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
-    """The rig that these settings make of a board with this data; RigFileError, as the board says it, for a mistake."""
+    """The rig that these settings make of a board with this data; RigFileError, as the board says
+    it, for a mistake."""
     try:
         return rig.Rig(settings, board)
     except rig.RigError as error:
@@ -88,7 +92,9 @@ def _meant(mistake: str) -> str:
     found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
     if not found:
         return ""
-    close = difflib.get_close_matches(found[1].rpartition(".")[2].lower(), found[2].split(", "), 1, 0.5)
+    close = difflib.get_close_matches(
+        found[1].rpartition(".")[2].lower(), found[2].split(", "), 1, 0.5
+    )
     return f"; did you mean {close[0]}?" if close else ""
 
 
@@ -96,14 +102,19 @@ def _meant(mistake: str) -> str:
 
 
 def run_editor(path: Path) -> None:
-    """Let the user edit a file, with $VISUAL, $EDITOR or the system's own; ToolError if that fails."""
+    """Let the user edit a file, with $VISUAL, $EDITOR or the system's own; ToolError if that
+    fails."""
     windows = os.name == "nt"
     usual = "notepad" if windows else "vi"
-    command = shlex.split(os.environ.get("VISUAL") or os.environ.get("EDITOR") or usual, posix=not windows)
+    command = shlex.split(
+        os.environ.get("VISUAL") or os.environ.get("EDITOR") or usual, posix=not windows
+    )
     try:
         status = subprocess.run([*command, str(path)]).returncode
     except OSError as error:
-        raise ToolError(f"cannot start the editor {command[0]} ({error.strerror}): set EDITOR") from None
+        raise ToolError(
+            f"cannot start the editor {command[0]} ({error.strerror}): set EDITOR"
+        ) from None
     if status != 0:
         raise ToolError(f"the editor {command[0]} ended with status {status}")
 
@@ -120,17 +131,20 @@ def ask_again(mistake: str) -> bool:
 _HEAD = """\
 // Settings of the rig. What follows // is a comment, for this editing only: the board gets what is left.
 // Below are all settings with their defaults; copy those that you change into the braces, with a comma between them.
-"""
+"""  # noqa: E501
 
 
 def commented(content: str) -> str:
     """A rig file's text with every setting that there is in comments around it."""
     lines = ["", "// All settings (docs/rig-file.md):", "//"]
     tables = (
-        ("", rig.SETTINGS), ('of "motors": [{…}, {…}], an object for each motor', rig.MOTOR_SETTINGS),
-        ('of "driver": {…} of a motor', rig.DRIVER_SETTINGS), ('of "outputs": [{…}]', rig.OUTPUT_SETTINGS),
-        ('of "inputs": [{…}]', rig.INPUT_SETTINGS), ('of "limits": [{…}]', rig.LIMIT_SETTINGS),
-    )  # fmt: skip
+        ("", rig.SETTINGS),
+        ('of "motors": [{…}, {…}], an object for each motor', rig.MOTOR_SETTINGS),
+        ('of "driver": {…} of a motor', rig.DRIVER_SETTINGS),
+        ('of "outputs": [{…}]', rig.OUTPUT_SETTINGS),
+        ('of "inputs": [{…}]', rig.INPUT_SETTINGS),
+        ('of "limits": [{…}]', rig.LIMIT_SETTINGS),
+    )
     for title, settings in tables:
         if title:
             lines += ["//", f"// {title}:"]
@@ -161,9 +175,13 @@ def _tidy(content: bytes) -> bytes:
 
 
 def edit_until_right(
-    path: Path, board: Mapping[str, Any], editor: Callable[[Path], None], again: Callable[[str], bool]
+    path: Path,
+    board: Mapping[str, Any],
+    editor: Callable[[Path], None],
+    again: Callable[[str], bool],
 ) -> bytes | None:
-    """Let `editor` change a file until it is right, and give back its new content; None if it stays as it was.
+    """Let `editor` change a file until it is right, and give back its new content; None if it stays
+    as it was.
 
     A mistake is given to `again`, which says whether to edit once more; RigFileError if not.
     """
@@ -182,7 +200,8 @@ def edit_until_right(
 
 
 def edit(device: "Device", protocol: str | None) -> None:
-    """Fetch the rig file of a board (not connected yet), let the user edit it, put it back, restart.
+    """Fetch the rig file of a board (not connected yet), let the user edit it, put it back,
+    restart.
 
     When it does not get there the board's file is as it was, and the draft stays.
     """
@@ -217,4 +236,6 @@ def edit(device: "Device", protocol: str | None) -> None:
         said = f"{error}\n" if isinstance(error, ToolError) else ""
         raise ToolError(f"{said}the board's rig file is as it was; the draft is {draft}") from None
     shutil.rmtree(folder)
-    print(greeting(*hello(device.path, protocol, check(parse(new, RIG_FILE), board, RIG_FILE).ports)))
+    print(
+        greeting(*hello(device.path, protocol, check(parse(new, RIG_FILE), board, RIG_FILE).ports))
+    )

@@ -1,4 +1,5 @@
-"""The rig file as a JSON Schema, for editors: made from the table that the board reads the file by (framestep.rig).
+"""The rig file as a JSON Schema, for editors: made from the table that the board reads the file by
+(framestep.rig).
 
 python -m framestep_tools.rig_schema          put it into docs/rig.schema.json
 """
@@ -8,7 +9,14 @@ from typing import Any
 
 from framestep import rig
 
-_TYPES = {str: "string", int: "integer", float: "number", bool: "boolean", list: "array", dict: "object"}
+_TYPES = {
+    str: "string",
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    list: "array",
+    dict: "object",
+}
 _WITHIN: dict[str, dict[str, Any]] = {
     "motors": rig.MOTOR_SETTINGS,
     "driver": rig.DRIVER_SETTINGS,
@@ -19,7 +27,11 @@ _WITHIN: dict[str, dict[str, Any]] = {
 
 
 def _object(settings: dict[str, Any]) -> dict[str, Any]:
-    needed = [key for key, (kind, _, _, default, _, _) in settings.items() if default is None and kind in (int, str)]
+    needed = [
+        key
+        for key, (kind, _, _, default, _, _) in settings.items()
+        if default is None and kind in (int, str)
+    ]
     found: dict[str, Any] = {
         "type": "object",
         "additionalProperties": False,
@@ -28,8 +40,13 @@ def _object(settings: dict[str, Any]) -> dict[str, Any]:
     return {**found, "required": needed} if needed else found
 
 
-def _property(key: str, kind: type, low: Any, high: Any, default: Any, unit: str, meaning: str) -> dict[str, Any]:
-    found: dict[str, Any] = {"type": _TYPES[kind], "description": f"{meaning} ({unit})" if unit else meaning}
+def _property(
+    key: str, kind: type, low: Any, high: Any, default: Any, unit: str, meaning: str
+) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "type": _TYPES[kind],
+        "description": f"{meaning} ({unit})" if unit else meaning,
+    }
     if default is not None:
         found["default"] = default
     if isinstance(low, tuple):
@@ -46,8 +63,12 @@ def _property(key: str, kind: type, low: Any, high: Any, default: Any, unit: str
 
 
 def schema() -> dict[str, Any]:
-    """The schema of a whole file. What pins are free on a board only `framestep rig check` knows."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "framestep's rig.json"}
+    """The schema of a whole file. What pins are free on a board only `framestep rig check`
+    knows."""
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "framestep's rig.json",
+    }
     return {**head, **_object(rig.SETTINGS)}
 
 

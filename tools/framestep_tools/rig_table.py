@@ -30,9 +30,13 @@ def _allowed(kind: type, low: object, high: object, unit: str) -> str:
 def _rows(settings: dict, prefix: str = "") -> list[str]:
     rows = []
     for key, (kind, low, high, default, unit, meaning) in settings.items():
-        shown = str(default).lower() if isinstance(default, bool) else repr(default).replace("'", '"')
+        shown = (
+            str(default).lower() if isinstance(default, bool) else repr(default).replace("'", '"')
+        )
         shown = "–" if default is None else f"`{shown}`"
-        rows.append(f"| `{prefix}{key}` | {_allowed(kind, low, high, unit)} | {shown} | {meaning} |")
+        rows.append(
+            f"| `{prefix}{key}` | {_allowed(kind, low, high, unit)} | {shown} | {meaning} |"
+        )
     return rows
 
 

@@ -1,21 +1,26 @@
-"""Session scripts: what happens to a board from its start, as a text that CPython and MicroPython both read.
+"""Session scripts: what happens to a board from its start, as a text that CPython and MicroPython
+both read.
 
     # what the script shows
     board pico                    of boards/, fitted to the rig; "host" for hal.host.BOARD
-    rig {"hard_stop_factor": 2}   what the rig file holds; text that is no JSON is a rig file cut short
+    rig {"hard_stop_factor": 2}   what the rig file holds; text that is no JSON is a rig file
+                                  cut short
     motors 3                      how many, whatever the board has
     memory 4096                   bytes that the uploaded move may take
-    flash 0 5a00ff                how a block of the flash for positions begins; "flash none" for no flash
+    flash 0 5a00ff                how a block of the flash for positions begins; "flash none" for no
+                                  flash
     0 open                        the host opens the port (DTR), likewise close
     12 rx 4446…                   bytes from the host
     12 pin estop 0                an input's level, by its name or its number
     12 hold 40                    the main loop is away: for 40 ms ticks come, but no pass
-    12 skip 3                     interrupts are off: three ticks are missed, then made late; nor are there passes
+    12 skip 3                     interrupts are off: three ticks are missed, then made late; nor
+                                  are there passes
     12 full                       the host takes no more bytes, until drain
     500 end
 
-Times are whole milliseconds of the board's clock, ascending. What happens in a millisecond comes first, in the order of
-the lines; then its tick, then one pass of the main loop. Millisecond 0 is the first.
+Times are whole milliseconds of the board's clock, ascending. What happens in a millisecond comes
+first, in the order of the lines; then its tick, then one pass of the main loop. Millisecond 0 is
+the first.
 
 Nothing here needs CPython, and it imports nothing of this package.
 """
@@ -31,9 +36,10 @@ class ScriptError(ValueError):
 
 
 class Script:
-    """A script in parts. rig: a dictionary, or None where the file cannot be read. events: [(ms, verb, argument)],
-    the argument bytes for rx, (name, level) for pin, milliseconds for hold and skip, else None. memory: bytes or None;
-    flash: {block: bytes}, or None for a board without. says: the comment lines at the top."""
+    """A script in parts. rig: a dictionary, or None where the file cannot be read. events: [(ms,
+    verb, argument)], the argument bytes for rx, (name, level) for pin, milliseconds for hold and
+    skip, else None. memory: bytes or None; flash: {block: bytes}, or None for a board without.
+    says: the comment lines at the top."""
 
     def __init__(self, board="host", rig=None):
         self.says = []

@@ -122,7 +122,8 @@ class Player:
 
 
 def main() -> None:
-    """`python -m framestep_tools.script_player FILE`: what the board says, a line each time, and the positions."""
+    """`python -m framestep_tools.script_player FILE`: what the board says, a line each time, and
+    the positions."""
     with open(Path(sys.argv[1])) as file:
         player = Player(parse(file))
     player.play()

@@ -1,4 +1,5 @@
-"""Serve a board in the foreground: its ports as pseudo-terminals and raw TCP, its edges as a CSV file.
+"""Serve a board in the foreground: its ports as pseudo-terminals and raw TCP, its edges as a CSV
+file.
 
 The ports' paths are printed one a line, the protocol port's first, and then `ready`:
 
@@ -7,8 +8,9 @@ The ports' paths are printed one a line, the protocol port's first, and then `re
     repl /dev/pts/6
     ready
 
-A client that opens the pseudo-terminal or connects opens the port (DTR), one that leaves closes it. One client at a
-time: while one is there a further connection is closed at once, and what comes from a further terminal is dropped.
+A client that opens the pseudo-terminal or connects opens the port (DTR), one that leaves closes it.
+One client at a time: while one is there a further connection is closed at once, and what comes from
+a further terminal is dropped.
 """
 
 import contextlib
@@ -56,7 +58,8 @@ class Link(Protocol):
         """Send to the client; returns how many bytes it took."""
 
     def readable(self) -> int | None:
-        """A file descriptor that becomes readable when read() or is_open() has news, None if there is none."""
+        """A file descriptor that becomes readable when read() or is_open() has news, None if there
+        is none."""
 
 
 class TcpLink:
@@ -184,7 +187,8 @@ class Exchange:
 
 
 class Pace:
-    """How far a board's time may go: `speed` times as fast as the clock, or without bound while there is work."""
+    """How far a board's time may go: `speed` times as fast as the clock, or without bound while
+    there is work."""
 
     def __init__(self, speed: float | None, now_ns: int):
         self.speed = speed  # None: as fast as possible
@@ -215,7 +219,9 @@ def parse_speed(text: str) -> float | None:
     except ValueError:
         speed = 0.0
     if not 0 < speed < float("inf"):
-        raise ToolError(f"--speed: expected max or a positive number such as 1 or 0.5, found {text!r}")
+        raise ToolError(
+            f"--speed: expected max or a positive number such as 1 or 0.5, found {text!r}"
+        )
     return speed
 
 
@@ -237,7 +243,9 @@ class Server:
         self.announcements: list[str] = []
         self.exchanges = [Exchange(board.protocol, self._links("tcp", tcp, pty=""))]
         if board.repl and (repl or repl_tcp):
-            self.exchanges.append(Exchange(board.repl, self._links("repl", repl_tcp, pty="repl " if repl else None)))
+            self.exchanges.append(
+                Exchange(board.repl, self._links("repl", repl_tcp, pty="repl " if repl else None))
+            )
         self.trace = TraceWriter(trace) if trace else None
         self._last_flush = time.monotonic()
         self._last_byte = -_WAITING_S
@@ -259,7 +267,9 @@ class Server:
 
     def run(self) -> None:
         """Announce the ports and serve them."""
-        before = {number: signal.signal(number, self.stop) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {
+            number: signal.signal(number, self.stop) for number in (signal.SIGINT, signal.SIGTERM)
+        }
         try:
             print(*self.announcements, "ready", sep="\n", flush=True)
             while not self.stopping:
@@ -270,7 +280,8 @@ class Server:
             self.close()
 
     def step(self) -> None:
-        """One slice: bytes in, time passes, bytes and edges out; then a short wait if there is nothing to do."""
+        """One slice: bytes in, time passes, bytes and edges out; then a short wait if there is
+        nothing to do."""
         board = self.board
         if sum([exchange.from_client(board.now_ns) for exchange in self.exchanges]):
             self._last_byte = time.monotonic()
@@ -281,7 +292,8 @@ class Server:
             or any(exchange.channel.pending for exchange in self.exchanges)
         )
         target = self.pace.target(board.now_ns, board.slice_ns, work)
-        behind = target - board.now_ns >= board.slice_ns  # a whole slice: there may be more of them to catch up with
+        # a whole slice: there may be more of them to catch up with
+        behind = target - board.now_ns >= board.slice_ns
         if target > board.now_ns:
             board.run_until(target)
         sent = sum([exchange.to_client() for exchange in self.exchanges])

@@ -12,11 +12,19 @@ from .serve import Server, parse_speed
 
 app = Command("sim", expected=(RigError,))
 
-Tcp = Annotated[str | None, typer.Option(help="offer the protocol port as raw TCP too", metavar="HOST:PORT")]
-TraceFile = Annotated[str | None, typer.Option("--trace", help="write every edge as CSV as it comes", metavar="FILE")]
-Speed = Annotated[str, typer.Option(help="times real time, or max: as fast as it can while a client waits")]
+Tcp = Annotated[
+    str | None, typer.Option(help="offer the protocol port as raw TCP too", metavar="HOST:PORT")
+]
+TraceFile = Annotated[
+    str | None, typer.Option("--trace", help="write every edge as CSV as it comes", metavar="FILE")
+]
+Speed = Annotated[
+    str, typer.Option(help="times real time, or max: as fast as it can while a client waits")
+]
 Rig = Annotated[str | None, typer.Option(help="the rig file", metavar="FILE")]
-Board = Annotated[str, typer.Option(help="the board whose pins it has: a folder in boards/", metavar="NAME")]
+Board = Annotated[
+    str, typer.Option(help="the board whose pins it has: a folder in boards/", metavar="NAME")
+]
 
 
 @app.command()
@@ -27,7 +35,10 @@ def main(
     rig: Rig = None,
     board: Board = "pico",
     motors: Annotated[
-        int | None, typer.Option(help="how many motors, whatever the board has; without it as many", min=1, max=12)
+        int | None,
+        typer.Option(
+            help="how many motors, whatever the board has; without it as many", min=1, max=12
+        ),
     ] = None,
 ) -> None:
     """Run the controller on the host HAL; prints the path of its pseudo-terminal, then `ready`."""

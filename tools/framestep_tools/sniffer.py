@@ -16,7 +16,8 @@ _NEXT_LOOK_S = 0.002
 
 
 def capture_bytes(content: bytes) -> bytes:
-    """The traffic in a capture file: hexadecimal digits (with blanks, colons or commas) or the bytes themselves."""
+    """The traffic in a capture file: hexadecimal digits (with blanks, colons or commas) or the
+    bytes themselves."""
     digits = re.sub(rb"[\s:,]|0[xX]", b"", content)
     if _HEX.fullmatch(content.replace(b"0x", b"").replace(b"0X", b"")) and len(digits) % 2 == 0:
         return bytes.fromhex(digits.decode())
@@ -24,7 +25,8 @@ def capture_bytes(content: bytes) -> bytes:
 
 
 def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None:
-    """What a frame says; None if its data fits no layout. `from_host` None: not known, a request where it fits one."""
+    """What a frame says; None if its data fits no layout. `from_host` None: not known, a request
+    where it fits one."""
     if frame.is_ack:
         try:
             return Ack.unpack(frame.payload)
@@ -38,7 +40,8 @@ def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None
             continue
     if from_host is not False and frame.type in REQUESTS:
         try:
-            return REQUESTS[frame.type].unpack_known(frame.payload)[0]  # field note 1.8: what follows is ignored
+            # field note 1.8: what follows is ignored
+            return REQUESTS[frame.type].unpack_known(frame.payload)[0]
         except ValueError:
             pass
     return None
@@ -50,14 +53,21 @@ def describe(frame: Frame, from_host: bool | None = None) -> str:
     if isinstance(said, Ack):
         text = f"{said.name} (0x{said:04X})"
     elif said is None:
-        text = f"{len(frame.payload)} bytes: {frame.payload[:64].hex(' ')}{'…' if len(frame.payload) > 64 else ''}"
+        text = (
+            f"{len(frame.payload)} bytes: "
+            f"{frame.payload[:64].hex(' ')}{'…' if len(frame.payload) > 64 else ''}"
+        )
     else:
         text = _fields(said)
-    return f"{frame.id:>10}  {type_name(frame.request_type):<22}{'ACK ' if frame.is_ack else ''}{text}".rstrip()
+    return (
+        f"{frame.id:>10}  {type_name(frame.request_type):<22}{'ACK ' if frame.is_ack else ''}{text}"
+    ).rstrip()
 
 
 def _fields(payload: Payload) -> str:
-    return "  ".join(f"{name}={_short(value)}" for name, value in vars(payload).items() if value is not None)
+    return "  ".join(
+        f"{name}={_short(value)}" for name, value in vars(payload).items() if value is not None
+    )
 
 
 def _short(value: Any) -> str:
@@ -75,13 +85,16 @@ def read_capture(content: bytes) -> Iterator[str]:
         yield describe(frame)
     if decoder.skipped or decoder.pending or not count:
         yield (
-            f"{count} frames; {decoder.skipped} bytes in no frame, {decoder.damaged} frames with a wrong checksum, "
-            f"{decoder.pending} bytes of an unfinished frame at the end"
+            f"{count} frames; {decoder.skipped} bytes in no frame, {decoder.damaged} frames "
+            f"with a wrong checksum, {decoder.pending} bytes of an unfinished frame at the end"
         )
 
 
-def relay(device: Any, link: "PtyLink", say: Callable[[str], None], until: Callable[[], bool]) -> None:
-    """Copy between a device's port (pyserial) and a pseudo-terminal, telling of each frame, until that is True."""
+def relay(
+    device: Any, link: "PtyLink", say: Callable[[str], None], until: Callable[[], bool]
+) -> None:
+    """Copy between a device's port (pyserial) and a pseudo-terminal, telling of each frame, until
+    that is True."""
     began = time.monotonic()
     decoders = {True: FrameDecoder(), False: FrameDecoder()}
     device.timeout = 0

@@ -30,7 +30,9 @@ _STOPS = {
     HARD_STOP_GENERAL: "the E-stop was pressed",
     HARD_STOP_UPPER: "motor {} ran into its upper limit switch",
     HARD_STOP_LOWER: "motor {} ran into its lower limit switch",
-    HARD_STOP_FAULT: "a fault in the firmware or a driver (framestep status and the REPL tell more)",
+    HARD_STOP_FAULT: (
+        "a fault in the firmware or a driver (framestep status and the REPL tell more)"
+    ),
 }
 
 
@@ -41,7 +43,8 @@ class Stopped(ClientError):
 
 
 class State(NamedTuple):
-    """`condition` is None for a device that does not tell it; `exceeded` where nothing was asked too much of."""
+    """`condition` is None for a device that does not tell it; `exceeded` where nothing was asked
+    too much of."""
 
     info: DeviceInfo
     moving: list[int]
@@ -87,7 +90,9 @@ def why_stopped(client: Client) -> str:
     """Why motors have come to rest before they were to."""
     told = client.take_event(HardStop)
     if told:
-        return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(told.motor)
+        return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(
+            told.motor
+        )
     return "another program or a soft limit stopped it"
 
 
@@ -112,7 +117,9 @@ def _conditions(state: State) -> list[str]:
         return [_NOT_TOLD]
     found = texts.conditions(state.condition.bits)
     if state.exceeded:
-        found += texts.exceeded(state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by)
+        found += texts.exceeded(
+            state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by
+        )
     if any(each.state == LOST for each in state.condition.positions):
         found.append(texts.LIMITS_COUNT)
     return found
@@ -122,7 +129,10 @@ def lines(state: State) -> list[str]:
     """As text."""
     found = [_heading(state.info)]
     for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
-        found.append(f"motor {motor}: {steps}{', moving' if motor in state.moving else ''}{trust and f', {trust}'}")
+        found.append(
+            f"motor {motor}: {steps}{', moving' if motor in state.moving else ''}"
+            f"{trust and f', {trust}'}"
+        )
     return found + _conditions(state)
 
 

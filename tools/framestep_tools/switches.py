@@ -1,4 +1,5 @@
-"""Inputs as a device sees them: the E-stop, limit switches, general inputs; as lines, as a table, or for programs."""
+"""Inputs as a device sees them: the E-stop, limit switches, general inputs; as lines, as a table,
+or for programs."""
 
 from typing import Any, NamedTuple
 
@@ -9,8 +10,8 @@ from .payloads import GetCondition, GetExceeded, GioIn
 
 
 class Switches(NamedTuple):
-    """`estop`: whether it is held; `limits`: for each set whether its upper and its lower switch are active. None where
-    the device does not tell."""
+    """`estop`: whether it is held; `limits`: for each set whether its upper and its lower switch
+    are active. None where the device does not tell."""
 
     estop: bool | None
     limits: list[tuple[bool, bool]] | None
@@ -30,7 +31,11 @@ def ask(client: Client) -> Switches:
     if told.upper_active is None or told.lower_active is None:
         return Switches(estop, None, inputs)
     sets = range(info.limit_sets)
-    return Switches(estop, [(bool(told.upper_active >> i & 1), bool(told.lower_active >> i & 1)) for i in sets], inputs)
+    return Switches(
+        estop,
+        [(bool(told.upper_active >> i & 1), bool(told.lower_active >> i & 1)) for i in sets],
+        inputs,
+    )
 
 
 def _rows(found: Switches) -> list[tuple[str, str]]:
@@ -47,7 +52,11 @@ def _rows(found: Switches) -> list[tuple[str, str]]:
 def lines(found: Switches) -> list[str]:
     """As text."""
     told = [f"{what}: {how}" for what, how in _rows(found)]
-    return told if found.limits is not None else [*told, "this device does not tell its limit switches"]
+    return (
+        told
+        if found.limits is not None
+        else [*told, "this device does not tell its limit switches"]
+    )
 
 
 def table(found: Switches) -> Any:

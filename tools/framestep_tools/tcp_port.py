@@ -1,4 +1,5 @@
-"""A connection over TCP with the face of a serial port, as Client takes it. Works on every system alike."""
+"""A connection over TCP with the face of a serial port, as Client takes it. Works on every system
+alike."""
 
 import select
 import socket
@@ -13,13 +14,19 @@ _TAKE_S = 10.0  # one that takes nothing for so long has gone
 class TcpPort:
     """A raw TCP connection to a board's port (`make sim`, `make emu`, a serial server).
 
-    read() and write() raise ConnectionError once the other side has gone, write() TimeoutError if it takes nothing.
+    read() and write() raise ConnectionError once the other side has gone, write() TimeoutError if
+    it takes nothing.
     """
 
     def __init__(self, url: str, timeout: float | None = None):
         """`socket://HOST:PORT`; ValueError for another address, OSError if nobody is there."""
         parts = urlsplit(url)
-        if not url.startswith(SCHEME) or not parts.hostname or parts.port is None or parts.path not in ("", "/"):
+        if (
+            not url.startswith(SCHEME)
+            or not parts.hostname
+            or parts.port is None
+            or parts.path not in ("", "/")
+        ):
             raise ValueError(f"expected {SCHEME}HOST:PORT, found {url}")
         self.port = url
         self.timeout = timeout
@@ -29,7 +36,8 @@ class TcpPort:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes: those that come within `timeout` seconds, None waits for all of them."""
+        """Up to `size` bytes: those that come within `timeout` seconds, None waits for all of
+        them."""
         deadline = None if self.timeout is None else time.monotonic() + self.timeout
         data = bytearray()
         while len(data) < size:

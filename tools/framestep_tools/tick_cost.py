@@ -1,8 +1,9 @@
-"""What the parts of a tick cost on the emulated board: `python -m framestep_tools.tick_cost`, and part of `make bench`.
+"""What the parts of a tick cost on the emulated board: `python -m framestep_tools.tick_cost`, and
+part of `make bench`.
 
-The kernel runs alone, from RAM, with motors that are given one long segment each; what a motor adds is the difference
-between eight of them and none. Times are those of the whole interrupt, from the processor's entry to its return, by the
-emulator's count of cycles.
+The kernel runs alone, from RAM, with motors that are given one long segment each; what a motor adds
+is the difference between eight of them and none. Times are those of the whole interrupt, from the
+processor's entry to its return, by the emulator's count of cycles.
 """
 
 from collections.abc import Iterable, Sequence
@@ -57,11 +58,15 @@ _MOTIONS = (
 
 
 def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
-    """[(what, microseconds)]: the interrupt by itself, the tick with all motors at rest, what a motor adds."""
+    """[(what, microseconds)]: the interrupt by itself, the tick with all motors at rest, what a
+    motor adds."""
     from framestep.motion import stepper
     from framestep_emulator import Emulator
 
-    names = {name: getattr(stepper, name) for name in ("TAIL", "POSITION", "MODE", "LEFT", "VELOCITY", "FRACTION")}
+    names = {
+        name: getattr(stepper, name)
+        for name in ("TAIL", "POSITION", "MODE", "LEFT", "VELOCITY", "FRACTION")
+    }
     names["RUN_START"] = stepper.RUN | stepper.START
     files = {name: data for name, data in board_files().items() if name != "/main.py"}
     found: list[tuple[str, float]] = []

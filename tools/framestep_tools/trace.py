@@ -1,10 +1,13 @@
 """What came out of a board's pins, as CSV and as arrays.
 
-A trace is CSV with the header `time_ns,signal,value`, written as it happens and in the order of time:
+A trace is CSV with the header `time_ns,signal,value`, written as it happens and in the order of
+time:
 
-    m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting direction
+    m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting
+                   direction
     dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
-    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each motor has its own)
+    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each
+                                             motor has its own)
 
 Times are nanoseconds of the board's own (virtual) time.
 """
@@ -40,7 +43,8 @@ class TraceError(ToolError):
 
 @dataclass(frozen=True)
 class BoardPins:
-    """A board's pin map (boards/<board>/board.json): pins of the motors in their order, and the level signals."""
+    """A board's pin map (boards/<board>/board.json): pins of the motors in their order, and the
+    level signals."""
 
     step: tuple[int, ...]
     dir: tuple[int, ...]
@@ -53,8 +57,9 @@ class BoardPins:
 
 
 def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
-    """Read the pin map of a board by the name of its folder in boards/, as it is with this rig file's settings;
-    ToolError if there is none. With a mistake in the rig file the defaults hold, as on the board."""
+    """Read the pin map of a board by the name of its folder in boards/, as it is with this rig
+    file's settings; ToolError if there is none. With a mistake in the rig file the defaults hold,
+    as on the board."""
     data = board_data(name)
     try:
         try:
@@ -64,7 +69,9 @@ def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> Boar
         levels = {pin: f"dir{i}" for i, pin in enumerate(board["dir"], 1)}
         enable = board["enable"]
         levels |= (
-            {pin: f"enable{i}" for i, pin in enumerate(enable, 1)} if isinstance(enable, list) else {enable: "enable"}
+            {pin: f"enable{i}" for i, pin in enumerate(enable, 1)}
+            if isinstance(enable, list)
+            else {enable: "enable"}
         )
         levels |= pin_names(board)
         return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
@@ -77,8 +84,9 @@ def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> Boar
 class PinDecoder:
     """Turns records of pin levels (fields t, pin, level) into signals, chunk after chunk.
 
-    The first record of a pin is the level that it had when the trace began, as the emulator writes it. A motor's
-    step counts +1 while its direction pin is high, or low for the motors in `inverted` (numbers from 1).
+    The first record of a pin is the level that it had when the trace began, as the emulator writes
+    it. A motor's step counts +1 while its direction pin is high, or low for the motors in
+    `inverted` (numbers from 1).
     """
 
     def __init__(self, board: BoardPins, inverted: Iterable[int] = ()):
@@ -113,7 +121,8 @@ class PinDecoder:
 
 
 class TraceWriter:
-    """Writes a trace as it happens. Edges may come in any order up to the time that `release` has been told."""
+    """Writes a trace as it happens. Edges may come in any order up to the time that `release` has
+    been told."""
 
     def __init__(self, file: str | os.PathLike | TextIO):
         self.file: TextIO = open(file, "w") if isinstance(file, str | os.PathLike) else file  # noqa: SIM115
@@ -171,7 +180,8 @@ class Trace:
 
     @classmethod
     def from_records(cls, records: np.ndarray, board: BoardPins) -> "Trace":
-        """Make a trace of all records of pin levels of a run (see PinDecoder), much faster than edge by edge."""
+        """Make a trace of all records of pin levels of a run (see PinDecoder), much faster than
+        edge by edge."""
         signals = {}
         for pin, name in board.levels.items():
             mine = records[records["pin"] == pin]
@@ -180,7 +190,9 @@ class Trace:
             mine = records[records["pin"] == step][1:]  # the first one is the level before
             times = mine["t"][mine["level"] == 1].astype(np.int64)
             turns = records[records["pin"] == direction]
-            level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(np.int64)
+            level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(
+                np.int64
+            )
             if len(times):
                 signals[f"m{motor}"] = times, 2 * level - 1
         return cls(signals)
@@ -199,7 +211,9 @@ class Trace:
             try:
                 rows = np.loadtxt(file, dtype=_ROW, delimiter=",", ndmin=1)
             except ValueError as error:
-                raise TraceError(f"{path}: expected rows of time, signal and value: {error}") from None
+                raise TraceError(
+                    f"{path}: expected rows of time, signal and value: {error}"
+                ) from None
         signals = {}
         for signal in np.unique(rows["signal"]):
             mine = rows[rows["signal"] == signal]
@@ -216,11 +230,14 @@ class Trace:
         return self.signals.get(f"m{motor}", (np.zeros(0, np.int64), np.zeros(0, np.int64)))
 
     def positions(self, motor: int, start: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Times of a motor's steps and its position in steps after each, `start` being the one before the first."""
+        """Times of a motor's steps and its position in steps after each, `start` being the one
+        before the first."""
         times, signs = self.steps(motor)
         return times, start + np.cumsum(signs)
 
-    def position_at(self, motor: int, times_ns: np.ndarray | Sequence[int], start: int = 0) -> np.ndarray:
+    def position_at(
+        self, motor: int, times_ns: np.ndarray | Sequence[int], start: int = 0
+    ) -> np.ndarray:
         """The motor's position at these moments; a step at exactly that time has been made."""
         times, positions = self.positions(motor, start)
         made = np.searchsorted(times, times_ns, side="right")

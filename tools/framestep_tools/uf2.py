@@ -1,8 +1,10 @@
-"""UF2 files: what is dropped onto a board's drive. Read them, look into MicroPython's, join one with a file system.
+"""UF2 files: what is dropped onto a board's drive. Read them, look into MicroPython's, join one
+with a file system.
 
-The format is that of https://github.com/microsoft/uf2: blocks of 512 bytes, each with up to 256 bytes for an address
-in flash. What the firmware in one says of itself (pico-sdk's "binary info": its version, where its file system lies)
-is read from the image, so no board's numbers are kept here.
+The format is that of https://github.com/microsoft/uf2: blocks of 512 bytes, each with up to 256
+bytes for an address in flash. What the firmware in one says of itself (pico-sdk's "binary info":
+its version, where its file system lies) is read from the image, so no board's numbers are kept
+here.
 """
 
 import struct
@@ -11,7 +13,8 @@ from dataclasses import dataclass, field
 
 from .errors import ToolError
 
-RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59  # families; the second: ARM, secure (RP2350 datasheet, 5.5.3)
+# families; the second: ARM, secure (RP2350 datasheet, 5.5.3)
+RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
 CHIPS = {RP2040: "rp2040", RP2350: "rp2350"}
 FLASH = 0x1000_0000
 PAGE = 256
@@ -44,7 +47,8 @@ class DeviceArea:
 
 @dataclass
 class Image:
-    """What a UF2 file puts into the flash: {address: up to 256 bytes}. `others` are blocks for another family."""
+    """What a UF2 file puts into the flash: {address: up to 256 bytes}. `others` are blocks for
+    another family."""
 
     family: int
     pages: dict[int, bytes] = field(default_factory=dict)
@@ -71,8 +75,8 @@ class Image:
         return self.read(FLASH, max(self.pages, default=FLASH) + PAGE - FLASH)
 
     def put(self, address: int, data: bytes) -> None:
-        """Put data over what is there, from the start of a page. Pages of nothing but 0xFF are given where their sector
-        holds something: the sector is erased as a whole."""
+        """Put data over what is there, from the start of a page. Pages of nothing but 0xFF are
+        given where their sector holds something: the sector is erased as a whole."""
         for at in range(0, len(data), SECTOR):
             sector = data[at : at + SECTOR]
             if sector.count(0xFF) == len(sector):
@@ -125,9 +129,13 @@ class Image:
 
 
 def parse(content: bytes, name: str) -> Image:
-    """The image in a UF2 file's content; Uf2Error if it is none, is cut short, or is for several chips at once."""
+    """The image in a UF2 file's content; Uf2Error if it is none, is cut short, or is for several
+    chips at once."""
     if not content or len(content) % _BLOCK.size:
-        raise Uf2Error(f"{name} is no UF2 file: it has {len(content)} bytes, expected a multiple of {_BLOCK.size}")
+        raise Uf2Error(
+            f"{name} is no UF2 file: it has {len(content)} bytes, "
+            f"expected a multiple of {_BLOCK.size}"
+        )
     images: dict[int, Image] = {}
     raw: list[tuple[int, bytes]] = []
     blocks: dict[int, set[int]] = {}
@@ -146,15 +154,23 @@ def parse(content: bytes, name: str) -> Image:
     mine = [family for family in images if family in CHIPS]
     if len(mine) != 1:
         found = ", ".join(f"0x{family:08X}" for family in images) or "none"
-        raise Uf2Error(f"{name}: expected a UF2 file for RP2040 or RP2350 (ARM), found families {found}")
+        raise Uf2Error(
+            f"{name}: expected a UF2 file for RP2040 or RP2350 (ARM), found families {found}"
+        )
     image = images[mine[0]]
     there, wanted = len(blocks[image.family]), totals[image.family]
     if there < wanted:
-        raise Uf2Error(f"{name} is cut short: it has {there} of {wanted} blocks; download or copy it again")
-    image.others = [block for family, block in raw if family != image.family]  # errata's block of an RP2350
+        raise Uf2Error(
+            f"{name} is cut short: it has {there} of {wanted} blocks; download or copy it again"
+        )
+    # errata's block of an RP2350
+    image.others = [block for family, block in raw if family != image.family]
     return image
 
 
 def from_flash(data: bytes, family: int) -> Image:
     """The image of a flash's content from its start."""
-    return Image(family, {FLASH + at: data[at : at + PAGE].ljust(PAGE, b"\0") for at in range(0, len(data), PAGE)})
+    return Image(
+        family,
+        {FLASH + at: data[at : at + PAGE].ljust(PAGE, b"\0") for at in range(0, len(data), PAGE)},
+    )

@@ -1,9 +1,11 @@
-"""What the kinematics of the virtual axes cost on the emulated board: `python -m framestep_tools.virtual_cost`.
+"""What the kinematics of the virtual axes cost on the emulated board: `python -m
+framestep_tools.virtual_cost`.
 
 Memory of their modules, and time of an update.
 
-One update is what a virtual axis in motion needs for a knot: inverse() of a boom-swing-track pose with nodal offset,
-and places(), the steps of the six motors, with a boom table. The time is that which the board's clock shows.
+One update is what a virtual axis in motion needs for a knot: inverse() of a boom-swing-track pose
+with nodal offset, and places(), the steps of the six motors, with a boom table. The time is that
+which the board's clock shows.
 """
 
 from collections.abc import Callable
@@ -40,13 +42,16 @@ t = time.ticks_diff(time.ticks_us(), t)
 micropython.heap_unlock()
 print(rig.inverse(), t)
 print(out)
-"""
+"""  # noqa: E501
 
 
 def virtual_update_us(run: Callable[[str], str]) -> float:
-    """Microseconds of an update; run: runs code on the board's REPL and gives back what it has printed."""
+    """Microseconds of an update; run: runs code on the board's REPL and gives back what it has
+    printed."""
     found = read(RIGS["the same, boom table"])
-    numbers = [list(n) for n in (found.motors, found.steps_per_unit, found.positions, found.lengths)]
+    numbers = [
+        list(n) for n in (found.motors, found.steps_per_unit, found.positions, found.lengths)
+    ]
     table = bytes(found.table[found.table_at :][: 4 * 121])
     code = _BOARD.format(registers=REGISTERS, numbers=numbers, table=table, updates=UPDATES)
     answers = run(code).split()
@@ -75,7 +80,8 @@ for name in ("aim", "x_y_z", "swing_pan", "y_swing_track", "boom_swing_track"):
 
 
 def memory(run: Callable[[str], str]) -> dict[str, int]:
-    """Bytes of a fresh board's memory by module; what both arms need counts for y_swing_track, the first."""
+    """Bytes of a fresh board's memory by module; what both arms need counts for y_swing_track, the
+    first."""
     return {name: int(size) for name, size in (line.split() for line in run(_MEMORY).splitlines())}
 
 
@@ -87,7 +93,9 @@ def main() -> None:
     files = {name: content for name, content in board_files().items() if name != "/main.py"}
     with Emulator(files=files) as emulator:
         print(
-            *(f"{name} {size}" for name, size in memory(emulator.repl().exec).items()), sep=" bytes, ", end=" bytes\n"
+            *(f"{name} {size}" for name, size in memory(emulator.repl().exec).items()),
+            sep=" bytes, ",
+            end=" bytes\n",
         )
     for label, args in (("", []), (", without the model of the flash cache", ["--xip-miss", "0"])):
         with Emulator(files=files, args=args) as emulator:

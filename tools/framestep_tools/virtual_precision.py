@@ -1,7 +1,9 @@
-"""How near the firmware's kinematics come to double precision: `python -m framestep_tools.virtual_precision`.
+"""How near the firmware's kinematics come to double precision: `python -m
+framestep_tools.virtual_precision`.
 
-The firmware's own code, run here (its numbers are integers, the same on every runtime), against virtual_reference over
-the whole reach of each rig: where the motors should stand for poses as VIRT_MOVE gives them, and where they are put.
+The firmware's own code, run here (its numbers are integers, the same on every runtime), against
+virtual_reference over the whole reach of each rig: where the motors should stand for poses as
+VIRT_MOVE gives them, and where they are put.
 """
 
 import importlib
@@ -24,7 +26,16 @@ from framestep.virtuals.registers import JOINT, POSE, REGISTERS
 from framestep.virtuals.requests import read_configuration
 
 from . import wire
-from .virtual_reference import BOOM_SWING_TRACK, NAMES, SWING_PAN, X_Y_Z, Y_SWING_TRACK, Axis, Numbers, Rig
+from .virtual_reference import (
+    BOOM_SWING_TRACK,
+    NAMES,
+    SWING_PAN,
+    X_Y_Z,
+    Y_SWING_TRACK,
+    Axis,
+    Numbers,
+    Rig,
+)
 
 MODULES = {
     BOOM_SWING_TRACK: "boom_swing_track",
@@ -41,12 +52,21 @@ _TABLE = tuple(round(2000 * k + 3 * k * k) for k in range(-60, 61))
 
 # A track of 20 m and heights of 2 m at 1000 steps to the millimetre, angles at 2000 to the degree
 RIGS = {
-    "boom-swing-track": Rig(1, (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL),
+    "boom-swing-track": Rig(
+        1, (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL
+    ),
     "the same, boom table": Rig(
-        1, (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL, _TABLE
+        1,
+        (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD),
+        1200.0,
+        300.0,
+        _NODAL,
+        _TABLE,
     ),
     "swing-pan": Rig(2, (Axis(1, 2000.0), Axis(4, 2000.0))),
-    "Y-swing-track": Rig(3, (Axis(1, 1000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL),
+    "Y-swing-track": Rig(
+        3, (Axis(1, 1000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL
+    ),
     "X-Y-Z": Rig(4, (Axis(1, 1000.0), Axis(2, 1000.0), Axis(3, 1000.0), *_HEAD), nodal=_NODAL),
 }
 
@@ -83,7 +103,8 @@ def read(rig: Rig) -> Configuration:
 
 
 class Firmware:
-    """The firmware's Geometry of a type, with double-precision numbers in and out. Refused where it gives a code."""
+    """The firmware's Geometry of a type, with double-precision numbers in and out. Refused where it
+    gives a code."""
 
     def __init__(self, kind: int):
         self.r = array("i", [0] * REGISTERS)
@@ -157,7 +178,8 @@ class Firmware:
 
 
 def joints(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
-    """Joints over a rig's whole reach, boom and swing up to ±limit degrees, the swing on either side of the column."""
+    """Joints over a rig's whole reach, boom and swing up to ±limit degrees, the swing on either
+    side of the column."""
     random = np.random.default_rng(seed)
     spans = {
         "TRACK": 20000,
@@ -179,11 +201,17 @@ def joints(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
     return out
 
 
-def cases(rig: Rig, count: int, limit: float, seed: int = 1) -> list[tuple[dict[int, int], np.ndarray, np.ndarray]]:
-    """Steps at which the motors stand, a pose that VIRT_MOVE can ask for, and the steps that it takes."""
+def cases(
+    rig: Rig, count: int, limit: float, seed: int = 1
+) -> list[tuple[dict[int, int], np.ndarray, np.ndarray]]:
+    """Steps at which the motors stand, a pose that VIRT_MOVE can ask for, and the steps that it
+    takes."""
     found = []
     for near in joints(rig, count, limit, seed):
-        stand = {axis.motor: int(step) for axis, step in zip(rig.axes, rig.steps(near).round(), strict=True)}
+        stand = {
+            axis.motor: int(step)
+            for axis, step in zip(rig.axes, rig.steps(near).round(), strict=True)
+        }
         near = rig.joints(list(stand.values()))
         pose = rig.forward(near).round(5)
         found.append((stand, pose, rig.steps(rig.inverse(pose, near))))
@@ -207,10 +235,14 @@ def main(count: Annotated[int, typer.Option(help="Poses per rig and band.")] = 5
     for heading in ("rig", "boom, swing to", *(f"axis {i + 1}" for i in range(6))):
         out.add_column(heading)
     for name, rig in RIGS.items():
-        bands: Sequence[int] = BANDS if rig.kind in (BOOM_SWING_TRACK, Y_SWING_TRACK) else BANDS[-1:]
+        bands: Sequence[int] = (
+            BANDS if rig.kind in (BOOM_SWING_TRACK, Y_SWING_TRACK) else BANDS[-1:]
+        )
         for limit in bands:
             worst = errors(rig, count, limit).max(axis=0)
-            out.add_row(name, f"±{limit}°" if len(bands) > 1 else "", *(f"{error:.4f}" for error in worst))
+            out.add_row(
+                name, f"±{limit}°" if len(bands) > 1 else "", *(f"{error:.4f}" for error in worst)
+            )
     Console(width=120).print(out)
 
 

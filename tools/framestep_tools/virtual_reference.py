@@ -1,12 +1,13 @@
 """The virtual axes in double precision, written from the field notes and not from the firmware.
 
-For tests, judges and drawings. World: X = EW, Y = NS (up), Z = track; the camera at rest looks along -Z.
-Angles are degrees.
+For tests, judges and drawings. World: X = EW, Y = NS (up), Z = track; the camera at rest looks
+along -Z. Angles are degrees.
 
     rig = Rig(kind=1, axes=(Axis(1, 1000.0, 0.0), ...), length=857.7, extension=78.0)
     rig.payload()                      VIRT_CONFIG
     rig.forward(joints)                pose, as the joints make it
-    rig.told(pose)                     the same as the host counts it, from what it has told in the payload
+    rig.told(pose)                     the same as the host counts it, from what it has told in the
+                                       payload
     rig.meant(told)                    the other way
     rig.inverse(pose, near=joints)     joints, on the side of the rig that `near` is on; Unreachable
     rig.steps(joints)                  motor steps, as real numbers
@@ -30,7 +31,17 @@ NAMES = {
 }
 POSE = ("vTrack", "vEW", "vNS", "vPan", "vTilt", "vRoll")
 STRAIGHT = ("TRACK", "X", "Y", "Z")
-POSITION_OF = {"BOOM": 2, "SWING": 1, "TRACK": 0, "X": 1, "Y": 2, "Z": 0, "PAN": 3, "TILT": 4, "ROLL": 5}  # in a pose
+POSITION_OF = {
+    "BOOM": 2,
+    "SWING": 1,
+    "TRACK": 0,
+    "X": 1,
+    "Y": 2,
+    "Z": 0,
+    "PAN": 3,
+    "TILT": 4,
+    "ROLL": 5,
+}  # in a pose
 TABLE_ANGLES = np.arange(-60.0, 61.0)
 
 # From the frame of Rz(pan)·Rx(tilt)·Ry(roll), x right, y forward, z up, to the world's X, Y, Z
@@ -43,10 +54,11 @@ class Unreachable(ValueError):
 
 @dataclass(frozen=True)
 class Axis:
-    """motor: its number, 0 for none. position: `pos` of VIRT_CONFIG, a number of the pose at that moment.
+    """motor: its number, 0 for none. position: `pos` of VIRT_CONFIG, a number of the pose at that
+    moment.
 
-    step: where the motor stands then. A joint that turns is steps / steps_per_unit (less whole turns of `step`), a
-    straight one the same from `step` on; without a motor it is 0.
+    step: where the motor stands then. A joint that turns is steps / steps_per_unit (less whole
+    turns of `step`), a straight one the same from `step` on; without a motor it is 0.
     """
 
     motor: int
@@ -56,7 +68,8 @@ class Axis:
 
 
 def rotation(pan: float, tilt: float, roll: float) -> np.ndarray:
-    """Of the camera, from its own frame (x right, y forward, z up) to the same frame at rest (field note 9.4)."""
+    """Of the camera, from its own frame (x right, y forward, z up) to the same frame at rest (field
+    note 9.4)."""
     (cp, ct, cr), (sp, st, sr) = (f(np.radians([pan, tilt, roll])) for f in (np.cos, np.sin))
     rz = np.array([[cp, -sp, 0.0], [sp, cp, 0.0], [0.0, 0.0, 1.0]])
     rx = np.array([[1.0, 0.0, 0.0], [0.0, ct, -st], [0.0, st, ct]])
@@ -76,7 +89,8 @@ def world(pose: Numbers) -> np.ndarray:
 
 
 def aim(place: Numbers, point: Numbers, safe: float = 0.0) -> tuple[float, float]:
-    """Pan and tilt from a place to an aim point, both X, Y, Z; Unreachable within `safe`, a vertical cylinder."""
+    """Pan and tilt from a place to an aim point, both X, Y, Z; Unreachable within `safe`, a
+    vertical cylinder."""
     x, y, z = np.asarray(point, float) - np.asarray(place, float)
     level = float(np.hypot(x, z))
     if level < safe or level == 0.0:
@@ -91,7 +105,8 @@ def looks(pan: float, tilt: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Rig:
-    """A virtual configuration. axes: in the order of the type's name. nodal: x right, y forward, z up."""
+    """A virtual configuration. axes: in the order of the type's name. nodal: x right, y forward, z
+    up."""
 
     kind: int
     axes: tuple[Axis, ...]
@@ -142,10 +157,13 @@ class Rig:
         """Reach and height for the boom's angle or the column's place."""
         if self.kind == Y_SWING_TRACK:
             return self.length + self.extension, first
-        return self.length * np.cos(np.radians(first)) + self.extension, self.length * np.sin(np.radians(first))
+        return self.length * np.cos(np.radians(first)) + self.extension, self.length * np.sin(
+            np.radians(first)
+        )
 
     def inverse(self, pose: Numbers, near: Numbers | None = None) -> np.ndarray:
-        """Joints for a pose. near: joints of before; the swing stays on their side, swing-pan's where it is."""
+        """Joints for a pose. near: joints of before; the swing stays on their side, swing-pan's
+        where it is."""
         p = np.asarray(pose, float)
         old = np.zeros(len(self.axes)) if near is None else np.asarray(near, float)
         if self.kind == SWING_PAN:
@@ -164,7 +182,9 @@ class Rig:
         # the arc sine, on the half turn of `old`, so that the swing never crosses ±90°, ±270° ...
         half = np.round(old[1] / 180.0)
         swing = 180.0 * half + (-1.0) ** half * np.degrees(np.arcsin(x / reach))
-        return np.array([first, swing, z + reach * np.cos(np.radians(swing)), p[3] - swing, p[4], p[5]])
+        return np.array(
+            [first, swing, z + reach * np.cos(np.radians(swing)), p[3] - swing, p[4], p[5]]
+        )
 
     @functools.cached_property
     def home(self) -> np.ndarray:
@@ -190,7 +210,8 @@ class Rig:
         return out - self.forward(self.home)
 
     def told(self, pose: Numbers) -> np.ndarray:
-        """What the host is told for a pose: that of VIRT_CONFIG and what forward() has changed by since (note 9.2)."""
+        """What the host is told for a pose: that of VIRT_CONFIG and what forward() has changed by
+        since (note 9.2)."""
         return np.asarray(pose, float) + self._shift
 
     def meant(self, told: Numbers) -> np.ndarray:
@@ -198,7 +219,8 @@ class Rig:
         return np.asarray(told, float) - self._shift
 
     def steps(self, joints: Numbers) -> np.ndarray:
-        """Steps of the motors of the axes, 0 where there is none; Unreachable where the boom is off its table."""
+        """Steps of the motors of the axes, 0 where there is none; Unreachable where the boom is off
+        its table."""
         out = np.array(
             [
                 a.step + (q - h) * a.steps_per_unit if a.motor else 0.0

@@ -37,7 +37,8 @@ class Frame(NamedTuple):
 
 
 def checksum(data: bytes | bytearray) -> int:
-    """Fletcher-16, K=8, modulus 255: 0 over a whole undamaged message (spec: Computing and Validating the Checksum)."""
+    """Fletcher-16, K=8, modulus 255: 0 over a whole undamaged message (spec: Computing and
+    Validating the Checksum)."""
     return sum(accumulate(data)) % 255 << 8 | sum(data) % 255
 
 
@@ -45,7 +46,8 @@ def encode(type: int, payload: bytes = b"", id: int = 0) -> bytes:
     """The bytes of one message; ValueError for a payload that the length field cannot hold."""
     if len(payload) > MAX_PAYLOAD:
         raise ValueError(
-            f"a payload holds at most {MAX_PAYLOAD} bytes, this one has {len(payload)}: send it in sections"
+            f"a payload holds at most {MAX_PAYLOAD} bytes, "
+            f"this one has {len(payload)}: send it in sections"
         )
     body = _HEADER.pack(MARKER, id, type, len(payload)) + payload
     sum2, sum1 = divmod(checksum(body), 256)
@@ -59,7 +61,8 @@ class FrameDecoder:
 
     `skipped` counts bytes that belonged to no good frame and `damaged` the frames with a wrong
     checksum. After either the search goes on at the byte behind the marker, so that a good frame
-    inside a damaged one is found. An announced payload of more than `max_payload` bytes is taken for noise.
+    inside a damaged one is found. An announced payload of more than `max_payload` bytes is taken
+    for noise.
     """
 
     def __init__(self, max_payload: int = 4096):

@@ -1,4 +1,5 @@
-"""What stands for parts that a board has not, or that its rig does without: see framestep.hal.contract."""
+"""What stands for parts that a board has not, or that its rig does without: see
+framestep.hal.contract."""
 
 
 class NoWatchdog:

@@ -1,15 +1,16 @@
 """What framestep needs of a chip: the classes of a HAL. docs/new-chip.md says how to write one.
 
-This module is not put on a board, so a HAL does not inherit from it. host_tests/hal/test_contract.py
-checks that every HAL has these names and parameters, and that nothing above the HAL uses others.
-After Hal.start() nothing allocates.
+This module is not put on a board, so a HAL does not inherit from it.
+host_tests/hal/test_contract.py checks that every HAL has these names and parameters, and that
+nothing above the HAL uses others. After Hal.start() nothing allocates.
 
 What the tick has to know of the chip's pulse engine is in engine.py.
 """
 
 
 class Hal:
-    """A board, made once, by boot, from its data and a framestep.rig.Rig. The drivers are off at first.
+    """A board, made once, by boot, from its data and a framestep.rig.Rig. The drivers are off at
+    first.
 
     motors          how many there are
     board           the board's data: boards/<board>/board.json as a dictionary, with what this rig
@@ -24,8 +25,8 @@ class Hal:
     inside          array of words; [PASS] is 1 while the main loop is in a pass
     passes          machine.Timer, not started, whose callbacks come from MicroPython's scheduler,
                     for runner.py
-    report_driver   report_driver(motor, text) prints on the REPL what the driver of a motor (from 1)
-                    does; set by the runner
+    report_driver   report_driver(motor, text) prints on the REPL what the driver of a motor (from
+                    1) does; set by the runner
     """
 
     def start(self):
@@ -45,7 +46,8 @@ class Hal:
         raise NotImplementedError
 
     def enable(self, motor, on):
-        """Switch a motor's driver on or off. Drivers that share a pin are on while any of them is."""
+        """Switch a motor's driver on or off. Drivers that share a pin are on while any of them
+        is."""
         raise NotImplementedError
 
     def led(self, colour):
@@ -64,7 +66,8 @@ class Hal:
         raise NotImplementedError
 
     def drive(self, high, low):
-        """Drive the pins of these bits high and low, all at once. Interrupt handlers may call it."""
+        """Drive the pins of these bits high and low, all at once. Interrupt handlers may call
+        it."""
         raise NotImplementedError
 
     def levels(self):
@@ -72,9 +75,9 @@ class Hal:
         raise NotImplementedError
 
     def pass_callback(self, work):
-        """A function of one argument that calls work, which is a pass, from MicroPython's scheduler:
-        with all of the stack, whatever a program on the REPL has taken of it, and with inside[PASS] at 1.
-        work must not raise. Allocates."""
+        """A function of one argument that calls work, which is a pass, from MicroPython's
+        scheduler: with all of the stack, whatever a program on the REPL has taken of it, and with
+        inside[PASS] at 1. work must not raise. Allocates."""
         return work
 
     def watch(self, bits, handler):
@@ -96,7 +99,8 @@ class Hal:
         raise NotImplementedError
 
     def ready(self):
-        """False while the chip may let go of a pin, as the RP2040 B1 does after a reset of the USB bus.
+        """False while the chip may let go of a pin, as the RP2040 B1 does after a reset of the USB
+        bus.
 
         Nothing is to be started then.
         """

@@ -2,17 +2,18 @@
 
 This is the engine of the RP2040 and RP2350, a PIO state machine for each motor (rp2_pulses.py). A
 chip with another engine has a module with the same names, which the build puts in this one's place:
-see boards/chips.json and docs/new-chip.md. The build folds imported constants and drops the branches
-of the tick that are for another kind of engine, so both cost nothing.
+see boards/chips.json and docs/new-chip.md. The build folds imported constants and drops the
+branches of the tick that are for another kind of engine, so both cost nothing.
 
 A command is a 32-bit word with the fields below: the direction, how many pulses, the gap before
-each, how wide they are. The engine executes one after the other on its own clock. With n pulses, the
-last rising edge comes
+each, how wide they are. The engine executes one after the other on its own clock. With n pulses,
+the last rising edge comes
 
     COMMAND_CYCLES + n·(gap + PERIOD_CYCLES + width·WIDTH_CYCLES)
 
-after the rising edge before the command; each pulse is HIGH_CYCLES + width·WIDTH_CYCLES high. Without pulses the
-command is a wait of gap + WAIT_CYCLES. The tick leaves SPARE_CYCLES at least from the end of a wait to the next edge.
+after the rising edge before the command; each pulse is HIGH_CYCLES + width·WIDTH_CYCLES high.
+Without pulses the command is a wait of gap + WAIT_CYCLES. The tick leaves SPARE_CYCLES at least
+from the end of a wait to the next edge.
 """
 
 from framestep.native import const
@@ -35,8 +36,8 @@ WIDTH_CYCLES = const(32)
 TURN_CYCLES = const(-1)  # from the end of a pulse to where the next command changes the direction
 SPARE_CYCLES = const(16)
 
-# Time. A tick takes up to three commands, and those of LEAD + 1 ticks fit what can wait when the engine has fetched
-# one of them; SHORT_US is the time by which it is sure to have done so.
+# Time. A tick takes up to three commands, and those of LEAD + 1 ticks fit what can wait when the
+# engine has fetched one of them; SHORT_US is the time by which it is sure to have done so.
 LEAD = const(2)  # ticks from the tick that commands pulses to these pulses, less SHORT_US
 SHORT_US = const(100)
 TICK_COST_US = const(80)  # from a late tick's first line to the last motor's first command
@@ -44,7 +45,8 @@ CUE_DELAY_US = const(12)  # from the beginning of a tick to its change of output
 COMMANDS = const(8)  # that can wait for each motor
 BATCH = const(1)  # ticks done at a time, at most
 
-# How commands and outputs get out. 0: a command is written to a register of the motor, outputs change by a register
-# that raises the pins of a mask and one that lowers them. 1: each motor has a ring of COMMANDS words (a power of 2) in
-# memory with the count of those ever put behind it, outputs are a word of levels; all the pins' bits lie below 2^30.
+# How commands and outputs get out. 0: a command is written to a register of the motor, outputs
+# change by a register that raises the pins of a mask and one that lowers them. 1: each motor has a
+# ring of COMMANDS words (a power of 2) in memory with the count of those ever put behind it,
+# outputs are a word of levels; all the pins' bits lie below 2^30.
 RING = const(0)

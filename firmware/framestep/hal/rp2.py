@@ -11,7 +11,14 @@ from micropython import alloc_emergency_exception_buf
 from framestep.hal import PASS
 from framestep.hal.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
-from framestep.hal.rp2_pins import CLEAR_REGISTER, SET_REGISTER, drive, drivers_off, enable_pins, levels
+from framestep.hal.rp2_pins import (
+    CLEAR_REGISTER,
+    SET_REGISTER,
+    drive,
+    drivers_off,
+    enable_pins,
+    levels,
+)
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.hal.rp2_stack import NOWHERE, WholeStack, lower_limit, unchecked
 from framestep.hal.rp2_usb import addressed
@@ -33,14 +40,17 @@ def _no_led(_colour):
 
 
 def release(block):
-    """Give back what a bytearray holds. The collector takes any word for a pointer, machine code as well: "pop {r5};
-    movs r0, #0" is one. Such a word may keep the bytearray itself, 16 bytes, whoever has dropped it.
+    """Give back what a bytearray holds. The collector takes any word for a pointer, machine code as
+    well: "pop {r5}; movs r0, #0" is one. Such a word may keep the bytearray itself, 16 bytes,
+    whoever has dropped it.
     """
-    mem32[id(block) + 8] = mem32[id(block) + 12] = 0  # length and address: py/objarray.h, mp_obj_array_t
+    # length and address: py/objarray.h, mp_obj_array_t
+    mem32[id(block) + 8] = mem32[id(block) + 12] = 0
 
 
 class Rp2Hal:
-    """See framestep.hal.contract. board: the data of boards/<board>/board.json; rig: framestep.rig.Rig."""
+    """See framestep.hal.contract. board: the data of boards/<board>/board.json; rig:
+    framestep.rig.Rig."""
 
     def __init__(self, board, rig):
         self.board = board
@@ -56,7 +66,9 @@ class Rp2Hal:
         self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
         for i in range(self.motors):
             settings = rig.motor(i)
-            width = (int(settings["pulse_us"] * cycles_per_us) - HIGH_CYCLES + WIDTH_CYCLES // 2) // WIDTH_CYCLES
+            width = (
+                int(settings["pulse_us"] * cycles_per_us) - HIGH_CYCLES + WIDTH_CYCLES // 2
+            ) // WIDTH_CYCLES
             setup = int(settings["setup_us"] * cycles_per_us)
             width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
@@ -89,7 +101,11 @@ class Rp2Hal:
 
         with Claim(wiring["tx"], wiring["rx"]):
             dmx = Dmx(
-                wiring, machine.freq(), rig.dmx_break_us, rig.dmx_mark_us, "RP2350" in sys.implementation._machine
+                wiring,
+                machine.freq(),
+                rig.dmx_break_us,
+                rig.dmx_mark_us,
+                "RP2350" in sys.implementation._machine,
             )
         dmx.start()
         return dmx
@@ -123,7 +139,8 @@ class Rp2Hal:
             return _no_led
         from framestep.hal.rp2_rgb import RgbLed
 
-        # The next state machine behind those of the motors, unless the drivers' lines (rp2_one_wire) begin with it.
+        # The next state machine behind those of the motors, unless the drivers' lines
+        # (rp2_one_wire) begin with it.
         machine = self.motors
         if machine % 4 == 0:
             machine += 2 * len(board.get("drivers", {}).get("pins", ()))
@@ -146,7 +163,8 @@ class Rp2Hal:
 
     @property
     def upload_bytes(self):
-        """The largest block of memory that there is, but for a few bytes. Allocates, for a moment."""
+        """The largest block of memory that there is, but for a few bytes. Allocates, for a
+        moment."""
         gc.collect()
         size = _LEAST
         most = gc.mem_free()
@@ -165,7 +183,13 @@ class Rp2Hal:
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:
-            self._guard = Timer(-1, period=_GUARD_MS, mode=Timer.PERIODIC, callback=self._bus_guard_callback, hard=True)
+            self._guard = Timer(
+                -1,
+                period=_GUARD_MS,
+                mode=Timer.PERIODIC,
+                callback=self._bus_guard_callback,
+                hard=True,
+            )
         if self._watched:
             self.watchdog.guard(self.kernel.state)  # type: ignore[union-attr]
         self.port.start()
@@ -214,7 +238,7 @@ class Rp2Hal:
     def take_lost_commands(self):
         return lost_commands(self.motors)
 
-    # ---------------------------------------------------------------- pins that something else takes
+    # ------------------------------------------------------------ pins that something else takes
 
     def _motors_of(self, bits):
         """Motors that have one of these pins for their steps, direction or driver, a bit each."""
@@ -239,7 +263,8 @@ class Rp2Hal:
 
     @micropython.viper
     def _bus_guard(self, _timer):
-        """After a bus reset every motor ramps down at once, however busy the main loop is, and none turns round on the
-        way: ten milliseconds later the chip lets go of a pin, which might be the direction of one. A hard interrupt."""
+        """After a bus reset every motor ramps down at once, however busy the main loop is, and none
+        turns round on the way: ten milliseconds later the chip lets go of a pin, which might be the
+        direction of one. A hard interrupt."""
         if not addressed():
             halt_motors(self.kernel.blocks, self._everyone, 1, _ANY)

@@ -1,4 +1,5 @@
-"""Blocks of flash of our own, for hal/rp2_flash.py. Needed once at power-up, so a module of its own."""
+"""Blocks of flash of our own, for hal/rp2_flash.py. Needed once at power-up, so a module of its
+own."""
 
 import os
 
@@ -13,7 +14,8 @@ _KIND = b"framestp"
 
 
 def claim(flash, i, heads):
-    """The number of block i, and its first bytes into heads[i]. OSError where there is no room for it."""
+    """The number of block i, and its first bytes into heads[i]. OSError where there is no room for
+    it."""
     look = bytearray(_HEAD_BYTES)
     for _ in range(2):
         heads[i] = head = _head(i)

@@ -1,12 +1,15 @@
-"""Pins of the RP2040 and RP2350 that framestep has claimed, and whether they still are what it made them.
+"""Pins of the RP2040 and RP2350 that framestep has claimed, and whether they still are what it made
+them.
 
-Every pin is set up within `with Claim(pin, ...):`, at boot. Its function and its pad are noted there, so that wrong()
-finds whatever has been changed since, by a program on the REPL or by the chip's own software, and mend() puts it back.
+Every pin is set up within `with Claim(pin, ...):`, at boot. Its function and its pad are noted
+there, so that wrong() finds whatever has been changed since, by a program on the REPL or by the
+chip's own software, and mend() puts it back.
 
-Chips B0 and B1 need this most. Their USB controller may miss the end of a bus reset (erratum RP2040-E5), so after each
-one the SDK takes GPIO 15 for about a millisecond, then writes back what it had found there. A pin claimed in that time
-would be dead from then on, and USB would wait for ever. So nothing is claimed while a pin is held: interrupts are off
-from that look on, and the SDK takes the pin in an interrupt.
+Chips B0 and B1 need this most. Their USB controller may miss the end of a bus reset (erratum
+RP2040-E5), so after each one the SDK takes GPIO 15 for about a millisecond, then writes back what
+it had found there. A pin claimed in that time would be dead from then on, and USB would wait for
+ever. So nothing is claimed while a pin is held: interrupts are off from that look on, and the SDK
+takes the pin in an interrupt.
 
 Nothing here allocates but Claim.
 
@@ -25,8 +28,8 @@ _PINS = const(30)
 _RP2350 = "RP2350" in sys.implementation._machine
 _IO_PAGE = 0x40028 if _RP2350 else 0x40014  # of 4 kB: status and control, a word each for every pin
 _PADS_PAGE = 0x40038 if _RP2350 else 0x4001C  # a word ahead, then one for every pin
-# Of a control word: function, and whether output enable and input are overridden. Not what overrides the output, by
-# which DMX makes its breaks.
+# Of a control word: function, and whether output enable and input are overridden. Not what
+# overrides the output, by which DMX makes its breaks.
 _CONTROL = 0x3C01F if _RP2350 else 0x3301F
 _CHIP_ID = 0x40000000  # of the RP2040: its highest four bits are the revision, 1 for B0 and B1
 
@@ -72,12 +75,14 @@ def _note(noted: ptr32, pin: int, io: int, pads: int):
 
 
 def wrong():
-    """Claimed pins that are not what they were made, a bit each; 0 while USB holds one, as it gives that back."""
+    """Claimed pins that are not what they were made, a bit each; 0 while USB holds one, as it gives
+    that back."""
     return 0 if held() else _compare(_noted, _claimed[0], _IO_PAGE, _PADS_PAGE, _CONTROL, 0)
 
 
 def mend():
-    """Make them what they were; the bits of those that were not. Nothing is done while USB holds a pin."""
+    """Make them what they were; the bits of those that were not. Nothing is done while USB holds a
+    pin."""
     state = disable_irq()
     bits = 0 if held() else _compare(_noted, _claimed[0], _IO_PAGE, _PADS_PAGE, _CONTROL, 1)
     enable_irq(state)
@@ -85,7 +90,8 @@ def mend():
 
 
 class Claim:
-    """`with Claim(2, 3): ...` sets these pins up while USB holds none, and notes what they have become.
+    """`with Claim(2, 3): ...` sets these pins up while USB holds none, and notes what they have
+    become.
 
     Waits up to two milliseconds. Interrupts are off within: for quick things only.
     """

@@ -1,10 +1,11 @@
 """Functions of copied modules that run from where they lie in flash.
 
-Copied .mpy files have placeholders for most functions; the functions themselves are in one file beside them, code.bin
-(framestep_tools.code_file tells its form). The blocks of a file stay where they are as long as nobody writes to it,
-and flash can be read, and run, like memory. So the last that a module of placeholders does when it is imported is to
-call `forward`, which looks through memory for pointers to placeholders and makes them point into flash. The
-placeholders then are garbage.
+Copied .mpy files have placeholders for most functions; the functions themselves are in one file
+beside them, code.bin (framestep_tools.code_file tells its form). The blocks of a file stay where
+they are as long as nobody writes to it, and flash can be read, and run, like memory. So the last
+that a module of placeholders does when it is imported is to call `forward`, which looks through
+memory for pointers to placeholders and makes them point into flash. The placeholders then are
+garbage.
 """
 
 from array import array
@@ -26,8 +27,10 @@ _INDEX = const(2048)
 _MARK = const(0x1AF2C0DE)
 _RAM = const(0x2000_0000)
 _RAM_END = const(0x2004_0000)  # the stack lies behind
-_NO_BLOCK = const(-0x3_FFF1)  # bits in which what the heap gives out is like _RAM: all but those of _RAM_END - 16
-_NO_CODE = const(-0x106_0001)  # bits that are 0 in the first word of what MicroPython loads for a function
+# bits in which what the heap gives out is like _RAM: all but those of _RAM_END - 16
+_NO_BLOCK = const(-0x3_FFF1)
+# bits that are 0 in the first word of what MicroPython loads for a function
+_NO_CODE = const(-0x106_0001)
 _AGAIN = ": run make flash again"
 
 
@@ -57,7 +60,9 @@ def _find():
     try:
         files = vfs.VfsLfs2(device)  # type: ignore[arg-type]
     except OSError:
-        raise RuntimeError("copied code needs a littlefs file system: put an image on the board (make image)")
+        raise RuntimeError(
+            "copied code needs a littlefs file system: put an image on the board (make image)"
+        )
     try:
         file = files.open(_FILE, "rb")
     except OSError:
@@ -75,7 +80,8 @@ def _find():
     for i in range(len(pages) - 1, -1, -1):
         if 0 <= block < blocks:
             pages[i] = block * _PAGE
-            block = _word(memory, pages[i])  # a block of littlefs but the first begins with where the one before is
+            # a block of littlefs but the first begins with where the one before is
+            block = _word(memory, pages[i])
     check = 0
     for at in pages:
         check = crc32(memory[at + _HEAD : at + _PAGE], check)
@@ -104,10 +110,12 @@ def _place(pages: ptr32, count: int, key: int) -> int:
 
 @micropython.viper
 def _forward(at: int, no_block: int, pages, count: int) -> int:
-    """Make all pointers to placeholders point at functions in flash. The number of those whose function there is not.
+    """Make all pointers to placeholders point at functions in flash. The number of those whose
+    function there is not.
 
-    Looks at each 16 bytes of memory, the units of the heap, whether they begin a function (py/objfun.h: its code is the
-    fourth word, and its type, in flash, the first) or what has been loaded to make functions of (py/emitglue.h).
+    Looks at each 16 bytes of memory, the units of the heap, whether they begin a function
+    (py/objfun.h: its code is the fourth word, and its type, in flash, the first) or what has been
+    loaded to make functions of (py/emitglue.h).
     """
     unknown = 0
     while at < _RAM_END:
@@ -151,7 +159,8 @@ def _wipe():
 
 
 def forward():
-    """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError in words."""
+    """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError
+    in words."""
     if _forward(_RAM, _NO_BLOCK, _pages, _count):
         # what has been half overwritten since it was free may look like a placeholder
         _wipe()

@@ -6,13 +6,15 @@ A control channel hands the blocks of a list to a data channel, one after the ot
     send    start code and 512 slots to the UART, as its FIFO takes them
     drain   wait for the 33 characters that FIFO and shifter hold at most
     low     the pin is forced low by its output override: break
-    copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of the lights
+    copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of
+            the lights
     break   wait
     high    the override is lifted: mark after break
     mark    wait
     again   the control channel's read address back to the start of the list
 
-Waits are transfers paced by a DMA timer, a microsecond each. The UART itself never knows of the break.
+Waits are transfers paced by a DMA timer, a microsecond each. The UART itself never knows of the
+break.
 """
 
 from array import array
@@ -55,13 +57,22 @@ class Dmx:
     channels = CHANNELS
 
     def __init__(self, wiring, hz, break_us, mark_us, rp2350=False):
-        """wiring: {"uart", "tx", "rx"} of the board; hz: of the system clock; break and mark after break in µs."""
+        """wiring: {"uart", "tx", "rx"} of the board; hz: of the system clock; break and mark after
+        break in µs."""
         uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
         tx = wiring["tx"]
         # Its own buffers are not used; RX belongs to it whether anything is there or not.
         rx = Pin(wiring["rx"])
         self._uart = UART(
-            wiring["uart"], _BAUD, bits=8, parity=None, stop=2, tx=Pin(tx), rx=rx, txbuf=_SHORT, rxbuf=_SHORT
+            wiring["uart"],
+            _BAUD,
+            bits=8,
+            parity=None,
+            stop=2,
+            tx=Pin(tx),
+            rx=rx,
+            txbuf=_SHORT,
+            rxbuf=_SHORT,
         )
         uart = uarts[wiring["uart"]]
         mem32[uart + _UARTIMSC] = 0
@@ -90,7 +101,9 @@ class Dmx:
         self._block(6, idle, idle, mark_us + 1, _BYTES, False, False, _TREQ_PACER)
         self._block(7, addressof(self._start), _DMA + _CHANNEL * _number(self._control), 1)
 
-    def _block(self, i, read, write, count, size=_WORDS, inc_read=False, inc_write=False, treq=_TREQ_FREE):
+    def _block(
+        self, i, read, write, count, size=_WORDS, inc_read=False, inc_write=False, treq=_TREQ_FREE
+    ):
         ctrl = self._data.pack_ctrl(
             inc_read=inc_read,
             inc_write=inc_write,

@@ -1,9 +1,10 @@
-"""Flash for framestep.io.position_journal, written past the file system but in blocks that belong to it.
+"""Flash for framestep.io.position_journal, written past the file system but in blocks that belong
+to it.
 
 A pass of the main loop may come in the middle of the file system's own work, as MicroPython runs
-scheduled functions from within flash reads. So it must not open a file. Instead, each block is a file
-of one block's length, made at boot, which the file system never moves as long as nobody writes to
-it. The block is found by its first bytes, which are random. They are compared again before each
+scheduled functions from within flash reads. So it must not open a file. Instead, each block is a
+file of one block's length, made at boot, which the file system never moves as long as nobody writes
+to it. The block is found by its first bytes, which are random. They are compared again before each
 write: if somebody has deleted the file, the block may belong to another one, and is left alone.
 """
 

@@ -1,8 +1,10 @@
-"""Drivers whose UARTs are one pin each: two PIO state machines per pin, as no UART of the chip can use just any pin.
+"""Drivers whose UARTs are one pin each: two PIO state machines per pin, as no UART of the chip can
+use just any pin.
 
-One sends and lets go of the line after each byte, the other hears everything: what is sent, and the answer. The line
-is held high by the chip's pull-up. The programs take eight cycles to a bit. Telegrams are whole words of four bytes
-(io/tmc2209.py), so the FIFO of the hearing one takes eight words; it begins a new word with each telegram sent.
+One sends and lets go of the line after each byte, the other hears everything: what is sent, and the
+answer. The line is held high by the chip's pull-up. The programs take eight cycles to a bit.
+Telegrams are whole words of four bytes (io/tmc2209.py), so the FIFO of the hearing one takes eight
+words; it begins a new word with each telegram sent.
 """
 
 import rp2
@@ -11,7 +13,8 @@ from machine import Pin
 from framestep.native import const, micropython, ptr8, ptr32
 
 _CYCLES = const(8 * 115200)
-_FSTAT = const(1)  # words from the start of a PIO block (RP2040 datasheet 3.7, RP2350 datasheet 11.7)
+# words from the start of a PIO block (RP2040 datasheet 3.7, RP2350 datasheet 11.7)
+_FSTAT = const(1)
 _TXF = const(4)
 _RXF = const(8)
 _TX_FULL = const(16)  # bit of FSTAT for state machine 0
@@ -36,7 +39,9 @@ def talk():
     set(pindirs, 0)
 
 
-@rp2.asm_pio(in_shiftdir=rp2.PIO.SHIFT_RIGHT, autopush=True, push_thresh=32, fifo_join=rp2.PIO.JOIN_RX)
+@rp2.asm_pio(
+    in_shiftdir=rp2.PIO.SHIFT_RIGHT, autopush=True, push_thresh=32, fifo_join=rp2.PIO.JOIN_RX
+)
 def hear():
     wait(0, pin, 0)
     set(x, 7)[10]  # to the middle of the first bit
@@ -84,7 +89,8 @@ class OneWire:
     """See hal/contract.py, DriverWire."""
 
     def __init__(self, pins, motors):
-        """pins: one per motor from the first on. Takes the state machines behind the PIO block of the last motor."""
+        """pins: one per motor from the first on. Takes the state machines behind the PIO block of
+        the last motor."""
         self._first = first = (motors + 3) // 4 * 4
         self._hearing = []
         self._talking = []

@@ -1,4 +1,5 @@
-"""Pins of the RP2040 and RP2350 through the single-cycle IO block (RP2040 datasheet 2.3.1.7, RP2350 3.1.11).
+"""Pins of the RP2040 and RP2350 through the single-cycle IO block (RP2040 datasheet 2.3.1.7, RP2350
+3.1.11).
 
 Only pins 0 to 29, which fit a small integer.
 """
@@ -56,7 +57,8 @@ def held() -> bool:
 
 
 def free():
-    """Keep interrupts off from a moment on in which USB holds no pin. Returns what enable_irq() wants."""
+    """Keep interrupts off from a moment on in which USB holds no pin. Returns what enable_irq()
+    wants."""
     state = disable_irq()
     while held():
         enable_irq(state)
@@ -74,6 +76,9 @@ def drivers_off(board, rig):
     """Switch all drivers off; their enable pins."""
     state = free()
     pins = enable_pins(board)
-    found = [Pin(pin, Pin.OUT, value=0 if rig.motor(i)["enable_high"] else 1) for i, pin in enumerate(pins)]
+    found = [
+        Pin(pin, Pin.OUT, value=0 if rig.motor(i)["enable_high"] else 1)
+        for i, pin in enumerate(pins)
+    ]
     enable_irq(state)
     return found

@@ -1,8 +1,9 @@
 """Modules of a frozen image that run from RAM.
 
-Frozen code lies in flash and is read through a cache of 16 kB, which the main loop keeps turning over; code that an
-interrupt runs each millisecond then takes about twice as long. The image therefore holds such modules as files, in
-framestep/ram_files.py, and they are imported from a file system of these files before anybody else asks for them.
+Frozen code lies in flash and is read through a cache of 16 kB, which the main loop keeps turning
+over; code that an interrupt runs each millisecond then takes about twice as long. The image
+therefore holds such modules as files, in framestep/ram_files.py, and they are imported from a file
+system of these files before anybody else asks for them.
 """
 
 import errno
@@ -37,7 +38,8 @@ class _Files:
 
 
 def load(files):
-    """Import the modules of these files, {"package/module.mpy": content}, into their packages. Allocates."""
+    """Import the modules of these files, {"package/module.mpy": content}, into their packages.
+    Allocates."""
     vfs.mount(_Files(files), _MOUNT)
     for path in files:
         package, name = path[: -len(".mpy")].replace("/", ".").rsplit(".", 1)

@@ -1,8 +1,10 @@
-"""An RGB LED with a chip in it (WS2812 and its like), driven by a PIO state machine: no interrupt is held off.
+"""An RGB LED with a chip in it (WS2812 and its like), driven by a PIO state machine: no interrupt
+is held off.
 
-24 bits, green first and each colour's highest bit first, 0.1 µs to a cycle: a 0 is high for 0.3 µs and low for 1.0,
-a 1 high for 0.7 and low for 0.6, which suits WS2812, WS2812B and SK6812. The line then rests for 308 µs, after which
-the LED shows them (WS2812B: more than 280 µs), so a word that follows at once is not passed on to a second LED.
+24 bits, green first and each colour's highest bit first, 0.1 µs to a cycle: a 0 is high for 0.3 µs
+and low for 1.0, a 1 high for 0.7 and low for 0.6, which suits WS2812, WS2812B and SK6812. The line
+then rests for 308 µs, after which the LED shows them (WS2812B: more than 280 µs), so a word that
+follows at once is not passed on to a second LED.
 """
 
 import rp2
@@ -36,11 +38,14 @@ def colour_bits():
 
 
 class RgbLed:
-    """See hal/contract.py, Hal.led(). Dark at first, whatever it showed before a reset of the board."""
+    """See hal/contract.py, Hal.led(). Dark at first, whatever it showed before a reset of the
+    board."""
 
     def __init__(self, pin, number):
         """number: of the state machine that it takes."""
-        machine = rp2.StateMachine(number, colour_bits, freq=_HZ, sideset_base=Pin(pin, Pin.OUT, value=0))
+        machine = rp2.StateMachine(
+            number, colour_bits, freq=_HZ, sideset_base=Pin(pin, Pin.OUT, value=0)
+        )
         machine.active(1)
         self._put = machine.put
         self._put(0)

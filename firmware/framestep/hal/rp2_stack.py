@@ -2,9 +2,9 @@
 
 MicroPython looks how much of the stack is in use whenever a function is called, and raises
 RuntimeError where more than its limit is. A program that calls itself for ever comes to that point;
-and an interrupt, or a callback of USB, that comes just then would be ended by the exception, and not
-be called again. So what must not end gets a type of its own: a copy of MicroPython's, in which a
-call goes to the machine code at once.
+and an interrupt, or a callback of USB, that comes just then would be ended by the exception, and
+not be called again. So what must not end gets a type of its own: a copy of MicroPython's, in which
+a call goes to the machine code at once.
 
 MicroPython's limit leaves 256 bytes, and interrupts take 1000 and more: at the limit they would
 write into the end of the heap below the stack, where the uploaded move lies. So the limit becomes
@@ -18,7 +18,8 @@ from machine import mem32
 from framestep.hal import PASS, REPL_STACK, STACK
 from framestep.native import addressof, const, micropython
 
-# mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h, MicroPython 1.20 to 1.27
+# mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
+# MicroPython 1.20 to 1.27
 _SLOTS = const(5)  # words in front of slot 1
 _CODE = const(12)  # of a function: the address of its code (py/objfun.h)
 _THUMB = const(1)
@@ -43,7 +44,8 @@ def _limit_at(at: int) -> int:
 
 
 class WholeStack:
-    """Calls work(x) with the limit of the stack at STACK. Of an unknown make the limit stays as it is.
+    """Calls work(x) with the limit of the stack at STACK. Of an unknown make the limit stays as it
+    is.
 
     `callback` is what to call; where the type of `call` is `unchecked` it begins in any case.
     """
@@ -68,7 +70,8 @@ class WholeStack:
 
 
 def lower_limit():
-    """Programs have REPL_STACK from now on. Returns the limit's address, or one where nothing lies that counts."""
+    """Programs have REPL_STACK from now on. Returns the limit's address, or one where nothing lies
+    that counts."""
     at = _limit_at(_RAM)
     if not at:
         return addressof(NOWHERE)
@@ -80,7 +83,8 @@ NOWHERE = array("i", [0] * (PASS + 1))
 
 
 def unchecked(*functions):
-    """Let viper functions be called without a look at the stack; those of an unknown make stay as they are.
+    """Let viper functions be called without a look at the stack; those of an unknown make stay as
+    they are.
 
     Returns their types, which must be kept as long as the functions are.
     """

@@ -3,10 +3,10 @@
 `machine.WDT` cannot stop it; the chip can, by a bit of its control register.
 
 A program on the REPL may make a call in C that holds the main loop up for longer than the watchdog
-waits. By then the tick has ramped every motor down, and a reset would only switch the drivers off and
-lose the positions. So a hard timer feeds the watchdog as well while all of this holds: the tick goes
-on counting, no motor takes segments any more, and the main loop is outside its pass, so that it is
-not framestep itself that hangs.
+waits. By then the tick has ramped every motor down, and a reset would only switch the drivers off
+and lose the positions. So a hard timer feeds the watchdog as well while all of this holds: the tick
+goes on counting, no motor takes segments any more, and the main loop is outside its pass, so that
+it is not framestep itself that hangs.
 """
 
 import sys
@@ -20,7 +20,8 @@ from framestep.native import addressof, as_word, const, micropython, ptr32
 
 _RP2350 = "RP2350" in sys.implementation._machine
 _SCRATCH4 = (0x400D8000 if _RP2350 else 0x40058000) + 0x1C
-_ARMED = const(0x6AB73121)  # what the SDK leaves in SCRATCH4: the watchdog ran, as opposed to machine.reset()
+# what the SDK leaves in SCRATCH4: the watchdog ran, as opposed to machine.reset()
+_ARMED = const(0x6AB73121)
 _PAGE = 0x400D if _RP2350 else 0x4005
 _COUNTS = 1 if _RP2350 else 2  # of the counter in a microsecond (erratum RP2040-E1)
 _GUARD_MS = const(500)
@@ -57,7 +58,9 @@ class Watchdog:
         words = self.words
         words[_HEADER] = as_word(addressof(header))
         words[_REGISTER] = (_PAGE << 16) + 0x8004  # LOAD
-        self._timer = machine.Timer(-1, period=_GUARD_MS, mode=machine.Timer.PERIODIC, callback=self._look, hard=True)
+        self._timer = machine.Timer(
+            -1, period=_GUARD_MS, mode=machine.Timer.PERIODIC, callback=self._look, hard=True
+        )
 
     @micropython.viper
     def _look(self, _timer):

@@ -1,6 +1,7 @@
 """The drivers' UART: bytes in and out through its FIFOs alone, so that it costs no interrupt.
 
-An exchange is at most 8 bytes out and 24 in (echoes included); each FIFO holds 32 (RP2040 datasheet 4.2, RP2350 12.1).
+An exchange is at most 8 bytes out and 24 in (echoes included); each FIFO holds 32 (RP2040 datasheet
+4.2, RP2350 12.1).
 """
 
 from machine import UART, Pin, mem32
@@ -14,7 +15,8 @@ _FR = const(6)  # word of the flags
 _RXFE = const(0x10)
 _TXFF = const(0x20)
 
-# Distances of UART0 and UART1 from the start of the peripherals (RP2040 datasheet 2.2, RP2350 datasheet 2.2)
+# Distances of UART0 and UART1 from the start of the peripherals (RP2040 datasheet 2.2, RP2350
+# datasheet 2.2)
 _PERIPHERALS = 0x40000000
 _RP2040 = (0x34000, 0x38000)
 _RP2350 = (0x70000, 0x78000)
@@ -53,7 +55,9 @@ class Wire:
         """wiring: {"uart", "tx", "rx"} of the board."""
         number = wiring["uart"]
         tx, rx = Pin(wiring["tx"]), Pin(wiring["rx"])
-        self._uart = UART(number, _BAUD, bits=8, parity=None, stop=1, tx=tx, rx=rx, txbuf=_SHORT, rxbuf=_SHORT)
+        self._uart = UART(
+            number, _BAUD, bits=8, parity=None, stop=1, tx=tx, rx=rx, txbuf=_SHORT, rxbuf=_SHORT
+        )
         self._offset = (_RP2350 if rp2350 else _RP2040)[number]
         mem32[_PERIPHERALS + self._offset + _UARTIMSC] = 0  # its own buffers are not used
 

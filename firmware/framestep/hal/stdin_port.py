@@ -1,18 +1,21 @@
-"""The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1` in rig.json.
+"""The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1`
+in rig.json.
 
-The built-in port only has a blocking read, and tells whether a byte waits but not how many. So a frame is read as it
-announces itself: the first byte, the rest of the header, what remains in blocks, each in one call. A host that stops
-half-way would hold the main loop up; after 10 ms bytes of filling end the read (a stream on os.dupterm gives them),
-are taken out again, and the rest of that frame is read byte by byte, waiting for none. Where MicroPython does not ask
-that stream while it reads (all but rp2) every frame is read like that.
+The built-in port only has a blocking read, and tells whether a byte waits but not how many. So a
+frame is read as it announces itself: the first byte, the rest of the header, what remains in
+blocks, each in one call. A host that stops half-way would hold the main loop up; after 10 ms bytes
+of filling end the read (a stream on os.dupterm gives them), are taken out again, and the rest of
+that frame is read byte by byte, waiting for none. Where MicroPython does not ask that stream while
+it reads (all but rp2) every frame is read like that.
 
-A Ctrl-C that arrives between frames gives the REPL back, as mpremote and Thonny send it: `poll()` raises
-KeyboardInterrupt. Within a frame it is data. Between frames but after other bytes that are not a frame's it is noise,
-until the line has been quiet for 50 ms.
+A Ctrl-C that arrives between frames gives the REPL back, as mpremote and Thonny send it: `poll()`
+raises KeyboardInterrupt. Within a frame it is data. Between frames but after other bytes that are
+not a frame's it is noise, until the line has been quiet for 50 ms.
 
-There is no DTR to be seen here. On rp2 `open` tells whether the host collects what is sent: it turns False when a
-packet has waited for half a second, and True when it has gone. So a lost host shows only while something is sent, as
-position reports are while motors move. Elsewhere `open` is always True, and a lost host must be told by its silence.
+There is no DTR to be seen here. On rp2 `open` tells whether the host collects what is sent: it
+turns False when a packet has waited for half a second, and True when it has gone. So a lost host
+shows only while something is sent, as position reports are while motors move. Elsewhere `open` is
+always True, and a lost host must be told by its silence.
 """
 
 import io
@@ -43,8 +46,9 @@ _HEADER = const(10)
 _OVERHEAD = const(12)  # header and check bytes
 _LARGEST = const(1048)
 
-# The buffer: the header at first, then room for it and for a first block, which ends at _BODY, then whole blocks.
-# So the views that bytes are read into are made once, and a frame lies there in one piece.
+# The buffer: the header at first, then room for it and for a first block, which ends at _BODY, then
+# whole blocks. So the views that bytes are read into are made once, and a frame lies there in one
+# piece.
 _BLOCK = const(128)  # bytes of a frame read in one call: as many calls for filling at worst
 _HEAD = const(3)
 _BODY = const(156)  # whole words
@@ -55,7 +59,8 @@ _WAKE_MS = const(5)  # interrupts that wake the processor while it waits in a re
 _CALM_MS = const(50)  # quiet after noise before Ctrl-C counts again
 _COLLECT_MS = const(500)  # within this a host that listens collects a packet
 
-_BUILTIN_IN = const(2)  # IN endpoint of the built-in port: USBD_CDC_EP_IN, MicroPython's shared/tinyusb/tusb_config.h
+# IN endpoint of the built-in port: USBD_CDC_EP_IN, MicroPython's shared/tinyusb/tusb_config.h
+_BUILTIN_IN = const(2)
 _FREE = const(192)  # bytes that the built-in port takes at once when nothing waits; it holds 256
 
 # State words
@@ -86,8 +91,9 @@ def _nothing(_timer):
 class _Filling(io.IOBase):
     """Ends a read that has waited until its deadline: gives the bytes it lacks.
 
-    The host may go on meanwhile, and its bytes come between these. So the read's place in the buffer is all zeros
-    before, and `after` notes for each byte given from where on there were only zeros then: the next that is none is it.
+    The host may go on meanwhile, and its bytes come between these. So the read's place in the
+    buffer is all zeros before, and `after` notes for each byte given from where on there were only
+    zeros then: the next that is none is it.
     """
 
     def __init__(self, buffer):
@@ -122,8 +128,9 @@ class _Filling(io.IOBase):
 class StdinPort:
     """The protocol port in single-port mode. Nothing allocates after `start()`.
 
-    `open` and `openings` are those of UsbPort, as far as they can be told here (see the head of this file). The reader
-    needs the attribute `waiting` of protocol.frames.FrameReader: bytes held of a frame that has begun.
+    `open` and `openings` are those of UsbPort, as far as they can be told here (see the head of
+    this file). The reader needs the attribute `waiting` of protocol.frames.FrameReader: bytes held
+    of a frame that has begun.
     """
 
     def __init__(self):
@@ -172,11 +179,13 @@ class StdinPort:
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer what has arrived, a frame at most, to `reader.feed(buffer, start, count) -> taken`; the bytes taken.
+        """Offer what has arrived, a frame at most, to `reader.feed(buffer, start, count) -> taken`;
+        the bytes taken.
 
-        A frame that has begun to come is read to its end, which takes as long as the host needs for it, or 10 to 20 ms
-        if the host stops half-way. Raises KeyboardInterrupt when the REPL is asked for. The reader must have found all
-        frames in what it has taken (FrameReader.poll() to NOTHING) before the next call.
+        A frame that has begun to come is read to its end, which takes as long as the host needs for
+        it, or 10 to 20 ms if the host stops half-way. Raises KeyboardInterrupt when the REPL is
+        asked for. The reader must have found all frames in what it has taken (FrameReader.poll() to
+        NOTHING) before the next call.
         """
         s = ptr32(self._state)
         moved = 0
@@ -211,7 +220,8 @@ class StdinPort:
 
     @micropython.viper
     def _read_frame(self, reader) -> int:
-        """The first byte is in the buffer: read the rest of the header, then of the frame, in blocks."""
+        """The first byte is in the buffer: read the rest of the header, then of the frame, in
+        blocks."""
         s = ptr32(self._state)
         buffer = ptr8(self._buffer)
         have = 1 + int(self._fill(self._header, _HEAD + 1, _HEADER - 1))
@@ -251,7 +261,8 @@ class StdinPort:
 
     @micropython.viper
     def _fill(self, view, at: int, wanted: int) -> int:
-        """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host stops half-way."""
+        """Read `wanted` bytes into `view`, which begins at `at` in the buffer; fewer if the host
+        stops half-way."""
         buffer = ptr8(self._buffer)
         i = at & -4
         end = at + wanted
@@ -282,7 +293,8 @@ class StdinPort:
 
     @micropython.viper
     def _read_bytes(self, reader) -> int:
-        """Read what waits byte by byte, to the end of a frame. Outside a frame the first byte is in the buffer."""
+        """Read what waits byte by byte, to the end of a frame. Outside a frame the first byte is in
+        the buffer."""
         s = ptr32(self._state)
         buffer = ptr8(self._buffer)
         count = 0
@@ -335,7 +347,8 @@ class StdinPort:
     # ------------------------------------------------------------ out
 
     def send(self, writer):
-        """Send what `writer.take(buffer, limit) -> count` gives, as far as there is room for it. Never waits.
+        """Send what `writer.take(buffer, limit) -> count` gives, as far as there is room for it.
+        Never waits.
 
         What is given to a closed port goes nowhere.
         """

@@ -1,13 +1,16 @@
 """A pulse engine that is a stream of words in memory: a bit for each pin, a word for each 4 µs.
 
-For chips that can send memory to their pins at a fixed rate and cannot interrupt at 1 kHz. The main loop calls `fill`
-as soon as there is room for some ticks. For each tick it runs the kernel, whose commands end in a ring for each motor,
-and then paints what the engine makes of them in that tick's time into words.
+For chips that can send memory to their pins at a fixed rate and cannot interrupt at 1 kHz. The main
+loop calls `fill` as soon as there is room for some ticks. For each tick it runs the kernel, whose
+commands end in a ring for each motor, and then paints what the engine makes of them in that tick's
+time into words.
 
-Time runs by the words. The clock that the kernel looks at is moved on here, so a tick is never late but where the words
-ran out: `miss` tells that, and the kernel does what it does wherever an engine has run dry.
+Time runs by the words. The clock that the kernel looks at is moved on here, so a tick is never late
+but where the words ran out: `miss` tells that, and the kernel does what it does wherever an engine
+has run dry.
 
-A tick's pulses lie in the words painted after the next one: what changes a direction may come before its pulse does.
+A tick's pulses lie in the words painted after the next one: what changes a direction may come
+before its pulse does.
 """
 
 from array import array
@@ -45,9 +48,11 @@ _MOTOR = const(4)  # log2 of the words of a motor
 
 @micropython.viper
 def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) -> int:
-    """Paint a tick's words from words[first] on; the motors of which a command was lost, a bit each.
+    """Paint a tick's words from words[first] on; the motors of which a command was lost, a bit
+    each.
 
-    motors: the words of `count` motors, as above. levels: the word of levels of all pins; steps are 0 in it.
+    motors: the words of `count` motors, as above. levels: the word of levels of all pins; steps are
+    0 in it.
     """
     i = first
     base = levels[0]
@@ -136,7 +141,8 @@ def paint(words: ptr32, first: int, motors: ptr32, count: int, levels: ptr32) ->
 
 
 class Stream:
-    """The engine of some motors. steps, turns: for each of them, the bits of its step and its direction pin.
+    """The engine of some motors. steps, turns: for each of them, the bits of its step and its
+    direction pin.
 
     Bits are below 2^30. Nothing allocates after construction.
     """
@@ -165,7 +171,8 @@ class Stream:
         return addressof(self._rings[motor])
 
     def attach(self, kernel, ahead):
-        """Run this kernel. ahead: ticks that wait in memory to be sent, at most; see stepper.BEHIND."""
+        """Run this kernel. ahead: ticks that wait in memory to be sent, at most; see
+        stepper.BEHIND."""
         self._kernel = kernel
         kernel.outputs(addressof(self._levels), addressof(self._levels))
         kernel.state[BEHIND] = LEAD + ahead
@@ -185,9 +192,11 @@ class Stream:
             ticks -= 1
 
     def miss(self, words, ticks):
-        """The words ran out for so many ticks, begun ones included: the first tick's words that are sent after that.
+        """The words ran out for so many ticks, begun ones included: the first tick's words that are
+        sent after that.
 
-        The pulses that the motors still owe are in them. Whatever moves faults and ramps down with the next tick.
+        The pulses that the motors still owe are in them. Whatever moves faults and ramps down with
+        the next tick.
         """
         self._lost |= paint(words, 0, self._words, self.motors, self._levels)
         self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP

@@ -1,7 +1,8 @@
 """What hal/engine.py is for PIO, for an engine that is a stream of words in memory: hal/stream.py.
 
-The build puts this in that one's place for chips with such an engine. Its clock has 128 cycles a microsecond, and each
-word lasts 512 of them: 4 µs, 250 words a tick. It has no time of its own between commands, so most overheads are 0.
+The build puts this in that one's place for chips with such an engine. Its clock has 128 cycles a
+microsecond, and each word lasts 512 of them: 4 µs, 250 words a tick. It has no time of its own
+between commands, so most overheads are 0.
 """
 
 from framestep.native import const
@@ -21,7 +22,8 @@ LONGEST_WAIT = const(200000)
 PERIOD_CYCLES = const(0)
 HIGH_CYCLES = const(512)
 WIDTH_CYCLES = const(512)
-TURN_CYCLES = const(511)  # the direction changes with a word, so the time to the next edge is rounded up to words
+# the direction changes with a word, so the time to the next edge is rounded up to words
+TURN_CYCLES = const(511)
 SPARE_CYCLES = const(16)
 
 # Time

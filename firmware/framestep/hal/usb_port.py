@@ -1,28 +1,34 @@
-"""The protocol on a USB serial port of its own, beside the built-in one that keeps the REPL (machine.USBDevice).
+"""The protocol on a USB serial port of its own, beside the built-in one that keeps the REPL
+(machine.USBDevice).
 
-What comes in. A transfer from the host is 17 packets of 64 bytes long, so that the largest frame costs one callback
-and not seventeen. It ends early with a packet that is not full; a frame of a multiple of 64 bytes has none, and would
-wait in an unfinished transfer for whatever comes next. So each packet's place holds a mark while the transfer runs:
-the USB driver copies a packet to its place in its interrupt, whole, and what is no longer the mark has arrived. The
-main loop takes packets from an unfinished transfer like that, and what is sent is never held up. Two transfers' places
-take turns: the next one is begun by the callback that ends the last, as soon as the main loop has emptied its place.
+What comes in. A transfer from the host is 17 packets of 64 bytes long, so that the largest frame
+costs one callback and not seventeen. It ends early with a packet that is not full; a frame of a
+multiple of 64 bytes has none, and would wait in an unfinished transfer for whatever comes next. So
+each packet's place holds a mark while the transfer runs: the USB driver copies a packet to its
+place in its interrupt, whole, and what is no longer the mark has arrived. The main loop takes
+packets from an unfinished transfer like that, and what is sent is never held up. Two transfers'
+places take turns: the next one is begun by the callback that ends the last, as soon as the main
+loop has emptied its place.
 
-What goes out goes a packet at a time, from one callback to the next, and always ends with a packet that is not full (an
-empty one if need be): hosts wait for that before they hand on what they have got.
+What goes out goes a packet at a time, from one callback to the next, and always ends with a packet
+that is not full (an empty one if need be): hosts wait for that before they hand on what they have
+got.
 
-Between the interrupt of a bus reset and TinyUSB's task, which tells it, TinyUSB has forgotten all endpoints: a transfer
-submitted to one then ends in panic(), and the processor stops for good. So the device's address, which that interrupt
-clears, is looked at before each, with interrupts off from there to the end of the call.
+Between the interrupt of a bus reset and TinyUSB's task, which tells it, TinyUSB has forgotten all
+endpoints: a transfer submitted to one then ends in panic(), and the processor stops for good. So
+the device's address, which that interrupt clears, is looked at before each, with interrupts off
+from there to the end of the call.
 
-A soft reset, as mpremote makes one before each of its commands, must not take the device away: mpremote
-would find its own port gone. MicroPython disconnects an active USBDevice then, and one that is not active
-stays. So the flag that says so is set in MicroPython's object for the time of a call only. After the soft
-reset the host's transfers go on, into memory that the heap knows nothing of (rp2_usb.memory); the next port
-takes over what is there, with the places, and what has to be known of them, where they were.
+A soft reset, as mpremote makes one before each of its commands, must not take the device away:
+mpremote would find its own port gone. MicroPython disconnects an active USBDevice then, and one
+that is not active stays. So the flag that says so is set in MicroPython's object for the time of a
+call only. After the soft reset the host's transfers go on, into memory that the heap knows nothing
+of (rp2_usb.memory); the next port takes over what is there, with the places, and what has to be
+known of them, where they were.
 
-Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no Ctrl-C
-lands in them, no want of stack ends them) and allocate nothing. They own what the driver does,
-`poll()` and `send()` own what the main loop has taken and given.
+Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no
+Ctrl-C lands in them, no want of stack ends them) and allocate nothing. They own what the driver
+does, `poll()` and `send()` own what the main loop has taken and given.
 """
 
 import struct
@@ -36,23 +42,29 @@ try:
     from machine import USBDevice, disable_irq, enable_irq
 except ImportError:
     raise ImportError(
-        "a serial port of its own for the protocol needs machine.USBDevice, which this board's MicroPython does not "
-        'have; set "ports": 1 in rig.json, or use MicroPython 1.23 or newer on an RP2040, RP2350 or ESP32-S3'
+        "a serial port of its own for the protocol needs machine.USBDevice, "
+        "which this board's MicroPython does not have; "
+        'set "ports": 1 in rig.json, '
+        "or use MicroPython 1.23 or newer on an RP2040, RP2350 or ESP32-S3"
     )
 
 if sys.platform == "rp2":
     from framestep.hal import rp2_usb as chip
     from framestep.hal.rp2_usb import ADDRESS_REGISTER
 else:
-    chip = None  # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the last
+    # a cable that is pulled out goes unnoticed, and a new client may get a packet meant for the
+    # last
+    chip = None
     _one = array("i", [1])
     ADDRESS_REGISTER = addressof(_one)
 
 _PRODUCT_NAME = "framestep"  # what Windows and macOS show, to which the names of ports are nothing
 _NAME = "framestep DMC"  # 40 characters at most (MICROPY_HW_USB_DESC_STR_MAX)
 
-_PRODUCT = const(2)  # the index of the product's name in MicroPython's device descriptor (USBD_STR_PRODUCT)
-_ADDRESS = const(0x7F)  # bits of that register, 0 from a bus reset on until the host has given a new one
+# the index of the product's name in MicroPython's device descriptor (USBD_STR_PRODUCT)
+_PRODUCT = const(2)
+# bits of that register, 0 from a bus reset on until the host has given a new one
+_ADDRESS = const(0x7F)
 _PACKET = const(64)  # full-speed bulk endpoint
 _PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
 _OUTGOING = const(256)  # bytes taken from the writer at a time
@@ -100,7 +112,8 @@ _STALE_AT = const(24)  # bytes that had arrived of the transfer running then
 _BY_DTR = const(25)  # the last close was one of DTR
 _BUS = const(27)  # address of the word with the device's address in it
 _SENT = const(26)  # packets, modulo 2^28
-_FLAG = const(28)  # address of MicroPython's flag for an active device, and of the one behind it: a change is due
+# address of MicroPython's flag for an active device, and of the one behind it: a change is due
+_FLAG = const(28)
 _KEPT = const(29)  # address of the words that a soft reset leaves alone
 _NO_FLAG = const(30)  # what stands for the flags where they have not been found
 _WORDS = const(31)
@@ -114,12 +127,15 @@ _KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython'
 ALIVE = const(0x1D7A5C3B)  # known to firmware/boot.py, too
 _OBJECT = const(256)  # bytes of MicroPython's object that are looked through
 _UNCHANGED = const(0x101)  # both flags set: what is done to the first is never done
-KEPT_AT = const(2 * 1088 + 256 + 64 + 8)  # in the memory for USB: two places, what goes out, a packet, line coding
+# in the memory for USB: two places, what goes out, a packet, line coding
+KEPT_AT = const(2 * 1088 + 256 + 64 + 8)
 _MEMORY = const(KEPT_AT + 16)
 
-_QUIET_MS = const(100)  # bytes that come this long after DTR has fallen are from a host that does not use it
+# bytes that come this long after DTR has fallen are from a host that does not use it
+_QUIET_MS = const(100)
 _SETTLE_MS = const(2)
-_COLLECT_MS = const(500)  # a host that listens collects a packet within this; its driver does, however busy it is
+# a host that listens collects a packet within this; its driver does, however busy it is
+_COLLECT_MS = const(500)
 
 
 @micropython.viper
@@ -158,8 +174,8 @@ def _arrived(s: ptr32, look: int) -> int:
         if packet[15] >> 24 == _MARK_LAST:
             if packet[15] == _MARK_15 and packet[0] == _MARK_0:
                 break
-            # A short packet, and the callback that tells its length is due; or a full one whose last byte is the
-            # mark's. With no callback by the next look it was full.
+            # A short packet, and the callback that tells its length is due; or a full one whose
+            # last byte is the mark's. With no callback by the next look it was full.
             if s[_DOUBT] == 0 or s[_DOUBT] == look:
                 s[_DOUBT] = look
                 break
@@ -171,10 +187,12 @@ def _arrived(s: ptr32, look: int) -> int:
 
 @micropython.viper
 def _part(s: ptr32):
-    """A session begins or ends: what has arrived until now is of none any more, and what is under way for nobody.
+    """A session begins or ends: what has arrived until now is of none any more, and what is under
+    way for nobody.
 
-    Of the running transfer that is every packet whose place no longer holds the mark. A host learns that the port is
-    open when this has returned, so nothing of the new session has been sent by then.
+    Of the running transfer that is every packet whose place no longer holds the mark. A host learns
+    that the port is open when this has returned, so nothing of the new session has been sent by
+    then.
     """
     end = s[_SEEN]
     if s[_ARMED] == 0:
@@ -239,7 +257,8 @@ def _send_packet(port):
 
 @micropython.viper
 def _activate(s: ptr32, usb, at: int, before):
-    """Switch the device on, and find the flags in MicroPython's object at an address: what that changes in it."""
+    """Switch the device on, and find the flags in MicroPython's object at an address: what that
+    changes in it."""
     flag = ptr8(at)
     kept = ptr8(before)
     i = 0
@@ -261,7 +280,8 @@ def _activate(s: ptr32, usb, at: int, before):
 
 @micropython.viper
 def _restore(s: ptr32, at: int) -> int:
-    """What was kept over a soft reset; 0 if there is nothing to go on with. at: address of MicroPython's object."""
+    """What was kept over a soft reset; 0 if there is nothing to go on with. at: address of
+    MicroPython's object."""
     kept = ptr32(s[_KEPT])
     if kept[_MARK] != ALIVE or not ptr32(s[_BUS])[0] & _ADDRESS:
         return 0
@@ -277,7 +297,8 @@ def _restore(s: ptr32, at: int) -> int:
 
 
 def _descriptor(builtin):
-    """The built-in configuration with a second CDC function behind it (USB CDC 1.2, 5.2; USB 2.0 ECN "IAD")."""
+    """The built-in configuration with a second CDC function behind it (USB CDC 1.2, 5.2; USB 2.0
+    ECN "IAD")."""
     control = builtin.itf_max
     notify = 0x80 | builtin.ep_max
     out = builtin.ep_max + 1
@@ -301,7 +322,8 @@ def _descriptor(builtin):
 
 
 class _Strings:
-    """String descriptors: the port's name, the device's; None for those that MicroPython has. Raises for no index."""
+    """String descriptors: the port's name, the device's; None for those that MicroPython has.
+    Raises for no index."""
 
     def __init__(self, index):
         self.index = index
@@ -313,11 +335,13 @@ class _Strings:
 
 
 class UsbPort:
-    """The protocol port. `open`: a host has it open (DTR; or, with a host that leaves DTR alone, it has sent bytes).
+    """The protocol port. `open`: a host has it open (DTR; or, with a host that leaves DTR alone, it
+    has sent bytes).
 
-    `openings` counts the times it was opened: a change means a new client, even where `open` is True before and after.
-    Nothing allocates after `start()`. `poll()` and `send()` are for one main loop, which may itself be a scheduled
-    function; of those only one `poll()` a call, since callbacks must come between two.
+    `openings` counts the times it was opened: a change means a new client, even where `open` is
+    True before and after. Nothing allocates after `start()`. `poll()` and `send()` are for one main
+    loop, which may itself be a scheduled function; of those only one `poll()` a call, since
+    callbacks must come between two.
     """
 
     def __init__(self):
@@ -357,14 +381,21 @@ class UsbPort:
     def start(self):
         """Put the port beside the built-in one; returns at once.
 
-        The host sees the board go, and come back with two ports. After a soft reset it sees nothing.
+        The host sees the board go, and come back with two ports. After a soft reset it sees
+        nothing.
         """
         if chip:
             from framestep.hal.rp2_stack import unchecked
 
             port = UsbPort
             self._kinds = unchecked(
-                _arm, _part, _send_packet, port._configured, port._reset, port._control, port._transferred
+                _arm,
+                _part,
+                _send_packet,
+                port._configured,
+                port._reset,
+                port._control,
+                port._transferred,
             )
         usb = self._usb
         going_on = chip and chip.enabled(self._state[_EP_OUT]) and _restore(self._state, id(usb))
@@ -386,7 +417,8 @@ class UsbPort:
             _activate(self._state, usb, id(usb), bytearray(_OBJECT))
 
     def _go_on(self):
-        """The host has the device as it was before the soft reset, and perhaps the port open: for it a session begins.
+        """The host has the device as it was before the soft reset, and perhaps the port open: for
+        it a session begins.
 
         A transfer that ended in between was told to nobody.
         """
@@ -432,7 +464,8 @@ class UsbPort:
 
     @micropython.viper
     def _reset(self):
-        # Bus reset or another configuration: transfers are gone. What has been seen of the running one stays.
+        # Bus reset or another configuration: transfers are gone. What has been seen of the running
+        # one stays.
         s = ptr32(self._state)
         if s[_ARMED]:
             place = s[_FILL] & 1
@@ -467,7 +500,8 @@ class UsbPort:
                 self.open = True
                 self.openings = int(self.openings) + 1
             elif dtr < s[_DTR] or dtr == 0 and self.open:
-                # Without DTR, what drivers set when a program opens or closes the port is the only sign of either.
+                # Without DTR, what drivers set when a program opens or closes the port is the only
+                # sign of either.
                 _part(s)
                 if chip:
                     chip.empty_packet(s[_EP_OUT])
@@ -507,9 +541,11 @@ class UsbPort:
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`; the bytes taken, 0 if none.
+        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`; the bytes taken,
+        0 if none.
 
-        Bytes that are not taken are offered again the next time, and hold the host up once both places are full.
+        Bytes that are not taken are offered again the next time, and hold the host up once both
+        places are full.
         """
         s = ptr32(self._state)
         look = (s[_LOOK] + 1) & 0xFFFFFFF
@@ -548,14 +584,16 @@ class UsbPort:
         if wanted < 0:
             return 0
         if moved == 0 and look & 15 == 0:
-            if s[_LIVE] and not s[_ARMED] and s[_TAKE] == s[_FILL]:  # an exception ended the callback that should
+            if s[_LIVE] and not s[_ARMED] and s[_TAKE] == s[_FILL]:
+                # an exception ended the callback that should
                 _arm(self)
             self._watch()
         return moved
 
     @micropython.viper
     def send(self, writer) -> int:
-        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives; else 1. Never waits.
+        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives;
+        else 1. Never waits.
 
         What is given to a closed port goes nowhere, as on any serial port.
         """
@@ -576,8 +614,9 @@ class UsbPort:
     # ------------------------------------------------------------ openings and closings
 
     def _heard(self):
-        """Bytes came in through a closed port; whether they count. Those of a host that has just let DTR fall do not:
-        it may have sent them before. Else there is one that does not use DTR, and now has the port open."""
+        """Bytes came in through a closed port; whether they count. Those of a host that has just
+        let DTR fall do not: it may have sent them before. Else there is one that does not use DTR,
+        and now has the port open."""
         if self._state[_BY_DTR] and time.ticks_diff(time.ticks_ms(), self._closed_at) <= _QUIET_MS:
             return False
         self.open = True
@@ -594,13 +633,19 @@ class UsbPort:
         self._closed_at = time.ticks_ms()
 
     def _watch(self):
-        """Close the port when the bus has died, open it again when the host wakes up and still has it open."""
+        """Close the port when the bus has died, open it again when the host wakes up and still has
+        it open."""
         if chip:
             state = self._state
             if self._bus.dead():
                 if self.open:
                     self._lose()
-            elif self.open and not state[_DTR] and state[_SENDING] and chip.packet_waits(state[_EP_OUT]):
+            elif (
+                self.open
+                and not state[_DTR]
+                and state[_SENDING]
+                and chip.packet_waits(state[_EP_OUT])
+            ):
                 now = time.ticks_ms()
                 if state[_SENT] != self._waits:
                     self._waits = state[_SENT]

@@ -12,7 +12,8 @@ from framestep.hal import CHANGED, CHANNELS
 from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
-_PER_PASS = const(64)  # channels that a pass looks at: all have had their turn before a frame is sent
+# channels that a pass looks at: all have had their turn before a frame is sent
+_PER_PASS = const(64)
 
 # Words of Lights.words, besides CHANGED
 RAMPING = const(1)  # channels that ramp
@@ -22,7 +23,8 @@ _CURSOR = const(3)  # last channel looked at
 
 @micropython.viper
 def _put(levels: ptr8, targets: ptr8, words: ptr32, first: int, source: ptr8, at: int, count: int):
-    """Set levels and targets of `count` channels from `first` on to the bytes from source[at] on."""
+    """Set levels and targets of `count` channels from `first` on to the bytes from source[at]
+    on."""
     last = first + count
     c = first
     while c < last:
@@ -39,7 +41,9 @@ def _put(levels: ptr8, targets: ptr8, words: ptr32, first: int, source: ptr8, at
 
 
 @micropython.viper
-def _put_marked(levels: ptr8, targets: ptr8, words: ptr32, first: int, last: int, source: ptr8, marks: ptr8):
+def _put_marked(
+    levels: ptr8, targets: ptr8, words: ptr32, first: int, last: int, source: ptr8, marks: ptr8
+):
     """Set the channels first … last whose bit MARK is set in `marks` to their byte in `source`."""
     c = first
     while c <= last:

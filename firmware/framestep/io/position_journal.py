@@ -4,11 +4,11 @@ A record holds where all motors stand. It is written once they have stood for ST
 operation is under way, never in motion. The newest record with a right checksum counts.
 
 Before anything makes a record untrue (the first motion, RESET_POSITION) its mark is cleared. Flash
-can do that without erasing, in half a millisecond, and nothing moves meanwhile. So after a power cut
-or any reset the newest record says how it was: with the mark set the motors stood, and the positions
-are HELD; with the mark cleared they moved, and the positions are LOST, the numbers being those from
-before the motion. A record that a power cut leaves unfinished has a wrong checksum. Then the one
-before it counts, whose mark was cleared when the motion began.
+can do that without erasing, in half a millisecond, and nothing moves meanwhile. So after a power
+cut or any reset the newest record says how it was: with the mark set the motors stood, and the
+positions are HELD; with the mark cleared they moved, and the positions are LOST, the numbers being
+those from before the motion. A record that a power cut leaves unfinished has a wrong checksum. Then
+the one before it counts, whose mark was cleared when the motion began.
 
 Wear. A block takes `slots` records until it is erased, and the blocks take turns. With four blocks
 of 30 slots, and flash good for 100 000 erasures, that is 12 million records: 2000 a day for 16
@@ -101,14 +101,17 @@ def _erased(page: ptr32, at: int) -> bool:
 
 
 class PositionJournal:
-    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py brings them back."""
+    """Keeps the positions of `axes` in a Flash (hal/contract.py). io/restore.py brings them
+    back."""
 
     def __init__(self, flash, axes):
         self.flash = flash
         self.axes = axes
         self.positions = axes.positions
         self.record = array("i", [0] * _WORDS)
-        self.bytes = memoryview(self.record).cast("B") if hasattr(memoryview, "cast") else self.record
+        self.bytes = (
+            memoryview(self.record).cast("B") if hasattr(memoryview, "cast") else self.record
+        )
         self.page = array("i", [0] * (PAGE_BYTES // 4))
         self.slots = flash.bytes // SLOT_BYTES
         self.block = flash.blocks - 1  # where the newest record is

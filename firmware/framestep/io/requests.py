@@ -1,8 +1,8 @@
 """Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing allocates
-after construction.
+or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing
+allocates after construction.
 """
 
 from array import array
@@ -139,7 +139,8 @@ class Io:
     # ---------------------------------------------------------------- requests
 
     def _dmx(self):
-        """MSG_DMX: ramp 0 (0 or 1), first channel 1, a level for each channel 3 (field note 8.1)."""
+        """MSG_DMX: ramp 0 (0 or 1), first channel 1, a level for each channel 3 (field note
+        8.1)."""
         reader = self.reader
         ramp = reader.u8(0)
         channel = reader.u16(1)

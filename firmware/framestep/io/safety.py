@@ -3,9 +3,9 @@
 Each switch is one bit of the word that Hal.levels() returns. A switch is active as soon as four
 readings in a row say so (this filters spikes), and released after RELEASE_MS of inactive readings.
 
-A limit acts on the motors to which SET_LIMITS has assigned its set, and only if they move toward it.
-The E-stop acts on all motors, and nothing may move while it is held. It makes the motors stop; it
-does not cut their power.
+A limit acts on the motors to which SET_LIMITS has assigned its set, and only if they move toward
+it. The E-stop acts on all motors, and nothing may move while it is held. It makes the motors stop;
+it does not cut their power.
 
 A change of a pin calls on_switch_change() in an interrupt. From the next tick on the motors ramp
 down, all in the same tick, whatever the main loop is busy with. Later poll() ends what they were
@@ -134,7 +134,10 @@ class Safety:
             words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.blocks = [axes[i].block for i in range(axes.count)]
         self.sets = [
-            (self._switch(limit["high"], limit["contact"]), self._switch(limit["low"], limit["contact"]))
+            (
+                self._switch(limit["high"], limit["contact"]),
+                self._switch(limit["low"], limit["contact"]),
+            )
             for limit in rig.limits
         ]
         self._estop = 0
@@ -296,8 +299,8 @@ class Safety:
     def unreported(self):
         """What has stopped motors and is still to be reported; -1: nothing.
 
-        ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has come
-        to its lower one.
+        ESTOP; a motor (from 0) that has come to its upper limit; or LOWER plus a motor that has
+        come to its lower one.
         """
         if self._report_estop:
             return ESTOP

@@ -1,4 +1,5 @@
-"""TMC2209 drivers on their one-wire UART: sets them up before they are enabled, and watches for faults.
+"""TMC2209 drivers on their one-wire UART: sets them up before they are enabled, and watches for
+faults.
 
 Telegrams (TMC2209 datasheet, "UART single wire interface"), each byte with its lowest bit first:
 
@@ -6,12 +7,12 @@ Telegrams (TMC2209 datasheet, "UART single wire interface"), each byte with its 
     read     05, address, register, CRC;  answer  05, FF, register, four bytes of value, CRC
 
 What is sent comes back as an echo, since TX and RX share the wire. An answer differs from it, and
-from noise, by its address FF and its CRC. A write has no answer, so IFCNT, which counts good writes,
-is read after each one.
+from noise, by its address FF and its CRC. A write has no answer, so IFCNT, which counts good
+writes, is read after each one.
 
-A driver that does not answer, has a fault, or has been reset by a drop of its supply is not `ready`:
-its motor does not move. It is asked again every RETRY_MS, and set up from the beginning as soon as
-it answers. A pass of the main loop does one thing and never waits. Nothing allocates after
+A driver that does not answer, has a fault, or has been reset by a drop of its supply is not
+`ready`: its motor does not move. It is asked again every RETRY_MS, and set up from the beginning as
+soon as it answers. A pass of the main loop does one thing and never waits. Nothing allocates after
 construction.
 """
 
@@ -127,7 +128,8 @@ class Drivers:
     """
 
     def __init__(self, hal, rig):
-        """hal: for its driver_wire. rig.drivers: each motor's registers (io/tmc2209_setup.py) or None."""
+        """hal: for its driver_wire. rig.drivers: each motor's registers (io/tmc2209_setup.py) or
+        None."""
         self.wire = hal.driver_wire
         self.report_driver = hal.report_driver
         self.motors = bytes([i for i in range(min(hal.motors, len(rig.drivers))) if rig.drivers[i]])

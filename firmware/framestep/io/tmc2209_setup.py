@@ -1,7 +1,9 @@
-"""The registers of a TMC2209 for the driver settings of the rig file. Loaded to read that file; allocates.
+"""The registers of a TMC2209 for the driver settings of the rig file. Loaded to read that file;
+allocates.
 
-Register numbers and fields: the makers' register reference, analogdevicesinc/TMC-API tmc/ic/TMC2209; formulas: TMC2209
-datasheet, "Selecting sense resistors" (current), TPOWERDOWN and CHOPCONF in its register tables.
+Register numbers and fields: the makers' register reference, analogdevicesinc/TMC-API
+tmc/ic/TMC2209; formulas: TMC2209 datasheet, "Selecting sense resistors" (current), TPOWERDOWN and
+CHOPCONF in its register tables.
 """
 
 _CLOCK_HZ = 12_000_000  # the chip's own, trimmed in the factory
@@ -11,14 +13,24 @@ _ROOT_2 = 1_414_214  # millionths
 _SCALES = 32
 
 _GCONF, _GSTAT, _NODECONF = 0x00, 0x01, 0x03
-_IHOLD_IRUN, _TPOWERDOWN, _TPWMTHRS, _TCOOLTHRS, _VACTUAL, _COOLCONF = 0x10, 0x11, 0x13, 0x14, 0x22, 0x42
+_IHOLD_IRUN, _TPOWERDOWN, _TPWMTHRS, _TCOOLTHRS, _VACTUAL, _COOLCONF = (
+    0x10,
+    0x11,
+    0x13,
+    0x14,
+    0x22,
+    0x42,
+)
 _CHOPCONF, _PWMCONF = 0x6C, 0x70
 
 _SPREAD = 1 << 2  # GCONF
-_UART_RULES = (1 << 6) | (1 << 7) | (1 << 8)  # pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
-_SENDDELAY = 2 << 8  # 3·8 bit times before an answer: less is not allowed with several drivers on a wire
+# pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
+_UART_RULES = (1 << 6) | (1 << 7) | (1 << 8)
+# 3·8 bit times before an answer: less is not allowed with several drivers on a wire
+_SENDDELAY = 2 << 8
 _TOFF = 3
-_CHOPPER = (2 << 15) | (5 << 4)  # TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
+# TBL 24 clocks, HSTRT 5, HEND 0: the makers' values for a motor of any kind
+_CHOPPER = (2 << 15) | (5 << 4)
 _VSENSE = 1 << 17
 _MRES = 24
 _INTPOL = 1 << 28
@@ -28,9 +40,11 @@ _FREEWHEEL = 1 << 20
 
 
 def scale(run_ma, sense_mohm):
-    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None if out of range.
+    """(IRUN, VSENSE) for a run current of `run_ma` mA (RMS) or the next lower one; None if out of
+    range.
 
-    I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2; the lower full scale gives finer microsteps.
+    I = (IRUN + 1)/32 · full scale / (sense resistor + 20 mΩ) / √2; the lower full scale gives finer
+    microsteps.
     """
     for vsense in (1, 0):
         voltage = run_ma * (sense_mohm + _INNER_MOHM) * _ROOT_2
@@ -48,18 +62,25 @@ def most_ma(sense_mohm):
 def registers(driver):
     """Register numbers and values in the order in which they are written, five bytes each.
 
-    driver: a dictionary with the keys of framestep.rig.DRIVER_SETTINGS. ValueError for a current that
-    is out of range.
+    driver: a dictionary with the keys of framestep.rig.DRIVER_SETTINGS. ValueError for a current
+    that is out of range.
     """
     found = scale(driver["run_ma"], driver["sense_mohm"])
     if found is None:
-        raise ValueError("at most %d mA with %d mΩ" % (most_ma(driver["sense_mohm"]), driver["sense_mohm"]))
+        raise ValueError(
+            "at most %d mA with %d mΩ" % (most_ma(driver["sense_mohm"]), driver["sense_mohm"])
+        )
     irun, vsense = found
     ihold = max((irun + 1) * driver["hold_percent"] // 100, 1) - 1
     mres = 8
     while 256 >> mres < driver["microsteps"]:
         mres -= 1
-    chopper = _CHOPPER | (_VSENSE if vsense else 0) | (mres << _MRES) | (_INTPOL if driver["interpolate"] else 0)
+    chopper = (
+        _CHOPPER
+        | (_VSENSE if vsense else 0)
+        | (mres << _MRES)
+        | (_INTPOL if driver["interpolate"] else 0)
+    )
     delay = (driver["hold_delay_ms"] * (_CLOCK_HZ // 1000) + (1 << 17)) >> 18
     listed = (
         (_NODECONF, _SENDDELAY),

@@ -1,10 +1,10 @@
 """Works through formulas: lists of operations on registers of `reals`, in one call of a kernel.
 
-A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a formula is compiled
-from its text (formula.py, on the computer that builds the firmware) to bytes, four for each operation: what, the
-register of the result, the registers of two operands. SCALE and NUMBER have four bytes more. Results are, bit by bit,
-those of the functions in `reals`. Angles are degrees. Sine and cosine are right to 2^-28, angles to 4e-7 degrees.
-Nothing allocates.
+A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a
+formula is compiled from its text (formula.py, on the computer that builds the firmware) to bytes,
+four for each operation: what, the register of the result, the registers of two operands. SCALE and
+NUMBER have four bytes more. Results are, bit by bit, those of the functions in `reals`. Angles are
+degrees. Sine and cosine are right to 2^-28, angles to 4e-7 degrees. Nothing allocates.
 """
 
 from array import array
@@ -23,7 +23,8 @@ DIVIDE = const(8)  # to = a / b, b not 0
 ROOT = const(9)  # to = √a, 0 for a negative number
 NEGATE = const(10)  # to = -a
 SCALE = const(11)  # to = a · 2^(c - 128), c in the byte that follows; three bytes are unused
-NUMBER = const(12)  # to = c · 2^(d - 128), c in the two bytes that follow, d in the third; one is unused
+# to = c · 2^(d - 128), c in the two bytes that follow, d in the third; one is unused
+NUMBER = const(12)
 FLOOR = const(13)  # to = the greatest whole number that is not above a
 COPY = const(14)  # to = a
 ANGLE = const(15)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
@@ -31,14 +32,26 @@ SINES = const(16)  # to, b = sine and cosine of a, |a| < 2^27
 
 _BIAS = const(128)  # of exponents in a formula
 
-# Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six do for 45 degrees); then, from
-# _ARCS on, the arc tangents of k / 16 in degrees, Q24
+# Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six do for 45
+# degrees); then, from _ARCS on, the arc tangents of k / 16 in degrees, Q24
 _ARCS = const(12)
 _TABLES = array(
     "i",
     [-27, 2959, -213044, 8947849, -178956971, 1073741824]
     + [-296, 26631, -1491308, 44739243, -536870912, 1073741824]
-    + [0, 60000934, 119537938, 178168250, 235489088, 291152220, 344873211, 396435174, 445687602, 492541372, 536961227]
+    + [
+        0,
+        60000934,
+        119537938,
+        178168250,
+        235489088,
+        291152220,
+        344873211,
+        396435174,
+        445687602,
+        492541372,
+        536961227,
+    ]
     + [578956944, 618574237, 655886115, 690985163, 723976963, 754974720],
 )
 
@@ -124,9 +137,11 @@ def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
 
 @micropython.viper
 def compute(m: int, n: int, registers, formula: ptr8) -> int:
-    """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not computed then.
+    """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not
+    computed then.
 
-    m and n are parameters because viper keeps the first two in registers on ARM; what is passed does not matter.
+    m and n are parameters because viper keeps the first two in registers on ARM; what is passed
+    does not matter.
     """
     r = ptr32(registers)
     at = 0
@@ -241,7 +256,8 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                 if m + m >= n:
                     low += 1
                 m = (n << 15) + low
-                if low * low >> 15 >= n:  # the square of the lower half, which the division has left out
+                # the square of the lower half, which the division has left out
+                if low * low >> 15 >= n:
                     m -= 1
         elif what == NEGATE:
             m = 0 - m
@@ -312,7 +328,8 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                 k += 1
             m = shift >> 15
             m = m * high + ((m * low + (shift & 0x7FFF) * high + 0x4000) >> 15)
-            # sine and cosine of the whole angle by its quarter: m and e, e and -m, -m and -e, -e and m
+            # sine and cosine of the whole angle by its quarter: m and e, e and -m, -m and -e, -e
+            # and m
             m = (m ^ f) - f
             if quarters & 1:
                 f = m

@@ -6,20 +6,21 @@
         SWING = angle(WRIST_EW, cosine) * SIDE + TURNS
     ''')
 
-The build for a board puts the bytes in the place of the call (framestep_tools.constants); on CPython
-they are made when the module is imported. Names in capitals are registers: constants of the module
-given; JOINT[2] is the second number after JOINT. Names in small letters are the formula's own, and
-are kept in free registers, those from SCRATCH to SCRATCH_END. A line is one of
+The build for a board puts the bytes in the place of the call (framestep_tools.constants); on
+CPython they are made when the module is imported. Names in capitals are registers: constants of the
+module given; JOINT[2] is the second number after JOINT. Names in small letters are the formula's
+own, and are kept in free registers, those from SCRATCH to SCRATCH_END. A line is one of
 
     name = expression
     a, b = sincos(x)
-    assert a > b            or >=, <, <=: where it does not hold the formula ends, compute() returns 0
+    assert a > b            or >=, <, <=: where it does not hold the formula ends, compute() returns
+                            0
     ...                     the last line of a formula that another one follows, added to it
 
-An expression has + - * /, numbers, sqrt(x), floor(x), min(a, b), max(a, b) and angle(y, x) in degrees.
-Operations are done from left to right, as Python would, each rounded as those of `reals` are; 2 * x,
-x / 4 and the like are exact and cheap. A register that an expression reads is changed by its last
-operation alone.
+An expression has + - * /, numbers, sqrt(x), floor(x), min(a, b), max(a, b) and angle(y, x) in
+degrees. Operations are done from left to right, as Python would, each rounded as those of `reals`
+are; 2 * x, x / 4 and the like are exact and cheap. A register that an expression reads is changed
+by its last operation alone.
 """
 
 import ast
@@ -28,7 +29,12 @@ from fractions import Fraction
 
 from framestep.motion import compute as kernel
 
-_OPERATORS = {ast.Add: kernel.ADD, ast.Sub: kernel.SUBTRACT, ast.Mult: kernel.MULTIPLY, ast.Div: kernel.DIVIDE}
+_OPERATORS = {
+    ast.Add: kernel.ADD,
+    ast.Sub: kernel.SUBTRACT,
+    ast.Mult: kernel.MULTIPLY,
+    ast.Div: kernel.DIVIDE,
+}
 _FUNCTIONS = {  # name: operation, number of operands
     "sqrt": (kernel.ROOT, 1),
     "floor": (kernel.FLOOR, 1),
@@ -56,7 +62,8 @@ class FormulaError(Exception):
 
 
 def formula(names, text):
-    """The bytes of a formula; names: the module, or a dict, that has its registers. FormulaError says what is wrong."""
+    """The bytes of a formula; names: the module, or a dict, that has its registers. FormulaError
+    says what is wrong."""
     return _Formula(names if isinstance(names, dict) else vars(names)).compile(text)
 
 
@@ -159,7 +166,11 @@ class _Formula:
 
     def _sincos(self, node, target, value):
         names = [n for n in target.elts if isinstance(n, (ast.Name, ast.Subscript))]
-        call = isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and value.func.id == "sincos"
+        call = (
+            isinstance(value, ast.Call)
+            and isinstance(value.func, ast.Name)
+            and value.func.id == "sincos"
+        )
         if len(names) != 2 or len(target.elts) != 2 or not call or len(value.args) != 1:
             raise FormulaError(node.lineno, "two names are given by sincos(x) alone")
         free = list(self.free)
@@ -172,7 +183,9 @@ class _Formula:
 
     def _condition(self, test):
         if len(test.ops) != 1 or type(test.ops[0]) not in _CONDITIONS:
-            raise FormulaError(test.lineno, f"no condition that a formula can have: {ast.unparse(test)}")
+            raise FormulaError(
+                test.lineno, f"no condition that a formula can have: {ast.unparse(test)}"
+            )
         what, turned = _CONDITIONS[type(test.ops[0])]
         free = list(self.free)
         a, b = self._value(test.left), self._value(test.comparators[0])
@@ -188,7 +201,9 @@ class _Formula:
         if isinstance(node, ast.Subscript):
             base = node.value
             if not (isinstance(base, ast.Name) and isinstance(node.slice, ast.Constant)):
-                raise FormulaError(node.lineno, f"a register's number has to be a literal: {ast.unparse(node)}")
+                raise FormulaError(
+                    node.lineno, f"a register's number has to be a literal: {ast.unparse(node)}"
+                )
             index = 2 * node.slice.value
         register = self.names.get(base.id) if base.id.isupper() else None
         if register is not None:
@@ -210,13 +225,17 @@ class _Formula:
 
     def _take(self, node):
         if not self.free:
-            raise FormulaError(node.lineno, "too few free registers; cut the expression up, or reuse a name")
+            raise FormulaError(
+                node.lineno, "too few free registers; cut the expression up, or reuse a name"
+            )
         return self.free.pop(0)
 
     def _read(self, node):
         register = self._known(node)
         if register is None:
-            raise FormulaError(node.lineno, f"{ast.unparse(node)} is no register, and has no value yet")
+            raise FormulaError(
+                node.lineno, f"{ast.unparse(node)} is no register, and has no value yet"
+            )
         if isinstance(node, ast.Name) and node.id in self.own:
             self.used.add(node.id)
         return register
@@ -227,7 +246,9 @@ class _Formula:
             return {self._read(node)}
         if isinstance(node, ast.Call):
             return set().union(*map(self._registers, node.args))
-        return set().union(*(self._registers(n) for n in ast.iter_child_nodes(node) if isinstance(n, ast.expr)))
+        return set().union(
+            *(self._registers(n) for n in ast.iter_child_nodes(node) if isinstance(n, ast.expr))
+        )
 
     # ------------------------------------------------------------ expressions
 
@@ -243,7 +264,8 @@ class _Formula:
         return to
 
     def _into(self, node, to, work):
-        """r[to] = the expression; its first part that takes calculating may be in r[work] meanwhile."""
+        """r[to] = the expression; its first part that takes calculating may be in r[work]
+        meanwhile."""
         value = _literal(node)
         if value is not None:
             return self._number(node, to, value)
@@ -253,10 +275,16 @@ class _Formula:
             return self._operate(kernel.NEGATE, to, [node.operand], work)
         if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
             return self._binary(node, to, work)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in _FUNCTIONS
+        ):
             what, count = _FUNCTIONS[node.func.id]
             if len(node.args) != count or node.keywords:
-                raise FormulaError(node.lineno, f"{node.func.id}() takes {count} of them: {ast.unparse(node)}")
+                raise FormulaError(
+                    node.lineno, f"{node.func.id}() takes {count} of them: {ast.unparse(node)}"
+                )
             return self._operate(what, to, node.args, work)
         raise FormulaError(node.lineno, f"not an expression of a formula: {ast.unparse(node)}")
 
@@ -306,14 +334,18 @@ class _Formula:
             return self._emit(kernel.NEGATE, to, to, to)
         exponent = 0
         if value.denominator & (value.denominator - 1):
-            raise FormulaError(node.lineno, f"{ast.unparse(node)} cannot be told exactly; divide registers instead")
+            raise FormulaError(
+                node.lineno, f"{ast.unparse(node)} cannot be told exactly; divide registers instead"
+            )
         exponent = 1 - value.denominator.bit_length()
         mantissa = value.numerator
         while mantissa and mantissa % 2 == 0:
             mantissa //= 2
             exponent += 1
         if mantissa > _LARGEST:
-            raise FormulaError(node.lineno, f"{ast.unparse(node)} has more than 16 digits in binary")
+            raise FormulaError(
+                node.lineno, f"{ast.unparse(node)} has more than 16 digits in binary"
+            )
         self._emit(kernel.NUMBER, to, to, to)
         self.code += (mantissa & 0xFF, mantissa >> 8, self._exponent(node, exponent), 0)
 

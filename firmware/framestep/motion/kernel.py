@@ -86,7 +86,8 @@ class StepKernel:
         state[OUT_SET] = state[OUT_CLEAR] = as_word(addressof(self._nowhere))
 
     def outputs(self, set_address, clear_address):
-        """Where cues go: registers that raise and lower the output pins of a mask, or the word of levels twice."""
+        """Where cues go: registers that raise and lower the output pins of a mask, or the word of
+        levels twice."""
         self.state[OUT_SET] = as_word(set_address)
         self.state[OUT_CLEAR] = as_word(clear_address)
 

@@ -69,7 +69,8 @@ class Phases:
         return (self.words[TAIL] - self.words[HEAD]) & RING_MASK
 
     def append(self, kind, duration, start, second, third, turned):
-        """Append a phase made of scratch registers; velocities and accelerations change sign if turned."""
+        """Append a phase made of scratch registers; velocities and accelerations change sign if
+        turned."""
         words = self.words
         at = words[TAIL] * PHASE_WORDS
         words[at + KIND] = kind
@@ -84,12 +85,15 @@ class Phases:
         words[TAIL] = (words[TAIL] + 1) & RING_MASK
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
-        """Append an AIM phase: registers of `numbers`, the step targets[i] and `part` of one more (Q16)."""
+        """Append an AIM phase: registers of `numbers`, the step targets[i] and `part` of one more
+        (Q16)."""
         put_aim(self.words, numbers, duration, start, end, targets, i, part)
 
 
 @micropython.viper
-def put_aim(words: ptr32, r: ptr32, duration: int, start: int, end: int, targets, i: int, part: int):
+def put_aim(
+    words: ptr32, r: ptr32, duration: int, start: int, end: int, targets, i: int, part: int
+):
     """Phases.aim() for the words of the phases."""
     at = words[TAIL] * PHASE_WORDS
     words[TAIL] = (words[TAIL] + 1) & RING_MASK
@@ -108,8 +112,9 @@ def put_aim(words: ptr32, r: ptr32, duration: int, start: int, end: int, targets
 def load(words, at: int, cubic, whole, knot, r) -> int:
     """Take the phase at words[at]: set the cubic, whose position stays.
 
-    whole: becomes its duration, in whole ticks and a fraction. knot: becomes where an AIM phase leads to: step,
-    Q16 of one more. r: `scratch`. _TOOK, _TOOK_AIM, or 0 where a part of the phase is left.
+    whole: becomes its duration, in whole ticks and a fraction. knot: becomes where an AIM phase
+    leads to: step, Q16 of one more. r: `scratch`. _TOOK, _TOOK_AIM, or 0 where a part of the phase
+    is left.
     """
     w = ptr32(words)
     out = ptr32(whole)
@@ -125,8 +130,8 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
         return _TOOK
     ptr32(knot)[0] = w[at + TARGET]
     ptr32(knot)[1] = w[at + THIRD]
-    # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T². Not as a formula: this is done
-    # for each motor and frame, and the functions lie in RAM.
+    # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T². Not as a
+    # formula: this is done for each motor and frame, and the functions lie in RAM.
     s = ptr32(r)
     s[_T] = w[at + DURATION]
     s[_T + 1] = w[at + DURATION + 1]

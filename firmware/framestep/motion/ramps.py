@@ -14,7 +14,17 @@ from array import array
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.motion.phases import AIM, PHASE_WORDS, PLANNER, RAMP, TAIL, TARGET, THIRD, ZERO, scratch
+from framestep.motion.phases import (
+    AIM,
+    PHASE_WORDS,
+    PLANNER,
+    RAMP,
+    TAIL,
+    TARGET,
+    THIRD,
+    ZERO,
+    scratch,
+)
 from framestep.motion.segments import G1, G2, WHOLE, distance, velocity
 from framestep.native import const
 
@@ -128,8 +138,8 @@ _STEADY = formula(globals(), "_G2 = _CHANGE / _T / 2")
 
 # S-curve of duration T: jerk for T1, full acceleration for T2, jerk for T1. With the peak
 # acceleration a = j·T1 and the change of velocity D = a·(T1 + T2) = j·T1·(T - T1):
-# T1 = T/2 - sqrt(T²/4 - D/j), written so that nothing cancels. A jerk that is over within a few ticks
-# is none.
+# T1 = T/2 - sqrt(T²/4 - D/j), written so that nothing cancels. A jerk that is over within a few
+# ticks is none.
 _S_CURVE = formula(
     globals(),
     """
@@ -148,7 +158,8 @@ _AFTER_FULL_ACCELERATION = formula(globals(), "_FROM = _FROM + 2 * (_G2 * _T2)")
 
 # ---------------------------------------------------------------- a plan
 
-# a = 2·G2, j = 6·G3: T = a/j = G2/(3·G3); then S less V·T + G2·T² + G3·T³, V more 2·G2·T + 3·G3·T² = G2·T
+# a = 2·G2, j = 6·G3: T = a/j = G2/(3·G3); then S less V·T + G2·T² + G3·T³, V more 2·G2·T + 3·G3·T²
+# = G2·T
 _ACCELERATION_ENDS = formula(globals(), "_T = -(_G2 / _G3 * _THIRD)")
 _AFTER_ACCELERATION = formula(
     globals(),
@@ -158,7 +169,8 @@ _AFTER_ACCELERATION = formula(
     """,
 )
 
-# A 64th of a step of leave, so that a plan made again on the way down ends where the first one would.
+# A 64th of a step of leave, so that a plan made again on the way down ends where the first one
+# would.
 _CANNOT_STOP = formula(globals(), "assert _WAY > _S + 2 ** -6")
 
 # Triangle: A·S = C² - V²/2
@@ -256,9 +268,9 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
 
     limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
     for none). Returns NOTHING where there is nothing to do, PLANNED, or STOP_FIRST where the motor
-    must turn and, within the jerk limit, slows down already: letting that go first would take it past
-    the end of the plan that it follows, and perhaps past a soft limit. Then nothing is planned;
-    plan_stop() is what does not.
+    must turn and, within the jerk limit, slows down already: letting that go first would take it
+    past the end of the plan that it follows, and perhaps past a soft limit. Then nothing is
+    planned; plan_stop() is what does not.
     """
     r = scratch
     phases.clear()
@@ -318,12 +330,13 @@ def _choose_cruise():
     if reals.compare(r, _V, _MAX_V) >= 0:
         reals.copy(r, _CRUISE, _MAX_V)
         if _too_long():
-            reals.copy(r, _CRUISE, _V)  # nearer than the way down to the new one: stop straight away
+            # nearer than the way down to the new one: stop straight away
+            reals.copy(r, _CRUISE, _V)
         return
     compute(0, 0, r, _TRIANGLE)
     if reals.sign(r, _J) > 0:
-        # No closed form with both limits: bisection below that, since a limit of the jerk only takes
-        # away from it. What is short of the greatest velocity possible is cruised.
+        # No closed form with both limits: bisection below that, since a limit of the jerk only
+        # takes away from it. What is short of the greatest velocity possible is cruised.
         compute(0, 0, r, _BISECT)
         for _ in range(16):
             if _too_long():
@@ -412,11 +425,13 @@ _FRACTION = formula(globals(), "_S = (_S - _X) * 65536")
 
 
 def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
-    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on or above.
+    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on
+    or above.
 
     limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already goes on from
-    the deceleration it has, so it does not get past the end of a plan within the same limits. Returns
-    False where the way is longer than the planner can count (2^29 steps): nothing is planned.
+    the deceleration it has, so it does not get past the end of a plan within the same limits.
+    Returns False where the way is longer than the planner can count (2^29 steps): nothing is
+    planned.
     """
     r = scratch
     phases.clear()
@@ -453,7 +468,8 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
 
 
 def _append_stop(phases, down):
-    """Append an S-curve from CHANGE to rest but for what lies before SINCE ticks and for its last part.
+    """Append an S-curve from CHANGE to rest but for what lies before SINCE ticks and for its last
+    part.
 
     T1: how long the jerk lasts, D: the deceleration after SINCE ticks. Leaves the velocity of the
     last part in FROM, and adds the way of all to S.
@@ -468,7 +484,8 @@ def _append_stop(phases, down):
 
 
 def _find_end(targets, i, cubic, down):
-    """Where a way of S leads: targets[i] = the step on or below; what it is beyond that (Q16), -1 if too far.
+    """Where a way of S leads: targets[i] = the step on or below; what it is beyond that (Q16), -1
+    if too far.
 
     A stop ends between two steps: to reach the next one in what time is left could ask for any
     acceleration.

@@ -343,7 +343,8 @@ def add_word(to, i: int, source, j: int, small: int):
 
 @micropython.viper
 def add_within(to, i: int, source, j: int, small: int) -> int:
-    """As add_word(), but 0 where the sum does not fit a word: then nothing has changed. small: below 2^30."""
+    """As add_word(), but 0 where the sum does not fit a word: then nothing has changed. small:
+    below 2^30."""
     s = ptr32(source)
     top = 0x3FFFFFFF
     top = top + top + 1
@@ -359,7 +360,8 @@ def add_within(to, i: int, source, j: int, small: int) -> int:
 
 @micropython.viper
 def add_words(to, i: int, a, j: int, b, k: int, minus: int) -> int:
-    """to[i] = a[j] + b[k], or a[j] - b[k] if minus is 1; held at the end of int32 that it lies past, and then 0."""
+    """to[i] = a[j] + b[k], or a[j] - b[k] if minus is 1; held at the end of int32 that it lies
+    past, and then 0."""
     t = ptr32(to)
     m = ptr32(a)
     n = ptr32(b)

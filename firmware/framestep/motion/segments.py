@@ -126,7 +126,8 @@ def mark(state: ptr32, cubic: ptr32):
 
 @micropython.viper
 def knot(state: ptr32, at: ptr32, part: int):
-    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is on the step at[0] exactly."""
+    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is on the
+    step at[0] exactly."""
     if at[1] == 0:
         state[3] = part
         state[4] = at[0]
@@ -136,18 +137,22 @@ def knot(state: ptr32, at: ptr32, part: int):
 def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     """Queue one tick from the place of mark() to where the cubic is now.
 
-    part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes to.
+    part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes
+    to.
 
-    Where it turns within the tick, at or beside the step of knot(), that step lies outside of what the tick's ends
-    tell, and the kernel would not make it. Then the motor goes there in that share of the tick, and the segment that
-    follows begins a little behind: no step is lost, since that is less than the two steps that the kernel bears.
+    Where it turns within the tick, at or beside the step of knot(), that step lies outside of what
+    the tick's ends tell, and the kernel would not make it. Then the motor goes there in that share
+    of the tick, and the segment that follows begins a little behind: no step is lost, since that is
+    less than the two steps that the kernel bears.
     """
     q = ptr32(block[QUEUE])
     k = (block[TAIL] & _SLOTS) << 3
     q[k + SEG_TICKS] = 1
     q[k + SEG_WHOLE] = state[0]
     q[k + SEG_FRACTION] = state[1]
-    q[k + SEG_VELOCITY] = ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
+    q[k + SEG_VELOCITY] = (
+        ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
+    )
     # the mean of the accelerations before and after
     q[k + SEG_ACCEL] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
     q[k + SEG_JERK] = 0
@@ -177,8 +182,9 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
 def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
     """Copy the segment queued last into another motor's queue, as that motor does it.
 
-    base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their sum. The kernel
-    makes the same of both, tick by tick and bit by bit: so the two are never a step apart, whatever stops them.
+    base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their
+    sum. The kernel makes the same of both, tick by tick and bit by bit: so the two are never a step
+    apart, whatever stops them.
     """
     q = ptr32(block[QUEUE])
     k = ((block[TAIL] - 1) & _SLOTS) << 3
@@ -213,7 +219,8 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
 
 @micropython.viper
 def snap(cubic: ptr32, at: ptr32):
-    """Put a cubic on the step at[0] and at[1] (Q16) of one more exactly; it has come there but for rounding."""
+    """Put a cubic on the step at[0] and at[1] (Q16) of one more exactly; it has come there but for
+    rounding."""
     cubic[WHOLE] = at[0]
     cubic[P] = at[1]
     cubic[P + 1] = 0
@@ -221,7 +228,8 @@ def snap(cubic: ptr32, at: ptr32):
 
 @micropython.viper
 def settle(cubic: ptr32):
-    """Bring a cubic to rest where it is, on a whole step if that is within a sixteenth: it was meant then."""
+    """Bring a cubic to rest where it is, on a whole step if that is within a sixteenth: it was
+    meant then."""
     if (cubic[P] + 0x1000) & 0xE000 == 0:
         cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 15)
         cubic[P] = 0

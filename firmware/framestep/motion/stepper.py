@@ -1,19 +1,20 @@
 """The step kernel's words: segments in, pulse commands out, once per millisecond for all motors.
 
-Its state is one block (the header) that leads to a block per motor. tick.py has the function that works on it in the
-interrupt, kernel.py makes it; here are its words, and what else touches them.
+Its state is one block (the header) that leads to a block per motor. tick.py has the function that
+works on it in the interrupt, kernel.py makes it; here are its words, and what else touches them.
 
 Numbers. A tick is 1 ms. Velocity is the displacement of one tick in steps, Q9.22; its change from
 tick to tick ("acceleration") and the change of that ("jerk") are Q4.27. A segment is
 `(ticks, place, velocity, acceleration, jerk)`; the place is the exact position at its start, whole
-steps and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the profile
-crosses each whole step: step k is made when the position *reaches* k, going up or down, so a motor
-at rest on k has made exactly k steps and a position that trembles between two steps makes none.
-("Reaches" means comes within a hair of: what lies on the end of a tick must not make none in one
-tick and two in the next.)
+steps and Q22 fraction, so that rounding never adds up. Within a tick the pulses lie where the
+profile crosses each whole step: step k is made when the position *reaches* k, going up or down, so
+a motor at rest on k has made exactly k steps and a position that trembles between two steps makes
+none. ("Reaches" means comes within a hair of: what lies on the end of a tick must not make none in
+one tick and two in the next.)
 
-Pulses. The engine takes 32-bit commands and executes them one after another on its own clock of `CYCLES` per tick;
-hal/engine.py says what they look like and how long they take, and names all that differs between engines.
+Pulses. The engine takes 32-bit commands and executes them one after another on its own clock of
+`CYCLES` per tick; hal/engine.py says what they look like and how long they take, and names all that
+differs between engines.
 
 Time. A tick's pulses come `AHEAD` cycles after the tick was due: almost `LEAD` ticks, so that an
 interrupt that comes late by up to `LATEST` moves no edge.
@@ -46,7 +47,8 @@ LATEST = const(12)  # microseconds of lateness that an engine survives
 CUES = const(13)  # address of the ring of cues
 CUE_TAKEN = const(14)  # cues given, modulo 2^29
 CUE_PUT = const(15)  # cues put, modulo 2^29
-OUT_SET = const(16)  # address that raises the output pins of a mask, or of the word of levels: see engine.RING
+# address that raises the output pins of a mask, or of the word of levels: see engine.RING
+OUT_SET = const(16)
 OUT_CLEAR = const(17)  # address that lowers them
 BEHIND = const(18)  # ticks that the pins are behind: LEAD, or more where ticks are done in batches
 HEADER_WORDS = const(19)
@@ -83,12 +85,16 @@ WAIT = const(21)  # ticks until the last pulse is out
 IDLE_AT = const(22)  # tick in which the last command of a motor not in RUN was queued
 FAULT = const(23)  # FAULT_ bits of this motor
 INVERT = const(24)  # engine.DIRECTION swaps the level of the direction pin
-SPAN = const(25)  # cycles of this tick in which the motor moves: fewer where it comes to rest within it
+# cycles of this tick in which the motor moves: fewer where it comes to rest within it
+SPAN = const(25)
 WHOLE_SPAN = const(26)  # cycles per tick
-PLANNED = const(27)  # PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
-WORK = const(28)  # addresses of what the queue is filled from, see motors/axis.py; nothing to the tick either
+# PLAN_ bits: what is to come yet, set by whoever fills the queue; nothing to the tick
+PLANNED = const(27)
+# addresses of what the queue is filled from, see motors/axis.py; nothing to the tick either
+WORK = const(28)
 PHASES = const(29)
-PLACE = const(30)  # address of the load's place and its play to the motor (motors/axis.py): for sample()
+# address of the load's place and its play to the motor (motors/axis.py): for sample()
+PLACE = const(30)
 PLAY = const(31)
 BLOCK_WORDS = const(32)
 
@@ -103,7 +109,8 @@ _STALE = const(15 + engine.BATCH)  # ticks after which one is too old to be told
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
-PLAN_TIMED = const(4)  # with PLAN_SEGMENTS: others move at the same times, so the queue must not run dry at rest either
+# with PLAN_SEGMENTS: others move at the same times, so the queue must not run dry at rest either
+PLAN_TIMED = const(4)
 
 # What look() finds
 LOOK_BUSY = const(1)  # a motor moves or is planned to
@@ -132,7 +139,8 @@ SEG_FRACTION = const(2)  # and Q22 of a step
 SEG_VELOCITY = const(3)  # Q22
 SEG_ACCEL = const(4)  # Q27
 SEG_JERK = const(5)  # Q27
-SEG_BRIDGE = const(6)  # 1: one tick with a change of phase in it: the displacement is exact, the rest a mean
+# 1: one tick with a change of phase in it: the displacement is exact, the rest a mean
+SEG_BRIDGE = const(6)
 SEG_SPAN = const(7)  # cycles of each tick in which the motor moves
 SEGMENT_WORDS = const(8)
 
@@ -142,9 +150,9 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     """End a motor's queue about `ticks` from now and tell the state there, to plan on from it.
 
     out: whole steps, fraction (Q22), velocity (Q22), acceleration (Q27) at that moment. Returns the
-    ticks until then, `ticks` at least; 0 where the motor is at rest, and -1 where it comes to rest sooner: then
-    nothing has changed, and what is to follow waits for that. To be called with interrupts off; what is planned must
-    be queued within that time.
+    ticks until then, `ticks` at least; 0 where the motor is at rest, and -1 where it comes to rest
+    sooner: then nothing has changed, and what is to follow waits for that. To be called with
+    interrupts off; what is planned must be queued within that time.
     """
     whole = m[POSITION]
     rem = m[FRACTION]
@@ -257,7 +265,8 @@ def samples(motors):
 
 @micropython.viper
 def sample(m: ptr32, out: ptr32) -> int:
-    """Keep in samples() the tick done last, and where each motor's load is with what has been queued until then.
+    """Keep in samples() the tick done last, and where each motor's load is with what has been
+    queued until then.
 
     Brings the loads' places up to date. Whether the tick of the alarm is over. m: the header.
     """
@@ -293,8 +302,8 @@ def sample(m: ptr32, out: ptr32) -> int:
 
 @micropython.viper
 def choose(header, words, told: ptr32) -> int:
-    """told = where the pulses made until now have taken the loads, by samples(). The tick (modulo 2^29) whose pulses
-    were the last of them."""
+    """told = where the pulses made until now have taken the loads, by samples(). The tick (modulo
+    2^29) whose pulses were the last of them."""
     h = ptr32(header)
     running = h[RUNNING]
     if running == 0:
@@ -331,7 +340,8 @@ def renumber(words: ptr32, motor: int, place: ptr32):
 
 @micropython.viper
 def queued(m: ptr32, bits: int) -> int:
-    """For how many ticks the motors of these bits all have segments; 0 where one of them does not move by any.
+    """For how many ticks the motors of these bits all have segments; 0 where one of them does not
+    move by any.
 
     To be called with interrupts off. m: the header.
     """
@@ -357,7 +367,8 @@ def queued(m: ptr32, bits: int) -> int:
 
 @micropython.viper
 def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
-    """Whether a segment in a motor's queue begins `ticks` from now: its place in out[0] and (Q16) out[1].
+    """Whether a segment in a motor's queue begins `ticks` from now: its place in out[0] and (Q16)
+    out[1].
 
     put: drop it, and what follows it. To be called with interrupts off.
     """
@@ -402,7 +413,8 @@ def halt(m: ptr32, rate: int):
 
 @micropython.viper
 def halt_motors(blocks, bits: int, factor: int, steepest: int):
-    """Halt the motors of these bits, `factor` times as steeply as they brake, but by `steepest` (Q22) at most.
+    """Halt the motors of these bits, `factor` times as steeply as they brake, but by `steepest`
+    (Q22) at most.
 
     To be called with interrupts off or from a hard interrupt, so that they begin in the same tick.
     """
@@ -435,7 +447,8 @@ def moving(m: ptr32) -> int:
 
 @micropython.viper
 def hold(m: ptr32) -> int:
-    """Take timed motions out of what is planned, so that their motors count as at rest; their bits. m: the header."""
+    """Take timed motions out of what is planned, so that their motors count as at rest; their bits.
+    m: the header."""
     bits = 0
     bit = 1
     a = m[FIRST]
@@ -451,7 +464,8 @@ def hold(m: ptr32) -> int:
 
 @micropython.viper
 def discard(m: ptr32, bits: int):
-    """Drop what is queued for motors of these bits, which are at rest. With interrupts off. m: the header."""
+    """Drop what is queued for motors of these bits, which are at rest. With interrupts off. m: the
+    header."""
     a = m[FIRST]
     while bits:
         m = ptr32(a)

@@ -1,7 +1,8 @@
-"""The tick: the whole interrupt handler on the board, one viper function over the blocks of stepper.py.
+"""The tick: the whole interrupt handler on the board, one viper function over the blocks of
+stepper.py.
 
-A module of its own because a frozen image runs it from RAM (see boot.py): from flash it takes twice as long
-as soon as the main loop has pushed it out of the flash cache.
+A module of its own because a frozen image runs it from RAM (see boot.py): from flash it takes twice
+as long as soon as the main loop has pushed it out of the flash cache.
 """
 
 from array import array
@@ -187,20 +188,29 @@ class Header(array):
                             m[MODE] = m[MODE] & (RUN | STOP)
                             idle = elapsed(h[TICKS] - 1, m[IDLE_AT])
                             if idle < h[LEAD] and idle * TICK_US + late < h[LATEST]:
-                                m[CARRY] = m[CARRY] + idle * cycles  # the engine has not run dry since
+                                # the engine has not run dry since
+                                m[CARRY] = m[CARRY] + idle * cycles
                             else:
-                                # Make the engine wait so that this tick's output begins AHEAD of the
-                                # tick's own time, however late within it this line is reached.
+                                # Make the engine wait so that this tick's output begins AHEAD of
+                                # the tick's own time, however late within it this line is reached.
                                 fifo = ptr32(m[FIFO])
                                 word = m[WORD]
                                 clock = ptr32(h[CLOCK])
                                 passed = (clock[0] - h[DUE] + TICK_US) & WIDE_WRAP
-                                wait = h[AHEAD] - passed * h[CYCLES_PER_US] - m[RESERVE] + m[FIXED] - COMMAND_CYCLES
+                                wait = (
+                                    h[AHEAD]
+                                    - passed * h[CYCLES_PER_US]
+                                    - m[RESERVE]
+                                    + m[FIXED]
+                                    - COMMAND_CYCLES
+                                )
                                 while wait > LONGEST_WAIT:
                                     if RING:
                                         k = fifo[COMMANDS]
                                         fifo[COMMANDS] = (k + 1) & WIDE_WRAP
-                                        fifo[k & (COMMANDS - 1)] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
+                                        fifo[k & (COMMANDS - 1)] = word + (
+                                            (LONGEST_WAIT - WAIT_CYCLES) << GAP
+                                        )
                                     else:
                                         fifo[0] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
                                     wait = wait - LONGEST_WAIT
@@ -208,7 +218,9 @@ class Header(array):
                                     if RING:
                                         k = fifo[COMMANDS]
                                         fifo[COMMANDS] = (k + 1) & WIDE_WRAP
-                                        fifo[k & (COMMANDS - 1)] = word + ((wait - WAIT_CYCLES) << GAP)
+                                        fifo[k & (COMMANDS - 1)] = word + (
+                                            (wait - WAIT_CYCLES) << GAP
+                                        )
                                     else:
                                         fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
                                 m[CARRY] = m[RESERVE]
@@ -219,9 +231,11 @@ class Header(array):
                             m[HEAD] = (head + 1) & WIDE_WRAP
                             gap = q[k + SEG_WHOLE] - m[POSITION]
                             d = (gap << 22) + q[k + SEG_FRACTION]
-                            # within two steps, so that the second line cannot overflow, and by an eighth, but
-                            # for a motion that has turned within the last tick
-                            if (gap + 2) >> 2 or ((d - m[FRACTION] + ONE // 8) >> 20 and m[SPAN] - cycles == 0):
+                            # within two steps, so that the second line cannot overflow, and by an
+                            # eighth, but for a motion that has turned within the last tick
+                            if (gap + 2) >> 2 or (
+                                (d - m[FRACTION] + ONE // 8) >> 20 and m[SPAN] - cycles == 0
+                            ):
                                 m[FAULT] = m[FAULT] | FAULT_PIN
                                 h[FAULTS] = h[FAULTS] | FAULT_PIN
                                 m[ACCEL] = 0
@@ -238,7 +252,8 @@ class Header(array):
                                 m[JERK] = q[k + SEG_JERK]
                                 m[SPAN] = q[k + SEG_SPAN]
                         else:
-                            # The end, or with a velocity left or more to come a queue that was not filled in time
+                            # The end, or with a velocity left or more to come a queue that was not
+                            # filled in time
                             if m[MODE] & STOP:
                                 pass
                             elif m[VELOCITY] | (m[PLANNED] & PLAN_TIMED):
@@ -355,8 +370,9 @@ class Header(array):
                         if bent:
                             bent = (acc << 5) // (d >> 5)
                             if (bent + 128) >> 8:
-                                # Far from constant, next to a start, a turn or a rest. Exactly, with
-                                # b = a/2d: b·x² + (1 - b)·x = x0; x0 in Q17, 1 - b and the root in Q13.
+                                # Far from constant, next to a start, a turn or a rest. Exactly,
+                                # with b = a/2d: b·x² + (1 - b)·x = x0; x0 in Q17, 1 - b and the
+                                # root in Q13.
                                 if bent > 4096:
                                     bent = 4096
                                 elif bent < -4096:
@@ -387,8 +403,12 @@ class Header(array):
                             pulses = n - back
                             x = e - back * step
                         if bent:
-                            # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d later
-                            x = (((((m[SPAN] - x) >> 3) * (x >> 3) >> 13) * h[SQUARE] >> 6) * bent >> 11) + x
+                            # p(x) = d·x - a·x·(1 - x)/2 in a tick: x is reached a·x·(1 - x)/2d
+                            # later
+                            x = (
+                                ((((m[SPAN] - x) >> 3) * (x >> 3) >> 13) * h[SQUARE] >> 6) * bent
+                                >> 11
+                            ) + x
                         x = x + carry  # cycles that the pulses have got
                         if pulses >> 6:
                             # One command would drift by up to half a cycle a pulse. Two make a bow
@@ -411,10 +431,15 @@ class Header(array):
                                     if RING:
                                         k = fifo[COMMANDS]
                                         fifo[COMMANDS] = (k + 1) & WIDE_WRAP
-                                        d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
+                                        d = (
+                                            ((period - m[FIXED]) << _PULSE_BITS) + pulses
+                                        ) << PULSES
                                         fifo[k & (COMMANDS - 1)] = d + m[WORD]
                                     else:
-                                        fifo[0] = ((((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES) + m[WORD]
+                                        fifo[0] = (
+                                            (((period - m[FIXED]) << _PULSE_BITS) + pulses)
+                                            << PULSES
+                                        ) + m[WORD]
                                     carry = (0 - period) * pulses + carry - COMMAND_CYCLES
                                     pulses = rest
                                     period += 1
@@ -430,7 +455,9 @@ class Header(array):
                             d = (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
                             fifo[k & (COMMANDS - 1)] = d + m[WORD]
                         else:
-                            fifo[0] = ((((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES) + m[WORD]
+                            fifo[0] = (
+                                (((period - m[FIXED]) << _PULSE_BITS) + pulses) << PULSES
+                            ) + m[WORD]
                         if back:
                             carry = (0 - period) * pulses + carry - COMMAND_CYCLES
                             n = back

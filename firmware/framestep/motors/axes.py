@@ -126,7 +126,8 @@ class Axes:
         self.hal.irq_on(irq)
 
     def stop(self, factor=1, spared=0, smooth=False):
-        """Ramp all motors down but those of the bits `spared` and their partners; see Axis.stop()."""
+        """Ramp all motors down but those of the bits `spared` and their partners; see
+        Axis.stop()."""
         for i in range(self.count):
             axis = self.axes[i]
             if axis.moving and not axis.leader and not (spared >> i) & 1:

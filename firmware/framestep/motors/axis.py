@@ -14,7 +14,14 @@ from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds, feeder
 from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
 from framestep.motors.feeder import set_cubic
-from framestep.motors.motor import ACCELERATION_LIMIT, MAX_ACCELERATION, MAX_JERK, MAX_VELOCITY, Motor, kernel_rate
+from framestep.motors.motor import (
+    ACCELERATION_LIMIT,
+    MAX_ACCELERATION,
+    MAX_JERK,
+    MAX_VELOCITY,
+    Motor,
+    kernel_rate,
+)
 from framestep.native import addressof, as_word, const
 
 FULL_SPEED = const(10000)  # a jog's speed is in ten-thousandths of velocity and acceleration
@@ -26,7 +33,7 @@ SPLICE_TICKS = const(12)  # from a request to where the new plan takes over
 SLOW_SPLICE_TICKS = const(32)  # the same with a jerk limit: an RP2040 plans it in up to 20 ms
 
 # Registers of `numbers`, after those of motor.py
-MOTION_VELOCITY = const(6)  # greatest velocity of the motion under way, which has a speed of its own
+MOTION_VELOCITY = const(6)  # greatest of the motion under way, which has a speed of its own
 MOTION_ACCELERATION = const(8)
 _X = const(12)
 _Y = const(14)
@@ -87,7 +94,10 @@ class Axis(Motor):
         return (
             self.speed == speed
             and not self.rates_outdated
-            and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self.block[stepper.MODE] == stepper.RUN)
+            and (
+                self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+                or self.block[stepper.MODE] == stepper.RUN
+            )
             and order_words(target, i, self.limits, TARGET) == 0
         )
 
@@ -95,7 +105,12 @@ class Axis(Motor):
 
     def keep_to_limits(self, hal):
         """After set_limits(): end a motion of move_to() at the new limit if it leads past that."""
-        if self.moving and not self.stopping and not self.stopping_smoothly and self.outside(self.limits, TARGET):
+        if (
+            self.moving
+            and not self.stopping
+            and not self.stopping_smoothly
+            and self.outside(self.limits, TARGET)
+        ):
             self.move_to(hal, self.limits, TARGET, self.speed, self.way)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
@@ -116,7 +131,9 @@ class Axis(Motor):
         set_cubic(self.cubic, self.state)
         self.phases.clear()
         work = self.work
-        work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = work[feeder.MORE] = 0
+        work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = work[
+            feeder.MORE
+        ] = 0
         block[stepper.PLANNED] = 0
         self.stopping_smoothly = False
         self.refresh()
@@ -162,7 +179,11 @@ class Axis(Motor):
         self.way = way
         # The kernel's stops have no jerk limit, so a plan that has one cannot begin within one.
         smooth = reals.sign(r, MAX_JERK) > 0
-        if smooth and self.stopping or not self.begin_plan(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS):
+        if (
+            smooth
+            and self.stopping
+            or not self.begin_plan(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS)
+        ):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() goes on from there
             return True
         if reals.equal_words(self.limits, TARGET, self.planned, backlash.PLACE):
@@ -171,11 +192,24 @@ class Axis(Motor):
             motor_step(self.planned, self.limits, self.limits, TARGET, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
         planned = ramps.plan(
-            self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, MOTION_VELOCITY, MOTION_ACCELERATION, MAX_JERK
+            self.phases,
+            self.cubic,
+            self.limits,
+            backlash.PHYSICAL,
+            r,
+            MOTION_VELOCITY,
+            MOTION_ACCELERATION,
+            MAX_JERK,
         )
         if planned == ramps.STOP_FIRST:
             if not ramps.plan_stop(
-                self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, MAX_ACCELERATION, MAX_JERK
+                self.phases,
+                self.cubic,
+                self.limits,
+                backlash.PHYSICAL,
+                r,
+                MAX_ACCELERATION,
+                MAX_JERK,
             ):
                 self.stop(hal)
                 self.block[stepper.PLANNED] = stepper.PLAN_TARGET
@@ -299,7 +333,13 @@ class Axis(Motor):
         positions differ by more than an int32 holds.
         """
         if not add_words(
-            self.word, 0, partner.block, stepper.POSITION, self.block, stepper.POSITION, 0 if turned else 1
+            self.word,
+            0,
+            partner.block,
+            stepper.POSITION,
+            self.block,
+            stepper.POSITION,
+            0 if turned else 1,
         ):
             return False
         self.uncouple()
@@ -360,7 +400,9 @@ class Axis(Motor):
         if not self.begin_plan(hal):
             self.block[stepper.PLANNED] = 0
             return True  # it is about to come to rest
-        if not ramps.plan_stop(self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, MAX_ACCELERATION, MAX_JERK):
+        if not ramps.plan_stop(
+            self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, MAX_ACCELERATION, MAX_JERK
+        ):
             return False
         self.stopping_smoothly = True
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS

@@ -21,7 +21,8 @@ PHYSICAL = const(3)  # word of an axis' `limits`: the motor's own position for a
 
 @micropython.viper
 def motor_step(planned: ptr32, limits: ptr32, targets, i: int, part: int):
-    """limits[PHYSICAL] = the motor's position for targets[i], coming from where it is planned to be.
+    """limits[PHYSICAL] = the motor's position for targets[i], coming from where it is planned to
+    be.
 
     part: Q16 of a step beyond targets[i]. The nearest step decides in which direction it lies.
     """
@@ -48,7 +49,8 @@ def same_side(planned: ptr32, limits: ptr32, places, i: int, part: int):
 
 @micropython.viper
 def take_up(planned: ptr32, limits: ptr32, way: int):
-    """limits[PHYSICAL] = the motor's position where it is planned to be, its play taken up for `way`."""
+    """limits[PHYSICAL] = the motor's position where it is planned to be, its play taken up for
+    `way`."""
     if way > 0:
         planned[OFFSET] = 0
     elif way < 0:

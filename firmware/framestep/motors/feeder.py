@@ -110,9 +110,20 @@ def feed(parts, other, base, most: int, enough: int):
                     mirror(block, other, base, mirrored - 1)
                 w[PART] = 0
                 w[AIMED] = 0
-                b[stepper.PLANNED] = b[stepper.PLANNED] & (-1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED)
+                b[stepper.PLANNED] = b[stepper.PLANNED] & (
+                    -1 - stepper.PLAN_SEGMENTS - stepper.PLAN_TIMED
+                )
                 break
-            took = int(load(words, p[phases.HEAD] * phases.PHASE_WORDS, cubic, whole, parts[KNOT], parts[SCRATCH]))
+            took = int(
+                load(
+                    words,
+                    p[phases.HEAD] * phases.PHASE_WORDS,
+                    cubic,
+                    whole,
+                    parts[KNOT],
+                    parts[SCRATCH],
+                )
+            )
             if took:
                 p[phases.HEAD] = (p[phases.HEAD] + 1) & _PHASE_MASK
             w[AIMED] = took >> 1
@@ -137,7 +148,8 @@ def feed(parts, other, base, most: int, enough: int):
             shift(cubic, out[1], 0, 0)
             part += out[1]
             if part > _ALL_BITS:
-                part = _ALL_BITS  # a phase that ends with the tick: 2^30 would be an object on the heap
+                # a phase that ends with the tick: 2^30 would be an object on the heap
+                part = _ALL_BITS
             if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)

@@ -124,7 +124,8 @@ class Motor:
         reals.divide(r, MAX_JERK, MAX_JERK, _Y)
         self.block[stepper.BRAKE] = kernel_rate(acceleration)
         if partner:
-            partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]  # one ramp for both, whoever stops them
+            # one ramp for both, whoever stops them
+            partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
 
     def apply_pending_acceleration(self):
         """Take the lower acceleration that waits, once the motor stands. False while it moves."""
@@ -170,7 +171,10 @@ class Motor:
         if side:
             end = 1 if side > 0 else 0
             reals.copy_word(target, i, self.bounds, end)
-            if self.outside(target, i) or order_words(self.load_position, 0, self.bounds, end) == side:
+            if (
+                self.outside(target, i)
+                or order_words(self.load_position, 0, self.bounds, end) == side
+            ):
                 reals.copy_word(target, i, self.load_position, 0)
 
     def outside(self, target, i):
@@ -204,7 +208,10 @@ class Motor:
     @property
     def stands(self):
         """Whether no motion is queued; the last pulses may still be on their way out."""
-        return not self.block[stepper.MODE] & _RUNS and not self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+        return (
+            not self.block[stepper.MODE] & _RUNS
+            and not self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+        )
 
     def position_to(self, target, i):
         """target[i] = the position of the load, in steps."""
@@ -243,7 +250,8 @@ class Motor:
         return True
 
     def refresh(self):
-        """Bring `load_position` up to date: before it is read, and often enough to see each turn."""
+        """Bring `load_position` up to date: before it is read, and often enough to see each
+        turn."""
         drag(self.load_position, self.block, self.backlash)
 
     def stands_on(self, source, i, way=0):

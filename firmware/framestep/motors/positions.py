@@ -1,6 +1,7 @@
 """How far the position of each motor can be trusted.
 
-KNOWN   The host has set it since power-up (RESET_POSITION), and every step since has been made with the driver on.
+KNOWN   The host has set it since power-up (RESET_POSITION), and every step since has been made
+        with the driver on.
 HELD    Probably right, but not confirmed: it was restored from the journal at power-up, or the
         driver has been off since, so that the motor may have been turned.
 LOST    Wrong or unknown: nobody has set it since power-up, steps were not made, or power or
@@ -32,8 +33,8 @@ UNPOWERED = const(8)  # LOST: the E-stop has cut its power in motion
 class Positions:
     """The states of all motors, from 0.
 
-    `saved`: the journal (io/position_journal.py) has the present positions of all motors. Whoever is
-    about to move a motor or to set its position calls about_to_change() first.
+    `saved`: the journal (io/position_journal.py) has the present positions of all motors. Whoever
+    is about to move a motor or to set its position calls about_to_change() first.
     """
 
     def __init__(self, count):

@@ -1,8 +1,8 @@
 """Requests about single motors: moves, jogs, stops, positions, settings.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing allocates
-after construction.
+or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing
+allocates after construction.
 """
 
 from array import array
@@ -35,7 +35,9 @@ class Motors:
         # steps/s that a motor's pulses allow
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
-        self.fastest = array("i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks])
+        self.fastest = array(
+            "i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks]
+        )
         # bits of motors
         self.powered = 0  # whose driver is on
         self.pending_acceleration = 0  # for which a lower acceleration waits
@@ -103,7 +105,8 @@ class Motors:
         return not drivers or self._coupled(bits) & ~drivers.ready == 0
 
     def switch_on(self, bits):
-        """Switch on the drivers of those of these motors that are enabled: they are about to move."""
+        """Switch on the drivers of those of these motors that are enabled: they are about to
+        move."""
         self.controller.fault = 0
         bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
         if self.controller.drivers:
@@ -255,7 +258,8 @@ class Motors:
     # ---------------------------------------------------------------- settings
 
     def _reset_position(self):
-        """MSG_MOTOR_RESET_POSITION: motor 0, its position from now on in steps 1 (field note 4.5)."""
+        """MSG_MOTOR_RESET_POSITION: motor 0, its position from now on in steps 1 (field note
+        4.5)."""
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
@@ -289,7 +293,11 @@ class Motors:
             if coupling:
                 engaged |= engaged >> 1  # the next motor is concerned as well
                 virtual |= virtual >> 1
-            if (engaged >> motor) & 1 or (axis.moving or (virtual >> motor) & 1) and (coupling or not enabled):
+            if (
+                (engaged >> motor) & 1
+                or (axis.moving or (virtual >> motor) & 1)
+                and (coupling or not enabled)
+            ):
                 return m.ERR_MOVING
         if coupling:
             code = self._couple(motor, flags & _COUPLING)
@@ -317,7 +325,11 @@ class Motors:
             return m.ERR_MOVING
         if not flags:
             axis.uncouple()
-        elif axis.leader or partner.partner or not axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED):
+        elif (
+            axis.leader
+            or partner.partner
+            or not axis.couple(partner, flags & m.MOTOR_COUPLE_REVERSED)
+        ):
             return m.ERR_RANGE  # no chains
         return m.OK
 
@@ -362,8 +374,8 @@ class Motors:
     def _set_limits(self):
         """MSG_MOTOR_SET_LIMITS (field notes 3.3 and 4.3).
 
-        Motor 0, whether there is a lower limit 1, its step 2, whether there is an upper limit 6, its
-        step 7, limit switches 11.
+        Motor 0, whether there is a lower limit 1, its step 2, whether there is an upper limit 6,
+        its step 7, limit switches 11.
         """
         reader = self.reader
         controller = self.controller

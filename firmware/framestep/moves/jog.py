@@ -23,7 +23,18 @@ from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
 from framestep.moves.player import frame_velocity
-from framestep.moves.registers import FRAME_SCALE, NEXT, RATE, SLOWEST, THOUSAND, TOP, TWICE, T, X, Y
+from framestep.moves.registers import (
+    FRAME_SCALE,
+    NEXT,
+    RATE,
+    SLOWEST,
+    THOUSAND,
+    TOP,
+    TWICE,
+    T,
+    X,
+    Y,
+)
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
@@ -44,8 +55,9 @@ _STOPPING_WAY = formula(
     X = (way - Y) * 100
     """,
 )
-# The velocity at the next frame: as much as the last one, the top velocity and the way left (X, from
-# there on) allow. If the top speed is lowered during the jog, it slows down to it at the normal rate.
+# The velocity at the next frame: as much as the last one, the top velocity and the way left (X,
+# from there on) allow. If the top speed is lowered during the jog, it slows down to it at the
+# normal rate.
 _NEXT_RATE = formula(
     registers,
     """
@@ -84,7 +96,8 @@ class JogAll(Operation):
         self.destination = 0  # index of the frame to come to rest on
         self.step = 1  # direction along the path: 1 or -1
         self.closed = True  # the phase that ends at rest has been queued
-        self.after_turn = -1  # index of the destination behind the motors, to go to after they have turned; -1: none
+        # index of the destination behind the motors, to go to after they have turned; -1: none
+        self.after_turn = -1
         self.fps_milli = 0  # as asked for
         self.stop_asked = 0  # to stop on a frame: 1 by STOP, 2 by STOP_ALL
         self.hurry = False  # the last frame before the stop takes a second at most
@@ -92,7 +105,8 @@ class JogAll(Operation):
         self.begun = 0  # the tick in which the first pulse comes
         self.places = array("i", [0] * operations.axes.count)
         self.ways = array("i", [0] * operations.axes.count)  # which way each motor goes from there
-        self.draft = array("i", [0] * operations.axes.count)  # the same, of a request that may be refused
+        # the same, of a request that may be refused
+        self.draft = array("i", [0] * operations.axes.count)
 
     # ---------------------------------------------------------------- the request
 
@@ -167,7 +181,11 @@ class JogAll(Operation):
         for motor in range(player.count):
             ways[motor] = 0
             if (bits >> motor) & 1:
-                ways[motor] = player.axes[motor].heading() if going else player.first_way(motor, at, step, frames)
+                ways[motor] = (
+                    player.axes[motor].heading()
+                    if going
+                    else player.first_way(motor, at, step, frames)
+                )
 
     def _approach(self):
         """Take up the motors' backlash for the way to the destination, then start."""
@@ -197,7 +215,9 @@ class JogAll(Operation):
     def recheck(self, waiting):
         frames = (self.destination - self.last_queued) * self.step + 1
         player = self.player
-        code = player.check(self.bits, self.last_queued, frames, self.fps_milli, self.step, self.ways, ACCELERATION)
+        code = player.check(
+            self.bits, self.last_queued, frames, self.fps_milli, self.step, self.ways, ACCELERATION
+        )
         if code == OK:
             self._top()
         return code
@@ -214,7 +234,8 @@ class JogAll(Operation):
         reals.put(r, SLOWEST, 1000, 0)
 
     def _retarget(self, to):
-        """During a jog: go on to a new destination. If it lies behind, stop on a frame first and turn.
+        """During a jog: go on to a new destination. If it lies behind, stop on a frame first and
+        turn.
 
         So does a jog that cannot slow down to the new top velocity on the part of the path that has
         been checked.
@@ -243,7 +264,9 @@ class JogAll(Operation):
         r = self.player.numbers
         compute(0, 0, r, _SLOWING_WAY)
         slows = reals.floor(r, X, HALF) + 1
-        if (to - landing) * self.step >= 0 and slows <= (self.destination - self.last_queued) * self.step:
+        if (to - landing) * self.step >= 0 and slows <= (
+            self.destination - self.last_queued
+        ) * self.step:
             self.destination = to
             self.after_turn = -1
         else:
@@ -370,7 +393,9 @@ class JogAll(Operation):
             return self.operations.move_time
         r = self.player.numbers
         compute(0, 0, r, _THOUSANDTHS)
-        return (self.store.start + self.phases.rows[k + INDEX]) * 1000 + self.step * reals.floor(r, X, HALF)
+        return (self.store.start + self.phases.rows[k + INDEX]) * 1000 + self.step * reals.floor(
+            r, X, HALF
+        )
 
     def finished(self):
         if self.closed and not self.operations.moving():
@@ -394,7 +419,8 @@ class JogAll(Operation):
         return self.stop_asked == 2
 
     def stop_on_frame(self, everything):
-        """On the next frame possible; if that takes long, at a frame per second (field note 6.10)."""
+        """On the next frame possible; if that takes long, at a frame per second (field note
+        6.10)."""
         first = not self.stop_asked
         if everything:
             self.stop_asked = 2

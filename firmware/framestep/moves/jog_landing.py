@@ -20,7 +20,8 @@ from framestep.native import const
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 
-# X frames from the last frame queued to the next one: what is left. It may be there, but for rounding.
+# X frames from the last frame queued to the next one: what is left. It may be there, but for
+# rounding.
 _TO_NEXT_FRAME = formula(
     registers,
     """
@@ -32,8 +33,8 @@ _TO_NEXT_FRAME = formula(
 # The way beyond the next frame that it takes to stop, downward.
 _STOPPING_WAY = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - WAY)")
 
-# X frames beyond the next one, at a constant deceleration, take 2·way/velocity. What takes longer than
-# two seconds goes at a frame per second instead (field note 6.10), if it is slow enough.
+# X frames beyond the next one, at a constant deceleration, take 2·way/velocity. What takes longer
+# than two seconds goes at a frame per second instead (field note 6.10), if it is slow enough.
 _DECELERATE = formula(
     registers,
     """
@@ -74,8 +75,8 @@ _GENTLEST = formula(
     assert P < LIMIT
     """,
 )
-# X steps in the frame before the end and Y in the one after it, acceleration T: what the bend of the
-# path leaves of that, with a half more for the slopes.
+# X steps in the frame before the end and Y in the one after it, acceleration T: what the bend of
+# the path leaves of that, with a half more for the slopes.
 _STEEPEST = formula(
     registers,
     """
@@ -88,9 +89,9 @@ _STEEPEST = formula(
 )
 _AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, P)")
 
-# A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration 6·way/T².
-# One that begins in motion stays within both; one that has to turn (from Y) within twice as much, if
-# that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
+# A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration
+# 6·way/T². One that begins in motion stays within both; one that has to turn (from Y) within twice
+# as much, if that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
 _A_FRAME_PER_SECOND = formula(
     registers,
     """
@@ -118,7 +119,8 @@ _AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * WAY / RATE)")
 
 
 def land_from(jog, ticks):
-    """From where the queues have been cut, `ticks` after the beginning, go on to rest on a frame."""
+    """From where the queues have been cut, `ticks` after the beginning, go on to rest on a
+    frame."""
     player = jog.player
     axes = jog.operations.axes
     r = player.numbers
@@ -217,7 +219,8 @@ def _find_limit(jog, at, end):
 
 
 def hurry_time(jog, end, cut):
-    """T = ticks to rest on the frame `end`, WAY frames away, at a frame per second or what motors can.
+    """T = ticks to rest on the frame `end`, WAY frames away, at a frame per second or what motors
+    can.
 
     cut: from where the queues have been cut; otherwise from the last frame queued. Never longer
     than at a constant deceleration.

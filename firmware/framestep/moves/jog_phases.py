@@ -17,7 +17,9 @@ from framestep.moves.registers import HERE, HERE_RATE, NEXT, RATE, SINCE, WAY, P
 from framestep.native import const
 
 # Words of a row: a phase of the axis, a cubic as the motors' are
-_ROWS = const(24)  # a ring of 16 segments holds that many phases at most; some more wait, or have just been played
+
+# a ring of 16 segments holds that many phases at most; some more wait, or have just been played
+_ROWS = const(24)
 _ROW = const(14)
 _WHOLE = const(0)  # whole ticks from the beginning to that of the phase
 _FRACTION = const(1)  # real: the rest
@@ -28,8 +30,8 @@ _PASSED = const(9)  # frames from INDEX to where it begins,
 _WAY = const(11)  # and on to its end
 INDEX = const(13)  # of the last frame before it
 
-# Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity HERE_RATE
-# to WAY, and begins P frames after its row's INDEX.
+# Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity
+# HERE_RATE to WAY, and begins P frames after its row's INDEX.
 _LOCATE = formula(
     registers,
     """

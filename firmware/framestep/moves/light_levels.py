@@ -2,7 +2,8 @@
 
 Levels are kept as changes, sorted by frame, then by channel, 6 bytes each:
 
-    key, a word:         frame << 10 | (channel - 1) << 1 | 1 if frames that have not been sent begin here
+    key, a word:         frame << 10 | (channel - 1) << 1 | 1 if frames that have not been sent
+                         begin here
     value, a half word:  level before | level from here on << 8
 
 A channel takes one change when its first level comes, one for each frame at which its level differs
@@ -163,7 +164,9 @@ def _drop(keys: ptr32, values: ptr16, i: int, high: int, tag: int):
 
 
 @micropython.viper
-def _merge(i: int, to: int, words: ptr32, keys: ptr32, values: ptr16, source: ptr8, at: int, count: int):
+def _merge(
+    i: int, to: int, words: ptr32, keys: ptr32, values: ptr16, source: ptr8, at: int, count: int
+):
     """Merge the section's changes into those from FROM to `i`, from the last one to the first.
 
     `to`: the end of the result.
@@ -173,7 +176,8 @@ def _merge(i: int, to: int, words: ptr32, keys: ptr32, values: ptr16, source: pt
     """
     add = to - i
     low = words[_FROM]
-    n = count  # the level that a change leads to; the one behind the section stands for what follows
+    # the level that a change leads to; the one behind the section stands for what follows
+    n = count
     stop = words[_STOP]
     if stop == words[_FRAMES] or words[_AFTER] == source[at + count - 1]:
         n -= 1
@@ -234,7 +238,8 @@ class LightLevels:
 
     def __init__(self, changes=0):
         """changes: as for allocate()."""
-        self._used = bytearray(CHANNELS + 1)  # by channel: 1 if it has data, _MARKED while a step sets it
+        # by channel: 1 if it has data, _MARKED while a step sets it
+        self._used = bytearray(CHANNELS + 1)
         self._levels = bytearray(CHANNELS + 1)  # by channel: on their way to the lights
         self._words = array("i", [0] * _WORDS)
         self.allocate(changes)
@@ -323,7 +328,8 @@ class LightLevels:
         move_halves(high + more, high, held - high, values)
         _merge(high - word[_DROP], high + more, words, keys, values, source, at, count)
         word[_CHANGES] = held + more
-        if word[_AFTER] & _UNSENT:  # the gap behind holds another level now, and so does the change that ends it
+        # the gap behind holds another level now, and so does the change that ends it
+        if word[_AFTER] & _UNSENT:
             i = int(_next_of(high + more, held + more, keys, tag))
             if i >= 0:
                 value = ptr16(values)
@@ -372,7 +378,8 @@ class LightLevels:
 
     @micropython.viper
     def step(self, index: int, backward: int, lights):
-        """Go to frame `index` from the one before, or if `backward` after: set the channels that differ."""
+        """Go to frame `index` from the one before, or if `backward` after: set the channels that
+        differ."""
         word = ptr32(self._words)
         if word[_STATE] != READY:
             return

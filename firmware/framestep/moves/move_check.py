@@ -33,13 +33,17 @@ HARDEST = const(2500000)
 WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
-BY = const(3)  # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
+# excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
+BY = const(3)
 EXCEEDED_WORDS = const(4)
-UNREPORTED = const(0x200)  # bit of Controller.unreported, above its FAULT_ bits: to be reported on the REPL
+# bit of Controller.unreported, above its FAULT_ bits: to be reported on the REPL
+UNREPORTED = const(0x200)
 BATCH = const(32)  # frames checked in one call
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
-_FINE = const(3000)  # from this rate on limits are so small that they are counted in 256ths of a step
-_EXACT = const(16)  # times that a motor lowers the rate by just what it needs; after that by a 32nd at least
+# from this rate on limits are so small that they are counted in 256ths of a step
+_FINE = const(3000)
+# times that a motor lowers the rate by just what it needs; after that by a 32nd at least
+_EXACT = const(16)
 
 
 class MoveCheck:
@@ -57,11 +61,13 @@ class MoveCheck:
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
         self.words = array("i", [0] * path.CHECK_WORDS)
-        self.rate = 0  # at which the motors can follow the move checked last, thousandths of a frame per second
+        # at which the motors can follow the move checked last, thousandths of a frame per second
+        self.rate = 0
         self.values = array("i", [0] * BATCH)
         self.place = array("i", [0])
         self.strict = False  # setting `strict_moves`
-        self.exceeded = array("i", [0] * EXCEEDED_WORDS)  # what the last move checked asked too much of
+        # what the last move checked asked too much of
+        self.exceeded = array("i", [0] * EXCEEDED_WORDS)
         reals.put(self.numbers, THOUSAND, 1000, 0)
         reals.put(self.numbers, ZERO, 0, 0)
 
@@ -82,7 +88,8 @@ class MoveCheck:
         reals.divide(r, SCALE, X, THOUSAND)
 
     def first_way(self, motor, index, step, count, anyway=False):
-        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1 down.
+        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
+        down.
 
         step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
         backlash, so that it does not matter; anyway: find it for such a motor, too.
@@ -92,7 +99,9 @@ class MoveCheck:
         found = 0
         while not found and count > 1:
             batch = min(count, BATCH)
-            self.store.positions(motor, index if step > 0 else index - batch + 1, batch, self.values, 0)
+            self.store.positions(
+                motor, index if step > 0 else index - batch + 1, batch, self.values, 0
+            )
             found = path.way(self.values, batch, step)
             index += step * (batch - 1)
             count -= batch - 1
@@ -149,11 +158,19 @@ class MoveCheck:
                 if found != path.FITS:
                     if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
                         self._exceeded(
-                            path.TOO_HARD if ramp else found, motor, first + order * words[path.SEEN], words[path.FOUND]
+                            path.TOO_HARD if ramp else found,
+                            motor,
+                            first + order * words[path.SEEN],
+                            words[path.FOUND],
                         )
                         return ERR_RANGE
                     high = found == path.TOO_HIGH
-                    self.blame(EXCEEDED_UPPER if high else EXCEEDED_LOWER, motor, first + order * words[path.SEEN], OK)
+                    self.blame(
+                        EXCEEDED_UPPER if high else EXCEEDED_LOWER,
+                        motor,
+                        first + order * words[path.SEEN],
+                        OK,
+                    )
                     if high:
                         return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
                     return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
@@ -165,7 +182,9 @@ class MoveCheck:
                 if not fits:
                     return ERR_RANGE
             if words[path.SHARPEST]:
-                self._exceeded(path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST])
+                self._exceeded(
+                    path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST]
+                )
         return OK
 
     def _allow(self, axis, fps_milli):
@@ -200,7 +219,10 @@ class MoveCheck:
         if self.strict:
             words[path.HARDEST] = words[path.STEEPEST]
         kernel = self.axes.kernel.state
-        pulsed = min(VELOCITY_LIMIT, TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST])
+        pulsed = min(
+            VELOCITY_LIMIT,
+            TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST],
+        )
         reals.put(r, X, pulsed, 0)
         reals.divide(r, X, X, Y)
         words[path.PULSED] = reals.floor(r, X, HALF) + 2
@@ -222,7 +244,9 @@ class MoveCheck:
             batch = min(count, BATCH - 4)
             if batch == count:
                 rests |= 2
-            store.positions(motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0)
+            store.positions(
+                motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0
+            )
             done = 0
             while True:
                 done = path.bends(
@@ -335,7 +359,11 @@ class MoveCheck:
         if steep:
             reals.multiply(r, X, X, Y)
         amount = reals.floor(r, X, HALF)
-        if found == path.FITS and told[WHAT] == EXCEEDED_ACCELERATION and amount - axis.acceleration <= told[BY]:
+        if (
+            found == path.FITS
+            and told[WHAT] == EXCEEDED_ACCELERATION
+            and amount - axis.acceleration <= told[BY]
+        ):
             return  # another motor's corner is sharper
         told[MOTOR] = motor
         told[FRAME] = self.store.start + index

@@ -64,7 +64,8 @@ class Operation:
         return False
 
     def still_wanted(self):
-        """Whether the pass announced by next_pass() is to be played, now that the motors are in place."""
+        """Whether the pass announced by next_pass() is to be played, now that the motors are in
+        place."""
         return True
 
     def recheck(self, waiting):

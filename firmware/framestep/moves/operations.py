@@ -44,7 +44,8 @@ from framestep.results import (
 
 # States
 IDLE = const(0)
-LEAVING = const(1)  # as IDLE, but motors have yet to set out for where they go next: see return_to_frame()
+# as IDLE, but motors have yet to set out for where they go next: see return_to_frame()
+LEAVING = const(1)
 POSITIONING = const(2)
 READY = const(3)
 RUNNING = const(4)
@@ -57,7 +58,8 @@ _BEGUN = const(1)
 _DONE = const(2)
 _IDLE = const(3)  # not to be begun: the motors are not where the operation begins
 
-_QUIET = const(100)  # ticks after the last change of a setting before a prepared operation is checked again
+# ticks after the last change of a setting before a prepared operation is checked again
+_QUIET = const(100)
 
 
 @micropython.viper
@@ -82,14 +84,17 @@ class OperationRunner:
         self.state = IDLE
         self.operation = Operation(self)
         self.start_positions = None  # by motor: where the operation begins
-        self.ways = None  # by motor: the direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
+        # by motor: the direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
+        self.ways = None
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.early_plan = _NOT_YET
         self.held = 0  # bits of motors with more to come than the early plan has queued
-        self.changed = False  # a setting has changed that the operation has to keep: see settings_changed()
+        # a setting has changed that the operation has to keep: see settings_changed()
+        self.changed = False
         self.changed_at = 0  # when, in ticks
         self.move_time = 0  # MOVE TIME while no operation runs, thousandths of a scene frame
-        self.told_frame = -1  # index of the frame whose positions are reported, -1: those of the pins
+        # index of the frame whose positions are reported, -1: those of the pins
+        self.told_frame = -1
         self.sent = 0  # bits of motors sent to a frame,
         self.sent_frame = 0  # and which
         self.rt_end_due = False
@@ -110,9 +115,14 @@ class OperationRunner:
 
     @property
     def engaged(self):
-        """Bits of the motors of a running operation, whether they move or pause between two passes."""
+        """Bits of the motors of a running operation, whether they move or pause between two
+        passes."""
         state = self.state
-        return self.operation.bits if state >= RUNNING or state == LEAVING or self.starts_by_itself else 0
+        return (
+            self.operation.bits
+            if state >= RUNNING or state == LEAVING or self.starts_by_itself
+            else 0
+        )
 
     @property
     def playing(self):
@@ -236,7 +246,8 @@ class OperationRunner:
         self.rt_end_due = False
 
     def may_go(self):
-        """OK if an operation waits and all motors stand where it begins; else the code that says why not."""
+        """OK if an operation waits and all motors stand where it begins; else the code that says
+        why not."""
         state = self.state
         if state != READY:
             if state == POSITIONING and not self.starts_by_itself:
@@ -360,7 +371,8 @@ class OperationRunner:
         return 0
 
     def host_lost(self, smooth, spared):
-        """The host has gone: as stop(), but without RT_END, of which the next host knows nothing."""
+        """The host has gone: as stop(), but without RT_END, of which the next host knows
+        nothing."""
         self.stop(1, False, False, smooth, spared)
         self.drop_prepared()
         self.host_gone = True
@@ -427,7 +439,8 @@ class OperationRunner:
                     self.start()
                     return True
                 if self._recheck(False) == OK:
-                    self.approach(self.operation, self.start_positions, self.ways)  # which may be elsewhere now
+                    # which may be elsewhere now
+                    self.approach(self.operation, self.start_positions, self.ways)
                     return True
             self._close()
         else:

@@ -19,7 +19,8 @@ FRAMES = const(0)
 MOST = const(5)
 WINDOW_WORDS = const(6)
 MONOTONE = const(36)  # at a constant rate
-FROM_REST = const(18)  # also where the motion starts or stops within a frame, which takes twice as long
+# also where the motion starts or stops within a frame, which takes twice as long
+FROM_REST = const(18)
 
 # Words of bounds: what slope() may not pass
 LOWER = const(0)
@@ -167,10 +168,13 @@ PLAY = const(7)  # steps of backlash
 LAST = const(8)  # the last frame's position, the motor's step for it less that
 OFFSET = const(9)
 RAMP = const(10)  # see bends()
-TAKEN = const(11)  # 1: from the frame before the last one to the last one the motor has taken up its play
-HARDEST = const(12)  # a change that the kernel's numbers still hold; STEEPEST where more than that is refused
+# 1: from the frame before the last one to the last one the motor has taken up its play
+TAKEN = const(11)
+# a change that the kernel's numbers still hold; STEEPEST where more than that is refused
+HARDEST = const(12)
 PULSED = const(13)  # steps from frame to frame that the board can pulse
-SHARPEST = const(14)  # the greatest change above STEEPEST so far, and at which frame, counted from 0
+# the greatest change above STEEPEST so far, and at which frame, counted from 0
+SHARPEST = const(14)
 SHARPEST_AT = const(15)
 FOUND = const(16)  # what has not been let pass, in steps or as a change of them
 BENT = const(17)  # of what bends() has found, steps per frame and frame: the path's own bend,
@@ -299,10 +303,21 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
 
 
 @micropython.viper
-def bends(words, values, bounds, window, begin: int, count: int, index: int, last: int, order: int, rests: int) -> int:
-    """How fast and how steep the cubics between frames are: 0 where the motor can follow all, or the number of those
-    looked at, the last of which is too fast or too steep: FOUND, BENT, GATHERED. Call it again with
-    that as `begin`.
+def bends(
+    words,
+    values,
+    bounds,
+    window,
+    begin: int,
+    count: int,
+    index: int,
+    last: int,
+    order: int,
+    rests: int,
+) -> int:
+    """How fast and how steep the cubics between frames are: 0 where the motor can follow all, or
+    the number of those looked at, the last of which is too fast or too steep: FOUND, BENT,
+    GATHERED. Call it again with that as `begin`.
 
     values: `count` frames, in the upload's order, and two more on either side. index: of the first
     one played, in an upload that ends with `last`. order, OFFSET: as for check(), which has let

@@ -29,7 +29,19 @@ def _ahead(axes, bits: int) -> int:
 
 
 @micropython.viper
-def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: int, duration: int, scale: int):
+def _hop(
+    axes,
+    bits: int,
+    store,
+    window,
+    r,
+    place,
+    index: int,
+    step: int,
+    last: int,
+    duration: int,
+    scale: int,
+):
     motor = 0
     own = SPEEDS
     while bits:
@@ -38,9 +50,13 @@ def _hop(axes, bits: int, store, window, r, place, index: int, step: int, last: 
             store.positions(motor, index - 2, 5, window, 0)
             if step < 0:
                 path.turn(window)
-                path.velocity(r, X, window, axis.bounds, last - index, index, scale, own + TOPS - SPEEDS)
+                path.velocity(
+                    r, X, window, axis.bounds, last - index, index, scale, own + TOPS - SPEEDS
+                )
             else:
-                path.velocity(r, X, window, axis.bounds, index, last - index, scale, own + TOPS - SPEEDS)
+                path.velocity(
+                    r, X, window, axis.bounds, index, last - index, scale, own + TOPS - SPEEDS
+                )
             ptr32(place)[0] = ptr32(window)[2]
             limits = axis.limits
             motor_step(axis.planned, limits, place, 0, 0)
@@ -105,7 +121,8 @@ class UploadPlayer(MoveCheck):
         return self.shift_by_x(places, motor, backward) and axis.beyond(places, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
-        """Whether a ramp from rest to a velocity, both registers, needs more than its acceleration."""
+        """Whether a ramp from rest to a velocity, both registers, needs more than its
+        acceleration."""
         r = self.numbers
         if not reals.sign(r, velocity):
             return False

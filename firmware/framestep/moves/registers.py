@@ -1,7 +1,8 @@
-"""The registers of operations on an uploaded move: where in UploadPlayer.numbers each number of `reals` stands.
+"""The registers of operations on an uploaded move: where in UploadPlayer.numbers each number of
+`reals` stands.
 
-Those from OWN to TOPS belong to the operation that is prepared or running. Constants only: the build
-puts the numbers where the names are used. Ticks of 1 ms; a frame's position in steps.
+Those from OWN to TOPS belong to the operation that is prepared or running. Constants only: the
+build puts the numbers where the names are used. Ticks of 1 ms; a frame's position in steps.
 """
 
 from framestep.native import const
@@ -16,7 +17,8 @@ T = const(8)
 SCALE = const(10)  # twelfths of a step per frame to steps per tick
 SPEEDS = const(12)  # for each motor: its velocity at the last frame queued
 OWN = const(36)  # after twelve motors' velocities
-TOPS = const(64)  # for each motor: its top velocity when the move was checked, which no slope exceeds
+# for each motor: its top velocity when the move was checked, which no slope exceeds
+TOPS = const(64)
 SCRATCH = const(88)  # what formulas need on the way
 SCRATCH_END = const(102)
 REGISTERS = const(102)

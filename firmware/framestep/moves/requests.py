@@ -20,7 +20,8 @@ from framestep.moves.upload_store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
 
-_BYTES_PER_CHANGE = const(140)  # of memory, 7 of which are for the change and its share of the triggers
+# of memory, 7 of which are for the change and its share of the triggers
+_BYTES_PER_CHANGE = const(140)
 
 _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 
@@ -61,7 +62,8 @@ class Moves:
             self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
-        """The last thing at boot: lights and triggers get 5 % of the memory left, positions the rest."""
+        """The last thing at boot: lights and triggers get 5 % of the memory left, positions the
+        rest."""
         changes = self.controller.hal.upload_bytes // _BYTES_PER_CHANGE
         self.levels.allocate(changes)
         self.triggers.allocate(changes // 8)
@@ -110,7 +112,9 @@ class Moves:
             return m.ERR_MOVING
         last = reader.u8(4) & 0x80
         count = (reader.length - 5) >> 2
-        return self.store.section(number - 1, reader.start_index(1), last, reader.buffer, reader.payload + 5, count)
+        return self.store.section(
+            number - 1, reader.start_index(1), last, reader.buffer, reader.payload + 5, count
+        )
 
     def _dmx(self):
         """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3).
@@ -122,7 +126,12 @@ class Moves:
             return m.ERR_MOVING
         last = reader.u8(5) & 0x80
         return self.levels.store(
-            reader.u16(0), reader.start_index(2), last, reader.buffer, reader.payload + 6, reader.length - 6
+            reader.u16(0),
+            reader.start_index(2),
+            last,
+            reader.buffer,
+            reader.payload + 6,
+            reader.length - 6,
         )
 
     def _triggers(self):
@@ -131,7 +140,9 @@ class Moves:
             return m.ERR_MOVING
         reader = self.reader
         reader.copy_i32_to(0, self.places, 0)
-        return self.triggers.store(self.places, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3)
+        return self.triggers.store(
+            self.places, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3
+        )
 
     def _end(self):
         """MSG_RT_UPLOAD_MOVE_END: no payload.
@@ -164,7 +175,8 @@ class Moves:
         return code
 
     def _run_move(self):
-        """MSG_RT_RUN_MOVE: motors go to where the run begins and wait for GO (field notes 6.1 to 6.9).
+        """MSG_RT_RUN_MOVE: motors go to where the run begins and wait for GO (field notes 6.1 to
+        6.9).
 
         FPS (thousandths) 0, start frame 4, end frame 8, pre-roll ms 12, post-roll ms 16, sync 20,
         bloop: outputs 21, channel 25, ms 27; if they are there: flags 29, open and close angle 31
@@ -226,7 +238,9 @@ class Moves:
         if code == m.OK:
             backward = reader.u8(4) == 0
             listed = self._listed(11, backward)
-            code = self.shoot.prepare_blur(reader.i32(0), backward, reader.u30(5), reader.u16(9), listed)
+            code = self.shoot.prepare_blur(
+                reader.i32(0), backward, reader.u30(5), reader.u16(9), listed
+            )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
         return code
@@ -240,13 +254,16 @@ class Moves:
         code = self._may_begin()
         if code == m.OK:
             listed = self._listed(12, False)
-            code = self.shoot.prepare_angles(reader.i32(0), reader.u30(4), reader.i16(8), reader.i16(10), listed)
+            code = self.shoot.prepare_angles(
+                reader.i32(0), reader.u30(4), reader.i16(8), reader.i16(10), listed
+            )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
         return code
 
     def _listed(self, offset, backward):
-        """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if `backward`.
+        """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if
+        `backward`.
 
         Each entry: motor 0, POS A 1, POS B 5. Returns the bits of these motors, -1 if some motor
         does not exist.
@@ -270,7 +287,11 @@ class Moves:
         """OK if an operation may be prepared; else the code that says why not (field note 6.1)."""
         code = self.controller.motors.may_move_all()
         if code == m.OK:
-            if self.operations.running or self.operations.axes.moving or self.controller.virtuals.engaged:
+            if (
+                self.operations.running
+                or self.operations.axes.moving
+                or self.controller.virtuals.engaged
+            ):
                 return m.ERR_MOVING
             self.operations.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code

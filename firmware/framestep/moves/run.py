@@ -41,7 +41,8 @@ from framestep.results import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
-_SHORTEST_ROLL = const(2)  # ms of a motor's ramp: the next phase must not begin in the tick in which the ramp does
+# ms of a motor's ramp: the next phase must not begin in the tick in which the ramp does
+_SHORTEST_ROLL = const(2)
 DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)
 DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # phases that wait before the next is queued
@@ -84,8 +85,10 @@ class Plan:
         self.begin_ways = array(
             "i", [0] * motors
         )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
-        self.ends = array("i", [0] * motors)  # where it comes to rest after a pass other than the last,
-        self.end_ways = array("i", [0] * motors)  # and the direction in which it sets out when played the other way
+        # where it comes to rest after a pass other than the last,
+        self.ends = array("i", [0] * motors)
+        # and the direction in which it sets out when played the other way
+        self.end_ways = array("i", [0] * motors)
 
 
 class RunMove(Operation):
@@ -175,9 +178,13 @@ class RunMove(Operation):
         last = plan.first + plan.step * plan.frames
         self._ways(plan, plan.begin_ways, plan.first, plan.step)
         self._ways(plan, plan.end_ways, last, -plan.step)
-        code = player.check(plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways)
+        code = player.check(
+            plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways
+        )
         if code == OK and plan.turns:
-            code = player.check(plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways)
+            code = player.check(
+                plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways
+            )
         if code == OK:
             code = self._rolls(plan, plan.pre_asked, plan.post_asked)
         return code
@@ -238,14 +245,17 @@ class RunMove(Operation):
         )
 
     def _ways(self, plan, ways, index, step):
-        """ways[motor] = the direction in which it sets out, played from `index` in direction `step`."""
+        """ways[motor] = the direction in which it sets out, played from `index` in direction
+        `step`."""
         player = self.player
         r = player.numbers
         for motor in range(player.count):
             ways[motor] = 0
             if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash:
                 player.velocity(X, motor, index, step)
-                ways[motor] = reals.sign(r, X) or player.first_way(motor, index, step, plan.frames + 1)
+                ways[motor] = reals.sign(r, X) or player.first_way(
+                    motor, index, step, plan.frames + 1
+                )
 
     def _rolls(self, plan, pre_ms, post_ms):
         """Find where the motors wait and where they come to rest (field note 6.2)."""
@@ -267,7 +277,9 @@ class RunMove(Operation):
                     return player.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
                 player.velocity(own, motor, last, plan.step)
                 reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
-                if (plan.loops or plan.turns) and not player.apply_roll(motor, own, _ROLL, False, plan.ends):
+                if (plan.loops or plan.turns) and not player.apply_roll(
+                    motor, own, _ROLL, False, plan.ends
+                ):
                     return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if not self._last(motor, last):
                     return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
@@ -366,7 +378,9 @@ class RunMove(Operation):
         reals.put(r, X, self.begin_ms, 0)
         reals.subtract(r, X, X, _ROLL)
         if reals.sign(r, X) > 0:
-            axis.append_coasting_phase(X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor)
+            axis.append_coasting_phase(
+                X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor
+            )
         if reals.sign(r, _ROLL):
             self.store.position(motor, self.first, player.place, 0)
             axis.append_coasting_phase(_ROLL, ZERO, own, r, player.place, 0)
@@ -441,7 +455,8 @@ class RunMove(Operation):
             return (here + self.step) * 1000  # in the pre-roll
         clock = self.tell_clock
         kernel = self.operations.axes.kernel.state
-        ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])  # ticks to the next frame to be reported
+        # ticks to the next frame to be reported
+        ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])
         last = told > self.plan.frames
         if ahead >= HALF or ahead == 0 and clock.us == 0:
             if last:

@@ -18,7 +18,8 @@ METER = const(0x08000000)
 OUTPUTS = const(0x07FFFFFF)
 VIDEO_PULSE_MS = const(100)  # field note 6.9
 _BOTH = const(0x18000000)
-_NEAR = const(60)  # ticks before its time that a signal becomes a cue: longer than any pass of the main loop
+# ticks before its time that a signal becomes a cue: longer than any pass of the main loop
+_NEAR = const(60)
 _AHEAD = const(200)  # ticks before its time that a frame's signals are scheduled
 _SLOTS = const(32)  # signals that wait
 _SLOT_MASK = const(31)
@@ -125,7 +126,9 @@ class RunOutputs:
                 raised = self.gio.outputs.pins(mask & OUTPUTS, values & OUTPUTS)
                 lowered = self.gio.outputs.down
             if mask & _BOTH:
-                raised |= self.camera.pins(mask & SHUTTER, mask & METER, values & SHUTTER, values & METER)
+                raised |= self.camera.pins(
+                    mask & SHUTTER, mask & METER, values & SHUTTER, values & METER
+                )
                 lowered |= self.camera.down
             irq = self.axes.hal.irq_off()
             taken = kernel.cue(self.times[i], raised, lowered)
@@ -136,7 +139,8 @@ class RunOutputs:
             self.count -= 1
 
     def drop_scheduled(self):
-        """Drop all signals not yet given, but for those that outlive a run: bloop, stop of a camera."""
+        """Drop all signals not yet given, but for those that outlive a run: bloop, stop of a
+        camera."""
         self.count = 0
         irq = self.axes.hal.irq_off()
         self.axes.kernel.drop_cues()
@@ -357,7 +361,8 @@ class RunOutputs:
         return True
 
     def abort(self):
-        """Outputs have gone to safe levels: drop all that is scheduled but a video camera's stop."""
+        """Outputs have gone to safe levels: drop all that is scheduled but a video camera's
+        stop."""
         self._drop_bloop()
         self.drop_scheduled()
 

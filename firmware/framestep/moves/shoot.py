@@ -57,7 +57,8 @@ class Shot:
         self.roll = array("i", [0] * 2)  # real: ticks of a ramp
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
         self.starts = array("i", [0] * motors)  # by motor: where it waits,
-        self.ways = array("i", [0] * motors)  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        self.ways = array("i", [0] * motors)
         self.a = array("i", [0] * motors)
         self.b = array("i", [0] * motors)
         self.ends = array("i", [0] * motors)  # where it comes to rest
@@ -89,22 +90,32 @@ class ShootFrame(Operation):
         """
         if permille > 1000:
             return ERR_RANGE
-        return self._prepare(frame, backward, exposure_ms, permille or 1000, 0, 360, listed, self.blurred, 0)
+        return self._prepare(
+            frame, backward, exposure_ms, permille or 1000, 0, 360, listed, self.blurred, 0
+        )
 
     def prepare_angles(self, frame, exposure_ms, opened, closed, listed):
         """SHOOT_FRAME2: as prepare_blur(). opened, closed: degrees, signed."""
         if closed <= opened:
             return ERR_RANGE
-        return self._prepare(frame, False, exposure_ms, 0, opened, closed, listed, 0x3FFFFFFF, self.blurred)
+        return self._prepare(
+            frame, False, exposure_ms, 0, opened, closed, listed, 0x3FFFFFFF, self.blurred
+        )
 
     def _prepare(self, frame, backward, exposure_ms, permille, opened, closed, listed, may, always):
-        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed. always: of those that
-        move along the path even if a list leaves them out."""
+        """permille: 0 for SHOOT_FRAME2. may: bits of the motors that move if they are listed.
+        always: of those that move along the path even if a list leaves them out."""
         store = self.store
         player = self.player
         if store.state != UPLOADED:
             return ERR_GENERAL
-        if listed < 0 or frame < store.start or frame > store.end or exposure_ms < 0 or exposure_ms > LONGEST_MS:
+        if (
+            listed < 0
+            or frame < store.start
+            or frame > store.end
+            or exposure_ms < 0
+            or exposure_ms > LONGEST_MS
+        ):
             return ERR_RANGE
         if exposure_ms == 0:
             exposure_ms = DEFAULT_MS
@@ -115,7 +126,9 @@ class ShootFrame(Operation):
         # With no list at all, SHOOT_FRAME as well takes the motors that blur from the path.
         from_path = (always if listed else self.blurred) & ~listed & player.motors()
         for motor in range(player.count):
-            if (from_path >> motor) & 1 and not self._from_path(motor, frame - store.start, backward, shot):
+            if (from_path >> motor) & 1 and not self._from_path(
+                motor, frame - store.start, backward, shot
+            ):
                 return ERR_RANGE
         shot.bits |= from_path
         code = self._times(shot, opened, closed, RUN_UP_MS if permille else 0)
@@ -149,9 +162,9 @@ class ShootFrame(Operation):
             return False
         early = path.midway(window, 1, before, here) if index > 0 else -here // 24
         late = path.midway(window, 3, following, here) if index < last else here // 24
-        return reals.add_within(shot.b if backward else shot.a, motor, window, 2, early) and reals.add_within(
-            shot.a if backward else shot.b, motor, window, 2, late
-        )
+        return reals.add_within(
+            shot.b if backward else shot.a, motor, window, 2, early
+        ) and reals.add_within(shot.a if backward else shot.b, motor, window, 2, late)
 
     def _times(self, shot, opened, closed, run_up_ms):
         """Find how long the phases last; a code. run_up_ms: 0 for ramps within the 360 degrees.
@@ -167,7 +180,10 @@ class ShootFrame(Operation):
         reals.multiply(r, WINDOW, X, Y)
         reals.put(r, Y, opened, 0)
         reals.multiply(r, X, X, Y)  # from angle 0 to the opening
-        if reals.floor(r, WINDOW, HALF) > LONGEST_MS or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS:
+        if (
+            reals.floor(r, WINDOW, HALF) > LONGEST_MS
+            or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS
+        ):
             return ERR_RANGE
         reals.put(r, Y, run_up_ms, 0)
         reals.copy(r, ROLL, Y)
@@ -271,7 +287,11 @@ class ShootFrame(Operation):
                 axis = player.axes[motor]
                 if self._too_fast(shot, motor):
                     return ERR_RANGE
-                if axis.beyond(shot.starts, motor) or shot.blurs and player.too_steep(motor, own, ROLL):
+                if (
+                    axis.beyond(shot.starts, motor)
+                    or shot.blurs
+                    and player.too_steep(motor, own, ROLL)
+                ):
                     return ERR_PREROLL
                 if axis.beyond(shot.ends, motor):
                     return ERR_POSTROLL
@@ -331,5 +351,7 @@ class ShootFrame(Operation):
         if not self.done:
             self.done = True
             self.run_outputs.drop_scheduled()
-            self.run_outputs.schedule(self.player.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0)
+            self.run_outputs.schedule(
+                self.player.axes.kernel.state[stepper.TICKS] + 1, SHUTTER | METER, 0
+            )
             self.run_outputs.hand_over()

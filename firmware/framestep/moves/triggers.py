@@ -137,7 +137,10 @@ class Triggers:
                 i = int(first_key(table, 2, 1, held, frame)) * 2
                 entries[i] = frame << 1
                 entries[i + 1] = (
-                    sent[at + 4] | (sent[at + 5] << 8) | (sent[at + 6] << 16) | (((sent[at + 7] ^ 0x80) - 0x80) << 24)
+                    sent[at + 4]
+                    | (sent[at + 5] << 8)
+                    | (sent[at + 6] << 16)
+                    | (((sent[at + 7] ^ 0x80) - 0x80) << 24)
                 )
             at += 8
             count -= 1

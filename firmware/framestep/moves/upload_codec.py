@@ -45,7 +45,8 @@ SIZE = const(0)  # half words of the memory
 BOTTOM = const(1)  # those that regions take
 FREE = const(2)  # first free unit of those that have been in use, the others hang on it; 0: none
 FREE_COUNT = const(3)
-USED = const(4)  # units that are or have been in use: number u lies u units before the end of the memory
+# units that are or have been in use: number u lies u units before the end of the memory
+USED = const(4)
 TRYING = const(5)  # 1: nothing is written, only NEEDED is counted
 NEEDED = const(6)  # units that the changes so far would have taken
 FRAMES = const(7)  # of the upload
@@ -111,8 +112,11 @@ def _set_units(memory, words, chunk: int, units: int) -> int:
 
 
 @micropython.viper
-def _pack(i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, start: int, count: int):
-    """Put the high bits of `count` codes, words[start] and on, into the chunk's units at frame `at`.
+def _pack(
+    i: int, bits: int, memory: ptr16, words: ptr32, chunk: int, at: int, start: int, count: int
+):
+    """Put the high bits of `count` codes, words[start] and on, into the chunk's units at frame
+    `at`.
 
     What the units have for later frames is lost.
     """
@@ -348,7 +352,17 @@ def _fill(memory, words, chunk: int, position: int, codes: int):
 
 
 @micropython.viper
-def read(frame: int, code: int, memory: ptr16, words: ptr32, motor: int, index: int, count: int, out: ptr32, at: int):
+def read(
+    frame: int,
+    code: int,
+    memory: ptr16,
+    words: ptr32,
+    motor: int,
+    index: int,
+    count: int,
+    out: ptr32,
+    at: int,
+):
     """Read the positions of `count` frames from `index` on into out[at], out[at + 1], ...
 
     -2^31 stands for a frame not sent.
@@ -378,7 +392,9 @@ def read(frame: int, code: int, memory: ptr16, words: ptr32, motor: int, index: 
             frame = (want & -128) - 1
             chunk = words[motor + REGION] + (want >> 7) * CHUNK
             value = memory[chunk + _BASE] | (((memory[chunk + _BASE + 1] ^ 0x8000) - 0x8000) << 16)
-            velocity = memory[chunk + _VELOCITY] | (((memory[chunk + _VELOCITY + 1] ^ 0x8000) - 0x8000) << 16)
+            velocity = memory[chunk + _VELOCITY] | (
+                ((memory[chunk + _VELOCITY + 1] ^ 0x8000) - 0x8000) << 16
+            )
         while frame != want:
             back = 1
             if frame < want:
@@ -505,7 +521,8 @@ def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
 
 @micropython.viper
 def fill_gaps(memory, words, motor: int) -> int:
-    """Give frames not sent the position before them, leading ones the first; 0 if TRYING in vain."""
+    """Give frames not sent the position before them, leading ones the first; 0 if TRYING in
+    vain."""
     word = ptr32(words)
     unsent = -1
     unsent <<= 31

@@ -56,8 +56,10 @@ EMPTY = const(0)  # no upload
 LOADING = const(1)  # begun, not finished
 READY = const(2)
 
-FARTHEST_FRAME = const(1000000)  # ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
-_PER_CHUNK = const(CHUNK + UNIT)  # half words that the capacity counts for a chunk: its own and a unit
+# ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
+FARTHEST_FRAME = const(1000000)
+# half words that the capacity counts for a chunk: its own and a unit
+_PER_CHUNK = const(CHUNK + UNIT)
 
 
 def bytes_for(motors, frames):
@@ -96,7 +98,11 @@ class UploadStore:
                 % (self.motors, bytes_for(self.motors, 1), memory_bytes)
             )
         # On the board a bytearray is what the heap gives without a copy.
-        self._memory = array("H", bytes(memory_bytes // 2 * 2)) if CPYTHON else bytearray(memory_bytes // 2 * 2)
+        self._memory = (
+            array("H", bytes(memory_bytes // 2 * 2))
+            if CPYTHON
+            else bytearray(memory_bytes // 2 * 2)
+        )
         self.clear()
 
     def capacity_frames(self, motors):

@@ -1,14 +1,14 @@
 """Fletcher-16 with K=8 and modulus 255 (spec: Computing and Validating the Checksum).
 
-`fletcher16(buffer, start, count)` gives the specification's `(sum2 << 8) | sum1`, each sum 0 to 254; over a whole
-undamaged message that is 0. `check_bytes(sums)` gives the two bytes to append, the first in the low byte.
-Neither allocates on the board.
+`fletcher16(buffer, start, count)` gives the specification's `(sum2 << 8) | sum1`, each sum 0 to
+254; over a whole undamaged message that is 0. `check_bytes(sums)` gives the two bytes to append,
+the first in the low byte. Neither allocates on the board.
 
-The kernel reads half words. As 256 leaves a remainder of 1, a half word counts like the sum of its two bytes modulo
-255, so the first sum takes it whole. With A the running first sum after each half word, the second sum grows by 2·ΣA
-less the bytes at odd places, which come after their neighbour and are counted once too often. Those are summed two at
-a time, in the two halves of a word. 256 bytes keep every sum below 2^31; then it is folded, because 256·q + r counts
-like q + r.
+The kernel reads half words. As 256 leaves a remainder of 1, a half word counts like the sum of its
+two bytes modulo 255, so the first sum takes it whole. With A the running first sum after each half
+word, the second sum grows by 2·ΣA less the bytes at odd places, which come after their neighbour
+and are counted once too often. Those are summed two at a time, in the two halves of a word. 256
+bytes keep every sum below 2^31; then it is folded, because 256·q + r counts like q + r.
 """
 
 from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32

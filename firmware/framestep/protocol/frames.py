@@ -1,4 +1,5 @@
-"""Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer are made.
+"""Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer
+are made.
 
 In both buffers a frame lies in one piece, so payload fields are read and written in place, by their
 offset. A DWORD of 2^30 and more would be an object on the board's heap. For those `u30`,
@@ -100,7 +101,9 @@ class FrameReader:
         ValueError below 1048 (field note 1.6).
         """
         if size < LARGEST_FRAME:
-            raise ValueError("a FrameReader needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
+            raise ValueError(
+                "a FrameReader needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size)
+            )
         self.buffer = bytearray(size)
         self._state = array("i", (0, 0, size, 0, 0, 0))
         self.type = 0
@@ -121,7 +124,8 @@ class FrameReader:
         at = state[_NEXT]
         fill = state[_FILL]
         if at == fill:
-            # Nothing held: begin where source and buffer have the same place in a word, which copies fastest.
+            # Nothing held: begin where source and buffer have the same place in a word, which
+            # copies fastest.
             fill = start & 3
             state[_NEXT] = fill
         elif at > 0 and state[_SIZE] - fill < count:
@@ -163,7 +167,8 @@ class FrameReader:
         return found
 
     def drop_partial(self):
-        """Drop the frame that has begun: skip its marker. poll() goes on with the bytes behind it."""
+        """Drop the frame that has begun: skip its marker. poll() goes on with the bytes behind
+        it."""
         state = self._state
         skipped = state[_FILL] - state[_NEXT]
         state[_NEXT] += 2 if skipped > 2 else skipped
@@ -234,13 +239,17 @@ class FrameReader:
         i += int(self.payload)
         to = ptr32(words)
         to[index + 0] = (
-            buffer[i] | (buffer[i + 1] << 8) | (buffer[i + 2] << 16) | (((buffer[i + 3] ^ 0x80) - 0x80) << 24)
+            buffer[i]
+            | (buffer[i + 1] << 8)
+            | (buffer[i + 2] << 16)
+            | (((buffer[i + 3] ^ 0x80) - 0x80) << 24)
         )
 
 
 @micropython.viper
 def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
-    """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0 when `head` is -1.
+    """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0
+    when `head` is -1.
 
     What waits to be taken is moved to the front if the largest frame would not fit behind it.
     """
@@ -344,7 +353,9 @@ class FrameWriter:
     def __init__(self, size=4096):
         """size: of the buffer in bytes. ValueError if the largest frame would not fit."""
         if size < LARGEST_FRAME:
-            raise ValueError("a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size))
+            raise ValueError(
+                "a FrameWriter needs a buffer of at least %d bytes, not %d" % (LARGEST_FRAME, size)
+            )
         self._buffer = bytearray(size)
         self._state = array("i", (0, 0, 0, size, 1, 0))
 
@@ -360,14 +371,16 @@ class FrameWriter:
 
     @micropython.viper
     def room(self) -> int:
-        """The largest payload for a frame begun now, in bytes; below 0 if not even an empty one fits."""
+        """The largest payload for a frame begun now, in bytes; below 0 if not even an empty one
+        fits."""
         state = ptr32(self._state)
         room = state[_LIMIT] - state[_END] + state[_TAKE] - FRAME_OVERHEAD
         return room if room < LARGEST_PAYLOAD else LARGEST_PAYLOAD
 
     @micropython.viper
     def begin(self, kind: int, reader):
-        """Begin a frame of type `kind` with the ID of the frame in `reader`, or ID 0 for None (field note 1.3)."""
+        """Begin a frame of type `kind` with the ID of the frame in `reader`, or ID 0 for None
+        (field note 1.3)."""
         buffer = self._buffer
         if reader:
             _open(buffer, self._state, reader.buffer, reader.head, kind)

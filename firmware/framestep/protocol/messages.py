@@ -7,7 +7,8 @@ The board, the tests and the host tools all import them from here. Sources: the 
 from framestep import results
 from framestep.native import const
 
-# -- Frame: 'D' 'F', id DWORD, type WORD, length WORD, payload, two check bytes; little-endian (spec: Message Format)
+# -- Frame: 'D' 'F', id DWORD, type WORD, length WORD, payload, two check bytes; little-endian
+# (spec: Message Format)
 
 MARKER = b"DF"
 HEADER_BYTES = const(10)
@@ -62,7 +63,8 @@ MSG_VIRT_AIM_POINT = const(0x0207)
 MSG_CONDITION = const(0x4600)
 MSG_EXCEEDED = const(0x4601)  # what the last move asked too much of (field note 5.5)
 
-# -- Response codes (spec: MSG_FLAG_ACK); those that are results of the core have their numbers there
+# -- Response codes (spec: MSG_FLAG_ACK); those that are results of the core have their numbers
+# there
 
 OK = const(results.OK)
 ERR_CHECKSUM = const(0x0011)
@@ -113,13 +115,15 @@ HARD_STOP_UPPER = const(1)
 HARD_STOP_LOWER = const(2)
 HARD_STOP_FAULT = const(100)
 
-LAST_SECTION = const(0x8000)  # in the high half of START INDEX: the final value repeats to the end of the range
+# in the high half of START INDEX: the final value repeats to the end of the range
+LAST_SECTION = const(0x8000)
 
 RUN_PING_PONG = const(0x01)
 RUN_LOOP = const(0x02)
 RUN_VIDEO = const(0x10)
 RUN_STILLS = const(0x20)
-RUN_FLAGS_BYTES = const(31)  # a RUN_MOVE of so many bytes has FLAGS, one of so many the angles as well
+# a RUN_MOVE of so many bytes has FLAGS, one of so many the angles as well
+RUN_FLAGS_BYTES = const(31)
 RUN_ANGLES_BYTES = const(35)
 
 VIRT_NONE = const(0)
@@ -143,7 +147,8 @@ CONDITION_POSITIONS_SAVED = const(0x10)  # positions are remembered as they are 
 CONDITION_POSITIONS_PENDING = const(0x20)  # they will be once the motors stand
 CONDITION_POSITIONS_UNSAVABLE = const(0x40)  # they should be, but cannot
 
-CONDITION_EXCEEDED = const(0x80)  # the last move asked a motor for more than it is set to: MSG_EXCEEDED
+# the last move asked a motor for more than it is set to: MSG_EXCEEDED
+CONDITION_EXCEEDED = const(0x80)
 
 EXCEEDED_NOTHING = const(results.EXCEEDED_NOTHING)
 EXCEEDED_VELOCITY = const(results.EXCEEDED_VELOCITY)
@@ -219,7 +224,8 @@ def known(kind):
 
 
 def payload_fits(kind, length):
-    """Whether a request of this type may have a payload of `length` bytes; False for an unknown type.
+    """Whether a request of this type may have a payload of `length` bytes; False for an unknown
+    type.
 
     A fixed layout may be longer than this version knows: handlers ignore the rest (field note 1.8).
     """

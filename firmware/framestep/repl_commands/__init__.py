@@ -14,7 +14,9 @@ if not CPYTHON:
 
 REFUSALS = {
     m.ERR_MOVING: "an operation of Dragonframe has the motor",
-    m.ERR_GENERAL: "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led",
+    m.ERR_GENERAL: (
+        "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led"
+    ),
     m.ERR_RANGE: "there is no such motor or value",
     m.ERR_SOFT_UP: "that is past the upper soft limit",
     m.ERR_SOFT_LOW: "that is past the lower soft limit",
@@ -49,7 +51,8 @@ def between(function, *arguments):
 
 
 def locked(function, *arguments):
-    """Call a function with the heap locked, as in a pass, so that a full heap does not slow it down.
+    """Call a function with the heap locked, as in a pass, so that a full heap does not slow it
+    down.
 
     With two arguments at most.
     """
@@ -83,7 +86,11 @@ def operation(controller):
         return "%s is on, at frame %.2f" % (name, operations.move_time / 1000)
     if operations.state == ENDING or operations.state == LEAVING:
         return "%s comes to rest" % name
-    return "%s waits for GO" % name if operations.state == READY else "the motors go to where %s begins" % name
+    return (
+        "%s waits for GO" % name
+        if operations.state == READY
+        else "the motors go to where %s begins" % name
+    )
 
 
 def dead():
@@ -92,7 +99,11 @@ def dead():
         return "framestep has not been started"
     if boot.runner.alive:
         return None
-    return "framestep has stopped by a fault in the firmware" if boot.runner.failure else "framestep has been stopped"
+    return (
+        "framestep has stopped by a fault in the firmware"
+        if boot.runner.failure
+        else "framestep has been stopped"
+    )
 
 
 def refusal(code):

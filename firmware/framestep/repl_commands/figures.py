@@ -15,7 +15,8 @@ _WINDOWS = const(50)
 
 @micropython.viper
 def _gaps(clock: ptr32, us: int, out: ptr32):
-    """Watch a microsecond counter for `us`: out[0] += the length of all gaps in it, out[1] = the longest one."""
+    """Watch a microsecond counter for `us`: out[0] += the length of all gaps in it, out[1] = the
+    longest one."""
     begun = clock[0]
     last = begun
     while last - begun < us:
@@ -29,7 +30,8 @@ def _gaps(clock: ptr32, us: int, out: ptr32):
 
 
 def timing():
-    """What a tick costs, how late it has been, and how many segments wait for each motor that moves."""
+    """What a tick costs, how late it has been, and how many segments wait for each motor that
+    moves."""
     why = dead()
     if why:
         print(why)
@@ -47,8 +49,14 @@ def timing():
             "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
             % (out[0] // max(ticks, 1), out[1])
         )
-    print("worst lateness of a tick in motion: %d us, bearable are %d" % (state[WORST_LATE], state[LATEST]))
+    print(
+        "worst lateness of a tick in motion: %d us, bearable are %d"
+        % (state[WORST_LATE], state[LATEST])
+    )
     for motor in range(boot.controller.count):
         if boot.controller.axes[motor].moving:
             block = kernel.blocks[motor]
-            print("motor %d: %d of %d segments wait" % (motor + 1, (block[TAIL] - block[HEAD]) & WIDE_WRAP, SEGMENTS))
+            print(
+                "motor %d: %d of %d segments wait"
+                % (motor + 1, (block[TAIL] - block[HEAD]) & WIDE_WRAP, SEGMENTS)
+            )

@@ -30,7 +30,8 @@ def move(motor, step):
 
 
 def stop():
-    """All motors come to rest, by ramps; once more within a second: harder. A run of Dragonframe's ends as well."""
+    """All motors come to rest, by ramps; once more within a second: harder. A run of Dragonframe's
+    ends as well."""
     why = dead()
     if why:
         print(why)
@@ -39,9 +40,11 @@ def stop():
 
 
 def jog(motor=1, speed=1000):
-    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key ends.
+    """Jog by keys: + and - move as long as they are held, 1 … 9 choose the motor, any other key
+    ends.
 
-    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's jog_timeout_ms.
+    speed: 1 … 10000, of the motor's own. A motor stops when no key has come for the rig's
+    jog_timeout_ms.
     """
     print("+ and - jog motor %d, 1 to 9 choose another, any other key ends" % motor)
     while True:

@@ -11,8 +11,16 @@ def _report():
     controller = boot.controller
     lines = ["framestep %d.%d.%d, %s" % (VERSION + (controller.rig.name.decode(),))]
     lines.append("the host is connected" if controller.was_open else "no host is connected")
-    lines.append(dead() or operation(controller) or ("motors move" if controller.axes.moving else "nothing moves"))
-    lines += texts.conditions(controller.condition()) + texts.faults(controller.fault) + texts.positions(controller)
+    lines.append(
+        dead()
+        or operation(controller)
+        or ("motors move" if controller.axes.moving else "nothing moves")
+    )
+    lines += (
+        texts.conditions(controller.condition())
+        + texts.faults(controller.fault)
+        + texts.positions(controller)
+    )
     told = controller.operations.player.exceeded
     lines += texts.exceeded(told[0], told[1] + 1, told[2], told[3])
     if controller.drivers:
@@ -26,7 +34,8 @@ def _report():
 
 
 def status():
-    """What the controller does, where its motors are and how far that can be trusted, what an upload may have."""
+    """What the controller does, where its motors are and how far that can be trusted, what an
+    upload may have."""
     if boot.controller is None:
         print(dead())
         return
@@ -36,7 +45,10 @@ def status():
 
 def _pins(entries, on):
     """Lines about outputs or inputs; on(i) tells whether number i, from 0, is on."""
-    return ["%d, pin %d: %s" % (i + 1, entry["pin"], "on" if on(i) else "off") for i, entry in enumerate(entries)]
+    return [
+        "%d, pin %d: %s" % (i + 1, entry["pin"], "on" if on(i) else "off")
+        for i, entry in enumerate(entries)
+    ]
 
 
 def _levels():
@@ -49,19 +61,26 @@ def _levels():
     def high(entry):
         return ((levels >> entry["pin"]) & 1) == (entry["on"] == "high")
 
-    lines = ["output " + line for line in _pins(settings.outputs, lambda i: high(settings.outputs[i]))]
+    lines = [
+        "output " + line for line in _pins(settings.outputs, lambda i: high(settings.outputs[i]))
+    ]
     lines += ["input " + line for line in _pins(settings.inputs, lambda i: (inputs >> i) & 1)]
     for key in ("shutter", "meter"):
         if key in hal.board:
             lit = high({"pin": hal.board[key], "on": getattr(settings, key + "_on")})
             lines.append("%s, pin %d: %s" % (key, hal.board[key], "on" if lit else "off"))
     if settings.estop != "none":
-        lines.append("E-stop, pin %d: %s" % (hal.board["estop"], "held" if controller.safety.tripped else "free"))
+        lines.append(
+            "E-stop, pin %d: %s"
+            % (hal.board["estop"], "held" if controller.safety.tripped else "free")
+        )
     for i, entry in enumerate(settings.limits):
         for end in ("high", "low"):
             if entry[end] >= 0:
                 level = "high" if (levels >> entry[end]) & 1 else "low"
-                lines.append("limit set %d, %s end, pin %d: level %s" % (i + 1, end, entry[end], level))
+                lines.append(
+                    "limit set %d, %s end, pin %d: level %s" % (i + 1, end, entry[end], level)
+                )
     lit = sum(1 for level in controller.io.lights.levels if level)
     lines.append("lights: %d of %d channels are on" % (lit, controller.io.lights.count))
     return lines

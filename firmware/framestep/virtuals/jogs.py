@@ -1,7 +1,7 @@
 """Jogs: of virtual axes, along the camera's own axes, of a motor that carries an aimed camera.
 
-A jog that is asked for again goes on. Another one has that under way come to rest first, and sets out
-then (field note 4.2). Nothing allocates after construction.
+A jog that is asked for again goes on. Another one has that under way come to rest first, and sets
+out then (field note 4.2). Nothing allocates after construction.
 """
 
 from array import array
@@ -109,7 +109,8 @@ class Jogs:
     def _follow(self, kind, number, way, speed):
         """Set out on a jog along the line that has been begun. A code.
 
-        Where a soft limit or the rig's reach leaves no way to go nothing moves, as with a motor's jog.
+        Where a soft limit or the rig's reach leaves no way to go nothing moves, as with a motor's
+        jog.
         """
         code = self.ahead.begin(speed)
         if code == results.ERR_SOFT_LOW or code == results.ERR_SOFT_UP:
@@ -186,7 +187,8 @@ class Jogs:
         return self._follow(AXIS, number, way, speed)
 
     def _sense(self, main, number):
-        """1 or -1: whether the motor of axis `main` goes up or down where the virtual axis goes up."""
+        """1 or -1: whether the motor of axis `main` goes up or down where the virtual axis goes
+        up."""
         r = self.r
         for way in range(1, -2, -2):
             reals.put(r, WAY + 2 * (number - 1), way, 0)

@@ -75,7 +75,8 @@ _NODAL_OFFSET = (
     + _TURN
 )
 
-# With OFFSET known: where the camera's axes meet, and its angles. The first part of every inverse().
+# With OFFSET known: where the camera's axes meet, and its angles. The first part of every
+# inverse().
 FROM_POSE = formula(
     registers,
     """
@@ -121,16 +122,18 @@ _STEPS = formula(
     """,
 )
 
-# HOME of an axis that turns (in `x`): its angle without whole turns, lest a motor that has made many
-# of them be less exact.
+# HOME of an axis that turns (in `x`): its angle without whole turns, lest a motor that has made
+# many of them be less exact.
 _WITHOUT_TURNS = formula(registers, "X = X - floor(X / 360 + 0.5) * 360")
 
 
 @micropython.viper
 def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
-    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a] steps; and so on, `count` times.
+    """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a] steps; and so on, `count`
+    times.
 
-    0 if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32 bits, else 1.
+    0 if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32 bits, else
+    1.
     """
     base = ptr32(start)
     place = ptr32(out)
@@ -168,7 +171,8 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
 
 @micropython.viper
 def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, base, j: int):
-    """out[i] = the sum of base[j] and the whole number nearest to r[a], or the nearer end of the range."""
+    """out[i] = the sum of base[j] and the whole number nearest to r[a], or the nearer end of the
+    range."""
     start = ptr32(base)[j + 0]
     half = r[a + 0]
     s = 0 - r[a + 1]
@@ -212,7 +216,8 @@ def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, base, j: int):
 
 
 def camera_axis(r, axis, to):
-    """r[to], r[to + 2], r[to + 4] = direction, as vTrack, vEW, vNS, of an axis of the camera at POSE.
+    """r[to], r[to + 2], r[to + 4] = direction, as vTrack, vEW, vNS, of an axis of the camera at
+    POSE.
 
     axis: 0 X to its right, 1 Y up, 2 Z backward from where it looks (field note 9.6).
     """
@@ -230,8 +235,9 @@ def camera_axis(r, axis, to):
 class Configuration:
     """The numbers of a VIRT_CONFIG, with what can be checked without the rig's type.
 
-    Arrays of words: motors (from 1, 0 for none), steps_per_unit · 1000 and positions · 100000 by axis;
-    lengths · 1000: LENGTH, EXTENSION, the nodal offset to the right, forward and up, safe distance.
+    Arrays of words: motors (from 1, 0 for none), steps_per_unit · 1000 and positions · 100000 by
+    axis; lengths · 1000: LENGTH, EXTENSION, the nodal offset to the right, forward and up, safe
+    distance.
     table, table_at: the bytes of a boom table begin at table[table_at]; -1 for none.
     """
 
@@ -245,19 +251,20 @@ class Configuration:
 
 
 class Kinematics:
-    """The axes of a type: which motors, how many steps to the unit, where they stood at VIRT_CONFIG.
+    """The axes of a type: which motors, how many steps to the unit, where they stood at
+    VIRT_CONFIG.
 
     An axis that turns stands at its motor's steps by the steps per unit; one without a motor at 0.
 
-    r: array('i') of registers.REGISTERS words, shared with the caller. motor: of the axes 0 to 5, the
-    motor's number or 0. main: of the virtual axes 1 to 6, the axis whose steps a jog's destination is
-    in (field note 9.6), plus 1; 0 for a virtual axis that the type does not have. straight: bits of the
-    axes that do not turn.
+    r: array('i') of registers.REGISTERS words, shared with the caller. motor: of the axes 0 to 5,
+    the motor's number or 0. main: of the virtual axes 1 to 6, the axis whose steps a jog's
+    destination is in (field note 9.6), plus 1; 0 for a virtual axis that the type does not have.
+    straight: bits of the axes that do not turn.
 
-    Where a method returns a code, it is 0, or ERR_RANGE for what the rig cannot reach. A type gives two
-    formulas: _inverse from POSE and OFFSET to JOINT, in which a condition refuses what cannot be
-    reached; _forward from JOINT to WRIST and the angles of POSE, which computes all of them before a
-    condition.
+    Where a method returns a code, it is 0, or ERR_RANGE for what the rig cannot reach. A type gives
+    two formulas: _inverse from POSE and OFFSET to JOINT, in which a condition refuses what cannot
+    be reached; _forward from JOINT to WRIST and the angles of POSE, which computes all of them
+    before a condition.
     """
 
     main = b""
@@ -280,8 +287,8 @@ class Kinematics:
     def configure(self, configuration, present):
         """Adopt a Configuration; present: array('i') with the motors' steps now, motor 1 first.
 
-        0, or ERR_RANGE for a number that cannot be: then all stays as it was. Afterwards POSE is where
-        the rig stands, which may be out of inverse()'s reach.
+        0, or ERR_RANGE for a number that cannot be: then all stays as it was. Afterwards POSE is
+        where the rig stands, which may be out of inverse()'s reach.
         """
         if not self._possible(configuration):
             return ERR_RANGE
@@ -290,7 +297,8 @@ class Kinematics:
         for i in range(AXES):
             self.motor[i] = configuration.motors[i]
             self.load(PER_UNIT + 2 * i, configuration.steps_per_unit, i)
-            # a number of the pose is told by the axis in whose steps a jog of it is (field note 9.2)
+            # a number of the pose is told by the axis in whose steps a jog of it is (field note
+            # 9.2)
             if self.main[i + 1]:
                 reals.copy_word(self.host_pose, i, configuration.positions, self.main[i + 1] - 1)
             else:
@@ -309,7 +317,8 @@ class Kinematics:
         return 0
 
     def _possible(self, configuration):
-        """Whether a rig of this type can have these numbers; it changes nothing but scratch registers."""
+        """Whether a rig of this type can have these numbers; it changes nothing but scratch
+        registers."""
         return True
 
     def _adopt(self, configuration):
@@ -396,7 +405,8 @@ class Kinematics:
         return 0
 
     def locate(self, present):
-        """JOINT and POSE from the motors' steps; inverse() stays on the side of the rig they are on.
+        """JOINT and POSE from the motors' steps; inverse() stays on the side of the rig they are
+        on.
 
         A code. With ERR_RANGE the numbers are there, but the rig is not where inverse() leads to.
         """
@@ -431,7 +441,8 @@ class Kinematics:
         return 0
 
     def forward(self):
-        """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back from."""
+        """POSE for the JOINTs. A code; with ERR_RANGE it is not one that inverse() leads back
+        from."""
         r = self.r
         code = 0 if compute(0, 0, r, self._forward) else ERR_RANGE
         if self._offset:

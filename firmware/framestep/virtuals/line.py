@@ -195,7 +195,8 @@ class Line:
         return self.rig.locate(self.present)
 
     def begin_line(self, by_joint=False):
-        """Begin a line where the rig stands: BASE is its pose, or its axes; WAY is 0, to be set. A code."""
+        """Begin a line where the rig stands: BASE is its pose, or its axes; WAY is 0, to be set. A
+        code."""
         code = self.locate()
         if not code and self.aiming:
             code = self._take_aim()
@@ -224,7 +225,8 @@ class Line:
         return 0
 
     def take_aim(self):
-        """Take the aim point as seen from here: pan and tilt keep what they have beside it. A code."""
+        """Take the aim point as seen from here: pan and tilt keep what they have beside it. A
+        code."""
         code = self.locate()
         if code:
             return code
@@ -310,11 +312,13 @@ class Line:
         return _clip(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)
 
     def side(self, i, target, j):
-        """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0 or 1."""
+        """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0
+        or 1."""
         return order_words(target, j, self.present, self.motor[i] - 1)
 
     def direction(self, i, a, b):
-        """Which way the motor of axis i goes from the places in row a to those in row b: -1 or 1."""
+        """Which way the motor of axis i goes from the places in row a to those in row b: -1 or
+        1."""
         return order_words(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
 
     # ---------------------------------------------------------------- places on it
@@ -342,7 +346,8 @@ class Line:
         return code
 
     def _aim_joints(self):
-        """Turn pan and tilt of JOINT to the aim point. With a nodal offset that moves the camera. A code."""
+        """Turn pan and tilt of JOINT to the aim point. With a nodal offset that moves the camera. A
+        code."""
         r = self.r
         for _ in range(_TURNS):
             code = self.rig.forward()

@@ -1,9 +1,9 @@
 """Surveys the line of a jog some cells ahead of the point that moves along it.
 
-Each cell has a velocity and an acceleration that are within its motors' limits, and the velocity with
-which it may be left, so that what follows can be entered, and the end of the survey reached at rest.
-Where a motor would pass a limit, or the rig cannot reach, or the way bends too much, cells get half as
-long until they cannot be halved: there it ends.
+Each cell has a velocity and an acceleration that are within its motors' limits, and the velocity
+with which it may be left, so that what follows can be entered, and the end of the survey reached at
+rest. Where a motor would pass a limit, or the rig cannot reach, or the way bends too much, cells
+get half as long until they cannot be halved: there it ends.
 """
 
 from array import array
@@ -55,7 +55,8 @@ _PROBE = const(0)  # a cell is measured
 _RATE = const(1)  # it gets its velocity and acceleration
 _LEAVE = const(2)  # how fast each cell may be left is computed anew
 
-# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the way in which it stops.
+# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the way in which it
+# stops.
 _LENGTHEN = formula(
     registers,
     """
@@ -180,7 +181,8 @@ class LookAhead:
         return survey.passed_bound(rows[0], rows[1], rows[2])
 
     def extend(self):
-        """Survey a cell more, a step at a time, or find that it must be shorter. False: nothing to do."""
+        """Survey a cell more, a step at a time, or find that it must be shorter. False: nothing to
+        do."""
         if self.step == _PROBE:
             if self.closed or self.count >= CELLS:
                 return False
@@ -228,7 +230,8 @@ class LookAhead:
                 survey.greatest[i] = min(survey.greatest[i], _LARGE) * 2
 
     def _compute_exits(self):
-        """How fast each cell may be left, so that the point comes to rest at the end of the survey."""
+        """How fast each cell may be left, so that the point comes to rest at the end of the
+        survey."""
         r = self.r
         cells = self.cells
         reals.put(r, ENTRY_V2, 0, 0)

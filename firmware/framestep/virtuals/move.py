@@ -4,8 +4,8 @@ Every `span` ticks is a knot. Between two knots every motor follows a cubic (AIM
 motion/phases.py) with the exact positions at both ends; its velocity there is the point's velocity
 times the slope of the motor's step over s, from the knots on either side.
 
-Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the same
-knot and planned anew from there: that is how a point in motion is stopped on its line.
+Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the
+same knot and planned anew from there: that is how a point in motion is stopped on its line.
 
 Time in ticks, positions of motors in steps. Nothing allocates after construction.
 """
@@ -83,9 +83,11 @@ class LinearMove:
         self.ahead = None  # of a jog: the LookAhead that surveys the line ahead of the point
         self.state = IDLE
         self.speeds = array("i", [0] * (ROW * _KNOTS))  # of the motors at each knot: reals
-        self.marks = array("i", [0] * (4 * _KNOTS))  # s and velocity of the point at each knot: reals
+        # s and velocity of the point at each knot: reals
+        self.marks = array("i", [0] * (4 * _KNOTS))
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
-        self.leads = array("i", [0] * AXES)  # of each motor's path at the last knot queued (point.py)
+        # of each motor's path at the last knot queued (point.py)
+        self.leads = array("i", [0] * AXES)
         self.word = array("i", [0] * 2)
         self.knot = 0  # the last knot that has been placed
         self.queued = 0  # the last one that a phase leads to
@@ -194,7 +196,8 @@ class LinearMove:
     # ---------------------------------------------------------------- passes of the main loop
 
     def poll(self):
-        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at once."""
+        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at
+        once."""
         state = self.state
         if state == IDLE:
             return False
@@ -289,7 +292,9 @@ class LinearMove:
                 part = next_step(word, rows, a, b, c, self.leads, i, self.line.bounds)
                 reals.fetch(r, FROM_V, speeds, a)
                 reals.fetch(speeds, b, r, TO_V)
-                self.axes[motor - 1].append_coasting_phase(PHASE_TICKS, FROM_V, TO_V, r, word, 0, part)
+                self.axes[motor - 1].append_coasting_phase(
+                    PHASE_TICKS, FROM_V, TO_V, r, word, 0, part
+                )
             a += 2
             b += 2
             c += 2
@@ -320,7 +325,8 @@ class LinearMove:
     # ---------------------------------------------------------------- changing the plan
 
     def _cut(self):
-        """Forget what is planned from the first knot on that is far enough ahead. False: there is none."""
+        """Forget what is planned from the first knot on that is far enough ahead. False: there is
+        none."""
         axes = self.axes
         for i in range(AXES):
             if self.motor[i]:

@@ -1,11 +1,11 @@
 """From knot to knot: the point that moves along a line, and the paths of the motors that follow it.
 
-Every `span` ticks the point gets a new velocity, limited by its acceleration and by the distance left.
-Knots lie on whole ticks, but for the one at which it comes to rest.
+Every `span` ticks the point gets a new velocity, limited by its acceleration and by the distance
+left. Knots lie on whole ticks, but for the one at which it comes to rest.
 
-A step is made when a motor's path reaches it, so with a path through the places the motor would lag by
-half a step on average. So the path leads by half a step in the direction of the motion. How much it
-leads at the last knot is kept per motor (`leads`, Q16).
+A step is made when a motor's path reaches it, so with a path through the places the motor would lag
+by half a step on average. So the path leads by half a step in the direction of the motion. How much
+it leads at the last knot is kept per motor (`leads`, Q16).
 """
 
 from framestep.clock import HALF
@@ -121,11 +121,12 @@ def _way(rows: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def next_step(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -> int:
-    """Where the path of a motor, of axis i, leads to for the place in rows[b]: out[0], fraction (Q16).
+    """Where the path of a motor, of axis i, leads to for the place in rows[b]: out[0], fraction
+    (Q16).
 
-    rows[a], rows[c]: the places before and after it. The lead (leads[i]) is what the way makes of it,
-    eightfold: where a place does not change the path does not either, so a motor that stands, between two
-    steps by what the line asks for, makes none. A step past its bounds is not reached.
+    rows[a], rows[c]: the places before and after it. The lead (leads[i]) is what the way makes of
+    it, eightfold: where a place does not change the path does not either, so a motor that stands,
+    between two steps by what the line asks for, makes none. A step past its bounds is not reached.
     """
     q = ptr32(rows)
     lead = ptr32(leads)
@@ -166,7 +167,8 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -
 
 @micropython.viper
 def set_lead(leads: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr32, k: int):
-    """leads[i] of a path at the step at[j] and a part (Q16) of one more, for the place in rows[k]."""
+    """leads[i] of a path at the step at[j] and a part (Q16) of one more, for the place in
+    rows[k]."""
     leads[i] = ((at[j + 0] - rows[k + 0]) << 16) + part - rows[k + 1]
 
 
@@ -185,10 +187,11 @@ def nearest_step(out: ptr32, j: int, rows: ptr32, k: int, present: ptr32, motor:
 
 @micropython.viper
 def last_step(out, part: int, rows, k: int, present, motor: int, up: int) -> int:
-    """Where a path to out[0] and a part (Q16) has to end to come to rest: out[0], and Q16 of one more.
+    """Where a path to out[0] and a part (Q16) has to end to come to rest: out[0], and Q16 of one
+    more.
 
-    That is on the step nearest to the place in rows[k]. up: whether the path leads upward. It ends beside
-    that step, as it has come, rather than turn back onto it.
+    That is on the step nearest to the place in rows[k]. up: whether the path leads upward. It ends
+    beside that step, as it has come, rather than turn back onto it.
     """
     nearest_step(out, 1, rows, k, present, motor)
     at = ptr32(out)

@@ -69,8 +69,8 @@ def _geometries(mask, r):
 def read_configuration(reader, kind, motors, configuration):
     """Read a VIRT_CONFIG of a type into a Configuration; motors: how many there are.
 
-    False for a payload that is too short, or an axis that cannot be: no such motor, one that another
-    axis has, 0 steps per unit. spec: MSG_VIRT_CONFIG, field notes 9.2 and 9.3.
+    False for a payload that is too short, or an axis that cannot be: no such motor, one that
+    another axis has, 0 steps per unit. spec: MSG_VIRT_CONFIG, field notes 9.2 and 9.3.
     """
     if reader.length < _LEAST_BYTES[kind]:
         return False
@@ -220,7 +220,8 @@ class Virtuals:
     # ---------------------------------------------------------------- configuration
 
     def _config(self):
-        """MSG_VIRT_CONFIG: type 0, then what read_configuration() reads (field notes 9.2 and 9.3)."""
+        """MSG_VIRT_CONFIG: type 0, then what read_configuration() reads (field notes 9.2 and
+        9.3)."""
         reader = self.reader
         line = self.line
         kind = reader.u8(0)
@@ -265,7 +266,8 @@ class Virtuals:
     # ---------------------------------------------------------------- positions
 
     def _locate(self):
-        """POSE of where the motors are by what the host knows; a plan under way is not disturbed."""
+        """POSE of where the motors are by what the host knows; a plan under way is not
+        disturbed."""
         line = self.line
         rig = line.rig
         for i in range(AXES):
@@ -277,7 +279,8 @@ class Virtuals:
         rig.forward()
 
     def send_positions(self, reader):
-        """Send VIRT_GET_POSITION, the answer to the request in `reader`, or None. Whether there was room.
+        """Send VIRT_GET_POSITION, the answer to the request in `reader`, or None. Whether there was
+        room.
 
         Unasked they are of the same moment as the motors' positions told last (field note 4.6).
         """
@@ -334,7 +337,8 @@ class Virtuals:
         self.move.begin(ahead)
 
     def _head_for(self, to, number):
-        """END and WAY of the line so that number `number` of it goes from BASE to r[to]; -1, 0 or 1."""
+        """END and WAY of the line so that number `number` of it goes from BASE to r[to]; -1, 0 or
+        1."""
         r = self.r
         reals.subtract(r, END, to, BASE + 2 * number)
         way = reals.sign(r, END)
@@ -437,7 +441,11 @@ class Virtuals:
         if self.move.state:
             return m.ERR_MOVING
         if enable:
-            if not line.rig.main[m.VIRT_MOTOR_TRACK] or not line.motor[_PAN] or not line.motor[_TILT]:
+            if (
+                not line.rig.main[m.VIRT_MOTOR_TRACK]
+                or not line.motor[_PAN]
+                or not line.motor[_TILT]
+            ):
                 return m.ERR_RANGE  # nothing to follow with
             if self.axes.moving_bits() & line.bits:
                 return m.ERR_MOVING

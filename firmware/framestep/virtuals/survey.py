@@ -1,9 +1,9 @@
 """What the motors can do on a line, as limits of the point that moves along it.
 
 The line is sampled in cells of two halves. The differences d1, d2 of a motor's steps and the second
-difference dd = d2 - d1 bound its slope and its bend in the cell; a cell in which they change too much
-is halved. With F and G the greatest slope and bend, v and a those of the point: F·v <= velocity,
-F·a + G·v² <= acceleration; half of the acceleration at most is given to the bend.
+difference dd = d2 - d1 bound its slope and its bend in the cell; a cell in which they change too
+much is halved. With F and G the greatest slope and bend, v and a those of the point: F·v <=
+velocity, F·a + G·v² <= acceleration; half of the acceleration at most is given to the bend.
 
 A move is surveyed whole before it starts, and has one v and one a. A jog has no end that is known:
 lookahead.py surveys it cell by cell. Nothing allocates after construction.
@@ -73,8 +73,8 @@ _IN_UNITS = formula(
 
 # A cubic from knot to knot has to be as good as the motors' path. With the third derivative d the
 # slopes at the knots are wrong by up to d·h²/6, which puts the cubic beside by d·h³/60; toward a
-# singular pose, where the path goes like a square root, d is 3·G²/F. With h = v·span that stays below
-# a quarter of a step for v³·G²/F < 5/span³.
+# singular pose, where the path goes like a square root, d is 3·G²/F. With h = v·span that stays
+# below a quarter of a step for v³·G²/F < 5/span³.
 _THIRD = formula(registers, "THIRD = BEND * BEND / SLOPE")
 _IS_SMOOTH = formula(registers, "assert MAX_V * MAX_V * MAX_V * THIRD < 5 / 32 ** 3")
 _IS_SMOOTH_AT_HALF_SPAN = formula(registers, "assert MAX_V * MAX_V * MAX_V * THIRD < 5 / 16 ** 3")
@@ -119,11 +119,13 @@ def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) ->
 
 
 @micropython.viper
-def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, greatest: ptr32, level: int) -> int:
+def _measure(
+    rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, greatest: ptr32, level: int
+) -> int:
     """Take a cell into `curve`: per axis the greatest slope and bend so far.
 
-    They are in sixteenths of a step per half cell of level 0, and per its square. greatest: the slopes
-    alone, to judge a bend by. level: how often the cell is halved.
+    They are in sixteenths of a step per half cell of level 0, and per its square. greatest: the
+    slopes alone, to judge a bend by. level: how often the cell is halved.
     """
     turn = 0
     while turn < 2:
@@ -138,7 +140,8 @@ def _measure(rows: ptr32, a: int, b: int, c: int, motor: ptr32, curve: ptr32, gr
                 e = ((z >> 1) - (y >> 1)) >> (24 - level)
                 if d > 0 or d < -1 or e > 0 or e < -1:
                     return _FAR
-                # in sixteenths of a step per half cell of level 0, with what there is of fractions of that
+                # in sixteenths of a step per half cell of level 0, with what there is of fractions
+                # of that
                 d = ((y - x) << (4 + level)) + ((rows[b + k + 1] - rows[a + k + 1]) >> (12 - level))
                 e = ((z - y) << (4 + level)) + ((rows[c + k + 1] - rows[b + k + 1]) >> (12 - level))
                 bend = e - d
@@ -199,7 +202,8 @@ def _short(rows: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def _heading(rows: ptr32, a: int, b: int) -> int:
-    """Negative, 0 or positive: whether the place in rows[b] lies below, at or above that in rows[a]."""
+    """Negative, 0 or positive: whether the place in rows[b] lies below, at or above that in
+    rows[a]."""
     d = rows[b + 0] - rows[a + 0]
     if d > 1 or d < -1:
         return d
@@ -224,7 +228,8 @@ class Survey:
         self.span = SPAN  # ticks from knot to knot
 
     def check_line(self):
-        """Whether the motors can follow the line from 0 to END: a code. If so MAX_V and MAX_A are set."""
+        """Whether the motors can follow the line from 0 to END: a code. If so MAX_V and MAX_A are
+        set."""
         r = self.r
         reals.double(r, HALF_CELL, END, -4)
         self.clear()
@@ -249,7 +254,8 @@ class Survey:
                 level += 1
                 continue
             if found != SMOOTH:
-                return ERR_RANGE  # too near to a pose in which a motor would have to be infinitely fast
+                # too near to a pose in which a motor would have to be infinitely fast
+                return ERR_RANGE
             code = self.passed_bound(a, b, c)
             if code:
                 return code
@@ -324,7 +330,8 @@ class Survey:
         return True
 
     def set_point_limits(self, share):
-        """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can do."""
+        """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can
+        do."""
         r = self.r
         reals.put(r, MAX_V, 1, _UNLIMITED)
         reals.put(r, MAX_A, 1, _UNLIMITED)
@@ -358,7 +365,8 @@ class Survey:
             compute(0, 0, r, _SLOWER)
 
     def slow_down(self):
-        """Motors may be slower now than the move under way counts on: keep to that from the next knot on."""
+        """Motors may be slower now than the move under way counts on: keep to that from the next
+        knot on."""
         r = self.r
         span = self.span
         reals.copy(r, NEXT_V, MAX_V)

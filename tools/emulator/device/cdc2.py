@@ -1,6 +1,6 @@
 # A second USB serial port for MicroPython's rp2 port, next to the builtin one, with
-# machine.USBDevice (MicroPython 1.23 and later). For the emulator's own tests and as an example of the
-# fastest way to get bytes in: a transfer goes straight into a caller's buffer and ends when the
+# machine.USBDevice (MicroPython 1.23 and later). For the emulator's own tests and as an example of
+# the fastest way to get bytes in: a transfer goes straight into a caller's buffer and ends when the
 # buffer is full or a packet is short.
 #
 #     import cdc2
@@ -113,7 +113,8 @@ class CDC2:
             self.usb.submit_xfer(self.ep_out, self.rx)
 
     def write(self, data):
-        """Send data; False while the last transfer is still under way. Keep data until it is done."""
+        """Send data; False while the last transfer is still under way. Keep data until it is
+        done."""
         if not self.configured or self.sending:
             return False
         self.sending = True

@@ -1,5 +1,6 @@
-# Eight PIO state machines that emit pulse trains on pins 0, 2, ..., with a direction on the pin after each.
-# A word: direction (1 bit), pulses - 1 (11), half period (20). A period is 2 * half + 7 cycles of 200 ns.
+# Eight PIO state machines that emit pulse trains on pins 0, 2, ..., with a direction on the pin
+# after each. A word: direction (1 bit), pulses - 1 (11), half period (20). A period is 2 * half + 7
+# cycles of 200 ns.
 
 import rp2
 from machine import Pin
@@ -30,6 +31,9 @@ def pulses():
     wrap()
 
 
-sms = [rp2.StateMachine(i, pulses, freq=5_000_000, set_base=Pin(2 * i), out_base=Pin(2 * i + 1)) for i in range(8)]
+sms = [
+    rp2.StateMachine(i, pulses, freq=5_000_000, set_base=Pin(2 * i), out_base=Pin(2 * i + 1))
+    for i in range(8)
+]
 for sm in sms:
     sm.active(1)

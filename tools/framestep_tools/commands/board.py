@@ -9,7 +9,9 @@ from .common import Url, put
 
 Board = Annotated[
     str | None,
-    typer.Option(help="pico, pico2, skr_pico or fysetc_erb; without it the Pico of the chip", metavar="BOARD"),
+    typer.Option(
+        help="pico, pico2, skr_pico or fysetc_erb; without it the Pico of the chip", metavar="BOARD"
+    ),
 ]
 
 
@@ -21,9 +23,14 @@ def install(
     device: Url = None,
     board: Board = None,
     drive: Annotated[
-        Path | None, typer.Option(help="folder of the board's drive, where it is not found by itself", metavar="DIR")
+        Path | None,
+        typer.Option(
+            help="folder of the board's drive, where it is not found by itself", metavar="DIR"
+        ),
     ] = None,
-    image: Annotated[Path | None, typer.Option(help="another UF2 file than framestep's own", metavar="FILE")] = None,
+    image: Annotated[
+        Path | None, typer.Option(help="another UF2 file than framestep's own", metavar="FILE")
+    ] = None,
 ) -> None:
     """Put framestep on a board that is plugged in with BOOTSEL held, and ask it who it is."""
     from .. import drives, install
@@ -42,15 +49,22 @@ def install(
 
 
 def flash(
-    board: Annotated[str, typer.Option(help="pico, pico2, skr_pico or fysetc_erb", metavar="BOARD")] = "pico",
+    board: Annotated[
+        str, typer.Option(help="pico, pico2, skr_pico or fysetc_erb", metavar="BOARD")
+    ] = "pico",
     port: Annotated[
-        str | None, typer.Option(help="port of the REPL; without it the only board on USB", metavar="PORT")
+        str | None,
+        typer.Option(help="port of the REPL; without it the only board on USB", metavar="PORT"),
     ] = None,
     protocol: Annotated[
-        str | None, typer.Option(help="port that Dragonframe will use, where it cannot be told", metavar="PORT")
+        str | None,
+        typer.Option(
+            help="port that Dragonframe will use, where it cannot be told", metavar="PORT"
+        ),
     ] = None,
 ) -> None:
-    """Copy framestep beside the MicroPython that is on a board; rig.json and other files of yours stay."""
+    """Copy framestep beside the MicroPython that is on a board; rig.json and other files of yours
+    stay."""
     from ..flash import flash_board
 
     flash_board(board, port, protocol, _say)
@@ -58,7 +72,8 @@ def flash(
 
 def uf2(
     micropython: Annotated[
-        Path, typer.Option("--micropython", help="MicroPython's UF2 file, 1.26 or newer", metavar="FILE")
+        Path,
+        typer.Option("--micropython", help="MicroPython's UF2 file, 1.26 or newer", metavar="FILE"),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="the UF2 file to make", metavar="FILE")],
     board: Board = None,
@@ -81,7 +96,10 @@ def uf2(
         out.write_bytes(made)
     except OSError as error:
         raise ToolError(f"cannot write {out}: {error.strerror}") from None
-    print(f"{out}, {len(made) // 1024} kB: plug the {board_data(name)['name']} in with BOOTSEL held, drop it there")
+    print(
+        f"{out}, {len(made) // 1024} kB: "
+        f"plug the {board_data(name)['name']} in with BOOTSEL held, drop it there"
+    )
 
 
 def add(app: typer.Typer) -> None:

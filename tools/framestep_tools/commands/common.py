@@ -1,4 +1,5 @@
-"""What several commands have in common: the device, numbers as they are typed, Ctrl-C, output for programs."""
+"""What several commands have in common: the device, numbers as they are typed, Ctrl-C, output for
+programs."""
 
 import json
 import os
@@ -20,11 +21,18 @@ Url = Annotated[
     str | None,
     typer.Option(
         "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
-        help="path of a port or socket://HOST:PORT; may come first without --device. Without it: the only board on USB",
+        help=(
+            "path of a port or socket://HOST:PORT; may come first without --device. "
+            "Without it: the only board on USB"
+        ),
     ),
 ]  # fmt: skip
-Motor = Annotated[int, typer.Argument(help="motor number, from 1", min=1, max=32, show_default=False)]
-Steps = Annotated[int, typer.Argument(help="position in steps", min=-(2**31), max=2**31 - 1, show_default=False)]
+Motor = Annotated[
+    int, typer.Argument(help="motor number, from 1", min=1, max=32, show_default=False)
+]
+Steps = Annotated[
+    int, typer.Argument(help="position in steps", min=-(2**31), max=2**31 - 1, show_default=False)
+]
 Json = Annotated[bool, typer.Option("--json", help="as JSON, for programs")]
 
 _NUMBER = re.compile(r"-(\d|\.\d)")
@@ -54,7 +62,8 @@ class SpokenCommand(TyperCommand):
 def arranged(args: list[str], takes: set[str], needed: int | None) -> list[str]:
     """Arguments as options, "--", and the rest, negative numbers among it.
 
-    takes: options with a value; needed: how many arguments there are at least without a device, None: it knows none.
+    takes: options with a value; needed: how many arguments there are at least without a device,
+    None: it knows none.
     """
     options: list[str] = []
     rest: list[str] = []
@@ -96,7 +105,10 @@ def talking(device: str | None) -> "Iterator[Client]":
     url = device or ports.protocol_port()
     if device and not is_socket(device) and ports.is_repl(device):
         right = ports.protocol_of(device)
-        raise WrongPort(f"{device} is the REPL of its board; the protocol's port is {right}: name that one, or none")
+        raise WrongPort(
+            f"{device} is the REPL of its board; "
+            f"the protocol's port is {right}: name that one, or none"
+        )
     try:
         client = Client.open(url)
     except PortBusy:
@@ -109,7 +121,9 @@ def talking(device: str | None) -> "Iterator[Client]":
     else:
         if not is_socket(url):
             with suppress(OSError):  # then no other program comes through
-                client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
+                client.door = door.Door(
+                    client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
+                )
     with client:
         client.greet()
         try:
@@ -125,7 +139,8 @@ def talking(device: str | None) -> "Iterator[Client]":
 
 @contextmanager
 def moving(device: str | None) -> "Iterator[Client]":
-    """The same for a command that moves something: Ctrl-C stops the motors before it ends the command."""
+    """The same for a command that moves something: Ctrl-C stops the motors before it ends the
+    command."""
     with talking(device) as client:
         try:
             yield client
@@ -135,7 +150,8 @@ def moving(device: str | None) -> "Iterator[Client]":
 
 
 def _stop(client: "Client") -> None:
-    """All motors come to rest. A further Ctrl-C: harder; one more leaves it to the controller, which stops them."""
+    """All motors come to rest. A further Ctrl-C: harder; one more leaves it to the controller,
+    which stops them."""
     from ..client import NoAnswer
     from ..payloads import MotorStopAll
 

@@ -10,8 +10,12 @@ from .common import put
 
 def demo(
     fps: Annotated[float, typer.Option(help="frames per second", min=0.1, max=120)] = 24,
-    move: Annotated[Path | None, typer.Option(help="another move than the example, as CSV", metavar="FILE")] = None,
-    out: Annotated[Path, typer.Option(help="folder for edges and picture", metavar="DIR")] = Path("framestep-demo"),
+    move: Annotated[
+        Path | None, typer.Option(help="another move than the example, as CSV", metavar="FILE")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="folder for edges and picture", metavar="DIR")] = Path(
+        "framestep-demo"
+    ),
 ) -> int:
     """Play a camera move on a simulated board, check every edge, draw it."""
     from ..errors import ToolError
@@ -22,7 +26,9 @@ def demo(
 
         from ..demo import BoardKind, main
     except ModuleNotFoundError as error:
-        raise ToolError(f"the demo needs {error.name}, which an extra brings: pip install framestep[plots]") from None
+        raise ToolError(
+            f"the demo needs {error.name}, which an extra brings: pip install framestep[plots]"
+        ) from None
     return main(BoardKind.HOST, fps, move or CAMERA_MOVE, out)
 
 

@@ -1,4 +1,5 @@
-"""Single motors: where they are, move, jog, zero, stop; and what else helps in the first hour on a bench."""
+"""Single motors: where they are, move, jog, zero, stop; and what else helps in the first hour on a
+bench."""
 
 import sys
 import time
@@ -18,7 +19,9 @@ WATCH_S = 0.2  # from one look to the next
 def status(
     device: Url = None,
     json: Json = False,
-    watch: Annotated[bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")
+    ] = False,
 ) -> None:
     """Say who the device is, where its motors are and what moves."""
     from .. import state
@@ -30,16 +33,22 @@ def status(
 def switches(
     device: Url = None,
     json: Json = False,
-    watch: Annotated[bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")
+    ] = False,
 ) -> None:
     """Show the E-stop, the limit switches and the general inputs as the board sees them."""
     from .. import switches
 
     with talking(device) as client:
-        _show(client, json, watch, switches.ask, switches.for_programs, switches.lines, switches.table)
+        _show(
+            client, json, watch, switches.ask, switches.for_programs, switches.lines, switches.table
+        )
 
 
-def _show(client: "Client", json: bool, watch: bool, ask: Any, for_programs: Any, lines: Any, table: Any) -> None:
+def _show(
+    client: "Client", json: bool, watch: bool, ask: Any, for_programs: Any, lines: Any, table: Any
+) -> None:
     """Ask once and print it; to watch, again and again until Ctrl-C."""
 
     def say() -> None:
@@ -73,8 +82,12 @@ def move(
     motor: Motor,
     position: Steps,
     device: Url = None,
-    velocity: Annotated[int | None, typer.Option(help="steps/s, with --acceleration", min=1)] = None,
-    acceleration: Annotated[int | None, typer.Option(help="steps/s², with --velocity", min=1)] = None,
+    velocity: Annotated[
+        int | None, typer.Option(help="steps/s, with --acceleration", min=1)
+    ] = None,
+    acceleration: Annotated[
+        int | None, typer.Option(help="steps/s², with --velocity", min=1)
+    ] = None,
 ) -> None:
     """Move a motor to a position and wait until it is there."""
     from ..payloads import MotorMove, MotorSetSpeed
@@ -95,7 +108,9 @@ def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
 
     found = state.position(client, motor)
     if position is not None and found != position:
-        raise state.Stopped(f"motor {motor} stopped at {found}, short of {position}: {state.why_stopped(client)}")
+        raise state.Stopped(
+            f"motor {motor} stopped at {found}, short of {position}: {state.why_stopped(client)}"
+        )
     print(f"motor {motor}: {found}")
 
 
@@ -103,7 +118,9 @@ def jog(
     motor: Motor,
     destination: Steps,
     device: Url = None,
-    speed: Annotated[int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)] = 1000,
+    speed: Annotated[
+        int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
+    ] = 1000,
     seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
 ) -> None:
     """Jog a motor toward a position for some time, as if a key were held."""
@@ -129,7 +146,9 @@ def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: fl
 
 def zero(
     motor: Motor,
-    position: Annotated[int, typer.Argument(help="what its position is from now on", min=-(2**31), max=2**31 - 1)] = 0,
+    position: Annotated[
+        int, typer.Argument(help="what its position is from now on", min=-(2**31), max=2**31 - 1)
+    ] = 0,
     device: Url = None,
 ) -> None:
     """Call the place where a motor stands 0, or another position; nothing moves."""
@@ -141,9 +160,13 @@ def zero(
 
 
 def stop(
-    motor: Annotated[int | None, typer.Argument(help="motor number, all if not given", min=1, max=32)] = None,
+    motor: Annotated[
+        int | None, typer.Argument(help="motor number, all if not given", min=1, max=32)
+    ] = None,
     device: Url = None,
-    hard: Annotated[bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")] = False,
+    hard: Annotated[
+        bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")
+    ] = False,
 ) -> None:
     """Stop one motor or all of them, also while another framestep command moves them."""
     from ..client import BrokenOff
@@ -171,7 +194,9 @@ def buzz(
     device: Url = None,
     steps: Annotated[int, typer.Option(help="how far to each side", min=1, max=100_000)] = 200,
     times: Annotated[int, typer.Option(help="how often", min=1, max=1000)] = 5,
-    speed: Annotated[int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)] = 1000,
+    speed: Annotated[
+        int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
+    ] = 1000,
 ) -> None:
     """Move a motor to and fro by a few steps, to see which it is and whether it turns."""
     from .. import state

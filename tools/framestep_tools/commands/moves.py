@@ -16,7 +16,10 @@ UPLOAD_WINDOW = 4
 
 def upload(
     file: Annotated[
-        Path, typer.Argument(help="CSV: frame, then a column per motor", metavar="CSV", show_default=False)
+        Path,
+        typer.Argument(
+            help="CSV: frame, then a column per motor", metavar="CSV", show_default=False
+        ),
     ],
     device: Url = None,
 ) -> None:
@@ -26,12 +29,16 @@ def upload(
     content = read_move(file)
     with talking(device) as client:
         client.upload_move(content.start_frame, content.end_frame, content.positions, UPLOAD_WINDOW)
-    print(f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors")
+    print(
+        f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors"
+    )
 
 
 def run(
     start: Annotated[int, typer.Argument(help="first scene frame", show_default=False)],
-    end: Annotated[int, typer.Argument(help="last scene frame; before the first: backward", show_default=False)],
+    end: Annotated[
+        int, typer.Argument(help="last scene frame; before the first: backward", show_default=False)
+    ],
     device: Url = None,
     fps: Annotated[float, typer.Option(help="frames per second", min=0.001)] = 24,
     preroll_ms: Annotated[int, typer.Option(help="time to get up to speed", min=0)] = 1000,
@@ -61,7 +68,10 @@ def run(
         client.wait_idle(timeout_s=float("inf"))  # on the end frame again
         if reached != end * 1000:
             before = "\n" if live else ""
-            raise Stopped(f"{before}the run ended at frame {reached / 1000:.3f}, before {end}: {why_stopped(client)}")
+            raise Stopped(
+                f"{before}the run ended at frame {reached / 1000:.3f}, before {end}: "
+                f"{why_stopped(client)}"
+            )
     print(f"{chr(13) if live else ''}frames {start} to {end} played")
 
 

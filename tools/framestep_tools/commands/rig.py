@@ -13,7 +13,9 @@ rig = typer.Typer(help="The rig file: what a user changes on a board.")
 @rig.command("check")
 def rig_check(
     file: Annotated[Path, typer.Argument(help="a rig file", metavar="FILE", show_default=False)],
-    board: Annotated[str, typer.Option(help="the board that it is for, a folder of boards/")] = "pico",
+    board: Annotated[
+        str, typer.Option(help="the board that it is for, a folder of boards/")
+    ] = "pico",
     json: Json = False,
 ) -> None:
     """Read a rig file as a board does; say what is wrong with it."""
@@ -22,15 +24,29 @@ def rig_check(
 
     found = rig_file.check(rig_file.read(file), board_data(board), str(file))
     if json:
-        say_json({"file": str(file), "board": board, "name": found.name.decode(), "settings": found.settings})
+        say_json(
+            {
+                "file": str(file),
+                "board": board,
+                "name": found.name.decode(),
+                "settings": found.settings,
+            }
+        )
         return
-    print(f"{file} is right for {board_data(board)['name']}: {found.name.decode()!r}, {len(found.motors)} motors set")
+    print(
+        f"{file} is right for {board_data(board)['name']}: "
+        f"{found.name.decode()!r}, {len(found.motors)} motors set"
+    )
 
 
 @rig.command("edit")
 def rig_edit(
-    port: Annotated[str | None, typer.Option(help="port of the REPL; without it the only board on USB")] = None,
-    protocol: Annotated[str | None, typer.Option(help="port that Dragonframe uses, where it cannot be told")] = None,
+    port: Annotated[
+        str | None, typer.Option(help="port of the REPL; without it the only board on USB")
+    ] = None,
+    protocol: Annotated[
+        str | None, typer.Option(help="port that Dragonframe uses, where it cannot be told")
+    ] = None,
 ) -> None:
     """Fetch a board's rig file, edit it with $EDITOR, check it, put it back and restart."""
     from .. import rig_file

@@ -13,7 +13,8 @@ def sniff(
         Path | None, typer.Argument(help="a capture: hexadecimal digits or the bytes themselves")
     ] = None,
     device: Annotated[
-        str | None, typer.Option("--device", "-d", help="listen between a new pseudo-terminal and this device")
+        str | None,
+        typer.Option("--device", "-d", help="listen between a new pseudo-terminal and this device"),
     ] = None,
 ) -> None:
     """Show protocol traffic frame by frame, from a capture or live."""
@@ -52,14 +53,21 @@ _USES = {
 
 def ports(
     json: Json = False,
-    everything: Annotated[bool, typer.Option("--all", help="ports of other devices as well")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="ports of other devices as well")
+    ] = False,
 ) -> None:
     """List the boards' ports, and what each is for; none is opened."""
     from ..ports import GET, OTHER, listed
 
     found = [port for port in listed() if everything or port.use != OTHER]
     if json:
-        say_json([{"port": p.path, **{k: v for k, v in p._asdict().items() if k != "path"}} for p in found])
+        say_json(
+            [
+                {"port": p.path, **{k: v for k, v in p._asdict().items() if k != "path"}}
+                for p in found
+            ]
+        )
         return
     if not found:
         print(f"no board with MicroPython is on USB: {GET}")

@@ -20,8 +20,12 @@ class VirtualAxisName(str, Enum):
 
 
 def virtual(
-    axis: Annotated[VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)] = None,
-    position: Annotated[float | None, typer.Argument(help="units or degrees", show_default=False)] = None,
+    axis: Annotated[
+        VirtualAxisName | None, typer.Argument(help="the axis to move", show_default=False)
+    ] = None,
+    position: Annotated[
+        float | None, typer.Argument(help="units or degrees", show_default=False)
+    ] = None,
     device: Url = None,
     json: Json = False,
 ) -> None:
@@ -37,8 +41,14 @@ def virtual(
             client.wait_idle(timeout_s=float("inf"))
         found = client.request(VirtGetPosition())
     values = found.track, found.east_west, found.north_south, found.pan, found.tilt, found.roll
-    places = {name.value: value / 100_000 for name, value in zip(VirtualAxisName, values, strict=True)}
-    aim = [(value or 0) / 1000 for value in (found.aim_x, found.aim_y, found.aim_z)] if found.aim_enabled else None
+    places = {
+        name.value: value / 100_000 for name, value in zip(VirtualAxisName, values, strict=True)
+    }
+    aim = (
+        [(value or 0) / 1000 for value in (found.aim_x, found.aim_y, found.aim_z)]
+        if found.aim_enabled
+        else None
+    )
     if json:
         say_json({**places, "aim": aim})
         return

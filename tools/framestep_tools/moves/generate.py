@@ -1,8 +1,10 @@
-"""Makes camera_move.csv: a crane shot of 240 frames, ten seconds at 24 fps. `python generate.py` writes it again.
+"""Makes camera_move.csv: a crane shot of 240 frames, ten seconds at 24 fps. `python generate.py`
+writes it again.
 
-Each axis runs through knots of (frame, steps, steps per frame), joined by quintics with zero acceleration at the
-knots. The move has what a real one has: the track is already rolling at the first frame and the pan still turning at
-the last (so there is a pre-roll and a post-roll), the track holds in the middle, the swing turns back.
+Each axis runs through knots of (frame, steps, steps per frame), joined by quintics with zero
+acceleration at the knots. The move has what a real one has: the track is already rolling at the
+first frame and the pan still turning at the last (so there is a pre-roll and a post-roll), the
+track holds in the middle, the swing turns back.
 """
 
 import csv
