@@ -4,7 +4,7 @@ from array import array
 
 from framestep.motion import stepper
 from framestep.motors.axis import MOST_SEGMENTS, Axis
-from framestep.motors.feeder import neediest
+from framestep.motors.feeder import ALL_BITS, neediest
 from framestep.motors.positions import Positions
 from framestep.native import const
 
@@ -12,8 +12,6 @@ AHEAD = const(11)  # segments to keep queued
 LOW = const(5)  # the queue of a moving motor with fewer is filled in any pass
 _PIECE = const(4)  # a pass cuts segments until this is used up: a segment counts one,
 _CALL = const(2)  # and to begin with a motor takes as long as so many
-
-_ALL_BITS = const(0x3FFFFFFF)
 
 
 class Axes:
@@ -69,7 +67,7 @@ class Axes:
             axis = self.axes[(found >> 5) - 1]
             tail = axis.block[stepper.TAIL]
             axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
-            left -= ((axis.block[stepper.TAIL] - tail) & _ALL_BITS) + _CALL
+            left -= ((axis.block[stepper.TAIL] - tail) & ALL_BITS) + _CALL
         for axis in self.with_backlash:
             axis.refresh()
         bits = stepper.seeking(self.kernel.state)

@@ -27,7 +27,7 @@ KNOT = const(5)
 PHASES = const(6)
 SCRATCH = const(7)
 
-_ALL_BITS = const(0x3FFFFFFF)
+ALL_BITS = const(0x3FFFFFFF)
 _PHASE_MASK = const(phases.PHASES - 1)
 
 
@@ -73,7 +73,7 @@ def feed(parts, other, base, most: int, enough: int):
     while (
         b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
         and enough > 0
-        and (b[stepper.TAIL] - b[stepper.HEAD]) & _ALL_BITS < most
+        and (b[stepper.TAIL] - b[stepper.HEAD]) & ALL_BITS < most
     ):
         n = w[LEFT]
         if n:
@@ -131,7 +131,7 @@ def feed(parts, other, base, most: int, enough: int):
                 w[LEFT] = out[0]
                 w[PART] = out[1]
                 break
-            rest = _ALL_BITS - part + 1  # of the tick, below 2^30
+            rest = ALL_BITS - part + 1  # of the tick, below 2^30
             # A phase that ends exactly with the tick is over before the next one begins: an AIM
             # phase may miss its step by rounding, and is put there within this tick's segment.
             if out[0] or out[1] > rest:
@@ -143,13 +143,13 @@ def feed(parts, other, base, most: int, enough: int):
                 w[PART] = out[1] - rest
                 if w[PART] < 0:
                     w[LEFT] = out[0] - 1
-                    w[PART] = w[PART] + _ALL_BITS + 1
+                    w[PART] = w[PART] + ALL_BITS + 1
                 break
             shift(cubic, out[1], 0, 0)
             part += out[1]
-            if part > _ALL_BITS:
+            if part > ALL_BITS:
                 # a phase that ends with the tick: 2^30 would be an object on the heap
-                part = _ALL_BITS
+                part = ALL_BITS
             if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)
@@ -174,7 +174,7 @@ def neediest(m: ptr32, least: int, modes: int) -> int:
         a = m[stepper.NEXT]
         motor += 32
         if m[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
-            n = (m[stepper.TAIL] - m[stepper.HEAD]) & _ALL_BITS
+            n = (m[stepper.TAIL] - m[stepper.HEAD]) & ALL_BITS
             if modes and m[stepper.MODE] & modes == 0:
                 n = least
             if n < least:

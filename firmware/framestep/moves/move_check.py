@@ -6,6 +6,7 @@ Registers of real numbers live in `numbers` (registers.py). Nothing allocates af
 from array import array
 
 from framestep.motion import reals, stepper
+from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves import path
 from framestep.moves.registers import REGISTERS, SCALE, THOUSAND, TOPS, ZERO, T, X, Y
@@ -142,8 +143,8 @@ class MoveCheck:
             words[path.PLAY] = axis.backlash
             words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
             words[path.TAKEN] = 0
-            reals.copy_word(words, path.LOWEST, axis.bounds, path.LOWER)
-            reals.copy_word(words, path.HIGHEST, axis.bounds, path.UPPER)
+            reals.copy_word(words, path.LOWEST, axis.bounds, LOWER)
+            reals.copy_word(words, path.HIGHEST, axis.bounds, UPPER)
             # without play it does not matter which way they are played, and forward is faster to
             # read
             order = step if axis.backlash else 1

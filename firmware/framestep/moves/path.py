@@ -11,6 +11,7 @@ velocity(). Where a motor holds still on either side the velocity is 0, so it ne
 """
 
 from framestep.motion.reals import multiply, put
+from framestep.motors.bounds import LOWER, UPPER
 from framestep.native import const, micropython, ptr32
 
 # Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are
@@ -22,9 +23,7 @@ MONOTONE = const(36)  # at a constant rate
 # also where the motion starts or stops within a frame, which takes twice as long
 FROM_REST = const(18)
 
-# Words of bounds: what slope() may not pass
-LOWER = const(0)
-UPPER = const(1)
+# A word of bounds beside LOWER and UPPER, which slope() may not pass
 EXACT = const(2)  # not 0: no turning point either, where taking up the backlash would move the load
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame

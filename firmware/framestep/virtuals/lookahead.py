@@ -34,7 +34,7 @@ from framestep.virtuals.registers import (
     SAMPLE,
     S,
 )
-from framestep.virtuals.survey import SMOOTH
+from framestep.virtuals.survey import SMOOTH, UNLIMITED
 
 CELLS = const(8)  # ahead of the point
 _RING = const(32)  # with those behind it: a stop takes it back to a knot that has been planned
@@ -48,7 +48,6 @@ _SPAN = const(10)
 
 _HALVINGS = const(12)
 _LARGE = const(0x8000000)
-_UNLIMITED = const(40)  # 2^40: greater than any limit, and than any way
 
 # What is the next step of the survey
 _PROBE = const(0)  # a cell is measured
@@ -279,9 +278,9 @@ class LookAhead:
             self.count -= 1
             self.behind += 1
         span = cells[_CELL * self.head + _SPAN]
-        reals.put(r, MAX_V, 1, _UNLIMITED)
-        reals.put(r, MAX_A, 1, _UNLIMITED)
-        reals.put(r, LEFT, 1, _UNLIMITED)
+        reals.put(r, MAX_V, 1, UNLIMITED)
+        reals.put(r, MAX_A, 1, UNLIMITED)
+        reals.put(r, LEFT, 1, UNLIMITED)
         for i in range(self.count):
             k = _CELL * ((self.head + i) % _RING)
             reals.fetch(r, CELL_END, cells, k + _END)

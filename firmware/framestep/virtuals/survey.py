@@ -46,7 +46,7 @@ _NOISE = const(4)  # sixteenths of a second difference that are rounding
 _SMALL_BEND = const(32)  # sixteenths that make no difference
 _MARGIN = const(10320)  # motors are taken for 10000 / 10320 of themselves: a survey cannot see all
 _TOLERANCE = const(0x1000)  # Q16: what a place may be past a bound: the rounding of a survey
-_UNLIMITED = const(40)  # 2^40: greater than any limit
+UNLIMITED = const(40)  # 2^40: greater than any limit, and than any way
 
 SMOOTH = const(0)
 _BENT = const(1)  # the cell is to be halved
@@ -333,9 +333,9 @@ class Survey:
         """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can
         do."""
         r = self.r
-        reals.put(r, MAX_V, 1, _UNLIMITED)
-        reals.put(r, MAX_A, 1, _UNLIMITED)
-        reals.put(r, BEND_V2, 1, _UNLIMITED)
+        reals.put(r, MAX_V, 1, UNLIMITED)
+        reals.put(r, MAX_A, 1, UNLIMITED)
+        reals.put(r, BEND_V2, 1, UNLIMITED)
         reals.put(r, SHARE, share, 0)
         reals.put(r, SAMPLE, _MARGIN, 0)
         reals.divide(r, SHARE, SHARE, SAMPLE)
