@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from framestep.moves.jog import JogAll
-from framestep.moves.jog_landing import ACCELERATION, LANDING_MS
+from framestep.moves.jog_landing import ACCELERATION
 from framestep.moves.operations import IDLE, POSITIONING, RUNNING
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 
+LANDING_MS = 2000  # a landing takes no longer (field note 6.10)
 EVEN = [100 * k for k in range(61)]  # a hundred steps to the frame
 WAVE = [round(100 * k + 400 * np.sin(k / 4)) for k in range(61)]
 

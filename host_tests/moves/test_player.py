@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from framestep.motion import reals
 from framestep.moves import move_check as module
 from framestep.moves.path import FROM_REST, MOST
+from framestep.moves.registers import OWN
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 
@@ -67,9 +68,9 @@ def test_the_velocity_at_a_frame_is_the_slope_at_that_rate(fps_milli, frames, da
     player.store.paths = (frames,)
     player.store.end = len(frames)
     player.set_frame_rate(fps_milli)
-    player.velocity(module.OWN, 0, index, 1)
+    player.velocity(OWN, 0, index, 1)
     per_tick = player.slope(0, index, 1) / 12 * fps_milli / 1e6
-    assert reals.value(player.numbers, module.OWN) == pytest.approx(per_tick, rel=1e-8)
+    assert reals.value(player.numbers, OWN) == pytest.approx(per_tick, rel=1e-8)
 
 
 SHARED = player_of([0, 0])
@@ -81,8 +82,8 @@ def test_no_frame_is_passed_faster_than_the_motor(way):
     player = player_of([0, 0, way * 100], velocity=2400)
     assert check(player, 24) == m.OK
     player.set_frame_rate(24_000)
-    player.velocity(module.OWN, 0, 2, 1)
-    assert reals.value(player.numbers, module.OWN) == pytest.approx(way * 2.4, rel=1e-8)
+    player.velocity(OWN, 0, 2, 1)
+    assert reals.value(player.numbers, OWN) == pytest.approx(way * 2.4, rel=1e-8)
 
 
 @pytest.mark.parametrize("index", [0, 1, 2, 4, 5])
@@ -289,7 +290,7 @@ def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
     """p - v·T/2: 0.5 steps a tick, come to within 300 ticks."""
     player = player_of([0, 0])
     places = place(1000)
-    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    velocity, ticks = register(player, OWN, 0.5), register(player, OWN + 2, 300)
     assert player.apply_roll(0, velocity, ticks, backward, places)
     assert places[0] == wanted
 
@@ -298,7 +299,7 @@ def test_a_roll_makes_half_the_way_of_its_velocity(backward, wanted):
 def test_a_roll_steeper_than_the_motor_can_is_refused(acceleration, fits):
     """0.5 steps a tick within 300 ticks are 1666.7 steps/s²."""
     player = player_of([0, 0], acceleration=acceleration)
-    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    velocity, ticks = register(player, OWN, 0.5), register(player, OWN + 2, 300)
     assert player.apply_roll(0, velocity, ticks, True, place(0)) is fits
     assert player.too_steep(0, velocity, ticks) is not fits
 
@@ -307,7 +308,7 @@ def test_a_roll_past_a_soft_limit_is_refused():
     bench = OperationBench([0, 0])
     bench.limit(-75, None)
     player = bench.player
-    velocity, ticks = register(player, module.OWN, 0.5), register(player, module.OWN + 2, 300)
+    velocity, ticks = register(player, OWN, 0.5), register(player, OWN + 2, 300)
     assert player.apply_roll(0, velocity, ticks, True, place(0))
     assert not player.apply_roll(0, velocity, ticks, True, place(-1))
 
@@ -316,7 +317,7 @@ def test_without_velocity_a_roll_goes_nowhere():
     player = player_of([0, 0])
     places = place(9)
     assert player.apply_roll(
-        0, register(player, module.OWN, 0), register(player, module.OWN + 2, 0), True, places
+        0, register(player, OWN, 0), register(player, OWN + 2, 0), True, places
     )
     assert places[0] == 9
 
