@@ -21,7 +21,7 @@ _SAVE = (
 )
 # Bytes for the REPL and a user's own code, in one piece; framestep's commands take more of it as
 # copied files than in an image
-_LEFT_BY_FILES = const(11 * 1024)
+_LEFT_BY_FILES = const(13 * 1024)
 _LEFT_BY_IMAGE = const(10 * 1024)
 
 hal = None

@@ -93,7 +93,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
         begin = session.position(8)
         session.accept(MotorMove(8, begin + STEPS))
         session.repl.start(RUNAWAY)
-        session.run(0.15 + turn * 0.0013)
+        session.run(0.15 + turn * 0.0913)  # within a second, so that every timer strikes at times
         session.board.emulator.set_pin(ESTOP, 1)
         session.wait_idle(20)
         session.board.emulator.set_pin(ESTOP, 0)

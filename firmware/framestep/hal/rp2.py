@@ -179,7 +179,10 @@ class Rp2Hal:
         return size
 
     def start(self):
-        self._kinds = unchecked(type(self.kernel.state).tick, Rp2Hal._bus_guard, WholeStack.call)
+        called = [type(self.kernel.state).tick, Rp2Hal._bus_guard, WholeStack.call]
+        if self._watched:
+            called.append(type(self.watchdog)._look)
+        self._kinds = unchecked(*called)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
         if self.floats:

@@ -8,7 +8,7 @@ from array import array
 from framestep.motion import reals, stepper
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
-from framestep.moves import path, path_check
+from framestep.moves import path
 from framestep.moves.registers import REGISTERS, SCALE, THOUSAND, TOPS, ZERO, T, X, Y
 from framestep.native import const
 from framestep.results import (
@@ -61,7 +61,7 @@ class MoveCheck:
         self.numbers = array("i", [0] * REGISTERS)
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
-        self.words = array("i", [0] * path_check.CHECK_WORDS)
+        self.words = array("i", [0] * path.CHECK_WORDS)
         # at which the motors can follow the move checked last, thousandths of a frame per second
         self.rate = 0
         self.values = array("i", [0] * BATCH)
@@ -103,7 +103,7 @@ class MoveCheck:
             self.store.positions(
                 motor, index if step > 0 else index - batch + 1, batch, self.values, 0
             )
-            found = path_check.way(self.values, batch, step)
+            found = path.way(self.values, batch, step)
             index += step * (batch - 1)
             count -= batch - 1
         return found
@@ -134,17 +134,17 @@ class MoveCheck:
             axis = self.axes[motor]
             reals.fetch(self.numbers, TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
             if ramp:
-                words[path_check.FASTEST] = _FARTHEST
-                words[path_check.STEEPEST] = words[path_check.HARDEST] = 0x3FFFFFFF
+                words[path.FASTEST] = _FARTHEST
+                words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF
             else:
                 self._allow(axis, fps_milli)
-            words[path_check.SHARPEST] = 0
-            words[path_check.SEEN] = 0
-            words[path_check.PLAY] = axis.backlash
-            words[path_check.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
-            words[path_check.TAKEN] = 0
-            reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
-            reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
+            words[path.SHARPEST] = 0
+            words[path.SEEN] = 0
+            words[path.PLAY] = axis.backlash
+            words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+            words[path.TAKEN] = 0
+            reals.copy_word(words, path.LOWEST, axis.bounds, LOWER)
+            reals.copy_word(words, path.HIGHEST, axis.bounds, UPPER)
             # without play it does not matter which way they are played, and forward is faster to
             # read
             order = step if axis.backlash else 1
@@ -155,25 +155,21 @@ class MoveCheck:
                 batch = min(count - done, BATCH)
                 self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
                 at += order * batch
-                found = path_check.check(words, values, batch, order)
-                if found != path_check.FITS:
-                    if (
-                        found == path_check.TOO_FAST
-                        or found == path_check.TOO_STEEP
-                        or found == path_check.TOO_HARD
-                    ):
+                found = path.check(words, values, batch, order)
+                if found != path.FITS:
+                    if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
                         self._exceeded(
-                            path_check.TOO_HARD if ramp else found,
+                            path.TOO_HARD if ramp else found,
                             motor,
-                            first + order * words[path_check.SEEN],
-                            words[path_check.FOUND],
+                            first + order * words[path.SEEN],
+                            words[path.FOUND],
                         )
                         return ERR_RANGE
-                    high = found == path_check.TOO_HIGH
+                    high = found == path.TOO_HIGH
                     self.blame(
                         EXCEEDED_UPPER if high else EXCEEDED_LOWER,
                         motor,
-                        first + order * words[path_check.SEEN],
+                        first + order * words[path.SEEN],
                         OK,
                     )
                     if high:
@@ -186,12 +182,9 @@ class MoveCheck:
                 self.window[path.MOST] = path.MONOTONE
                 if not fits:
                     return ERR_RANGE
-            if words[path_check.SHARPEST]:
+            if words[path.SHARPEST]:
                 self._exceeded(
-                    path_check.FITS,
-                    motor,
-                    first + order * words[path_check.SHARPEST_AT],
-                    words[path_check.SHARPEST],
+                    path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST]
                 )
         return OK
 
@@ -208,11 +201,11 @@ class MoveCheck:
         reals.divide(r, Y, Y, THOUSAND)  # frames per second
         reals.put(r, X, axis.velocity, 0)
         reals.divide(r, X, X, Y)
-        words[path_check.FASTEST] = reals.floor(r, X, HALF) + 1
+        words[path.FASTEST] = reals.floor(r, X, HALF) + 1
         reals.put(r, X, axis.acceleration, 0)
         reals.divide(r, X, X, Y)
         reals.divide(r, X, X, Y)
-        words[path_check.STEEPEST] = reals.floor(r, X, HALF) + 2
+        words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
         # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its
         # ticks)
         reals.put(r, X, HARDEST, 0)
@@ -222,10 +215,10 @@ class MoveCheck:
         reals.divide(r, X, X, T)
         reals.divide(r, X, X, Y)
         reals.divide(r, X, X, Y)
-        words[path_check.HARDEST] = reals.floor(r, X, HALF) + 2
-        words[path_check.STEEPEST] = min(words[path_check.STEEPEST], words[path_check.HARDEST])
+        words[path.HARDEST] = reals.floor(r, X, HALF) + 2
+        words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
         if self.strict:
-            words[path_check.HARDEST] = words[path_check.STEEPEST]
+            words[path.HARDEST] = words[path.STEEPEST]
         kernel = self.axes.kernel.state
         pulsed = min(
             VELOCITY_LIMIT,
@@ -233,7 +226,7 @@ class MoveCheck:
         )
         reals.put(r, X, pulsed, 0)
         reals.divide(r, X, X, Y)
-        words[path_check.PULSED] = reals.floor(r, X, HALF) + 2
+        words[path.PULSED] = reals.floor(r, X, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, ways, ramp, going):
         """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
@@ -245,7 +238,7 @@ class MoveCheck:
         axis = self.axes[motor]
         store = self.store
         lowered = 0
-        words[path_check.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+        words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:
@@ -257,7 +250,7 @@ class MoveCheck:
             )
             done = 0
             while True:
-                done = path_check.bends(
+                done = path.bends(
                     words,
                     self.values,
                     axis.bounds,
@@ -298,27 +291,27 @@ class MoveCheck:
         reals.divide(r, T, T, THOUSAND)
         reals.put(r, X, axis.velocity, 0)
         reals.divide(r, X, X, T)
-        words[path_check.FASTEST] = reals.floor(r, X, HALF)
+        words[path.FASTEST] = reals.floor(r, X, HALF)
         reals.multiply(r, T, T, T)
         reals.put(r, X, axis.acceleration, 0)
         reals.divide(r, X, X, T)
         fine = self.rate >= _FINE
-        words[path_check.FINE] = 1 if fine else 0
+        words[path.FINE] = 1 if fine else 0
         reals.double(r, X, X, 8 if fine else 0)
-        words[path_check.STEEPEST] = reals.floor(r, X, HALF)
+        words[path.STEEPEST] = reals.floor(r, X, HALF)
         reals.put(r, X, ramp << (18 if fine else 15), 0)
         reals.divide(r, X, X, T)
         # within a frame no more than the rate itself is gathered
-        words[path_check.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
+        words[path.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
         """The highest rate, or 0, at which the motor can follow what bends() has found."""
         r = self.numbers
         words = self.words
         rate = self.rate
-        fast = words[path_check.FOUND]
-        bent = words[path_check.BENT]
-        gathered = words[path_check.GATHERED]
+        fast = words[path.FOUND]
+        bent = words[path.BENT]
+        gathered = words[path.GATHERED]
         if fast > 0:
             reals.put(r, X, axis.velocity, 0)
             reals.put(r, Y, fast, 0)
@@ -361,21 +354,21 @@ class MoveCheck:
         told = self.exceeded
         r = self.numbers
         axis = self.axes[motor]
-        steep = found == path_check.FITS or found == path_check.TOO_STEEP
+        steep = found == path.FITS or found == path.TOO_STEEP
         reals.put(r, X, amount, 0)
         reals.multiply(r, X, X, Y)
         if steep:
             reals.multiply(r, X, X, Y)
         amount = reals.floor(r, X, HALF)
         if (
-            found == path_check.FITS
+            found == path.FITS
             and told[WHAT] == EXCEEDED_ACCELERATION
             and amount - axis.acceleration <= told[BY]
         ):
             return  # another motor's corner is sharper
         told[MOTOR] = motor
         told[FRAME] = self.store.start + index
-        if found == path_check.TOO_HARD:
+        if found == path.TOO_HARD:
             told[WHAT] = EXCEEDED_BOARD
             told[BY] = 0
         else:
