@@ -209,8 +209,9 @@ def test_throughput(usb, capsys):
             "\nUSB port, kB/s:", ", ".join(f"{name}: {rate:.0f}" for name, rate in figures.items())
         )
     assert min(rate for name, rate in figures.items() if name.startswith("in")) > 400
-    # 297 to 305, as the loop that asks whether to go on meets the ends of packets
-    assert figures["out"] > 290
+    # 280 to 292, as the loop that asks whether to go on meets the ends of packets, and as the code
+    # lies in the flash cache; what keeps the device over a soft reset takes 7 µs of each packet
+    assert figures["out"] > 275
 
 
 def test_latency_and_cost(usb, capsys):
