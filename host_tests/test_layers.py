@@ -24,6 +24,7 @@ LAYERS = (
     ("io", "moves", "virtuals"),
     ("rig",),
     ("reports",),
+    ("stops",),
     ("controller",),
     ("faults",),
     ("texts",),

@@ -1,6 +1,6 @@
-"""The main loop: answers each message, plans ahead, and stops everything when something goes wrong.
+"""The main loop: answers each message, plans ahead, and looks after queues, inputs and faults.
 
-One pass is poll(). Nothing in it allocates. ARCHITECTURE.md has a table of all that stops motors.
+One pass is poll(). Nothing in it allocates.
 """
 
 from framestep.clock import WRAP, elapsed
@@ -10,7 +10,6 @@ from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motion import stepper
 from framestep.motion.stepper import sample
 from framestep.motors.axes import Axes
-from framestep.motors.positions import DRIVER, STEPS
 from framestep.motors.requests import Motors
 from framestep.moves.operations import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.moves.requests import Moves
@@ -18,6 +17,7 @@ from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.reports import Reports
+from framestep.stops import Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
 _ACTIVE_PASSES = const(12)  # after any activity, so many of them less _IDLE_EVERY;
@@ -25,13 +25,6 @@ _IDLE_EVERY = const(4)  # after that, all but one in so many are skipped
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
 STALL_MS = const(200)  # a frame that is not whole this long after its beginning is dropped,
 _QUIET_MS = const(10)  # unless bytes have just come in: the passes themselves may have been away
-
-# Bits of `fault`, above the kernel's FAULT_ bits; their texts are in texts.py
-FAULT_LOST = const(0x10)
-FAULT_ESTOP = const(0x20)
-FAULT_LIMIT = const(0x40)
-FAULT_DRIVER = const(0x80)
-FAULT_TAKEN = const(0x100)
 
 # The LED: a bit for each 128 ms, the lowest first, and the colour if the LED has colours
 LED_WAITING = (0x0001, 0x000030)
@@ -54,8 +47,6 @@ _KEEPS_EARLY_PLAN = (
     m.MSG_GIO_CAM,
     m.MSG_VIRT_GET_POSITION,
 )
-
-SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
 def glow(light, beat):
@@ -106,15 +97,13 @@ class Controller:
         self.openings = 0
         self.heard_at = 0  # when the last bytes came
         self.begun_at = 0  # and the first ones of a frame that is not whole yet
-        self.stop_all_at = -1  # when the last STOP_ALL came
-        self.fault = 0  # why the motors were stopped, until a motor is sent somewhere again
-        self.unreported = 0  # the same, until the REPL has been told
         self.beat = 0
         self.reports = Reports(self)
+        self.stops = Stops(self)
         self.handlers = {
             m.MSG_HI: self._hi,
             m.MSG_MOTOR_STATUS: self._status,
-            m.MSG_MOTOR_STOP_ALL: self.stop_all,
+            m.MSG_MOTOR_STOP_ALL: self.stops.stop_all,
             m.MSG_MOTOR_GET_POSITION: self._get_position,
             m.MSG_CONDITION: self._condition,
         }
@@ -162,13 +151,13 @@ class Controller:
         news = self.io.poll(now)
         if news:
             if news & STOP:
-                self._on_stop_input()
+                self.stops.on_stop_input()
             if news & GO and self.moves.go_from_input():
                 self.reports.go = self.planning = True
         if self.drivers:
             bits = self.drivers.poll(now)
             if bits:
-                self._on_driver_failure(bits)
+                self.stops.on_driver_failure(bits)
         if self.run_outputs.busy:
             self.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
@@ -200,9 +189,9 @@ class Controller:
         left to the next pass. news: of Io.poll().
         """
         if elapsed(now, self.watchdog.checked_at) >= CHECK_MS:
-            self._check_pins()
+            self.stops.check_pins()
             if self.watchdog.check(now, self.reports.was_moving, self.was_open):
-                self._on_host_lost()
+                self.stops.on_host_lost()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
         look = stepper.look(self.header)
@@ -223,7 +212,7 @@ class Controller:
             self.planning = True
         lost = self.hal.take_lost_commands()
         if lost or look & stepper.LOOK_FAULT:
-            self._on_fault(lost)
+            self.stops.on_fault(lost)
         self.reports.send()
         if self.journal:
             self.journal.poll(
@@ -248,7 +237,7 @@ class Controller:
             if self.was_open:
                 reader.clear()
                 self.writer.clear()
-                self._on_host_lost()
+                self.stops.on_host_lost()
             self.was_open = is_open
             if is_open:
                 self.reports.hi = True  # field note 1.5
@@ -319,104 +308,10 @@ class Controller:
             return m.ERR_RANGE
         return handler()
 
-    def _on_host_lost(self):
-        """The host has closed the port or does not read: all ramp down (field note 1.11)."""
-        ready = self.hal.ready()
-        self.operations.host_lost(ready, self.virtuals.engaged)
-        if ready:
-            self.virtuals.stop()
-            self.axes.stop(1, self.virtuals.engaged, True)
-        else:
-            self.virtuals.halt()  # no motor may turn round on the way to rest
-            self.axes.stop()
-        self.io.safe()
-        self.run_outputs.abort()
-        self.motors.jogging = 0
-        self.reports.nobody_listens()
-
-    def stop_everything(self):
-        """Ramp all motors down and set all outputs to their safe levels."""
-        self.io.safe()
-        self.operations.stop()
-        self.run_outputs.abort()
-        self.virtuals.halt()
-        self.axes.stop()
-
-    def crash_stop(self):
-        """After an exception in a pass: stop_everything(), and tell the host at once (note 8.4)."""
-        self.stop_everything()
-        self.writer.begin(m.MSG_MOTOR_HARD_STOP, None)
-        self.writer.u8(m.HARD_STOP_FAULT)
-        self.writer.end()
-        self.port.send(self.writer)
-
-    def fault_stop(self):
-        """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
-        self.stop_everything()
-        self.motors.jogging = 0
-        self.reports.hard_stop = m.HARD_STOP_FAULT
-
-    def _note_fault(self, fault):
-        """Note why the motors are stopped. fault: FAULT_ bits."""
-        self.fault |= fault
-        self.unreported |= fault
-
-    def _on_stop_input(self):
-        """A stop input has become active: hard-stop what it is for (field note 8.4)."""
-        factor = self.rig.hard_stop_factor
-        if self.safety.tripped:
-            if self.rig.estop_cuts_power:
-                self.positions.power_cut(self.axes.moving_bits())
-            self._note_fault(FAULT_ESTOP)
-            self.motors.jogging = 0
-            self.operations.stop(factor)
-            self.virtuals.halt(factor)
-            self.axes.stop(factor)
-            self.io.safe()
-            self.run_outputs.abort()
-            return
-        bits = self.safety.motors_at_limit()
-        if bits:
-            self._note_fault(FAULT_LIMIT)
-        self.motors.jogging &= ~bits
-        if self.virtuals.engaged & bits:
-            self.virtuals.halt()
-        for motor in range(self.count):
-            if (bits >> motor) & 1:
-                if self.operations.takes(motor):
-                    self.operations.stop(spared=self.virtuals.engaged)
-                self.axes[motor].stop(self.hal, factor)
-
-    def _on_fault(self, lost):
-        """The kernel has found a fault, or the engine has lost commands of the motors `lost`."""
-        header = self.header
-        self._note_fault(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
-        header[stepper.FAULTS] = 0
-        for motor in range(self.count):
-            block = self.axes[motor].block
-            if block[stepper.FAULT] & stepper.FAULT_LATE:
-                lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
-            block[stepper.FAULT] = 0
-        if lost:
-            self.positions.set_lost(lost, STEPS)
-        self.fault_stop()
-
-    def _on_driver_failure(self, bits):
-        """The drivers of these motors have failed (io/tmc2209.py).
-
-        Those that were on have lost their positions, and everything comes to rest.
-        """
-        bits &= self.motors.powered
-        if bits:
-            self.motors.switch_off(bits)
-            self.positions.set_lost(bits, DRIVER)
-            self._note_fault(FAULT_DRIVER)
-            self.fault_stop()
-
     def _light(self, beat):
         """Show this beat of the LED's pattern."""
         self.beat = beat
-        if self.fault or self.broken or self.safety.tripped:
+        if self.stops.fault or self.broken or self.safety.tripped:
             light = LED_FAULT
         elif self.reports.was_moving:
             light = LED_MOVING
@@ -424,49 +319,10 @@ class Controller:
             light = LED_CONNECTED if self.was_open else LED_WAITING
         self.hal.led(glow(light, beat))
 
-    def _check_pins(self):
-        """Whether all pins are as the HAL has set them up.
-
-        If a program on the REPL has changed some, the HAL takes them back, everything stops, and
-        motors that may have missed pulses have lost their positions.
-        """
-        lost = self.hal.reclaim()
-        if lost < 0:
-            return self.hal.ready()
-        self.positions.set_lost(lost, STEPS)
-        self._note_fault(FAULT_TAKEN)
-        self.fault_stop()
-        return False
-
-    def safe(self):
-        """Whether any motor may be moved."""
-        return not self.broken and not self.safety.tripped and self._check_pins()
-
     def acknowledge(self, code):
         """Acknowledge the request before it is carried out."""
         self.writer.ack(self.reader, code, self.rig.dword_acks)
         self.port.send(self.writer)
-
-    def stop_all(self):
-        """MSG_MOTOR_STOP_ALL: all motors ramp down. A payload (flags 0) is ignored.
-
-        Within SECOND_STOP_MS of another one, or while JOG_ALL comes to rest on a frame, it is the
-        hard stop (field notes 4.4 and 6.10).
-        """
-        hard = self.operations.stopping_on_frame
-        if self.stop_all_at >= 0 and elapsed(self.now, self.stop_all_at) <= SECOND_STOP_MS:
-            hard = True
-        factor = self.rig.hard_stop_factor if hard else 1
-        self.stop_all_at = self.now
-        self.motors.jogging = 0
-        landing = self.operations.stop(factor, not hard, True, spared=self.virtuals.engaged)
-        if hard:
-            self.virtuals.halt(factor)
-        else:
-            self.virtuals.stop()
-            landing |= self.virtuals.engaged
-        self.axes.stop(factor, landing, not hard)
-        return m.OK
 
     # ---------------------------------------------------------------- requests: device
     #

@@ -1,8 +1,8 @@
 """Why motors were stopped, as text. Always loaded: what prints it may neither import nor
 allocate."""
 
-from framestep.controller import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
+from framestep.stops import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 
 FAULTS = (
     (FAULT_DRY, "a motor's queue ran dry in a motion"),

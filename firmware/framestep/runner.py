@@ -156,7 +156,7 @@ class Runner:
             self._struck = True  # where nothing is half done
         try:
             if self._failing:
-                controller.fault_stop()
+                controller.stops.fault_stop()
                 self._failing = False
                 self._failed = self._news = True
             controller.poll(ticks_ms())
@@ -168,7 +168,7 @@ class Runner:
             self._end()
             self.task = self._traceback_task
             return
-        if (controller.unreported or self._news) and not controller.reports.was_moving:
+        if (self._news or controller.stops.unreported) and not controller.reports.was_moving:
             self._tell()
 
     def _after(self):
@@ -187,7 +187,7 @@ class Runner:
     def _end(self):
         """An exception has ended the passes."""
         self.stop()
-        self._controller.crash_stop()
+        self._controller.stops.crash_stop()
 
     def _broken(self):
         """An exception has ended the passes in the foreground."""
@@ -209,8 +209,9 @@ class Runner:
         Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
         waiting.
         """
-        unreported = self._controller.unreported
-        self._controller.unreported = 0
+        stops = self._controller.stops
+        unreported = stops.unreported
+        stops.unreported = 0
         for bit, text in FAULTS:
             if unreported & bit:
                 print("framestep: ", text, outcome(bit), sep="")
@@ -269,6 +270,6 @@ class Runner:
             self._hal.led(0)
             self._hal.watchdog.disarm()
             if self._controller:
-                self._controller.stop_everything()
+                self._controller.stops.stop_everything()
         finally:
             heap_unlock()

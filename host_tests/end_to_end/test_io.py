@@ -214,7 +214,7 @@ def test_outputs_go_to_their_safe_levels(cause):
         set_input(session, "estop", 1)
     else:
         session.client.events.clear()
-        session.board._board.controller.fault_stop()
+        session.board._board.controller.stops.fault_stop()
     session.board.run_until(session.board.now_ns + 5_000_000)
     assert levels(session) == [0, 1, 1]
     assert [shown(session, name)[-1][1] for name in ("shutter", "meter")] == [0, 0]

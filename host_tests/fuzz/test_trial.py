@@ -20,6 +20,7 @@ from framestep.moves.operations import OperationRunner
 from framestep.moves.requests import Moves
 from framestep.protocol import messages as m
 from framestep.reports import Reports
+from framestep.stops import Stops
 from framestep.virtuals import move
 from framestep.virtuals.lookahead import LookAhead
 from framestep.virtuals.registers import MAX_A
@@ -333,19 +334,13 @@ def never_ends(monkeypatch):
 
 
 def false_fault(monkeypatch):
-    stop_all = Controller.stop_all
+    stop_all = Stops.stop_all
 
     def wrong(self):
-        self.reports.hard_stop = m.HARD_STOP_FAULT
+        self.controller.reports.hard_stop = m.HARD_STOP_FAULT
         return stop_all(self)
 
-    original = Controller.__init__
-
-    def init(self, *args):
-        original(self, *args)
-        self.handlers[m.MSG_MOTOR_STOP_ALL] = lambda: wrong(self)
-
-    monkeypatch.setattr(Controller, "__init__", init)
+    monkeypatch.setattr(Stops, "stop_all", wrong)
 
 
 def silent(monkeypatch):

@@ -98,9 +98,12 @@ def test_a_package_is_one_module_in_the_order_of_its_imports():
         "p/apart.py": "from p import a",
         "p/last.py": "from p import a",
     }
-    assert groups(texts, {"p/last.py": ("apart",)}) == {"p/last.py": ["p/c.py", "p/b.py", "p/a.py"]}
+    assert groups(texts, {"p/last.py": ("apart",)}, {}) == {
+        "p/last.py": ["p/c.py", "p/b.py", "p/a.py"]
+    }
+    assert groups(texts, {}, {"p/a.py": ("b", "c")}) == {"p/a.py": ["p/c.py", "p/b.py"]}
     with pytest.raises(FoldError, match="imports p/last"):
-        groups(texts | {"p/a.py": "from p.last import x\n"}, {"p/last.py": ()})
+        groups(texts | {"p/a.py": "from p.last import x\n"}, {"p/last.py": ()}, {})
 
 
 def test_boards_have_them_merged():

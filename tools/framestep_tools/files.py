@@ -84,10 +84,9 @@ _WHOLE = (
 _STAYS = {
     "framestep/controller.mpy": {
         "poll", "_housekeep", "_plan", "_listen", "_attend", "_handle", "_light",
-        "_check_pins", "acknowledge",
+        "acknowledge", "check_pins", "send", "send_positions",
     },
     "framestep/motors/requests.mpy": {"apply_pending_acceleration"},
-    "framestep/reports.mpy": {"send", "send_positions"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"take_lost_commands", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {

@@ -3,8 +3,8 @@
 A module takes some 400 bytes of a board's memory: its dictionary, the names that it imports, and in
 copied code a table of all names that it uses. So that files can be short nevertheless, those of a
 package that are always loaded together are one module there, called like the one that needs all
-others. Another name that two of them have gets a number. They have been folded
-(framestep_tools.constants) before.
+others. So are the files of one subject in a package of several. Another name that two of them have
+gets a number. They have been folded (framestep_tools.constants) before.
 
 Tracebacks: the first file's lines are 1 to 1000, the second's 1001 to 2000, and so on.
 
@@ -42,23 +42,29 @@ TOGETHER: Mapping[str, Sequence[str]] = {
         ),
     ),
 }
+# Where it is not the whole package: the file that has the name, and those that are one with it.
+FEW: Mapping[str, Sequence[str]] = {
+    "framestep/controller.py": ("reports", "stops"),
+}
 LINES = 1000
 
 
 def groups(
-    texts: Mapping[str, str], together: Mapping[str, Sequence[str]] = TOGETHER
+    texts: Mapping[str, str],
+    together: Mapping[str, Sequence[str]] = TOGETHER,
+    few: Mapping[str, Sequence[str]] = FEW,
 ) -> dict[str, list[str]]:
     """{last file: the others, each after those that it imports}; texts: the sources as they were
     before folding."""
     found = {}
-    for last, apart in together.items():
+    for last, named in (*together.items(), *few.items()):
         folder = PurePosixPath(last).parent
         inner = {p: text for p, text in sorted(texts.items()) if PurePosixPath(p).parent == folder}
-        ordered = [
-            path
-            for path in _in_order(inner, last)
-            if PurePosixPath(path).stem not in ("__init__", *apart)
-        ]
+        ordered = _in_order(inner, last)
+        if last in together:
+            ordered = [p for p in ordered if PurePosixPath(p).stem not in ("__init__", *named)]
+        else:
+            ordered = [p for p in ordered if p == last or PurePosixPath(p).stem in named]
         if ordered[-1] != last:
             raise FoldError(f"{ordered[ordered.index(last) + 1]} imports {last}")
         found[last] = ordered[:-1]

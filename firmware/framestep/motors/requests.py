@@ -73,7 +73,7 @@ class Motors:
     def may_move(self, motor):
         """OK, or the code that says why the motor may not be moved on its own now."""
         controller = self.controller
-        if not controller.safe():
+        if not controller.stops.allow_motion():
             return m.ERR_GENERAL
         virtuals = controller.virtuals
         if controller.operations.running and controller.operations.takes(motor):
@@ -90,7 +90,9 @@ class Motors:
         It may not while the driver of any enabled motor does not work: without that motor it would
         be another move.
         """
-        if not self.controller.safe() or not self._drivers_work(self._bits(m.MOTOR_ENABLED)):
+        if not self.controller.stops.allow_motion() or not self._drivers_work(
+            self._bits(m.MOTOR_ENABLED)
+        ):
             return m.ERR_GENERAL
         return m.OK
 
@@ -107,7 +109,7 @@ class Motors:
     def switch_on(self, bits):
         """Switch on the drivers of those of these motors that are enabled: they are about to
         move."""
-        self.controller.fault = 0
+        self.controller.stops.fault = 0
         bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
         if self.controller.drivers:
             bits &= self.controller.drivers.ready

@@ -37,7 +37,7 @@ FRAME = const(2)  # scene frame
 # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
 BY = const(3)
 EXCEEDED_WORDS = const(4)
-# bit of Controller.unreported, above its FAULT_ bits: to be reported on the REPL
+# bit of Stops.unreported, above its FAULT_ bits: to be reported on the REPL
 UNREPORTED = const(0x200)
 BATCH = const(32)  # frames checked in one call
 _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with

@@ -222,7 +222,7 @@ class Moves:
         Returns `code`.
         """
         if self.operations.player.exceeded[WHAT]:
-            self.controller.unreported |= UNREPORTED
+            self.controller.stops.unreported |= UNREPORTED
         return code
 
     def _shoot_frame(self):

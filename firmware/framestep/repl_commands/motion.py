@@ -36,7 +36,7 @@ def stop():
     if why:
         print(why)
     else:
-        between(locked, boot.controller.stop_all)
+        between(locked, boot.controller.stops.stop_all)
 
 
 def jog(motor=1, speed=1000):

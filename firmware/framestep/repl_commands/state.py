@@ -18,7 +18,7 @@ def _report():
     )
     lines += (
         texts.conditions(controller.condition())
-        + texts.faults(controller.fault)
+        + texts.faults(controller.stops.fault)
         + texts.positions(controller)
     )
     told = controller.operations.player.exceeded
