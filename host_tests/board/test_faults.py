@@ -297,7 +297,7 @@ def test_a_main_loop_that_hangs(rig):
     assert np.all(rig.steps(1)[0] < reset)
     condition = rig.ask(p.GetCondition())
     assert condition.bits == m.CONDITION_WATCHDOG_RESET | m.CONDITION_POSITIONS_PENDING
-    assert set(condition.positions) == {p.Trust(LOST, BROKEN_OFF)}
+    assert set(condition.positions) == {p.PositionTrust(LOST, BROKEN_OFF)}
     assert "watchdog" in emulator.repl().exec(
         "from framestep import texts; import framestep.boot as b\n"
         "print(texts.conditions(b.controller.condition()))"

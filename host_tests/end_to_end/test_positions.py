@@ -17,13 +17,13 @@ from framestep_tools.payloads import (
     MotorResetPosition,
     MotorSetLimits,
     MotorStopAll,
-    Trust,
+    PositionTrust,
 )
 from host_tests.end_to_end.session import simulated
 
-NOT_SET = Trust(LOST, UNSET)
-IS_SET = Trust(KNOWN, SET)
-MISSING = Trust(LOST, STEPS)
+NOT_SET = PositionTrust(LOST, UNSET)
+IS_SET = PositionTrust(KNOWN, SET)
+MISSING = PositionTrust(LOST, STEPS)
 
 
 def trust(session, *motors):
@@ -66,10 +66,10 @@ def test_a_driver_that_was_off(moving):
     moving.accept(
         *(MotorConfigure(motor, 0) for motor in (1, 4)), MotorConfigure(1, m.MOTOR_ENABLED)
     )
-    assert trust(moving, 1, 2, 4) == [Trust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
+    assert trust(moving, 1, 2, 4) == [PositionTrust(HELD, DRIVER_OFF), IS_SET, NOT_SET]
     moving.accept(MotorMove(1, 0))
     moving.wait_idle()
-    assert trust(moving, 1) == [Trust(HELD, DRIVER_OFF)]
+    assert trust(moving, 1) == [PositionTrust(HELD, DRIVER_OFF)]
     moving.accept(MotorResetPosition(1, 0))
     assert trust(moving, 1) == [IS_SET]
 
@@ -135,8 +135,8 @@ def test_an_e_stop_that_cuts_the_power():
     session.wait_idle()
     session.board._board.set_input("estop", 0)
     session.run(0.1)
-    gone = Trust(LOST, UNPOWERED)
-    assert trust(session, 1, 2, 3, 4) == [gone, Trust(HELD, DRIVER_OFF), NOT_SET, gone]
+    gone = PositionTrust(LOST, UNPOWERED)
+    assert trust(session, 1, 2, 3, 4) == [gone, PositionTrust(HELD, DRIVER_OFF), NOT_SET, gone]
 
 
 def test_soft_limits_count_from_a_lost_position(moving):

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.protocol import messages
-from framestep_tools import payloads
 from framestep_tools import payloads as p
+from framestep_tools.payloads import codec
 from framestep_tools.sniffer import describe
 from framestep_tools.wire import Frame
 
@@ -32,11 +32,12 @@ def test_every_message_type_has_a_class():
     }
     missing = sorted(names[kind] for kind in names.keys() - p.REQUESTS.keys())
     assert not missing, (
-        f"add a dataclass to tools/framestep_tools/payloads.py for {', '.join(missing)}"
+        f"add a dataclass to a file of tools/framestep_tools/payloads for {', '.join(missing)}"
     )
     gone = sorted(p.REQUESTS[kind].__name__ for kind in p.REQUESTS.keys() - names.keys())
     assert not gone, (
-        f"of no MSG_ in protocol/messages.py, so take out of payloads.py: {', '.join(gone)}"
+        "of no MSG_ in protocol/messages.py, so take out of tools/framestep_tools/payloads: "
+        + ", ".join(gone)
     )
 
 
@@ -55,7 +56,7 @@ def values(code):
 @st.composite
 def instances(draw, cls):
     """Any value of a message, optional arguments present up to some point."""
-    layout = payloads._layout(cls)
+    layout = codec.layout(cls)
     optional = [name for name, _, may in layout if may]
     left_out = optional[draw(st.integers(0, len(optional))) :]
     return cls(**{name: draw(values(code)) for name, code, _ in layout if name not in left_out})
@@ -159,7 +160,7 @@ def test_response_codes_of_both_dialects():
     assert p.Ack.unpack(b"\x12\0") is p.Ack.ERR_MOVING
     assert p.Ack.unpack(b"\x12\0\0\0") is p.Ack.ERR_MOVING
     assert p.Ack.unpack(b"\x42\0").name == "UNKNOWN_0x0042"
-    assert len({code.words for code in (*p.Ack, p.Ack(0x42))}) == len(p.Ack) + 1
+    assert len({code.description for code in (*p.Ack, p.Ack(0x42))}) == len(p.Ack) + 1
 
 
 def test_requests_name_their_replies():

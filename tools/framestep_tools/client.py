@@ -73,7 +73,7 @@ class RequestRefused(ClientError):
     def __init__(self, request: Payload, code: Ack):
         name = type_name(request.TYPE)
         super().__init__(
-            f"{name} was refused with {code.name} (0x{code:04X}): {code.words}. "
+            f"{name} was refused with {code.name} (0x{code:04X}): {code.description}. "
             f"It was {_filled(request)}"
         )
         self.request = request

@@ -1,0 +1,180 @@
+"""How a data section is made from a dataclass, and read: one field after the other.
+
+`pack` makes the data section, `unpack` reads one. Both raise ValueError with what was expected and
+what was found where something does not fit. An optional argument at the end is None where the
+message leaves it out. All of it allocates, as everything on the host does.
+"""
+
+import operator
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Protocol,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Numbers(Protocol):
+    """Whole numbers one after the other: a list, a range, a numpy array."""
+
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Any]: ...
+    def __getitem__(self, at: Any, /) -> Any: ...
+
+
+U8 = Annotated[int, "B"]
+U16 = Annotated[int, "H"]
+I16 = Annotated[int, "h"]
+U32 = Annotated[int, "I"]
+I32 = Annotated[int, "i"]
+Text32 = Annotated[str, "32s"]
+# The rest of the data section, as many as there are
+Levels = Annotated[Sequence[int], "*B"]
+Steps = Annotated[Numbers, "*i"]
+
+
+_layouts: dict[type, list[tuple[str, Any, bool]]] = {}
+
+
+def layout(cls: type) -> list[tuple[str, Any, bool]]:
+    """(name, code, may be left out) of each field. The code is struct's, with '*' before it where
+    values repeat to the end of the data, or the class of records that do."""
+    if cls in _layouts:
+        return _layouts[cls]
+    hints = get_type_hints(cls, include_extras=True)
+    found = _layouts[cls] = []
+    for field in fields(cls):  # type: ignore[arg-type]
+        hint, optional = hints[field.name], False
+        if get_origin(hint) is not Annotated:  # X | None
+            hint, optional = next(a for a in get_args(hint) if a is not type(None)), True
+        found.append((field.name, get_args(hint)[1], optional))
+    return found
+
+
+@dataclass(frozen=True)
+class Payload:
+    """The data section of one message."""
+
+    TYPE: ClassVar[int]
+
+    def pack(self) -> bytes:
+        """The data section's bytes. Allocates freely, as does everything on the host."""
+        parts, left_out = [], None
+        for name, code, _ in layout(type(self)):
+            value = getattr(self, name)
+            if value is None:
+                left_out = left_out or name
+                continue
+            if left_out:
+                raise ValueError(
+                    f"{type(self).__name__}: {name} is given, so {left_out} before it is needed too"
+                )
+            try:
+                parts.append(pack_field(code, value))
+            except (struct.error, OverflowError) as error:
+                raise ValueError(
+                    f"{type(self).__name__}: {name}={value!r} does not fit: {error}"
+                ) from None
+        return b"".join(parts)
+
+    @classmethod
+    def unpack(cls, data: bytes) -> "Self":
+        """Read a data section; ValueError where it is not of this layout."""
+        said, rest = cls.unpack_known(data)
+        if rest:
+            raise ValueError(f"{cls.__name__}: {rest} of {len(data)} bytes are left over")
+        return said
+
+    @classmethod
+    def unpack_known(cls, data: bytes) -> "tuple[Self, int]":
+        """Read the known fields of a data section, and how many bytes follow them (field note
+        1.8)."""
+        values, rest = {}, memoryview(data)
+        for name, code, optional in layout(cls):
+            if optional and not rest:
+                continue
+            try:
+                values[name], rest = _unpack_field(code, rest)
+            except struct.error:
+                raise ValueError(
+                    f"{cls.__name__}: {len(data)} bytes are too few, {name} is not there"
+                ) from None
+        return cls(**values), len(rest)
+
+
+def pack_field(code: str, value: Any) -> bytes:
+    if isinstance(code, type):
+        return b"".join(record.pack() for record in value)
+    if code[0] == "*":
+        return _pack_values(code[1], value)
+    if code[-1] == "s":
+        value = value.encode()
+        if len(value) > int(code[:-1]):
+            raise OverflowError(f"at most {code[:-1]} bytes of UTF-8")
+    return struct.pack("<" + code, value)
+
+
+def _pack_values(code: str, values: Numbers) -> bytes:
+    """Values one after the other; OverflowError if one of them is no whole number or outside the
+    type's range."""
+    try:
+        numbers = [operator.index(value) for value in values]
+    except TypeError as error:
+        raise OverflowError(f"whole numbers are expected: {error}") from None
+    try:
+        return struct.pack(f"<{len(numbers)}{code}", *numbers)
+    except struct.error:
+        bits = 8 * struct.calcsize("<" + code)
+        least, most = (
+            (0, 2**bits - 1) if code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        )
+        raise OverflowError(
+            f"{least} to {most} are allowed, found {min(numbers)} to {max(numbers)}"
+        ) from None
+
+
+def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
+    if isinstance(code, type):
+        size = sum(struct.calcsize("<" + c) for _, c, _ in layout(code))
+        if len(rest) % size:
+            raise struct.error
+        return tuple(
+            code.unpack(bytes(rest[i : i + size])) for i in range(0, len(rest), size)
+        ), rest[:0]
+    if code[0] == "*":
+        count, left = divmod(len(rest), struct.calcsize("<" + code[1]))
+        if left:
+            raise struct.error
+        return struct.unpack(f"<{count}{code[1]}", rest), rest[:0]
+    size = struct.calcsize("<" + code)
+    (value,) = struct.unpack("<" + code, rest[:size])
+    if code[-1] == "s":
+        value = value.rstrip(b"\0").decode(errors="replace")
+    return value, rest[size:]
+
+
+R = TypeVar("R")
+
+
+class Request(Payload, Generic[R]):
+    """A message for the device. `REPLY` is the class of its answer; Ack where there is only a
+    response code."""
+
+    REPLY: ClassVar[Any]
+
+    def __init_subclass__(cls) -> None:
+        for base in cls.__dict__.get("__orig_bases__", ()):
+            if get_origin(base) is Request:
+                (cls.REPLY,) = get_args(base)
