@@ -4,7 +4,9 @@ flash cache."""
 import numpy as np
 import pytest
 
-from framestep_tools import bench
+from framestep_tools.bench.measure import AT_ONCE, Asker, virtual_replies
+from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
+from framestep_tools.bench.session import Session
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import HardStop, MotorSetSpeed, MotorStatus, RtEnd, RtGo
 from framestep_tools.trace import Trace
@@ -18,7 +20,7 @@ APART_NS = 1000  # of the motors' first edges
 @pytest.fixture(scope="module")
 def session():
     with EmulatedBoard(trace=False, frozen=True) as board:
-        session = bench.Session(board)
+        session = Session(board)
         yield session
         assert not any(isinstance(event.message, HardStop) for event in session.client.events)
 
@@ -27,13 +29,13 @@ def session():
 def test_right_after_go_and_in_play(session, fps):
     """Eight motors: the first phases are planned right after GO, frames and segments in play."""
     client = session.client
-    session.prepare(bench.mixed_move(0.8, fps), max(bench.STEADY_RATES) * 11 // 10, fps)
-    ask = bench.Asker(client)
+    session.prepare(mixed_move(0.8, fps), max(STEADY_RATES) * 11 // 10, fps)
+    ask = Asker(client)
     client.request(RtGo())
     while not client.take_event(RtEnd):
         ask()
     client.wait_idle()
-    assert len(ask.ms) > bench.AT_ONCE + 20
+    assert len(ask.ms) > AT_ONCE + 20
     assert max(ask.ms) < WORST_MS
 
 
@@ -45,7 +47,7 @@ def test_from_go_to_the_first_edge(session, again):
     board = session.board
     session.prepare({motor: np.arange(20) * 2000 for motor in range(1, 9)}, 60_000, 25)
     if again:
-        client.request(MotorSetSpeed(1, 70_000, bench.STEEPEST))  # what had been planned is dropped
+        client.request(MotorSetSpeed(1, 70_000, STEEPEST))  # what had been planned is dropped
     client.pump(0.3)
     assert client.request(MotorStatus()).idle
     board.emulator.trace_start(board.pins.pins)
@@ -60,6 +62,6 @@ def test_from_go_to_the_first_edge(session, again):
 
 
 def test_while_a_rig_moves_along_lines(session):
-    found = bench.virtual_replies(session)
-    assert len(found) > 2 * bench.AT_ONCE
+    found = virtual_replies(session)
+    assert len(found) > 2 * AT_ONCE
     assert max(found) < WORST_VIRTUAL_MS

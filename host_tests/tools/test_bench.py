@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools import bench
+from framestep_tools.bench.figures import FIGURES, table
+from framestep_tools.bench.moves import FPS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
 from framestep_tools.reference import Reference
 from framestep_tools.trace import PinDecoder, Trace, load_board
 
@@ -31,8 +32,8 @@ KEYS = [
 
 
 def test_keys():
-    assert [figure.key for figure in bench.FIGURES] == KEYS
-    assert all(figure.how and figure.unit for figure in bench.FIGURES)
+    assert [figure.key for figure in FIGURES] == KEYS
+    assert all(figure.how and figure.unit for figure in FIGURES)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +41,7 @@ def test_keys():
     [("steps_per_s_8", 350_000, 349_999), ("tick_us_8", 60, 60.1), ("heap_bytes_per_hour", 0, 1)],
 )
 def test_goals(key, good, bad):
-    figure = {figure.key: figure for figure in bench.FIGURES}[key]
+    figure = {figure.key: figure for figure in FIGURES}[key]
     assert figure.reached(good) is True
     assert figure.reached(bad) is False
 
@@ -49,7 +50,7 @@ def test_goals(key, good, bad):
 def test_table(explain):
     figures = dict.fromkeys(KEYS, 1.0) | {"upload_frames_8": 12_345, "tick_us_8": 61.25}
     out = io.StringIO()
-    Console(file=out, width=200).print(bench.table(figures, figures | {"tick_us_8": 51.0}, explain))
+    Console(file=out, width=200).print(table(figures, figures | {"tick_us_8": 51.0}, explain))
     rows = {row.split("│")[1].strip(): row for row in out.getvalue().splitlines() if "│" in row}
     assert set(KEYS) <= rows.keys()
     for part in ("≤ 60", "61.2", "51", "µs", "missed"):
@@ -62,19 +63,15 @@ def test_table(explain):
 def test_mixed_move():
     """Ramps of 100 000 steps/s² and each of the velocities held exactly; whole steps are what
     disturbs the ramps."""
-    moves = bench.mixed_move()
-    path = Reference(moves, bench.FPS * 1000, bench.ROLL_MS, bench.ROLL_MS)
-    for motor, rate in enumerate(bench.STEADY_RATES, 1):
+    moves = mixed_move()
+    path = Reference(moves, FPS * 1000, ROLL_MS, ROLL_MS)
+    for motor, rate in enumerate(STEADY_RATES, 1):
         assert abs(path.velocity(motor, np.array([1.2]))[0]) == pytest.approx(rate, rel=1e-12)
         assert path.acceleration(motor, np.array([1.2]))[0] == pytest.approx(0, abs=1e-4)
         if rate > 20_000:
-            early = np.abs(
-                path.acceleration(motor, np.arange(0.045, rate / bench.RAMP - 0.1, 0.001))
-            )
-            assert np.abs(early - bench.RAMP).max() < 0.03 * bench.RAMP
-            assert abs(path.velocity(motor, np.array([2.399]))[0]) == pytest.approx(
-                bench.RAMP * 0.001
-            )
+            early = np.abs(path.acceleration(motor, np.arange(0.045, rate / RAMP - 0.1, 0.001)))
+            assert np.abs(early - RAMP).max() < 0.03 * RAMP
+            assert abs(path.velocity(motor, np.array([2.399]))[0]) == pytest.approx(RAMP * 0.001)
 
 
 def test_trace_from_records():

@@ -11,7 +11,10 @@ from rich.table import Table
 
 from framestep_emulator.profile import Profile
 
-from . import bench, builds
+from . import builds
+from .bench.measure import PULSE_US, upload_rate
+from .bench.moves import MOTORS, STEADY_RATES, mixed_move
+from .bench.session import Session
 from .boards import EmulatedBoard
 from .errors import Command
 from .payloads import MotorStatus, RtGo
@@ -29,11 +32,11 @@ class Scenario(str, Enum):
     GO = "go"
 
 
-def _play(session: bench.Session, profile: Profile, wait_s: float, seconds: float) -> None:
+def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> None:
     """Profile so many seconds of the mixed move from a moment after GO on, with requests at random
     moments."""
     client = session.client
-    session.prepare(bench.mixed_move(), max(bench.STEADY_RATES) * 11 // 10)
+    session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
     random = np.random.default_rng(1)
     client.pump(0.2)
     go = client.send(RtGo())
@@ -71,21 +74,21 @@ def main(
 ) -> None:
     """Print where the processor's time goes: in an upload, in one through a single port, in a move,
     just after GO."""
-    rig: dict[str, Any] = {"motors": [{"pulse_us": bench.PULSE_US}] * bench.MOTORS}
+    rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
     args = [] if cache else ["--xip-miss", "0"]
     elf = builds.frozen().with_suffix(".elf")
     console = Console(width=120, highlight=False)
     with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
-        session = bench.Session(board)
+        session = Session(board)
         profile = Profile(board.emulator, elf)
         if scenario is Scenario.PLAY:
             _play(session, profile, 0.3, 1.5)
         elif scenario is Scenario.GO:
             _play(session, profile, 0, 0.02)
         else:
-            rate = bench.upload_rate(session, _UPLOAD_FRAMES[scenario.value], profile)
+            rate = upload_rate(session, _UPLOAD_FRAMES[scenario.value], profile)
             console.print(f"{rate:,.0f} bytes/s".replace(",", " "))
     console.print(f"{profile.ms:.1f} ms of the emulated clock")
     for table in tables(profile, rows):

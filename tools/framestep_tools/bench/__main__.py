@@ -1,0 +1,68 @@
+"""`make bench`."""
+
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from .. import builds, tick_cost
+from ..boards import EmulatedBoard
+from ..errors import Command
+from ..files import ROOT
+from .figures import TRUST, number, table
+from .loops import loop_table, loops
+from .measure import measure
+from .session import Session
+
+RESULT = ROOT / "build" / "bench.json"
+_WIDTH = 120  # of the table where there is no terminal
+
+
+app = Command("bench")
+
+
+@app.command()
+def main(
+    explain: Annotated[
+        bool, typer.Option("--explain", help="say how each figure is measured")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="file for the figures", metavar="FILE")] = RESULT,
+) -> None:
+    """Measure the firmware on the emulated board against its goals."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _WIDTH
+    console.print("making the frozen image, if it is not there (two minutes)")
+    builds.frozen()
+    began = time.monotonic()
+
+    def run(cache: bool) -> dict[str, float]:
+        name = "cache model on" if cache else "no cache misses"
+        return measure(
+            cache, lambda text: console.print(f"{time.monotonic() - began:5.0f} s  {name}: {text}")
+        )
+
+    with ThreadPoolExecutor(2) as pool:
+        modelled, ideal = pool.map(run, (True, False))
+    with EmulatedBoard(trace=False) as board:
+        copied = Session(board).info.upload_frames
+    parts = tick_cost.both()
+    passes = loops()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(modelled, indent=2) + "\n")
+    console.print(table(modelled, ideal, explain))
+    console.print(
+        f"with copied files instead of a frozen image: {number(copied)} frames (goal 5 000)"
+    )
+    console.print(loop_table(passes))
+    console.print(tick_cost.table(parts))
+    console.print(TRUST)
+    console.print(f"figures with the cache model in {out}")
+
+
+if __name__ == "__main__":
+    app()

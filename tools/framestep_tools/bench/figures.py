@@ -1,0 +1,187 @@
+"""The figures, their goals, and the table that shows them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: its key in bench.json, its unit, its goal, and how it is measured."""
+
+    key: str
+    unit: str
+    at_least: float | None
+    at_most: float | None
+    how: str
+
+    @property
+    def goal(self) -> str:
+        """The goal as it stands in the table."""
+        if self.at_least is not None:
+            return f"≥ {number(self.at_least)}"
+        return "–" if self.at_most is None else f"≤ {number(self.at_most)}"
+
+    def reached(self, value: float) -> bool | None:
+        """Whether the goal is reached; None where there is none."""
+        if self.at_least is not None:
+            return value >= self.at_least
+        return None if self.at_most is None else value <= self.at_most
+
+
+FIGURES = (
+    Figure(
+        "steps_per_s_8",
+        "steps/s",
+        350_000,
+        None,
+        "rising edges of each motor from its first to its last frame over that time, "
+        "the slowest of the eight, in the fastest move at constant velocity in which every edge "
+        "is within 0.5 µs of the ideal and no fault occurs; motors can be set to 500 000 at most",
+    ),
+    Figure("steps_per_s_1", "steps/s", 500_000, None, "the same for one motor, the others at rest"),
+    Figure(
+        "edge_error_steady_us",
+        "µs",
+        None,
+        0.5,
+        "pins: worst distance of a rising edge from where the ideal path crosses that step, "
+        "at constant velocity, of eight motors at 1 000 to 99 700 steps/s; "
+        "each motor has its own origin of time, the median of its edges",
+    ),
+    Figure(
+        "edge_error_ramp_us",
+        "µs",
+        None,
+        2,
+        "the same where the path accelerates: "
+        "ramps of 100 000 steps/s² of all eight motors, but for the last step before a standstill",
+    ),
+    Figure(
+        "frame_error_us",
+        "µs",
+        None,
+        5,
+        "pins: worst distance between the time of a frame and the edge onto the frame's step, "
+        "over all frames in motion; one origin of time for all motors",
+    ),
+    Figure(
+        "tick_us_8",
+        "µs",
+        None,
+        60,
+        "emulated clock: cycles spent in the timer's interrupt per millisecond of the mixed move, "
+        "entry and exit too",
+    ),
+    Figure(
+        "cpu_load_8_percent",
+        "%",
+        None,
+        None,
+        "emulated clock: share of the mixed move in which the processor did not sleep",
+    ),
+    Figure(
+        "upload_frames_8",
+        "frames",
+        10_000,
+        None,
+        "HI's UPLOAD FRAME COUNT with the code frozen into the firmware; "
+        "so many are then uploaded for eight motors",
+    ),
+    Figure(
+        "rx_bytes_per_s",
+        "bytes/s",
+        400_000,
+        None,
+        "emulated clock: bytes of that upload over its time, first byte to last answer, "
+        "while eight motors move and positions are reported "
+        "(no move can be played while it is uploaded)",
+    ),
+    Figure(
+        "rx_bytes_per_s_single_port",
+        "bytes/s",
+        80_000,
+        None,
+        "the same with ports: 1 in the rig file",
+    ),
+    Figure(
+        "reply_ms_median",
+        "ms",
+        None,
+        2,
+        "emulated clock: from the host writing a request to having its whole reply, "
+        "one after the other right after GO and then at random moments of that move",
+    ),
+    Figure("reply_ms_max", "ms", None, 10, "the slowest of these"),
+    Figure(
+        "virtual_reply_ms_max",
+        "ms",
+        None,
+        15,
+        "the same, the slowest, while a boom-swing-track rig of six motors "
+        "does a virtual move and a jog on line; "
+        "the requests that start and stop them are not counted",
+    ),
+    Figure(
+        "heap_bytes_per_hour",
+        "bytes/h",
+        None,
+        0,
+        "gc.mem_alloc() after the mixed move less that before it, the collector off, "
+        "scaled to an hour",
+    ),
+    Figure(
+        "virtual_update_us",
+        "µs",
+        None,
+        None,
+        "the board's clock: from a boom-swing-track pose to the steps of six motors, "
+        "with nodal offset and boom table, nothing playing; "
+        "a virtual axis in motion needs it for each knot",
+    ),
+)
+
+
+def number(value: float) -> str:
+    if isinstance(value, int) or value >= 1000:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.3g}"
+
+
+def table(
+    modelled: Mapping[str, float], ideal: Mapping[str, float], explain: bool = False
+) -> Table:
+    """The figures beside their goals: with the flash-cache model, and without it."""
+    result = Table(title="RP2040 at 125 MHz, emulated", title_justify="left", show_lines=explain)
+    result.add_column("figure", no_wrap=True)
+    for name in ("goal", "measured", "without cache misses"):
+        result.add_column(name, justify="right", no_wrap=True)
+    result.add_column("unit", no_wrap=True)
+    result.add_column("", no_wrap=True)
+    if explain:
+        result.add_column("how")
+    for figure in FIGURES:
+        value = modelled[figure.key]
+        verdict = {True: "[green]reached[/]", False: "[red]missed[/]", None: ""}[
+            figure.reached(value)
+        ]
+        cells = [
+            figure.key,
+            figure.goal,
+            number(value),
+            number(ideal[figure.key]),
+            figure.unit,
+            verdict,
+        ]
+        result.add_row(*cells, *([figure.how] if explain else []))
+    return result
+
+
+TRUST = (
+    "Computing times of the emulator have been checked against a real board only "
+    "by MicroPython's own benchmarks: they run at 0.91 of the speed published for a Pico, "
+    "at 1.12 without cache misses, single ones at 0.6 to 1.26 (make emulator-measure, "
+    "tools/emulator/README.md). Take what rests on computing time as right to about 20 %. "
+    "Edges are exact to the clock cycle of the model of the PIO."
+)

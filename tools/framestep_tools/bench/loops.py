@@ -1,0 +1,85 @@
+"""Passes of the main loop: how many, how long, and how much is queued."""
+
+from rich.table import Table
+
+from framestep.motion import stepper
+
+from ..boards import EmulatedBoard
+from ..payloads import RtEnd, RtGo
+from .moves import STEADY_RATES, mixed_move
+from .session import Session
+
+_WATCH = """
+import time
+import framestep.boot as boot
+
+class Watch:
+    def __init__(self, controller):
+        self.inner = controller.poll
+        self.blocks = controller.axes.kernel.blocks
+        self.clear()
+    def clear(self):
+        self.count = self.sum = self.worst = 0
+        self.least = 16
+    def poll(self, now):
+        begun = time.ticks_us()
+        busy = self.inner(now)
+        took = time.ticks_diff(time.ticks_us(), begun)
+        self.count += 1
+        self.sum += took
+        if took > self.worst:
+            self.worst = took
+        if self.count & 7 == 0:
+            for block in self.blocks:
+                if block[{PLANNED}] & {PLAN_SEGMENTS}:
+                    queued = (block[{TAIL}] - block[{HEAD}]) & 0x3FFFFFFF
+                    if queued < self.least:
+                        self.least = queued
+        return busy
+
+watch = Watch(boot.controller)
+boot.controller.poll = watch.poll
+"""
+LOOP_FPS = (25, 60)
+
+
+def loops() -> list[tuple[str, int, int, int, int]]:
+    """[(what, passes in a second, their mean and their longest time in µs, fewest segments
+    queued)]."""
+    names = {name: getattr(stepper, name) for name in ("PLANNED", "PLAN_SEGMENTS", "TAIL", "HEAD")}
+    found = []
+    with EmulatedBoard(trace=False, frozen=True) as board:
+        session = Session(board)
+        client = session.client
+        session.repl(_WATCH.format(**names))
+
+        def watch(what: str) -> None:
+            client.pump(0.3)
+            session.repl("watch.clear()")
+            client.pump(1.0)
+            count, total, worst, least = session.repl(
+                "print(watch.count, watch.sum, watch.worst, watch.least)"
+            ).split()
+            found.append((what, int(count), int(total) // int(count), int(worst), int(least)))
+
+        watch("at rest")
+        for fps in LOOP_FPS:
+            positions = mixed_move(2.4, fps)
+            session.prepare(positions, max(STEADY_RATES) * 11 // 10, fps)
+            client.request(RtGo())
+            watch(f"eight motors at {fps} fps")
+            client.wait_event(RtEnd, 10)
+            client.wait_idle()
+    return found
+
+
+def loop_table(rows: list[tuple[str, int, int, int, int]]) -> Table:
+    """loops() as a table."""
+    result = Table(
+        title="passes of the main loop, flash-cache model on, frozen image", title_justify="left"
+    )
+    for name in ("", "in a second", "mean, µs", "longest, µs", "fewest segments queued"):
+        result.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for what, *figures in rows:
+        result.add_row(what, *map(str, figures))
+    return result

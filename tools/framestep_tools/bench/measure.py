@@ -1,0 +1,223 @@
+"""How each figure is measured."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from framestep.protocol import messages
+
+from ..boards import EmulatedBoard
+from ..client import Client, upload_requests
+from ..errors import ToolError
+from ..payloads import (
+    Hi,
+    MotorGetPosition,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetSpeed,
+    MotorStatus,
+    MotorStopAll,
+    Positions,
+    RtUploadMoveEnd,
+    VirtConfig,
+    VirtJogOnLine,
+    VirtMove,
+    VirtStop,
+)
+from ..virtual_cost import virtual_update_us
+from ..virtual_reference import Axis, Rig
+from ..wire import encode
+from .figures import FIGURES
+from .moves import MOTORS, STEADY_RATES, WINDOW, mixed_move, steady_move
+from .session import Session
+
+PULSE_US = 0.5  # a pulse of the default 1 µs ends at 480 000 steps/s
+TOP_RATES = (
+    500_000,
+    475_000,
+    450_000,
+    425_000,
+    400_000,
+    375_000,
+    350_000,
+    325_000,
+    300_000,
+    250_000,
+    200_000,
+)
+STEADY_US = 0.5  # a rate counts as reached if every edge is so close to the ideal
+AT_ONCE = 40  # requests that follow each other at once, right after GO
+# the rig of the virtual motions: steps per degree or millimetre, and what the host calls the pose
+ARM = Rig(
+    1,
+    tuple(
+        Axis(motor, steps, place)
+        for motor, (steps, place) in enumerate(
+            (
+                (250.0, 3.0),
+                (300.0, 10.0),
+                (80.0, 4000.0),
+                (250.0, -10.0),
+                (250.0, -3.0),
+                (250.0, 0.0),
+            ),
+            1,
+        )
+    ),
+    length=857.7,
+    extension=78.0,
+    nodal=(20.0, 35.5, -12.0),
+)
+# the steps of its motors then: boom at 3 degrees, swing at 10
+ARM_STANDS = (750, 3_000, 0, -2_500, -750, 0)
+ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
+
+
+def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float:
+    """The highest of TOP_RATES at which so many motors play a move with every edge in its place."""
+    for wanted in TOP_RATES:
+        say(f"{motors} motors at {wanted} steps/s")
+        positions = session.prepare(
+            steady_move(wanted, motors), min(wanted + wanted // 100, 500_000)
+        )
+        played = session.play(positions)
+        worst = float(np.nanmax(played.errors_us(ramps=False)))
+        if not played.complaints and worst <= STEADY_US:
+            return played.rate()
+        say(f"  not reached: worst edge {worst:.2f} µs; {'; '.join(played.complaints[:2])}")
+        session.client.wait_idle()
+    return 0.0
+
+
+def upload_rate(
+    session: Session, frames: int, during: AbstractContextManager[Any] | None = None
+) -> float:
+    """Bytes per second of an upload of so many frames for eight motors, while they all move."""
+    client = session.client
+    t = np.arange(frames)
+    positions = {
+        motor: (100 * motor * np.sin(t / 300)).astype(np.int64) for motor in range(1, MOTORS + 1)
+    }
+    requests = list(upload_requests(1, frames, positions))
+    size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in requests[1:-1])
+    for motor, stands in session.positions.items():
+        client.request(MotorSetSpeed(motor, 5000, 5000))
+        client.request(MotorMove(motor, stands + 100_000))
+    client.pump(0.2)
+    client.request(requests[0])
+    client.events.clear()
+    begun = client.clock()
+    with during or nullcontext():
+        client.stream(requests[1:-1], WINDOW)
+    took = client.clock() - begun
+    if not any(isinstance(event.message, Positions) for event in client.events):
+        raise ToolError("no positions were reported during the upload")
+    client.request(RtUploadMoveEnd())
+    client.request(MotorStopAll())
+    client.wait_idle()
+    return size / took
+
+
+def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
+    """All figures, with the flash-cache model or without."""
+    args = [] if cache else ["--xip-miss", "0"]
+    rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
+    figures: dict[str, float] = {}
+    say("booting the frozen image")
+    with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
+        session = Session(board)
+        figures["upload_frames_8"] = session.info.upload_frames
+        say("upload")
+        figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
+        say("mixed move")
+        _mixed(session, figures)
+        say("virtual axes")
+        figures["virtual_update_us"] = virtual_update_us(session.repl)
+        figures["virtual_reply_ms_max"] = max(virtual_replies(session))
+        figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
+        figures["steps_per_s_1"] = top_rate(session, 1, say)
+    say("upload through a single port")
+    with EmulatedBoard({**rig, "ports": 1}, trace=False, frozen=True, args=args) as board:
+        figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
+    return {figure.key: figures[figure.key] for figure in FIGURES}
+
+
+class Asker:
+    """Asks for something when it is called, and notes in `ms` how long the answer takes."""
+
+    KINDS = (MotorStatus, MotorGetPosition, Hi)
+
+    def __init__(self, client: Client, at_once: int = AT_ONCE):
+        """at_once: so many requests follow each other at once, those after them at random
+        moments."""
+        self.client = client
+        self.at_once = at_once
+        self.ms: list[float] = []
+        self._random = np.random.default_rng(1)
+
+    def __call__(self) -> None:
+        client = self.client
+        if len(self.ms) >= self.at_once:
+            client.pump(self._random.uniform(0.001, 0.02))
+        begun = client.clock()
+        client.answer_to(client.send(self.KINDS[len(self.ms) % len(self.KINDS)]()))
+        self.ms.append(1000 * (client.clock() - begun))
+
+    def until_idle(self) -> None:
+        """Ask until nothing moves any more."""
+        while not self.client.request(MotorStatus()).idle:
+            self()
+
+
+def virtual_replies(session: Session) -> list[float]:
+    """How long answers take while a rig moves along lines, ms."""
+    client = session.client
+    for axis, step in zip(ARM.axes, ARM_STANDS, strict=True):
+        client.request(MotorSetSpeed(axis.motor, *ARM_SPEED))
+        client.request(MotorResetPosition(axis.motor, step))
+    client.request(VirtConfig.unpack(ARM.payload()))
+    ask = Asker(client)
+    client.request(VirtMove(messages.VIRT_MOTOR_EW, 98 * 100_000))
+    ask.until_idle()
+    jog = Asker(client)
+    client.request(VirtJogOnLine(messages.LINE_X, -8000))
+    begun = client.clock()
+    while client.clock() - begun < 1:
+        jog()
+    client.request(VirtStop(messages.VIRT_MOTOR_EW))
+    jog.until_idle()
+    # none: else what is measured next has virtual positions reported as well
+    client.request(VirtConfig.unpack(b"\0"))
+    return ask.ms + jog.ms
+
+
+def _mixed(session: Session, figures: dict[str, float]) -> None:
+    client = session.client
+    positions = session.prepare(mixed_move(), max(STEADY_RATES) * 11 // 10)
+    ask = Asker(client)
+    session.repl("import gc\ngc.collect()\ngc.disable()")
+    taken = [int(session.repl("print(gc.mem_alloc())")) for _ in range(2)]
+    begun = client.clock()
+    played = session.play(positions, ask)
+    hours = (client.clock() - begun) / 3600
+    taken.append(int(session.repl("print(gc.mem_alloc())")))
+    session.repl("gc.enable()")
+    if played.complaints:
+        raise ToolError(
+            "the mixed move was not played as uploaded: " + "; ".join(played.complaints)
+        )
+    if played.reports < 10:
+        raise ToolError(
+            f"only {played.reports} position reports came while the mixed move was played"
+        )
+    ticks = played.measured["exceptions"]["irq3"]
+    figures["edge_error_steady_us"] = float(np.nanmax(played.errors_us(ramps=False)))
+    figures["edge_error_ramp_us"] = float(np.nanmax(played.errors_us(ramps=True)))
+    figures["frame_error_us"] = played.verdict.worst_time_us
+    figures["tick_us_8"] = ticks["cycles"] / 125 / played.measured["ms"]
+    figures["cpu_load_8_percent"] = 100 * played.measured["load"]
+    figures["reply_ms_median"] = float(np.median(ask.ms[AT_ONCE:]))
+    figures["reply_ms_max"] = max(ask.ms)
+    figures["heap_bytes_per_hour"] = (taken[2] - 2 * taken[1] + taken[0]) / hours

@@ -1,0 +1,43 @@
+"""The moves that are played."""
+
+import numpy as np
+
+MOTORS = 8
+FPS = 25  # of the moves below, so that their steps per frame are whole numbers
+RAMP = 100_000  # steps/s²
+STEEPEST = 4_000_000  # steps/s²: the acceleration that the motors are allowed
+ROLL_MS = 200
+WINDOW = 4  # sections of an upload on their way at once
+# of the motors in the mixed move
+STEADY_RATES = (99_700, 80_000, 61_000, 50_000, 33_325, 20_000, 9_975, 1_000)
+
+
+def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
+    """Positions of eight motors that ramp up with RAMP, hold each a velocity of STEADY_RATES, and
+    ramp down.
+
+    The odd motors go up, the even ones down. Those that have not the time for their velocity turn
+    at the middle.
+    """
+    frames = round(seconds * fps) + 1
+    t = np.arange(frames) / fps
+    total = t[-1]
+    moves = {}
+    for motor, rate in enumerate(STEADY_RATES, 1):
+        begun = min(rate / RAMP, total / 2)
+        rate = RAMP * begun
+        # in halves of steps per s², exact where the frames are
+        x = np.minimum(t, begun)
+        way = RAMP * x * x / 2 + rate * np.clip(t - begun, 0, total - 2 * begun)
+        x = np.clip(t - (total - begun), 0, None)
+        way += rate * x - RAMP * x * x / 2
+        moves[motor] = np.floor(way + 0.25).astype(np.int64) * (1 if motor % 2 else -1)
+    return moves
+
+
+def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarray]:
+    """Positions of so many motors at a constant velocity, a multiple of FPS."""
+    return {
+        motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1)
+        for motor in range(1, motors + 1)
+    }

@@ -1,0 +1,131 @@
+"""A board that plays moves, and how its edges are judged."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..boards import EmulatedBoard, LockstepPort
+from ..client import Client
+from ..errors import ToolError
+from ..judge import Limits, Verdict, judge
+from ..payloads import (
+    DeviceInfo,
+    HardStop,
+    MotorGetPosition,
+    MotorSetSpeed,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtRunMove,
+)
+from ..reference import Reference
+from ..trace import Trace
+from .moves import FPS, ROLL_MS, STEEPEST, WINDOW
+
+
+class Session:
+    """A board with a client on its protocol port."""
+
+    def __init__(self, board: EmulatedBoard):
+        self.board = board
+        self.client = Client(LockstepPort(board))
+        self.info = self.client.wait_event(DeviceInfo, 10)
+
+    def repl(self, code: str) -> str:
+        """Run code on the board's REPL."""
+        return self.board.emulator.repl().exec(code)
+
+    @property
+    def positions(self) -> dict[int, int]:
+        """Where the motors say they are."""
+        return dict(enumerate(self.client.request(MotorGetPosition()).steps, 1))
+
+    def prepare(
+        self, positions: Mapping[int, np.ndarray], velocity: int, fps: int = FPS
+    ) -> dict[int, np.ndarray]:
+        """Upload a move that begins where the motors stand, and bring them to where it begins.
+        Gives the positions."""
+        client = self.client
+        stands = self.positions
+        moved = {motor: steps + stands[motor] for motor, steps in positions.items()}
+        for motor in moved:
+            client.request(MotorSetSpeed(motor, velocity, STEEPEST))
+        count = len(next(iter(moved.values())))
+        client.upload_move(1, count, moved, WINDOW)
+        client.request(RtRunMove(fps * 1000, 1, count, ROLL_MS, ROLL_MS))
+        client.wait_idle()
+        client.pump(0.05)
+        return moved
+
+    def play(
+        self, positions: Mapping[int, np.ndarray], meanwhile: Callable[[], None] | None = None
+    ) -> "Played":
+        """Play what prepare() has prepared."""
+        client, board = self.client, self.board
+        start = self.positions
+        client.events.clear()
+        board.emulator.trace_start(board.pins.pins)
+        with board.emulator.measure() as measured:
+            client.request(RtGo())
+            begun = client.clock()
+            while not client.take_event(RtEnd):
+                if client.clock() - begun > 60:
+                    raise ToolError("the run did not end: no RT_END came from the board")
+                if meanwhile:
+                    meanwhile()
+                else:
+                    client.pump(0.05)
+        client.wait_idle()  # on the end frame again
+        client.pump(0.05)
+        records = board.emulator.trace_stop()
+        reports = sum(isinstance(event.message, Positions) for event in client.events)
+        faults = [event.message for event in client.events if isinstance(event.message, HardStop)]
+        trace = Trace.from_records(records, board.pins)
+        path = Reference(positions, FPS * 1000, ROLL_MS, ROLL_MS)
+        verdict = judge(
+            trace,
+            positions,
+            FPS * 1000,
+            start,
+            self.positions,
+            path,
+            limits=Limits(velocity_share=1.0),
+        )
+        return Played(verdict, path, measured, reports, faults)
+
+
+@dataclass
+class Played:
+    """A move that has been played: its verdict, what the emulator measured, position reports and
+    faults that came."""
+
+    verdict: Verdict
+    path: Reference
+    measured: dict[str, Any]
+    reports: int
+    faults: list[HardStop]
+
+    def errors_us(self, ramps: bool) -> np.ndarray:
+        """Errors of the edges against the path in its ramps, or where it holds a velocity."""
+        found = []
+        for motor in self.verdict.motors:
+            error = motor.edge_error_us - np.nanmedian(motor.edge_error_us)
+            accelerates = np.abs(self.path.acceleration(motor.motor, motor.edge_times_s)) > 1
+            found.append(np.abs(error[accelerates == ramps]))
+        return np.concatenate(found)
+
+    def rate(self) -> float:
+        """Steps per second between the first and the last frame, of the slowest motor."""
+        slowest = min(
+            (len(m.edge_times_s) - 1) / np.ptp(m.edge_times_s) for m in self.verdict.motors
+        )
+        return round(float(slowest), -1)  # an edge is known to 8 ns
+
+    @property
+    def complaints(self) -> list[str]:
+        """What was wrong with it."""
+        return self.verdict.complaints + [
+            f"HARD_STOP {fault.motor} was sent" for fault in self.faults
+        ]
