@@ -1,7 +1,8 @@
 """The firmware as a board gets it: both dialects, the REPL beside a run, nothing allocated, one
 port for both.
 
-What the motors do is in test_realtime.py; how the ports behave by themselves in test_ports.py.
+What the motors do is in test_realtime.py; how the ports behave by themselves in test_usb_port.py
+and test_stdin_port.py.
 """
 
 import struct

@@ -1,0 +1,68 @@
+"""What the tests of both protocol ports share: the board's files, frames, and a main loop that
+answers each frame with itself."""
+
+import itertools
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+from framestep.protocol.checksum import check_bytes, fletcher16
+from framestep_emulator import ReplError
+from host_tests.board.modules import board_modules
+
+MODULES = (
+    "native",
+    "copying",
+    "hal/__init__",
+    "hal/rp2_stack",
+    "hal/rp2_usb",
+    "hal/usb_port",
+    "hal/stdin_port",
+    "protocol/__init__",
+    "protocol/messages",
+    "protocol/checksum",
+    "protocol/frames",
+    "__init__",
+)
+
+
+def port_files():
+    """What the ports need of the core, and the main loop that answers each frame with itself."""
+    return {
+        **board_modules(MODULES),
+        "/ports_echo.py": Path(__file__).with_name("ports_echo.py").read_bytes(),
+    }
+
+
+def sealed(number, payload):
+    """A good frame with this payload."""
+    data = struct.pack("<2sIHH", b"DF", number, 0x0123, len(payload)) + payload
+    return data + struct.pack("<H", check_bytes(fletcher16(data, 0, len(data))))
+
+
+def frame(size, number, last=None):
+    """A good frame of `size` bytes in all, its payload random; with `last`, one that ends with this
+    byte."""
+    for seed in itertools.count(number):
+        data = sealed(number, random.Random(seed).randbytes(size - 12))
+        if last in (None, data[-1]):
+            return data
+
+
+def run(repl, code="loop(port, echo)"):
+    repl.start(f"echo.longest_us = 0\nprint('go')\n{code}", until="go")
+
+
+def stop(repl):
+    """Ctrl-C into what runs."""
+    repl.serial.write(b"\x03")
+    with pytest.raises(ReplError, match="KeyboardInterrupt"):
+        repl.finish(2)
+
+
+def answered(port, data, ms=20):
+    port.timeout = ms / 1000
+    port.write(data)
+    return port.read(len(data)) == data
