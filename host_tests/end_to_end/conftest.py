@@ -8,6 +8,9 @@ import math
 
 import pytest
 
+from framestep_tools.payloads import RtPositionFrame
+from host_tests.end_to_end import realtime
+from host_tests.end_to_end.frame_jogs import FRAMES, PATH
 from host_tests.end_to_end.session import DIALECTS, simulated
 from host_tests.end_to_end.uploaded_runs import MOVE
 from host_tests.recording import differences, recorded
@@ -73,3 +76,14 @@ def loaded(fast):
     """MOVE uploaded as frames 1 to 25."""
     fast.upload(MOVE)
     return fast
+
+
+@pytest.fixture
+def standing():
+    """The motors on frame 121 of 1 to 241 of the path in frame_jogs.py, index 120."""
+    session = realtime.rig()
+    realtime.upload(session, PATH, frames=FRAMES)
+    session.accept(RtPositionFrame(121))
+    session.wait_idle()
+    session.forget()
+    return session

@@ -1,70 +1,37 @@
-"""Lights, inputs and outputs, E-stop and limit switches on the host simulation: bytes in, levels
-and edges out."""
+"""Lights, inputs and outputs on the host simulation: bytes in, levels and edges out.
 
-import math
+E-stop and limit switches are in test_stop_inputs.py.
+"""
+
 import struct
 
 import numpy as np
 import pytest
 
-from framestep.motors.positions import KNOWN, LOST
 from framestep.protocol import messages as m
 from framestep_tools.payloads import (
-    BlurMotor,
     Dmx,
-    GetCondition,
     GioCam,
-    GioIn,
     GioOut,
     HardStop,
     Hi,
     InputLevels,
-    MotorConfigure,
-    MotorJog,
-    MotorMove,
-    MotorResetPosition,
-    MotorSetLimits,
     MotorStatus,
     RtEnd,
     RtGo,
-    RtJogAll,
-    RtPositionFrame,
-    RtShootFrame,
-    RtShootFrame2,
     RtUploadMoveBegin,
     RtUploadMoveDmx,
     RtUploadMoveEnd,
 )
 from framestep_tools.wire import encode
-from host_tests.end_to_end.session import deceleration, run_request, simulated
-
-VELOCITY, ACCELERATION = 5000, 20000  # field note 4.1
-SWITCHES = {"limits": [{"high": 22, "low": 26}, {"high": 27, "low": 28, "contact": "no"}]}
-PATH = [round(1000 * (1 - math.cos(math.pi * k / 40))) for k in range(41)]
+from host_tests.end_to_end.session import run_request, simulated
+from host_tests.end_to_end.switches import SWITCHES, inputs, set_input
 
 
 def shown(session, signal):
     """(time in s, level) of every change of a signal so far."""
     times, values = session.trace().signals.get(signal, (np.array([]), np.array([])))
     return list(zip((times * 1e-9).tolist(), values.tolist(), strict=True))
-
-
-def inputs(session):
-    return session.ask(GioIn()).levels
-
-
-def set_input(session, name, level):
-    session.board._board.set_input(name, level)
-
-
-def calm(session, estop=False):
-    """Close the switches, so that nothing is active."""
-    for pin in (22, 26):
-        set_input(session, pin, 0)
-    if estop:
-        set_input(session, "estop", 0)
-    session.run(0.05)
-    session.forget()
 
 
 # ---------------------------------------------------------------- lights
@@ -222,206 +189,6 @@ def test_outputs_go_to_their_safe_levels(cause):
     if cause == "fault":
         session.run(0.01)
         assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
-
-
-# ---------------------------------------------------------------- E-stop
-
-
-def start(session, motion):
-    """Set some motors going; which."""
-    if motion == "moves":
-        session.accept(MotorMove(1, 100_000), MotorMove(2, -100_000), MotorJog(3, 10000, 100_000))
-        session.run(0.35)
-        return (1, 2, 3)
-    session.upload({1: PATH, 2: [-p for p in PATH]})
-    run = run_request(end=len(PATH), flags=m.RUN_LOOP if motion == "loop" else 0)
-    if motion == "jog all":
-        session.accept(RtPositionFrame(1))
-        session.wait_idle()
-        session.accept(RtJogAll(24000, len(PATH)))
-        session.run(0.9)
-        return (1, 2)
-    if motion == "shoot":
-        run = RtShootFrame2(5, 2000, 0, 180)
-        session.accept(MotorConfigure(1, 3), MotorConfigure(2, 3))
-    session.accept(run)
-    if motion == "positioning":
-        return (1, 2)
-    session.wait_idle()
-    if motion != "ready":
-        session.accept(RtGo())
-        session.run(1.2)
-    return (1, 2)
-
-
-MOTIONS = ("moves", "run", "loop", "jog all", "shoot", "positioning", "ready")
-REQUESTS = (
-    MotorMove(1, 500),
-    MotorJog(2, 5000, 500),
-    RtPositionFrame(2),
-    run_request(end=3),
-    RtShootFrame(2, 1, 100, 500),
-    RtShootFrame2(2, 100, 0, 180),
-    RtGo(),
-    RtJogAll(24000, 3),
-)
-
-
-@pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("factor", [1, 4])
-def test_estop(motion, factor):
-    session = simulated({"estop": "nc", "hard_stop_factor": factor})
-    session.run(0.01)
-    assert [message for _, message in session.events(HardStop)] == [HardStop(0)]  # its wire is off
-    calm(session, estop=True)
-    motors = start(session, motion)
-    session.client.events.clear()
-    set_input(session, "estop", 1)
-    pressed = session.now
-    session.run(1)
-    assert not session.moving
-    ((told, message),) = session.events(HardStop)
-    assert message == HardStop(0)
-    assert told - pressed <= 0.002
-    for motor in motors:
-        times, signs = session.steps(motor)
-        late = times[times > pressed]
-        if motion == "moves":
-            steepness = deceleration(times, signs, pressed + 0.004)
-            assert steepness == pytest.approx(factor * ACCELERATION, rel=0.05)
-        # no motor goes on for longer than its top speed takes to ramp down, and the ticks under way
-        longest = VELOCITY / (factor * ACCELERATION) + 0.006
-        assert not len(late) or late[-1] - pressed <= longest
-    ends = session.events(RtEnd)
-    assert len(ends) == (motion not in ("moves", "jog all"))
-    session.forget()
-    session.refuse(m.ERR_GENERAL, *REQUESTS)
-    set_input(session, "estop", 0)
-    session.run(1)
-    assert not session.moving
-    assert not session.events(HardStop)
-    assert not session.events(RtEnd)
-    # nothing starts by itself
-    assert not [signal for signal in session.trace().signals if signal.startswith("m")]
-    session.refuse(m.ERR_GENERAL, RtGo())
-    session.accept(MotorJog(3, 10000, 500))
-
-
-def test_requests_that_move_nothing_are_answered_while_the_estop_is_held():
-    session = simulated({"estop": "no"})
-    set_input(session, "estop", 0)
-    session.run(0.01)
-    session.accept(
-        GioOut(1), Dmx(1, 1, [5]), MotorSetLimits(1, 0, 0, 0, 0, 0), MotorConfigure(1, 1)
-    )
-    assert inputs(session) == 0
-    assert session.ask(Hi()).motors == 8
-
-
-# ---------------------------------------------------------------- limits
-
-
-@pytest.mark.parametrize("swap", [0, m.HW_SET_SWAP])
-@pytest.mark.parametrize("direction", [1, -1])
-def test_limit(direction, swap):
-    session = simulated(SWITCHES)
-    calm(session)
-    session.accept(MotorSetLimits(4, 0, 0, 0, 0, 1 | swap))
-    session.accept(MotorMove(4, 30_000 * direction), MotorMove(5, 30_000 * direction))
-    session.run(1)
-    pin = 22 if (direction > 0) != bool(swap) else 26
-    set_input(session, 48 - pin, 1)  # the other end: the motor moves away from it
-    session.run(0.2)
-    set_input(session, 48 - pin, 0)
-    session.run(0.05)
-    assert tuple(session.moving) == (4, 5)
-    assert not session.events(HardStop)
-    set_input(session, pin, 1)
-    hit = session.now
-    session.run(0.3)
-    assert tuple(session.moving) == (5,)
-    ((told, message),) = session.events(HardStop)
-    assert told - hit <= 0.002
-    assert message == HardStop(1 if direction > 0 else 2, 4)
-    times, signs = session.steps(4)
-    assert deceleration(times, signs, hit + 0.004) == pytest.approx(4 * ACCELERATION, rel=0.05)
-    session.wait_idle()
-    here = session.position(4)
-    refusal = m.ERR_HARD_UP if direction > 0 else m.ERR_HARD_LOW
-    session.forget()
-    session.refuse(
-        refusal, MotorMove(4, here + direction), MotorJog(4, 5000, here + 1000 * direction)
-    )
-    session.upload({4: [here + 100 * direction] * 2})
-    shoot = RtShootFrame2(
-        1, 100, 0, 180, [BlurMotor(4, here + 100 * direction, here + 110 * direction)]
-    )
-    session.refuse(refusal, RtPositionFrame(1), run_request(), shoot)
-    assert not session.steps(4)[0].size
-    session.accept(MotorMove(4, here - 100 * direction))
-    session.wait_idle()
-    assert session.position(4) == here - 100 * direction
-    assert not session.events(HardStop)
-    set_input(session, pin, 0)
-    session.run(0.05)
-    session.accept(MotorMove(4, here))
-    session.wait_idle()
-    assert session.position(4) == here
-
-
-def test_a_limit_during_a_run_ends_it():
-    session = simulated(SWITCHES)
-    calm(session)
-    session.accept(MotorSetLimits(1, 0, 0, 0, 0, 1))
-    session.upload({1: PATH, 2: PATH})
-    session.ready(run_request(end=len(PATH)))
-    session.forget()
-    session.accept(RtGo())
-    session.run(1.2)
-    set_input(session, 22, 1)
-    session.client.wait_event(RtEnd)
-    session.run(0.5)
-    assert [message for _, message in session.events(HardStop)] == [HardStop(1, 1)]
-    assert not session.events(RtEnd)
-    assert not session.moving
-    assert session.position(1) < PATH[-1]
-    assert session.position(2) < PATH[-1]
-
-
-def test_sets_that_are_not_there():
-    session = simulated(SWITCHES)
-    session.accept(*(MotorSetLimits(1, 0, 0, 0, 0, n) for n in (1, 2, 0x81, 0x82, 0, 0x80)))
-    session.accept(MotorSetLimits(1, 0, 0, 0, 0, 1))
-    session.refuse(
-        m.ERR_RANGE, MotorSetLimits(1, 0, 0, 0, 0, 3), MotorSetLimits(1, 0, 0, 0, 0, 0x83)
-    )
-    session.refuse(m.ERR_RANGE, MotorSetLimits(1, 1, 5, 1, 4, 0))  # crossed soft limits
-    # set 1 is still in force, and nothing is wired to it
-    session.refuse(m.ERR_HARD_UP, MotorMove(1, 10))
-    session.accept(MotorSetLimits(1, 0, 0, 0, 0, 0))
-    assert session.ask(MotorMove(1, 10)).moving
-
-
-def test_a_pin_that_something_else_has_taken():
-    """At rest it is put back before a motion may begin, in motion within a tenth of a second:
-    everything ramps down."""
-    session = simulated()
-    hal = session.board._board.hal
-    session.accept(*(MotorResetPosition(motor, 0) for motor in (1, 2)))
-    hal.taken = 0b10
-    session.refuse(m.ERR_GENERAL, MotorMove(1, 1000))
-    session.run(0.2)
-    assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
-    assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, LOST]
-    session.forget()
-    session.accept(MotorResetPosition(2, 0), MotorMove(1, 5000), MotorMove(2, 5000))
-    session.run(0.3)
-    taken = session.now
-    hal.taken = 0
-    session.wait_idle()
-    assert [message for _, message in session.events(HardStop)] == [HardStop(100)]
-    assert session.steps(1)[0][-1] - taken < 0.1 + 5000 / 20000 + 0.05
-    assert [each.state for each in session.ask(GetCondition()).positions[:2]] == [KNOWN, KNOWN]
 
 
 # --------------------------------------------------------------- GO from an input (field note 6.13)

@@ -11,7 +11,7 @@ import pytest
 from framestep.protocol import messages as m
 
 from .link import frame
-from .test_trial import PATH, Host
+from .sessions import PATH, Host
 
 RUN = struct.pack("<IiiIIBIHHHHH", 24_000, 1, 24, 300, 300, 0, 0, 0, 0, 0, 90, 180)
 BYTES = len(frame(m.MSG_RT_RUN_MOVE, RUN, 1))

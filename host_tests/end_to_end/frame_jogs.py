@@ -1,0 +1,48 @@
+"""The path that JOG_ALL is tried on, and whether a session has followed it."""
+
+import numpy as np
+
+from framestep_tools import payloads as p
+from host_tests.end_to_end.session import assert_within
+
+FRAMES = 241
+
+
+K = np.arange(FRAMES)
+
+
+PATH = {1: 100 * K, 2: np.round(3000 * np.sin(K * 0.05)).astype(int)}
+
+
+PER_FRAME = 100
+
+
+ACCELERATION = 4.0  # frames/s²
+
+
+def indices(session):
+    """The frame, as a fraction, that motor 1 stands on: it makes PER_FRAME steps from one to the
+    next."""
+    return session.position(1) / PER_FRAME
+
+
+def assert_followed(session, start, fps):
+    """All edges since then lie on the path, one axis within its velocity and acceleration."""
+    times, signs = session.steps(1)
+    assert_within(times, signs, fps * PER_FRAME * 1.002, ACCELERATION * PER_FRAME, window=0.2)
+    frames = start + np.cumsum(signs) / PER_FRAME
+    at, turned = session.steps(2)
+    places = int(PATH[2][start]) + np.concatenate(([0], np.cumsum(turned)))
+    for time, frame in zip(
+        times[frames == np.round(frames)], frames[frames == np.round(frames)], strict=True
+    ):
+        # the moment at which motor 1 makes the frame's step
+        near = places[np.searchsorted(at, time - 2e-5) : np.searchsorted(at, time + 2e-5) + 1]
+        assert np.abs(near - PATH[2][round(frame)]).min() <= 1, frame
+    assert not session.events(p.RtEnd), "JOG_ALL has no RT_END"
+
+
+def assert_on_frame(session, index):
+    assert indices(session) == index
+    assert session.position(2) == PATH[2][index]
+    assert session.ask_positions().move_time == (index + 1) * 1000
