@@ -2,8 +2,10 @@
 what to add."""
 
 import ast
+import itertools
 import re
 
+from framestep.controller import _KEEPS_EARLY_PLAN
 from framestep.host_board import HostBoard
 from framestep.protocol import messages
 from framestep.protocol.messages import known, payload_fits
@@ -58,6 +60,37 @@ LENGTHS = {
 }
 
 
+# What is asked for while a prepared run waits for GO, and has begun to be planned: after these it
+# is planned anew, as they may change it or what it has assumed
+PLANNED_ANEW = {
+    messages.MSG_MOTOR_MOVE,
+    messages.MSG_MOTOR_STOP,
+    messages.MSG_MOTOR_STOP_ALL,
+    messages.MSG_MOTOR_RESET_POSITION,
+    messages.MSG_MOTOR_JOG,
+    messages.MSG_MOTOR_CONFIGURE,
+    messages.MSG_MOTOR_SET_SPEED,
+    messages.MSG_MOTOR_SET_LIMITS,
+    messages.MSG_RT_UPLOAD_MOVE_BEGIN,
+    messages.MSG_RT_UPLOAD_MOVE_AXIS,
+    messages.MSG_RT_UPLOAD_MOVE_DMX,
+    messages.MSG_RT_UPLOAD_MOVE_END,
+    messages.MSG_RT_UPLOAD_MOVE_TRIGGERS,
+    messages.MSG_RT_POSITION_FRAME,
+    messages.MSG_RT_RUN_MOVE,
+    messages.MSG_RT_SHOOT_FRAME,
+    messages.MSG_RT_SHOOT_FRAME2,
+    messages.MSG_RT_STOP_LOOP,
+    messages.MSG_RT_JOG_ALL,
+    messages.MSG_VIRT_CONFIG,
+    messages.MSG_VIRT_MOVE,
+    messages.MSG_VIRT_STOP,
+    messages.MSG_VIRT_JOG,
+    messages.MSG_VIRT_JOG_ON_LINE,
+    messages.MSG_VIRT_AIM_POINT,
+}
+
+
 def named(kinds):
     """Message types as one reads them."""
     return ", ".join(
@@ -96,6 +129,18 @@ def test_every_request_has_a_handler():
     )
 
 
+def test_every_request_says_whether_it_keeps_an_early_plan():
+    kept = set(_KEEPS_EARLY_PLAN)
+    undecided = set(messages.REQUESTS) - kept - PLANNED_ANEW
+    assert not undecided, (
+        "if a prepared run may keep what it has planned although this comes before GO, add it to "
+        "_KEEPS_EARLY_PLAN in controller.py, else to PLANNED_ANEW in this file: "
+        f"{named(undecided)}"
+    )
+    both = kept & PLANNED_ANEW
+    assert not both, f"in _KEEPS_EARLY_PLAN and PLANNED_ANEW, take it out of one: {named(both)}"
+
+
 def test_payload_lengths_of_every_type():
     for kind in [*range(0x0400), *range(0x4500, 0x4800), 0x8001, 0xFFFF]:
         if kind in NAMES and kind not in {*LENGTHS, *SENT_ONLY}:
@@ -122,9 +167,12 @@ def handlers():
         "virtuals/requests",
     ):
         tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())
+        trees = [tree]
+        if path == "controller":
+            trees.append(ast.parse(sources()["framestep/stops.py"].read_text()))  # STOP_ALL
         found = {
             node.name: ast.get_docstring(node) or ""
-            for node in ast.walk(tree)
+            for node in itertools.chain.from_iterable(map(ast.walk, trees))
             if isinstance(node, ast.FunctionDef)
         }
         for node in ast.walk(tree):

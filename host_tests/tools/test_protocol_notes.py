@@ -3,9 +3,12 @@ is sent."""
 
 import itertools
 import re
+import struct
 import subprocess
 
+from framestep.protocol import messages
 from framestep_tools.files import ROOT
+from framestep_tools.payloads import REPORTS, TYPE_NAMES, codec
 from framestep_tools.wire import FrameDecoder
 
 NOTES = ROOT / "docs" / "protocol-notes.md"
@@ -75,3 +78,58 @@ def test_frame_vectors():
         assert text.strip() in source, f"{name}: the frame reader is not tested with it"
         frames = FrameDecoder().feed(bytes.fromhex(text))
         assert len(frames) == (0 if "refused" in name else 1), name
+
+
+def lengths():
+    """{message: (from the host, from the device)} of the table in 2, as text."""
+    section = NOTES.read_text().split("## 2.")[1].split("## 3.")[0]
+    rows = re.findall(r"^\| ([A-Z_0-9]+)[^|]*\|([^|]*)\|([^|]*)\|$", section, re.MULTILINE)
+    return {name: (asked.strip(), told.strip()) for name, asked, told in rows}
+
+
+def sizes(text):
+    """(least, bytes of an entry) of "4 + 8n", "31, 35 with angles" and the like."""
+    least, entry = re.match(r"(\d+)(?: \+ (\d*)n)?", text).groups()
+    return int(least), 0 if entry is None else int(entry or 1)
+
+
+def test_every_message_has_its_lengths_in_the_notes():
+    told = lengths()
+    missing = sorted(set(TYPE_NAMES.values()) - told.keys())
+    assert not missing, f"add a row to the table in 2 of docs/protocol-notes.md: {missing}"
+    gone = sorted(told.keys() - set(TYPE_NAMES.values()))
+    assert not gone, (
+        f"no MSG_ in protocol/messages.py, so take out of 2 of docs/protocol-notes.md: {gone}"
+    )
+
+
+def test_lengths_in_the_notes_are_those_of_the_code():
+    told = lengths()
+    for kind, wanted in messages.REQUESTS.items():
+        name = TYPE_NAMES[kind]
+        if kind == messages.MSG_VIRT_CONFIG:  # each type has its own
+            wanted = (wanted[0], 0)
+        assert sizes(told[name][0]) == wanted, (
+            f"{name}: the table in 2 of docs/protocol-notes.md says {told[name][0]!r}, "
+            f"REQUESTS in protocol/messages.py {wanted}"
+        )
+
+
+def test_lengths_in_the_notes_are_those_of_the_answers():
+    """The least that the device sends, each entry that repeats left out."""
+    told = lengths()
+    for kind, cls in REPORTS.items():
+        least = sum(
+            struct.calcsize("<" + code)
+            for _, code, optional in codec.layout(cls)
+            if not optional and not isinstance(code, type) and code[0] != "*"
+        )
+        longest = least + sum(
+            struct.calcsize("<" + code) for _, code, optional in codec.layout(cls) if optional
+        )
+        name = TYPE_NAMES[kind]
+        assert told[name][1], f"{name}: say in 2 of docs/protocol-notes.md what the device sends"
+        assert least <= sizes(told[name][1])[0] <= longest, (
+            f"{name}: the table in 2 of docs/protocol-notes.md says {told[name][1]!r}, "
+            f"the class in framestep_tools/payloads has {least} to {longest} bytes"
+        )
