@@ -27,10 +27,7 @@ from framestep.moves.registers import (
     FRAME_SCALE,
     NEXT,
     RATE,
-    SLOWEST,
-    THOUSAND,
     TOP,
-    TWICE,
     T,
     X,
     Y,
@@ -44,6 +41,15 @@ _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no tim
 _NOTICE = const(40)  # ticks from a stop to the cut of the queues: time to plan for all motors
 _LEAST = const(16)  # ticks; with fewer queued nothing is cut
 
+# TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
+_RATES = formula(
+    registers,
+    """
+    TOP = TOP / THOUSAND / THOUSAND
+    TWICE = 8 / THOUSAND / THOUSAND  # twice ACCELERATION
+    SLOWEST = THOUSAND
+    """,
+)
 _SLOWING_WAY = formula(registers, "X = (RATE * RATE - TOP * TOP) / TWICE")  # to the top velocity
 
 # The way that it takes to stop: whole frames, and hundredths of one more.
@@ -226,12 +232,7 @@ class JogAll(Operation):
         """Set TOP to the rate that the check has found."""
         r = self.player.numbers
         reals.put(r, TOP, self.player.rate, 0)
-        reals.divide(r, TOP, TOP, THOUSAND)
-        reals.divide(r, TOP, TOP, THOUSAND)
-        reals.put(r, TWICE, 8, 0)
-        reals.divide(r, TWICE, TWICE, THOUSAND)
-        reals.divide(r, TWICE, TWICE, THOUSAND)
-        reals.put(r, SLOWEST, 1000, 0)
+        compute(0, 0, r, _RATES)
 
     def _retarget(self, to):
         """During a jog: go on to a new destination. If it lies behind, stop on a frame first and

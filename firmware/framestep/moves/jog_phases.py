@@ -30,6 +30,23 @@ _PASSED = const(9)  # frames from INDEX to where it begins,
 _WAY = const(11)  # and on to its end
 INDEX = const(13)  # of the last frame before it
 
+# A phase of T ticks more: X whole ticks, and the rest in SINCE.
+_TO_END = formula(
+    registers,
+    """
+    SINCE = SINCE + T
+    X = floor(SINCE)
+    SINCE = SINCE - X
+    """,
+)
+# X ticks after the whole tick at which a phase begins that begins Y ticks later.
+_HAS_BEGUN = formula(
+    registers,
+    """
+    X = X - Y
+    assert X >= ZERO
+    """,
+)
 # Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity
 # HERE_RATE to WAY, and begins P frames after its row's INDEX.
 _LOCATE = formula(
@@ -79,11 +96,8 @@ class JogPhases:
         reals.fetch(rows, k + _WAY, r, WAY)
         rows[k + INDEX] = index
         self.count += 1
-        reals.add(r, SINCE, SINCE, T)
-        ticks = reals.floor(r, SINCE, HALF)
-        self.whole = after(self.whole, ticks)
-        reals.put(r, X, ticks, 0)
-        reals.subtract(r, SINCE, SINCE, X)
+        compute(0, 0, r, _TO_END)
+        self.whole = after(self.whole, reals.floor(r, X, HALF))
 
     def locate(self, ticks):
         """Find where the axis is `ticks` ticks after the beginning: HERE and HERE_RATE.
@@ -101,8 +115,7 @@ class JogPhases:
             if since < _HALF:
                 reals.put(r, X, since, 0)
                 reals.fetch(r, Y, rows, k + _FRACTION)
-                reals.subtract(r, X, X, Y)
-                if reals.sign(r, X) >= 0:
+                if compute(0, 0, r, _HAS_BEGUN):
                     break
         else:
             return -1

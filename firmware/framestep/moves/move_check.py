@@ -6,10 +6,28 @@ Registers of real numbers live in `numbers` (registers.py). Nothing allocates af
 from array import array
 
 from framestep.motion import reals, stepper
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
-from framestep.moves import path
-from framestep.moves.registers import REGISTERS, SCALE, THOUSAND, TOPS, ZERO, T, X, Y
+from framestep.moves import path, registers
+from framestep.moves.registers import (
+    BENT,
+    FPS,
+    GATHERED,
+    RAMP_RATE,
+    REGISTERS,
+    SCALE,
+    STEPS,
+    THOUSAND,
+    TOP_ACCELERATION,
+    TOP_CHANGE,
+    TOP_PULSED,
+    TOP_VELOCITY,
+    TOPS,
+    ZERO,
+    X,
+)
 from framestep.native import const
 from framestep.results import (
     ERR_RANGE,
@@ -45,6 +63,48 @@ _FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work wi
 _FINE = const(3000)
 # times that a motor lowers the rate by just what it needs; after that by a 32nd at least
 _EXACT = const(16)
+
+# 1 / (12 · ticks of a frame), from thousandths of a frame per second
+_SCALE = formula(registers, "SCALE = SCALE / 12000 / THOUSAND")
+
+# What a motor can do from frame to frame. The kernel's sum of a frame's changes goes a tick further
+# than the frame: by 2 / (its ticks).
+_FROM_FRAME_TO_FRAME = formula(
+    registers,
+    """
+    FPS = FPS / THOUSAND
+    TOP_VELOCITY = TOP_VELOCITY / FPS
+    TOP_ACCELERATION = TOP_ACCELERATION / FPS / FPS
+    TOP_CHANGE = TOP_CHANGE * THOUSAND / (2 * FPS + THOUSAND) / FPS / FPS
+    TOP_PULSED = TOP_PULSED / FPS
+    """,
+)
+_BENDS_ALLOWED = formula(
+    registers,
+    """
+    FPS = FPS / THOUSAND
+    TOP_VELOCITY = TOP_VELOCITY / FPS
+    square = FPS * FPS
+    TOP_ACCELERATION = TOP_ACCELERATION / square
+    RAMP_RATE = RAMP_RATE / square
+    """,
+)
+
+# Rates, in thousandths of a frame per second, at which a motor can follow what bends() has found.
+_RATE_FOR_VELOCITY = formula(registers, "X = TOP_VELOCITY / STEPS * THOUSAND")
+# acceleration = BENT · rate² + GATHERED · RAMP_RATE, or half of rate² for the ramp where that is
+# less
+_HALF_FOR_RAMP = formula(
+    registers,
+    """
+    sum = GATHERED / 2 + BENT
+    assert sum > ZERO
+    FPS_SQUARED = TOP_ACCELERATION / sum
+    TOP_ACCELERATION = TOP_ACCELERATION - GATHERED * RAMP_RATE
+    """,
+)
+_REST_FOR_BEND = formula(registers, "FPS_SQUARED = max(FPS_SQUARED, TOP_ACCELERATION / BENT)")
+_RATE_FOR_ACCELERATION = formula(registers, "X = sqrt(FPS_SQUARED) * THOUSAND")
 
 
 class MoveCheck:
@@ -83,10 +143,8 @@ class MoveCheck:
     def set_frame_rate(self, fps_milli):
         """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
         r = self.numbers
-        reals.put(r, X, fps_milli, 0)
-        reals.put(r, Y, path.TWELFTHS * 1000, 0)
-        reals.divide(r, X, X, Y)
-        reals.divide(r, SCALE, X, THOUSAND)
+        reals.put(r, SCALE, fps_milli, 0)
+        compute(0, 0, r, _SCALE)
 
     def first_way(self, motor, index, step, count, anyway=False):
         """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
@@ -191,42 +249,29 @@ class MoveCheck:
     def _allow(self, axis, fps_milli):
         """Put into `words` what a motor's limits allow from frame to frame, in steps.
 
-        Leaves frames per second in Y.
+        Leaves frames per second in FPS.
 
         Positions have been rounded to steps, which alone makes differences of ±1 and changes of ±2.
         """
         r = self.numbers
         words = self.words
-        reals.put(r, Y, fps_milli, 0)
-        reals.divide(r, Y, Y, THOUSAND)  # frames per second
-        reals.put(r, X, axis.velocity, 0)
-        reals.divide(r, X, X, Y)
-        words[path.FASTEST] = reals.floor(r, X, HALF) + 1
-        reals.put(r, X, axis.acceleration, 0)
-        reals.divide(r, X, X, Y)
-        reals.divide(r, X, X, Y)
-        words[path.STEEPEST] = reals.floor(r, X, HALF) + 2
-        # the kernel's sum of a frame's changes goes a tick further than the frame: by 2 / (its
-        # ticks)
-        reals.put(r, X, HARDEST, 0)
-        reals.multiply(r, X, X, THOUSAND)
-        reals.double(r, T, Y, 1)
-        reals.add(r, T, T, THOUSAND)
-        reals.divide(r, X, X, T)
-        reals.divide(r, X, X, Y)
-        reals.divide(r, X, X, Y)
-        words[path.HARDEST] = reals.floor(r, X, HALF) + 2
-        words[path.STEEPEST] = min(words[path.STEEPEST], words[path.HARDEST])
-        if self.strict:
-            words[path.HARDEST] = words[path.STEEPEST]
         kernel = self.axes.kernel.state
         pulsed = min(
             VELOCITY_LIMIT,
             TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST],
         )
-        reals.put(r, X, pulsed, 0)
-        reals.divide(r, X, X, Y)
-        words[path.PULSED] = reals.floor(r, X, HALF) + 2
+        reals.put(r, FPS, fps_milli, 0)
+        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, TOP_CHANGE, HARDEST, 0)
+        reals.put(r, TOP_PULSED, pulsed, 0)
+        compute(0, 0, r, _FROM_FRAME_TO_FRAME)
+        words[path.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF) + 1
+        words[path.HARDEST] = reals.floor(r, TOP_CHANGE, HALF) + 2
+        words[path.STEEPEST] = min(reals.floor(r, TOP_ACCELERATION, HALF) + 2, words[path.HARDEST])
+        if self.strict:
+            words[path.HARDEST] = words[path.STEEPEST]
+        words[path.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, ways, ramp, going):
         """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
@@ -287,58 +332,40 @@ class MoveCheck:
         """Put into `words` what bends() lets pass at `rate`."""
         r = self.numbers
         words = self.words
-        reals.put(r, T, self.rate, 0)
-        reals.divide(r, T, T, THOUSAND)
-        reals.put(r, X, axis.velocity, 0)
-        reals.divide(r, X, X, T)
-        words[path.FASTEST] = reals.floor(r, X, HALF)
-        reals.multiply(r, T, T, T)
-        reals.put(r, X, axis.acceleration, 0)
-        reals.divide(r, X, X, T)
         fine = self.rate >= _FINE
         words[path.FINE] = 1 if fine else 0
-        reals.double(r, X, X, 8 if fine else 0)
-        words[path.STEEPEST] = reals.floor(r, X, HALF)
-        reals.put(r, X, ramp << (18 if fine else 15), 0)
-        reals.divide(r, X, X, T)
+        reals.put(r, FPS, self.rate, 0)
+        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
+        reals.put(r, RAMP_RATE, ramp, 18 if fine else 15)
+        compute(0, 0, r, _BENDS_ALLOWED)
+        words[path.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF)
+        words[path.STEEPEST] = reals.floor(r, TOP_ACCELERATION, HALF)
         # within a frame no more than the rate itself is gathered
-        words[path.RAMP] = reals.floor(r, X, 1 << (17 if fine else 14))
+        words[path.RAMP] = reals.floor(r, RAMP_RATE, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
         """The highest rate, or 0, at which the motor can follow what bends() has found."""
         r = self.numbers
         words = self.words
         rate = self.rate
-        fast = words[path.FOUND]
-        bent = words[path.BENT]
-        gathered = words[path.GATHERED]
-        if fast > 0:
-            reals.put(r, X, axis.velocity, 0)
-            reals.put(r, Y, fast, 0)
-            reals.divide(r, X, X, Y)
-            reals.multiply(r, X, X, THOUSAND)
+        if words[path.FOUND] > 0:
+            reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+            reals.put(r, STEPS, words[path.FOUND], 0)
+            compute(0, 0, r, _RATE_FOR_VELOCITY)
             rate = min(rate, reals.floor(r, X, HALF))
-        # acceleration = bent · rate² + gathered · ramp, or half of rate² for the ramp where that is
-        # less
-        reals.put(r, Y, gathered, -1)
-        reals.put(r, T, bent, 0)
-        reals.add(r, Y, Y, T)
-        if reals.sign(r, Y):
-            reals.put(r, X, axis.acceleration, 0)
-            reals.divide(r, Y, X, Y)
-            reals.put(r, T, gathered * ramp, 0)
-            reals.subtract(r, X, X, T)
-            if reals.sign(r, X) >= 0:
-                if not bent:
-                    return rate
-                reals.put(r, T, bent, 0)
-                reals.divide(r, X, X, T)
-                if reals.compare(r, Y, X) < 0:
-                    reals.copy(r, Y, X)
-            reals.root(r, Y, Y)
-            reals.multiply(r, Y, Y, THOUSAND)
-            rate = min(rate, reals.floor(r, Y, HALF))
-        return rate
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, RAMP_RATE, ramp, 0)
+        reals.put(r, BENT, words[path.BENT], 0)
+        reals.put(r, GATHERED, words[path.GATHERED], 0)
+        if not compute(0, 0, r, _HALF_FOR_RAMP):
+            return rate
+        if reals.sign(r, TOP_ACCELERATION) >= 0:
+            if not reals.sign(r, BENT):
+                return rate
+            compute(0, 0, r, _REST_FOR_BEND)
+        compute(0, 0, r, _RATE_FOR_ACCELERATION)
+        return min(rate, reals.floor(r, X, HALF))
 
     def blame(self, what, motor, index, code):
         """Keep for `exceeded` at which motor and frame something is refused; the code."""
@@ -350,15 +377,16 @@ class MoveCheck:
         return code
 
     def _exceeded(self, found, motor, index, amount):
-        """Note in `exceeded` what check() has found at a frame. Register Y: frames per second."""
+        """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from
+        _allow()."""
         told = self.exceeded
         r = self.numbers
         axis = self.axes[motor]
         steep = found == path.FITS or found == path.TOO_STEEP
         reals.put(r, X, amount, 0)
-        reals.multiply(r, X, X, Y)
+        reals.multiply(r, X, X, FPS)
         if steep:
-            reals.multiply(r, X, X, Y)
+            reals.multiply(r, X, X, FPS)
         amount = reals.floor(r, X, HALF)
         if (
             found == path.FITS

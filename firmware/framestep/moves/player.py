@@ -4,13 +4,28 @@ The checks are in move_check.py. Nothing allocates after construction.
 """
 
 from framestep.motion import phases, reals, stepper
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.motion.phases import put_aim
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION
-from framestep.moves import path
+from framestep.moves import path, registers
 from framestep.moves.move_check import HALF, MoveCheck
 from framestep.moves.registers import SCALE, SPEEDS, TOPS, T, X, Y
 from framestep.native import micropython, ptr32
+
+# A ramp between rest and X in Y ticks needs more than the acceleration T, but for rounding.
+_TOO_STEEP = formula(
+    registers,
+    """
+    rate = X / Y
+    assert max(rate, -rate) > T + T / 2 ** 20
+    """,
+)
+_RAMP_LENGTH = formula(registers, "X = X * Y / 2")
+# Half a step more, to be rounded down.
+_FORWARD = formula(registers, "X = X + 0.5")
+_BACKWARD = formula(registers, "X = 0.5 - X")
 
 
 def frame_velocity(motor):
@@ -116,8 +131,9 @@ class UploadPlayer(MoveCheck):
             return axis.beyond(places, motor) == 0
         if self.too_steep(motor, velocity, ticks):
             return False
-        reals.multiply(r, X, velocity, ticks)
-        reals.double(r, X, X, -1)
+        reals.copy(r, X, velocity)
+        reals.copy(r, Y, ticks)
+        compute(0, 0, r, _RAMP_LENGTH)
         return self.shift_by_x(places, motor, backward) and axis.beyond(places, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
@@ -126,24 +142,18 @@ class UploadPlayer(MoveCheck):
         r = self.numbers
         if not reals.sign(r, velocity):
             return False
-        reals.divide(r, Y, velocity, ticks)
-        if reals.sign(r, Y) < 0:
-            reals.negate(r, Y, Y)
-        reals.fetch(r, X, self.axes[motor].numbers, MAX_ACCELERATION)
-        reals.double(r, T, X, -20)  # tolerance for rounding
-        reals.add(r, X, X, T)
-        return reals.compare(r, Y, X) > 0
+        reals.copy(r, X, velocity)
+        reals.copy(r, Y, ticks)
+        reals.fetch(r, T, self.axes[motor].numbers, MAX_ACCELERATION)
+        return compute(0, 0, r, _TOO_STEEP)
 
     def shift_by_x(self, places, motor, backward):
         """Add the number in X, rounded to a step, to places[motor]; subtract it if `backward`.
 
-        False, and no change, where that is past the range of positions. X and Y are lost.
+        False, and no change, where that is past the range of positions. X is lost.
         """
         r = self.numbers
-        if backward:
-            reals.negate(r, X, X)
-        reals.put(r, Y, 1, -1)
-        reals.add(r, X, X, Y)
+        compute(0, 0, r, _BACKWARD if backward else _FORWARD)
         way = reals.floor(r, X, HALF)
         return -HALF < way < HALF and reals.add_within(places, motor, places, motor, way) != 0
 

@@ -21,7 +21,22 @@ OWN = const(36)  # after twelve motors' velocities
 TOPS = const(64)
 SCRATCH = const(88)  # what formulas need on the way
 SCRATCH_END = const(102)
-REGISTERS = const(102)
+
+# ---------------------------------------------------------------- of a check (move_check.py)
+
+FPS = const(102)  # frames per second
+# what a motor can do, first per second, then from frame to frame
+TOP_VELOCITY = const(104)
+TOP_ACCELERATION = const(106)
+TOP_CHANGE = const(108)  # of the kernel's numbers
+TOP_PULSED = const(110)  # of the pulse engine
+RAMP_RATE = const(112)  # acceleration of the rate, frames/s²
+STEPS = const(114)  # what was too much: steps from frame to frame,
+BENT = const(116)  # the change of them where the path bends,
+GATHERED = const(118)  # and what comes on top while the rate changes
+FPS_SQUARED = const(120)  # of the rate at which it could
+
+REGISTERS = const(122)
 
 # ---------------------------------------------------------------- of a JOG_ALL: frames and ticks
 
@@ -39,8 +54,15 @@ P = const(56)  # to work with
 Q = const(58)
 LIMIT = const(62)  # acceleration of a landing
 
-# ---------------------------------------------------------------- of an exposure
+# ---------------------------------------------------------------- of a run: ticks
 
-WINDOW = const(36)  # ticks from A to B
-ROLL = const(38)
-WAIT = const(40)  # ticks from GO to the first ramp
+FRAME_TICKS = const(36)  # of a frame
+LONGER_FRAME_TICKS = const(38)  # of one that is a microsecond longer
+ROLL_TICKS = const(40)  # of a motor's pre-roll or post-roll
+
+# ---------------------------------------------------------------- of an exposure: ticks
+
+WINDOW = const(36)  # from A to B
+RAMP = const(38)  # of a ramp, either side of it
+WAIT = const(40)  # from GO to the first ramp
+OPENING = const(42)  # from angle 0 to the shutter's opening

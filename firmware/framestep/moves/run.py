@@ -21,12 +21,15 @@ from array import array
 
 from framestep.clock import HALF, after, elapsed, reached
 from framestep.motion import reals, stepper
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.motors.motor import MAX_ACCELERATION
+from framestep.moves import registers
 from framestep.moves.frame_clock import MICROSECONDS, FrameClock
 from framestep.moves.move_check import FASTEST_FPS
 from framestep.moves.operation import Operation
 from framestep.moves.player import frame_velocity
-from framestep.moves.registers import THOUSAND, ZERO, X, Y
+from framestep.moves.registers import FRAME_TICKS, LONGER_FRAME_TICKS, ROLL_TICKS, ZERO, X, Y
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import (
@@ -41,16 +44,35 @@ from framestep.results import (
 )
 
 LONGEST_ROLL = const(600000)  # ms
-# ms of a motor's ramp: the next phase must not begin in the tick in which the ramp does
-_SHORTEST_ROLL = const(2)
 DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)
 DEFAULT_CLOSE = const(180)
 _AHEAD = const(3)  # phases that wait before the next is queued
 
-# Registers; registers.OWN is the first that is free
-_DURATION = const(36)  # of a frame, in ticks
-_DURATION_PLUS = const(38)  # of one that is a microsecond longer
-_ROLL = const(40)
+# From microseconds
+_FRAME_TICKS = formula(
+    registers,
+    """
+    LONGER_FRAME_TICKS = (FRAME_TICKS + 1) / THOUSAND
+    FRAME_TICKS = FRAME_TICKS / THOUSAND
+    """,
+)
+# How long a motor waits whose ramp is shorter than X.
+_WAIT = formula(
+    registers,
+    """
+    X = X - ROLL_TICKS
+    assert X > ZERO
+    """,
+)
+# The shortest ramp between rest and the velocity X, with the acceleration Y: 2 ms at least, since
+# the next phase must not begin in the tick in which the ramp does.
+_SHORTEST_RAMP = formula(
+    registers,
+    """
+    assert max(X, -X) > ZERO
+    ROLL_TICKS = max(max(X, -X) / Y, 2)
+    """,
+)
 
 
 class Plan:
@@ -108,7 +130,7 @@ class RunMove(Operation):
         self.end_ms = 0
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
-        self.period = _DURATION  # register of the end frame's duration
+        self.period = FRAME_TICKS  # register of the end frame's duration
         self.last_pass = False
         self.closed = False
         self.told = 0
@@ -272,20 +294,20 @@ class RunMove(Operation):
                     continue
                 own = frame_velocity(motor)
                 player.velocity(own, motor, plan.first, plan.step)
-                reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
-                if not player.apply_roll(motor, own, _ROLL, True, plan.begins):
+                reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
+                if not player.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
                     return player.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
                 player.velocity(own, motor, last, plan.step)
-                reals.fetch(r, _ROLL, plan.post_rolls, 2 * motor)
+                reals.fetch(r, ROLL_TICKS, plan.post_rolls, 2 * motor)
                 if (plan.loops or plan.turns) and not player.apply_roll(
-                    motor, own, _ROLL, False, plan.ends
+                    motor, own, ROLL_TICKS, False, plan.ends
                 ):
                     return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if not self._last(motor, last):
                     return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
                 if plan.turns:
                     player.velocity(own, motor, plan.first, -plan.step)
-                    reals.fetch(r, _ROLL, plan.pre_rolls, 2 * motor)
+                    reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
                     if not self._last(motor, plan.first):
                         return player.blame(EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL)
         return OK
@@ -293,52 +315,43 @@ class RunMove(Operation):
     def _last(self, motor, index):
         """Find where a motor is at the end of the last frame, `index`, and where it comes to rest.
 
-        It keeps frame_velocity(motor) through the frame's period and then takes _ROLL ticks to
+        It keeps frame_velocity(motor) through the frame's period and then takes ROLL_TICKS to
         stop. False where that is past a limit or steeper than the motor can.
         """
         player = self.player
         r = player.numbers
         lasts = self.lasts
         self.store.position(motor, index, lasts, motor)
-        reals.multiply(r, X, frame_velocity(motor), _DURATION)
+        reals.multiply(r, X, frame_velocity(motor), FRAME_TICKS)
         if not player.shift_by_x(lasts, motor, False):
             return False
         reals.copy_word(self.rests, motor, lasts, motor)
-        return player.apply_roll(motor, frame_velocity(motor), _ROLL, False, self.rests)
+        return player.apply_roll(motor, frame_velocity(motor), ROLL_TICKS, False, self.rests)
 
     def _durations(self, fps_milli):
-        """Set _DURATION and _DURATION_PLUS."""
+        """Set FRAME_TICKS and LONGER_FRAME_TICKS."""
         r = self.player.numbers
-        frame_us = MICROSECONDS // fps_milli
-        reals.put(r, _DURATION, frame_us, 0)
-        reals.put(r, _DURATION_PLUS, frame_us + 1, 0)
-        reals.divide(r, _DURATION, _DURATION, THOUSAND)
-        reals.divide(r, _DURATION_PLUS, _DURATION_PLUS, THOUSAND)
+        reals.put(r, FRAME_TICKS, MICROSECONDS // fps_milli, 0)
+        compute(0, 0, r, _FRAME_TICKS)
 
     def _roll_times(self, plan, index, ms, rolls):
         """rolls = ticks for which each motor ramps between rest and its velocity at frame `index`.
 
         ms: for all motors; 0: as long as each needs with its acceleration (field note 6.2),
-        _SHORTEST_ROLL at least. Returns the longest in whole ms.
+        two at least. Returns the longest in whole ms.
         """
         player = self.player
         r = player.numbers
         longest = ms
         for motor in range(player.count):
             if (plan.bits >> motor) & 1:
-                reals.put(r, _ROLL, ms, 0)
+                reals.put(r, ROLL_TICKS, ms, 0)
                 if ms == 0 and plan.frames:
                     player.velocity(X, motor, index, plan.step)
-                    if reals.sign(r, X) < 0:
-                        reals.negate(r, X, X)
                     reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
-                    reals.divide(r, _ROLL, X, Y)
-                    if reals.sign(r, _ROLL):
-                        reals.put(r, Y, _SHORTEST_ROLL, 0)
-                        if reals.compare(r, _ROLL, Y) < 0:
-                            reals.copy(r, _ROLL, Y)
-                        longest = max(longest, reals.floor(r, _ROLL, LONGEST_ROLL) + 1)
-                reals.fetch(rolls, 2 * motor, r, _ROLL)
+                    if compute(0, 0, r, _SHORTEST_RAMP):
+                        longest = max(longest, reals.floor(r, ROLL_TICKS, LONGEST_ROLL) + 1)
+                reals.fetch(rolls, 2 * motor, r, ROLL_TICKS)
         return longest
 
     def stop_loop(self):
@@ -373,17 +386,16 @@ class RunMove(Operation):
             player.velocity(own, motor, self.first, self.step)
         else:
             reals.put(r, own, 0, 0)
-        reals.fetch(r, _ROLL, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
+        reals.fetch(r, ROLL_TICKS, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
         # motors with a shorter ramp wait, so that all reach the first frame at the same time
         reals.put(r, X, self.begin_ms, 0)
-        reals.subtract(r, X, X, _ROLL)
-        if reals.sign(r, X) > 0:
+        if compute(0, 0, r, _WAIT):
             axis.append_coasting_phase(
                 X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor
             )
-        if reals.sign(r, _ROLL):
+        if reals.sign(r, ROLL_TICKS):
             self.store.position(motor, self.first, player.place, 0)
-            axis.append_coasting_phase(_ROLL, ZERO, own, r, player.place, 0)
+            axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.place, 0)
 
     def started(self, tick):
         first = after(tick, self.begin_ms)
@@ -411,7 +423,7 @@ class RunMove(Operation):
         player = self.player
         plan = self.plan
         k = self.queued + 1
-        duration = _DURATION_PLUS if self.queue_clock.longer() else _DURATION
+        duration = LONGER_FRAME_TICKS if self.queue_clock.longer() else FRAME_TICKS
         if k > plan.frames:
             self.period = duration
             self.end = self.first + self.step * plan.frames
@@ -437,13 +449,13 @@ class RunMove(Operation):
             places = plan.ends if onward else plan.begins
             axis = player.axes[motor]
             own = frame_velocity(motor)
-            reals.fetch(r, _ROLL, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
+            reals.fetch(r, ROLL_TICKS, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
                 self._last(motor, self.end)
                 axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor)
                 places = self.rests
-            if reals.sign(r, _ROLL):
-                axis.append_coasting_phase(_ROLL, own, ZERO, r, places, motor)
+            if reals.sign(r, ROLL_TICKS):
+                axis.append_coasting_phase(ROLL_TICKS, own, ZERO, r, places, motor)
         if not self.unclosed:
             player.end_phases(plan.bits)
             self.closed = True

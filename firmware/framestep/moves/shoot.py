@@ -24,12 +24,14 @@ from array import array
 from framestep.clock import after, reached
 from framestep.hal.engine import CUE_DELAY_US
 from framestep.motion import reals, stepper
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
 from framestep.motors.motor import MAX_VELOCITY
-from framestep.moves import path
+from framestep.moves import path, registers
 from framestep.moves.move_check import HALF
 from framestep.moves.operation import Operation
 from framestep.moves.player import frame_velocity
-from framestep.moves.registers import ROLL, WAIT, WINDOW, ZERO, T, X, Y
+from framestep.moves.registers import OPENING, RAMP, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
@@ -39,6 +41,40 @@ RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time i
 LONGEST_MS = const(3600000)
 DEFAULT_MS = const(1000)  # for EXPOSURE 0 (field note 7.3)
 _FARTHEST = const(0x3FFFFFFF)  # steps from A to B: less
+
+# An exposure of X ticks from angle T to angle T + Y.
+_FULL_TURN = formula(
+    registers,
+    """
+    degree = X / Y
+    WINDOW = degree * 360
+    OPENING = degree * T
+    """,
+)
+# The shutter opens X ticks after GO, and what begins then comes Y microseconds later than pulses.
+_WAIT = formula(registers, "WAIT = X - OPENING - RAMP + Y / THOUSAND")
+# The ramps are the first and the last eighth of the 360 degrees, which end X ticks after GO.
+_RAMPS_WITHIN = formula(
+    registers,
+    """
+    X = WAIT + WINDOW
+    RAMP = WINDOW / 8
+    WINDOW = WINDOW - RAMP - RAMP
+    """,
+)
+# From A to B are X steps. With BLUR, of which Y thousandths are left out, the window begins so much
+# later and ends so much earlier; half a step more, to be rounded down.
+_LEFT_OUT = formula(registers, "X = X * Y / 2000 + 0.5")
+# The length of a ramp: half of what the window covers in that time.
+_RAMP_LENGTH = formula(registers, "X = X / (WINDOW + RAMP) * RAMP / 2 + 0.5")
+# X steps in the window are more than the top velocity Y allows; X becomes the velocity.
+_TOO_FAST = formula(
+    registers,
+    """
+    X = X / WINDOW
+    assert max(X, -X) > Y
+    """,
+)
 
 
 class Shot:
@@ -54,7 +90,7 @@ class Shot:
         self.begin_ms = 0  # from GO to the shutter's opening
         self.lasts_ms = 0  # from GO until all is over: RT_END
         self.wait = array("i", [0] * 2)  # real: ticks from GO to the first ramp
-        self.roll = array("i", [0] * 2)  # real: ticks of a ramp
+        self.ramp = array("i", [0] * 2)  # real: ticks of a ramp
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
         self.starts = array("i", [0] * motors)  # by motor: where it waits,
         # and the direction in which it sets out: 1 up, -1 down, 0 not at all
@@ -175,38 +211,27 @@ class ShootFrame(Operation):
         r = self.player.numbers
         reals.put(r, X, shot.exposure_ms, 0)
         reals.put(r, Y, closed - opened, 0)
-        reals.divide(r, X, X, Y)  # ticks of a degree
-        reals.put(r, Y, 360, 0)
-        reals.multiply(r, WINDOW, X, Y)
-        reals.put(r, Y, opened, 0)
-        reals.multiply(r, X, X, Y)  # from angle 0 to the opening
+        reals.put(r, T, opened, 0)
+        compute(0, 0, r, _FULL_TURN)
         if (
             reals.floor(r, WINDOW, HALF) > LONGEST_MS
-            or not -LONGEST_MS <= reals.floor(r, X, HALF) <= LONGEST_MS
+            or not -LONGEST_MS <= reals.floor(r, OPENING, HALF) <= LONGEST_MS
         ):
             return ERR_RANGE
-        reals.put(r, Y, run_up_ms, 0)
-        reals.copy(r, ROLL, Y)
-        reals.add(r, T, X, Y)
+        reals.put(r, RAMP, run_up_ms, 0)
+        reals.add(r, T, OPENING, RAMP)
         shot.begin_ms = max(reals.floor(r, T, HALF), 0) + 1
-        reals.put(r, T, shot.begin_ms, 0)
-        reals.subtract(r, T, T, X)
-        reals.subtract(r, T, T, Y)  # from GO to the first ramp
         kernel = self.player.axes.kernel.state
         late = kernel[stepper.LEAD] * kernel[stepper.CYCLES] - kernel[stepper.AHEAD]
-        reals.put(r, X, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
-        reals.put(r, Y, 1000, 0)
-        reals.divide(r, X, X, Y)
-        reals.add(r, T, T, X)
-        reals.fetch(shot.wait, 0, r, T)
+        reals.put(r, X, shot.begin_ms, 0)
+        reals.put(r, Y, late // kernel[stepper.CYCLES_PER_US] + CUE_DELAY_US, 0)
+        compute(0, 0, r, _WAIT)
         shot.lasts_ms = shot.begin_ms + shot.exposure_ms + run_up_ms
         if not run_up_ms:
-            reals.add(r, T, T, WINDOW)
-            shot.lasts_ms = max(shot.lasts_ms, reals.floor(r, T, HALF) + 1)
-            reals.double(r, ROLL, WINDOW, -3)  # an eighth
-            reals.subtract(r, WINDOW, WINDOW, ROLL)
-            reals.subtract(r, WINDOW, WINDOW, ROLL)
-        reals.fetch(shot.roll, 0, r, ROLL)
+            compute(0, 0, r, _RAMPS_WITHIN)
+            shot.lasts_ms = max(shot.lasts_ms, reals.floor(r, X, HALF) + 1)
+        reals.fetch(shot.wait, 0, r, WAIT)
+        reals.fetch(shot.ramp, 0, r, RAMP)
         reals.fetch(shot.window, 0, r, WINDOW)
         return OK
 
@@ -227,21 +252,12 @@ class ShootFrame(Operation):
                 return ERR_RANGE
             shot.ways[motor] = reals.sign(r, X)
             if permille:
-                # BLUR: what is cut off at either end
                 reals.put(r, Y, 1000 - permille, 0)
-                reals.multiply(r, X, X, Y)
-                reals.put(r, Y, 2000, 0)
-                reals.divide(r, X, X, Y)
+                compute(0, 0, r, _LEFT_OUT)
             else:
-                # the length of a ramp: half of what the window covers in that time
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                reals.add(r, Y, WINDOW, ROLL)
-                reals.divide(r, X, X, Y)
-                reals.multiply(r, X, X, ROLL)
-                reals.double(r, X, X, -1)
-            reals.put(r, Y, 1, -1)
-            reals.add(r, X, X, Y)
+                compute(0, 0, r, _RAMP_LENGTH)
             cut = reals.floor(r, X, _FARTHEST)
             reals.add_word(shot.a, motor, shot.a, motor, cut)
             reals.add_word(shot.b, motor, shot.b, motor, -cut)
@@ -250,11 +266,11 @@ class ShootFrame(Operation):
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
-                if not player.apply_roll(motor, own, ROLL, True, shot.starts):
+                if not player.apply_roll(motor, own, RAMP, True, shot.starts):
                     return ERR_PREROLL
-                if not player.apply_roll(motor, own, ROLL, False, shot.ends):
+                if not player.apply_roll(motor, own, RAMP, False, shot.ends):
                     return ERR_POSTROLL
-            elif player.too_steep(motor, own, ROLL):
+            elif player.too_steep(motor, own, RAMP):
                 return ERR_RANGE
             elif axis.beyond(shot.starts, motor):
                 return ERR_PREROLL
@@ -266,14 +282,11 @@ class ShootFrame(Operation):
         """Find a motor's velocity in the window. Whether it is above its top velocity."""
         player = self.player
         r = player.numbers
-        own = frame_velocity(motor)
-        reals.put_difference(r, own, shot.b, motor, shot.a, motor)
-        reals.divide(r, own, own, WINDOW)
-        reals.copy(r, X, own)
-        if reals.sign(r, X) < 0:
-            reals.negate(r, X, X)
+        reals.put_difference(r, X, shot.b, motor, shot.a, motor)
         reals.fetch(r, Y, player.axes[motor].numbers, MAX_VELOCITY)
-        return reals.compare(r, X, Y) > 0
+        too_fast = compute(0, 0, r, _TOO_FAST)
+        reals.copy(r, frame_velocity(motor), X)
+        return too_fast
 
     def recheck(self, waiting):
         player = self.player
@@ -290,12 +303,12 @@ class ShootFrame(Operation):
                 if (
                     axis.beyond(shot.starts, motor)
                     or shot.blurs
-                    and player.too_steep(motor, own, ROLL)
+                    and player.too_steep(motor, own, RAMP)
                 ):
                     return ERR_PREROLL
                 if axis.beyond(shot.ends, motor):
                     return ERR_POSTROLL
-                if player.too_steep(motor, own, ROLL):
+                if player.too_steep(motor, own, RAMP):
                     return ERR_RANGE
         return OK
 
@@ -310,7 +323,7 @@ class ShootFrame(Operation):
         shot = self.shot
         reals.fetch(r, WINDOW, shot.window, 0)
         reals.fetch(r, WAIT, shot.wait, 0)
-        reals.fetch(r, ROLL, shot.roll, 0)
+        reals.fetch(r, RAMP, shot.ramp, 0)
 
     def queue_first_phases(self, motor):
         player = self.player
@@ -321,9 +334,9 @@ class ShootFrame(Operation):
         reals.divide(r, own, own, WINDOW)
         axis = player.axes[motor]
         axis.append_phase(WAIT, ZERO, ZERO, r, shot.starts, motor)
-        axis.append_phase(ROLL, ZERO, own, r, shot.a, motor)
+        axis.append_phase(RAMP, ZERO, own, r, shot.a, motor)
         axis.append_phase(WINDOW, own, own, r, shot.b, motor)
-        axis.append_phase(ROLL, own, ZERO, r, shot.ends, motor)
+        axis.append_phase(RAMP, own, ZERO, r, shot.ends, motor)
         axis.set_more_to_come(False)
 
     def started(self, tick):

@@ -126,6 +126,12 @@ _STEPS = formula(
 # many of them be less exact.
 _WITHOUT_TURNS = formula(registers, "X = X - floor(X / 360 + 0.5) * 360")
 
+# A number of a pose, of which Y is in FIRST_POSE: what the host counts since then, in its
+# hundred-thousandths, and back; and the difference of the two counts.
+_TO_HOST = formula(registers, "X = (X - Y) * 100000")
+_FROM_HOST = formula(registers, "X = Y + X / 100000")
+_HOST_OFFSET = formula(registers, "X = X / 100000 - Y")
+
 
 @micropython.viper
 def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
@@ -358,26 +364,26 @@ class Kinematics:
     def to_host(self, out, j, i):
         """out[j] = number i of POSE as the host counts it, times 100000, held within 32 bits."""
         r = self.r
-        reals.subtract(r, X, POSE + 2 * i, FIRST_POSE + 2 * i)
-        reals.put(r, Y, 100000, 0)
-        reals.multiply(r, X, X, Y)
+        reals.copy(r, X, POSE + 2 * i)
+        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        compute(0, 0, r, _TO_HOST)
         _sum_to_word(out, j, r, X, self.host_pose, i)
 
     def from_host(self, to, i, source, j):
         """r[to] = number i of POSE for what the host calls source[j] / 100000."""
         r = self.r
         reals.put_difference(r, X, source, j, self.host_pose, i)
-        reals.put(r, Y, 100000, 0)
-        reals.divide(r, X, X, Y)
-        reals.add(r, to, FIRST_POSE + 2 * i, X)
+        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        compute(0, 0, r, _FROM_HOST)
+        reals.copy(r, to, X)
 
     def host_offset(self, to, i):
         """r[to] = what the host counts less POSE, of number i."""
         r = self.r
         reals.put_difference(r, X, self.host_pose, i, _word, 1)
-        reals.put(r, Y, 100000, 0)
-        reals.divide(r, X, X, Y)
-        reals.subtract(r, to, X, FIRST_POSE + 2 * i)
+        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        compute(0, 0, r, _HOST_OFFSET)
+        reals.copy(r, to, X)
 
     # ---------------------------------------------------------------- steps
 

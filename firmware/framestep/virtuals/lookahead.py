@@ -27,14 +27,13 @@ from framestep.virtuals.registers import (
     EXIT_V2,
     FASTEST,
     HALF_CELL,
-    LEFT,
     MAX_A,
     MAX_V,
     REACH_S,
     SAMPLE,
     S,
 )
-from framestep.virtuals.survey import SMOOTH, UNLIMITED
+from framestep.virtuals.survey import SMOOTH
 
 CELLS = const(8)  # ahead of the point
 _RING = const(32)  # with those behind it: a stop takes it back to a knot that has been planned
@@ -88,6 +87,24 @@ _LIMIT = formula(
     MAX_V = min(MAX_V, CELL_V)
     MAX_A = min(MAX_A, CELL_A)
     LEFT = min(LEFT, EXIT_V2 / MAX_A / 2 + CELL_END - S)
+    """,
+)
+# As in survey.py.
+_NO_LIMIT = formula(
+    registers,
+    """
+    MAX_V = 2 ** 40
+    MAX_A = MAX_V
+    LEFT = MAX_V
+    """,
+)
+_IS_WITHIN = formula(registers, "assert CELL_END - CELL_LENGTH <= S")
+# Where the cell after END ends, and how long that makes it: s is rounded.
+_CELL_ENDS = formula(
+    registers,
+    """
+    SAMPLE = END + CELL_LENGTH
+    CELL_LENGTH = SAMPLE - END
     """,
 )
 _REACH = formula(registers, "REACH_S = (MAX_A * 16 + V) * 32 + S")
@@ -206,8 +223,7 @@ class LookAhead:
         r = self.r
         survey.set_point_limits(self.share)
         reals.double(r, CELL_LENGTH, HALF_CELL, 1 - self.level)
-        reals.add(r, SAMPLE, END, CELL_LENGTH)
-        reals.subtract(r, CELL_LENGTH, SAMPLE, END)
+        compute(0, 0, r, _CELL_ENDS)
         cells = self.cells
         k = _CELL * ((self.head + self.count) % _RING)
         self.behind = min(self.behind, _RING - 1 - self.count)
@@ -261,8 +277,7 @@ class LookAhead:
         k = _CELL * self.head
         reals.fetch(r, CELL_END, cells, k + _END)
         reals.fetch(r, CELL_LENGTH, cells, k + _LENGTH)
-        reals.subtract(r, CELL_END, CELL_END, CELL_LENGTH)
-        return reals.compare(r, CELL_END, S) <= 0
+        return bool(compute(0, 0, r, _IS_WITHIN))
 
     def load_limits(self):
         """Set MAX_V, MAX_A and LEFT for where the point is. False where nothing is surveyed."""
@@ -278,9 +293,7 @@ class LookAhead:
             self.count -= 1
             self.behind += 1
         span = cells[_CELL * self.head + _SPAN]
-        reals.put(r, MAX_V, 1, UNLIMITED)
-        reals.put(r, MAX_A, 1, UNLIMITED)
-        reals.put(r, LEFT, 1, UNLIMITED)
+        compute(0, 0, r, _NO_LIMIT)
         for i in range(self.count):
             k = _CELL * ((self.head + i) % _RING)
             reals.fetch(r, CELL_END, cells, k + _END)

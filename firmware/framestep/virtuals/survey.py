@@ -22,7 +22,6 @@ from framestep.virtuals.line import CODE_HIGH, CODE_LOW, HIGH, LOW, ROW, SURVEY
 from framestep.virtuals.registers import (
     AXES,
     BEND,
-    BEND_V2,
     END,
     HALF_CELL,
     MAX_A,
@@ -44,13 +43,23 @@ _MOST_CELLS = const(96)
 _SIXTEENTHS = const(4)  # of a step, as shift
 _NOISE = const(4)  # sixteenths of a second difference that are rounding
 _SMALL_BEND = const(32)  # sixteenths that make no difference
-_MARGIN = const(10320)  # motors are taken for 10000 / 10320 of themselves: a survey cannot see all
 _TOLERANCE = const(0x1000)  # Q16: what a place may be past a bound: the rounding of a survey
-UNLIMITED = const(40)  # 2^40: greater than any limit, and than any way
 
 SMOOTH = const(0)
 _BENT = const(1)  # the cell is to be halved
 _FAR = const(2)  # farther than can be counted
+
+# 2^40 is greater than any limit, and than any way. Motors are taken for 10000 / 10320 of what they
+# can do, since a survey cannot see all.
+_NO_LIMIT = formula(
+    registers,
+    """
+    MAX_V = 2 ** 40
+    MAX_A = MAX_V
+    BEND_V2 = MAX_V
+    SHARE = SHARE / 10320
+    """,
+)
 
 # Limits of the point from those of a motor, in half cells per tick.
 _LIMIT_V = formula(
@@ -333,12 +342,8 @@ class Survey:
         """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can
         do."""
         r = self.r
-        reals.put(r, MAX_V, 1, UNLIMITED)
-        reals.put(r, MAX_A, 1, UNLIMITED)
-        reals.put(r, BEND_V2, 1, UNLIMITED)
         reals.put(r, SHARE, share, 0)
-        reals.put(r, SAMPLE, _MARGIN, 0)
-        reals.divide(r, SHARE, SHARE, SAMPLE)
+        compute(0, 0, r, _NO_LIMIT)
         for i in range(AXES):
             if self._load_motor(i):
                 compute(0, 0, r, _LIMIT_V)
