@@ -29,6 +29,7 @@ from .home import CACHE, FIRMWARE, ROOT
 from .inlining import inline
 from .merging import groups, merge
 from .names import lean
+from .pooling import pooled
 
 __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
 
@@ -282,7 +283,7 @@ def _board_sources(board: str) -> dict[str, bytes]:
     folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
     texts = {name: path.read_text() for name, path in sources().items()}
     merged = merge({name: text.decode() for name, text in folds.items()}, groups(texts))
-    lean = _lean({name: text.encode() for name, text in merged.items()})
+    lean = _lean({name: text.encode() for name, text in pooled(merged).items()})
     return {
         name.removesuffix(".py") + ".mpy": source
         for name, source in lean.items()

@@ -3,8 +3,12 @@
 A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a
 formula is compiled from its text (formula.py, on the computer that builds the firmware) to bytes,
 four for each operation: what, the register of the result, the registers of two operands. SCALE and
-NUMBER have four bytes more. Results are, bit by bit, those of the functions in `reals`. Angles are
-degrees. Sine and cosine are right to 2^-28, angles to 4e-7 degrees. Nothing allocates.
+NUMBER have four bytes more. Angles are degrees. Sine and cosine are right to 2^-28, angles to 4e-7
+degrees. Nothing allocates.
+
+Results are, bit by bit, those of the functions in `reals`. The arithmetic is here once more because
+a call of each of those from here would take longer than the operation itself, and `reals` has to do
+single ones for kernels that run from RAM.
 """
 
 from array import array
@@ -140,11 +144,12 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
     """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not
     computed then.
 
-    m and n are parameters because viper keeps the first two in registers on ARM; what is passed
-    does not matter.
+    m: where in `formula` it begins. Pass 0: the build for a board puts many formulas into one
+    string, and their places into the calls (framestep_tools.pooling). n is a parameter because
+    viper keeps the first two in registers on ARM; what is passed does not matter.
     """
     r = ptr32(registers)
-    at = 0
+    at = m
     while True:
         what = formula[at + 0]
         to = formula[at + 1]

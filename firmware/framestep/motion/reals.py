@@ -5,6 +5,9 @@ words of an array, mantissa and exponent: `value = mantissa * 2**exponent`, with
 2^29 <= |mantissa| < 2^30 or a mantissa of 0. Results are rounded, right to 2^-29 of their size, the
 same bits on every runtime. Registers are named by the index of their first word.
 
+compute.py has the same arithmetic for whole formulas, where a call of a function here would take
+longer than the operation itself; tests compare the two bit by bit.
+
 All functions are viper kernels, take 5 to 15 microseconds on an RP2040 and allocate nothing.
 """
 
