@@ -66,12 +66,12 @@ def _formulas(tree: ast.Module) -> dict[str, _Formula]:
     """What the module gives compute() and nobody else, in the order of the text."""
     found: dict[str, _Formula] = {}
     again: set[str] = set()
-    for node in tree.body:
-        match node:
+    for statement in tree.body:
+        match statement:
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Constant(value=bytes(code))):
                 if name in found:
                     again.add(name)
-                found[name] = _Formula(name, node, code)
+                found[name] = _Formula(name, statement, code)
     passed: set[int] = set()
     for node in ast.walk(tree):
         match node:
