@@ -78,7 +78,8 @@ class Session:
     def accept(self, *requests):
         """Each of them is taken."""
         for request in requests:
-            assert self.code(request) == Ack.OK, request
+            code = self.code(request)
+            assert code == Ack.OK, (request, code)
 
     def refuse(self, code, *requests):
         """Each of them is refused with this code."""
