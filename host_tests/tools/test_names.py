@@ -1,6 +1,7 @@
 import ast
 
 from framestep_tools.files import _STAYS, folded, sources
+from framestep_tools.merging import groups
 from framestep_tools.names import lean
 
 
@@ -150,6 +151,9 @@ def test_a_module_for_a_board_is_the_same_but_for_the_names():
 
 def test_functions_that_stay_in_ram_are_there():
     texts = {name: path.read_text() for name, path in sources().items()}
+    merged = groups(texts)
     for module, names in _STAYS.items():
-        tree = ast.parse(texts[module.removesuffix(".mpy") + ".py"])
-        assert names <= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        path = module.removesuffix(".mpy") + ".py"
+        trees = [ast.parse(texts[each]) for each in (*merged.get(path, ()), path)]
+        functions = [n for tree in trees for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+        assert names <= {function.name for function in functions}
