@@ -138,7 +138,12 @@ def test_changed_data_shows(monkeypatch):
 @pytest.mark.parametrize("name", BOARDS)
 def test_folder_is_complete(name):
     folder = ROOT / "boards" / name
-    assert "not yet tried on hardware" in (folder / "README.md").read_text().lower()
+    page = (folder / "README.md").read_text()
+    assert "not yet tried on hardware" in page.lower()
+    heading = f"# {board_data(name)['name']}"
+    assert page.splitlines()[0].startswith(heading), (
+        f"boards/{name}/README.md is to begin with the name in board.json: {heading}"
+    )
     chip = board_data(name)["chip"]
     cmake = (folder / "mpconfigboard.cmake").read_text()
     line = f'set(PICO_BOARD "{"pico2" if chip == "rp2350" else "pico"}")'

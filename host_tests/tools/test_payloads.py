@@ -2,6 +2,7 @@
 write."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from framestep.protocol import messages
 from framestep_tools import payloads as p
+from framestep_tools.files import FIRMWARE, ROOT
 from framestep_tools.payloads import codec
 from framestep_tools.sniffer import describe
 from framestep_tools.wire import Frame
@@ -39,6 +41,29 @@ def test_every_message_type_has_a_class():
         "of no MSG_ in protocol/messages.py, so take out of tools/framestep_tools/payloads: "
         + ", ".join(gone)
     )
+
+
+def test_what_the_device_sends_has_a_class():
+    """What is written with writer.begin() goes out without the acknowledgement flag."""
+    sent = set()
+    for path in (FIRMWARE / "framestep").rglob("*.py"):
+        sent.update(re.findall(r"writer\.begin\(\s*m\.(MSG_\w+)", path.read_text()))
+    assert len(sent) > 10
+    missing = sorted(name for name in sent if getattr(messages, name) not in p.REPORTS)
+    assert not missing, (
+        "add a class to tools/framestep_tools/payloads/device.py, and to REPORTS in its "
+        f"__init__.py, for {', '.join(missing)}"
+    )
+
+
+def test_every_request_is_tried_end_to_end():
+    """realtime_answers.py has only what is answered."""
+    names = set()
+    for path in (ROOT / "host_tests" / "end_to_end").glob("*.py"):
+        if path.name != "realtime_answers.py":
+            names.update(re.findall(r"\b[A-Z]\w+\b", path.read_text()))
+    untried = sorted({p.REQUESTS[kind].__name__ for kind in messages.REQUESTS} - names)
+    assert not untried, f"add a test in host_tests/end_to_end of what it does: {untried}"
 
 
 def values(code):

@@ -107,6 +107,8 @@ def test_lengths_in_the_notes_are_those_of_the_code():
     told = lengths()
     for kind, wanted in messages.REQUESTS.items():
         name = TYPE_NAMES[kind]
+        if name not in told:
+            continue  # the test above says what to do
         if kind == messages.MSG_VIRT_CONFIG:  # each type has its own
             wanted = (wanted[0], 0)
         assert sizes(told[name][0]) == wanted, (
@@ -128,6 +130,8 @@ def test_lengths_in_the_notes_are_those_of_the_answers():
             struct.calcsize("<" + code) for _, code, optional in codec.layout(cls) if optional
         )
         name = TYPE_NAMES[kind]
+        if name not in told:
+            continue
         assert told[name][1], f"{name}: say in 2 of docs/protocol-notes.md what the device sends"
         assert least <= sizes(told[name][1])[0] <= longest, (
             f"{name}: the table in 2 of docs/protocol-notes.md says {told[name][1]!r}, "

@@ -34,11 +34,10 @@ def chips() -> dict[str, Chip]:
     entries = json.loads(FILE.read_text())
     names = {field.name for field in fields(Chip)}
     for key, entry in entries.items():
-        if entry.keys() != names:
-            raise ToolError(
-                f"{FILE.name}: {key} needs {', '.join(sorted(names ^ entry.keys()))}, "
-                "or has it too much"
-            )
+        if missing := sorted(names - entry.keys()):
+            raise ToolError(f"{FILE.name}: {key} needs {', '.join(missing)}; see docs/new-chip.md")
+        if unknown := sorted(entry.keys() - names):
+            raise ToolError(f"{FILE.name}: {key} has {', '.join(unknown)}, which means nothing")
     return {key: Chip(**entry) for key, entry in entries.items()}
 
 

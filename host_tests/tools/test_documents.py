@@ -1,0 +1,151 @@
+"""What the documents name exists: files, links, make targets, commands and their options, modules,
+settings of the rig file."""
+
+import importlib.util
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from framestep import rig
+from framestep_tools.cli import app
+from framestep_tools.files import ROOT
+
+DOCUMENTS = sorted(
+    ROOT / name
+    for name in subprocess.run(
+        ["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, check=True, text=True
+    ).stdout.split()
+)
+_PATH = re.compile(
+    r"(?<![\w/.…<>$*-])((?:[\w<>*.-]+/)+[\w<>*-]+\.(?:py|mjs|md|json|svg|sh|txt|toml|yml|csv))\b"
+)
+_NAME = re.compile(r"^[\w<>*-]+\.(?:py|mjs|sh|toml)$")
+# Where the documents take paths from, besides the root and their own folder
+_FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", "host_tests")
+# What is made, or lies on a board
+_MADE = ("build/", ".cache/", "lib/")
+_SETTINGS = (
+    rig.SETTINGS,
+    rig.MOTOR_SETTINGS,
+    rig.DRIVER_SETTINGS,
+    rig.OUTPUT_SETTINGS,
+    rig.INPUT_SETTINGS,
+    rig.LIMIT_SETTINGS,
+)
+
+
+def code(text: str) -> Iterator[str]:
+    """What stands in backticks, and lines of examples."""
+    yield from re.findall(r"`([^`\n]+)`", text)
+    for line in text.splitlines():
+        if line.startswith("    "):
+            yield line.strip()
+
+
+def exists(document: Path, path: str) -> bool:
+    pattern = re.sub(r"(<[^>]*>|\*)+", "*", path)
+    if path.startswith(_MADE):
+        return True
+    return any(
+        any(folder.glob(pattern))
+        for folder in (ROOT, document.parent, *(ROOT / name for name in _FOLDERS))
+    )
+
+
+def slug(heading: str) -> str:
+    """The anchor that GitHub makes of a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: str(p.relative_to(ROOT)))
+def test_files_are_there(document):
+    text = document.read_text()
+    named = {path for path in _PATH.findall(re.sub(r"https?://\S+|/dev/\S+", "", text))}
+    missing = sorted(path for path in named if not exists(document, path))
+    every = {path.name for path in ROOT.glob("*")} | {
+        Path(name).name
+        for name in subprocess.run(
+            ["git", "ls-files"], cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout.splitlines()
+    }
+    alone = {found for found in re.findall(r"`([^`\s]+)`", text) if _NAME.match(found)}
+    missing += sorted(name for name in alone if "*" not in name and name not in every)
+    assert not missing, f"{document.relative_to(ROOT)} names files that are not there: {missing}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(document):
+    for target in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        if "://" in target:
+            continue
+        path, _, anchor = target.partition("#")
+        file = document.parent / path if path else document
+        assert file.exists(), f"{document.relative_to(ROOT)}: no {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+            assert anchor in map(slug, headings), f"{document.relative_to(ROOT)}: no {target}"
+
+
+def test_make_targets_are_there():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    count = 0
+    for document in DOCUMENTS:
+        for part in code(document.read_text()):
+            if found := re.match(r"make ([a-z-]+)", part):
+                count += 1
+                assert found[1] in targets, (
+                    f"{document.relative_to(ROOT)}: the Makefile has no target {found[1]}"
+                )
+    assert count > 30, "the search has found next to nothing"
+
+
+def test_commands_and_their_options_are_there():
+    top = typer.main.get_command(app)
+    count = 0
+    for document in DOCUMENTS:
+        for part in code(document.read_text()):
+            words = part.removeprefix(".cache/venv/bin/").split("#")[0].split()
+            if not words or words[0] != "framestep" or len(words) < 2:
+                continue
+            where = f"{document.relative_to(ROOT)}: {part}"
+            command, options = top, {"--help"}
+            for word in words[1:]:
+                inner = getattr(command, "commands", None)
+                options |= {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
+                if word.startswith("--"):
+                    assert word.split("=")[0] in options, f"{where}: no option {word}"
+                elif inner is not None and re.fullmatch("[a-z0-9-]+", word):
+                    assert word in inner, f"{where}: no command {word}"
+                    command = inner[word]
+                    options |= {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
+                    count += 1
+    assert count > 20, "the search has found next to nothing"
+
+
+def test_modules_are_there():
+    for document in DOCUMENTS:
+        for part in code(document.read_text()):
+            for name in re.findall(r"python -m ((?:framestep|host_tests)[\w.]*)", part):
+                assert importlib.util.find_spec(name), f"{document.relative_to(ROOT)}: no {name}"
+
+
+def test_settings_are_there():
+    known = {key for table in _SETTINGS for key in table}
+    count = 0
+    for document in DOCUMENTS:
+        text = document.read_text()
+        if document.name == "rig-file.md":  # its tables are made from the settings
+            text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
+        named = re.findall(r'`"(\w+)"(?::[^`]*)?`', text)
+        named += re.findall(r"settings?\s+`(\w+)`", text)
+        for name in named:
+            count += 1
+            assert name in known, (
+                f"{document.relative_to(ROOT)}: the rig file has no setting {name}; "
+                "a document names one as soon as it exists"
+            )
+    assert count > 15, "the search has found next to nothing"
