@@ -12,8 +12,8 @@ for channel in range(12):
     mem32[0x50000010 + 0x40 * channel] = 0
 mem32[0x50000464 if "RP2350" in __import__("sys").implementation._machine else 0x50000444] = 0xFFF
 
-# The USB device is still there: the host has given it an address, and framestep.hal.usb_port has
-# left its mark
+# The USB device is still there: the host has given it an address, and framestep.hal.usb_transfers
+# has left its mark
 if mem32[0x50110000] & 0x7F and mem32[0x50100FC8] == 0x1D7A5C3B:
     import framestep.boot
 

@@ -18,6 +18,8 @@ MODULES = (
     "hal/__init__",
     "hal/rp2_stack",
     "hal/rp2_usb",
+    "hal/usb_descriptor",
+    "hal/usb_transfers",
     "hal/usb_port",
     "hal/stdin_port",
     "protocol/__init__",

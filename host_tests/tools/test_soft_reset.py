@@ -15,7 +15,7 @@ def number(file, name):
 
 def test_boot_py_looks_where_the_port_leaves_its_mark():
     boot = (FIRMWARE / "boot.py").read_text()
-    at = number("hal/rp2_usb.py", "_MEMORY") + number("hal/usb_port.py", "KEPT_AT")
-    assert f"mem32[0x{at:08X}] == 0x{number('hal/usb_port.py', 'ALIVE'):08X}" in boot
+    at = number("hal/rp2_usb.py", "_MEMORY") + number("hal/usb_transfers.py", "KEPT_AT")
+    assert f"mem32[0x{at:08X}] == 0x{number('hal/usb_transfers.py', 'ALIVE'):08X}" in boot
     address = number("hal/rp2_usb.py", "ADDRESS_REGISTER")
     assert f"mem32[0x{address:08X}] & 0x7F" in boot

@@ -91,7 +91,7 @@ _STAYS = {
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"take_lost_commands", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {
-        "_arm", "_arrived", "_part", "_drop_stale", "_send_packet", "_transferred", "poll",
+        "arm", "arrived", "mark_stale", "drop_stale", "send_packet", "_transferred", "poll",
         "send", "_heard", "_watch",
     },
     "framestep/motion/segments.mpy": {
