@@ -22,6 +22,8 @@ LAYERS = (
     ("motion",),
     ("motors",),
     ("io", "moves", "virtuals"),
+    ("rig_settings",),
+    ("rig_pins",),
     ("rig",),
     ("reports",),
     ("stops",),

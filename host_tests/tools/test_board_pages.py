@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from framestep.rig import Rig, fitted
+from framestep.rig import Rig
+from framestep.rig_pins import fitted
 from framestep_tools import board_pages
 from framestep_tools.files import ROOT, board_data, board_files, board_module, board_names, march
 from framestep_tools.rig_file import read

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from framestep import rig
+from framestep import rig_settings
 from framestep_tools.cli import app
 from framestep_tools.files import ROOT
 
@@ -29,12 +29,12 @@ _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", 
 # What is made, or lies on a board
 _MADE = ("build/", ".cache/", "lib/")
 _SETTINGS = (
-    rig.SETTINGS,
-    rig.MOTOR_SETTINGS,
-    rig.DRIVER_SETTINGS,
-    rig.OUTPUT_SETTINGS,
-    rig.INPUT_SETTINGS,
-    rig.LIMIT_SETTINGS,
+    rig_settings.SETTINGS,
+    rig_settings.MOTOR_SETTINGS,
+    rig_settings.DRIVER_SETTINGS,
+    rig_settings.OUTPUT_SETTINGS,
+    rig_settings.INPUT_SETTINGS,
+    rig_settings.LIMIT_SETTINGS,
 )
 
 

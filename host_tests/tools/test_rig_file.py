@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep import rig
+from framestep import rig, rig_settings
 from framestep_tools import cli, rig_file
 from framestep_tools.files import board_data
 from framestep_tools.rig_file import RigFileError
@@ -140,7 +140,12 @@ def test_a_draft_with_comments(content):
     draft = rig_file.commented(content)
     assert rig_file.without_comments(draft).strip() == content
     assert rig_file.without_comments(draft).count("\n") == draft.count("\n")
-    for settings in (rig.SETTINGS, rig.MOTOR_SETTINGS, rig.DRIVER_SETTINGS, rig.LIMIT_SETTINGS):
+    for settings in (
+        rig_settings.SETTINGS,
+        rig_settings.MOTOR_SETTINGS,
+        rig_settings.DRIVER_SETTINGS,
+        rig_settings.LIMIT_SETTINGS,
+    ):
         assert all(f'//   "{key}": ' in draft for key in settings)
 
 

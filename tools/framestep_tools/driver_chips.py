@@ -110,8 +110,8 @@ class Chip:
 
 
 def of(board: Mapping[str, Any]) -> list[Chip]:
-    """A chip for each address that a board's data has (as framestep.rig.fitted gives it): those of
-    motor 1, 2, …"""
+    """A chip for each address in a board's data: those of motor 1, 2, … board: data from
+    framestep.rig_pins.fitted."""
     return [Chip(address) for address in board.get("drivers", {}).get("address", [])]
 
 

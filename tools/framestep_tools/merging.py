@@ -45,6 +45,7 @@ TOGETHER: Mapping[str, Sequence[str]] = {
 # Where it is not the whole package: the file that has the name, and those that are one with it.
 FEW: Mapping[str, Sequence[str]] = {
     "framestep/controller.py": ("reports", "stops"),
+    "framestep/rig.py": ("rig_settings", "rig_pins"),
     "framestep/hal/usb_port.py": ("usb_descriptor", "usb_transfers"),
 }
 LINES = 1000

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from framestep import rig
+from framestep import rig, rig_settings
 
 from .errors import ToolError
 
@@ -138,19 +138,19 @@ def commented(content: str) -> str:
     """A rig file's text with every setting that there is in comments around it."""
     lines = ["", "// All settings (docs/rig-file.md):", "//"]
     tables = (
-        ("", rig.SETTINGS),
-        ('of "motors": [{…}, {…}], an object for each motor', rig.MOTOR_SETTINGS),
-        ('of "driver": {…} of a motor', rig.DRIVER_SETTINGS),
-        ('of "outputs": [{…}]', rig.OUTPUT_SETTINGS),
-        ('of "inputs": [{…}]', rig.INPUT_SETTINGS),
-        ('of "limits": [{…}]', rig.LIMIT_SETTINGS),
+        ("", rig_settings.SETTINGS),
+        ('of "motors": [{…}, {…}], an object for each motor', rig_settings.MOTOR_SETTINGS),
+        ('of "driver": {…} of a motor', rig_settings.DRIVER_SETTINGS),
+        ('of "outputs": [{…}]', rig_settings.OUTPUT_SETTINGS),
+        ('of "inputs": [{…}]', rig_settings.INPUT_SETTINGS),
+        ('of "limits": [{…}]', rig_settings.LIMIT_SETTINGS),
     )
     for title, settings in tables:
         if title:
             lines += ["//", f"// {title}:"]
         for key, (kind, low, high, default, unit, meaning) in settings.items():
             shown = "…" if default is None else json.dumps(default, ensure_ascii=False)
-            allowed = rig._allowed(kind, low, high, unit)
+            allowed = rig_settings.allowed(kind, low, high, unit)
             lines.append(f"//   {f'{json.dumps(key)}: {shown}':<32} {meaning} ({allowed})")
     return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
 

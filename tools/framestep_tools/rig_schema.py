@@ -7,7 +7,7 @@ python -m framestep_tools.rig_schema          put it into docs/rig.schema.json
 import json
 from typing import Any
 
-from framestep import rig
+from framestep import rig_settings
 
 _TYPES = {
     str: "string",
@@ -18,11 +18,11 @@ _TYPES = {
     dict: "object",
 }
 _WITHIN: dict[str, dict[str, Any]] = {
-    "motors": rig.MOTOR_SETTINGS,
-    "driver": rig.DRIVER_SETTINGS,
-    "outputs": rig.OUTPUT_SETTINGS,
-    "inputs": rig.INPUT_SETTINGS,
-    "limits": rig.LIMIT_SETTINGS,
+    "motors": rig_settings.MOTOR_SETTINGS,
+    "driver": rig_settings.DRIVER_SETTINGS,
+    "outputs": rig_settings.OUTPUT_SETTINGS,
+    "inputs": rig_settings.INPUT_SETTINGS,
+    "limits": rig_settings.LIMIT_SETTINGS,
 }
 
 
@@ -69,7 +69,7 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "framestep's rig.json",
     }
-    return {**head, **_object(rig.SETTINGS)}
+    return {**head, **_object(rig_settings.SETTINGS)}
 
 
 def text() -> str:

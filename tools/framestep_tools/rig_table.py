@@ -5,7 +5,7 @@ python -m framestep_tools.rig_table          put it there
 
 import json
 
-from framestep import rig
+from framestep import rig_settings
 
 from .files import ROOT
 
@@ -43,12 +43,12 @@ def _rows(settings: dict, prefix: str = "") -> list[str]:
 def table() -> str:
     """The table as Markdown."""
     head = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
-    rows = _rows(rig.SETTINGS)
-    rows += _rows(rig.MOTOR_SETTINGS, "motors[].")
-    rows += _rows(rig.DRIVER_SETTINGS, "motors[].driver.")
-    rows += _rows(rig.OUTPUT_SETTINGS, "outputs[].")
-    rows += _rows(rig.INPUT_SETTINGS, "inputs[].")
-    rows += _rows(rig.LIMIT_SETTINGS, "limits[].")
+    rows = _rows(rig_settings.SETTINGS)
+    rows += _rows(rig_settings.MOTOR_SETTINGS, "motors[].")
+    rows += _rows(rig_settings.DRIVER_SETTINGS, "motors[].driver.")
+    rows += _rows(rig_settings.OUTPUT_SETTINGS, "outputs[].")
+    rows += _rows(rig_settings.INPUT_SETTINGS, "inputs[].")
+    rows += _rows(rig_settings.LIMIT_SETTINGS, "limits[].")
     return "\n".join(head + rows) + "\n"
 
 

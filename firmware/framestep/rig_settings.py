@@ -1,0 +1,183 @@
+"""Every setting of the rig file, rig.json, with its type, range, default and meaning in one table.
+
+The text of an error has the key, what was found and what is allowed. Allocates.
+"""
+
+# fmt: off
+# name: (type, lowest or choices, highest or length, default, unit, meaning)
+SETTINGS = {
+    "name": (str, 1, 32, "framestep", "bytes of UTF-8",
+        "what Dragonframe shows as the device's name"),
+    "dialect": (str, ("spec", "dmc-lite"), None, "spec", "",
+        "form of the answers: as specified, or as dmc-lite sends"),
+    "ports": (int, 1, 2, 2, "",
+        "2: the protocol has a USB port of its own, 1: it shares the one of the REPL"),
+    "jog_timeout_ms": (int, 0, 60000, 500, "ms",
+        "a jog ends when no further one comes for so long; 0: never"),
+    "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
+    "go_input": (int, 0, 16, 0, "",
+        "number of the general input that gives GO when it comes on; 0: none"),
+    "strict_moves": (bool, None, None, False, "",
+        "refuses moves whose corners ask for more than a motor's acceleration; without it "
+        "they are played as uploaded"),
+    "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
+    "motor_count": (int, 0, 12, 0, "",
+        "how many motors; the others' pins are free then. 0: all that the board has"),
+    "virtuals": (int, 0, 124, 124, "",
+        "virtual axes, a sum: 4 boom-swing-track, 8 swing-pan, 16 Y-swing-track, 32 "
+        "X-Y-Z, 64 aim; 0 saves memory"),
+    "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
+    "outputs": (list, 0, 16, None, "",
+        "general outputs 1, 2, …; without it those of the board, on its page"),
+    "inputs": (list, 0, 16, None, "",
+        "general inputs 1, 2, …; without it those of the board, on its page"),
+    "limits": (list, 0, 12, [], "", "limit switch sets 1, 2, … that SET_LIMITS assigns to motors"),
+    "estop": (str, ("none", "nc", "no"), None, "none", "",
+        "stop button between its pin and ground: normally closed, open"),
+    "estop_cuts_power": (bool, None, None, False, "",
+        "the stop button also cuts the motors' power: they lose positions"),
+    "shutter_on": (str, ("high", "low"), None, "high", "",
+        "level of the shutter output while it is on"),
+    "meter_on": (str, ("high", "low"), None, "high", "",
+        "level of the meter output while it is on"),
+    "remember_positions": (bool, None, None, False, "",
+        "keeps positions at rest over a power cut (docs/safety.md)"),
+    "watchdog": (bool, None, None, True, "",
+        "starts the board again if the firmware hangs while a motor moves"),
+    "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
+    "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
+    "dmx_mark_us": (int, 12, 1000, 20, "µs", "length of the mark after break"),
+    "dmx_ramp_ms": (int, 0, 60000, 500, "ms",
+        "how long lights take to a level that is to be ramped to"),
+}
+
+MOTOR_SETTINGS = {
+    "invert": (bool, None, None, False, "", "swaps the direction"),
+    "pulse_us": (float, 0.25, 4.0, 1.0, "µs", "how long a step pulse is high"),
+    "setup_us": (float, 0.0, 200.0, 5.0, "µs", "from a change of direction to the next step"),
+    "enable_high": (bool, None, None, False, "",
+        "the driver is on while its enable pin is high, not low"),
+    "backlash": (int, 0, 10000, 0, "steps",
+        "play of the gears, taken up where the motion turns; positions stay those of the "
+        "load"),
+    "jerk": (int, 0, 1000000, 0, "· 1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
+    "driver": (dict, None, None, None, "",
+        "how to set up a TMC2209 over its UART; without it the driver is left alone"),
+}
+
+DRIVER_SETTINGS = {
+    "run_ma": (int, 10, 2000, None, "mA",
+        "current in motion, root mean square; rounded down to 1/32 of what is possible"),
+    "hold_percent": (int, 0, 100, 50, "%",
+        "current at rest, of that in motion; 0: none, the motor turns freely"),
+    "hold_delay_ms": (int, 50, 5500, 500, "ms", "from rest to the lower current"),
+    "microsteps": (int, (1, 2, 4, 8, 16, 32, 64, 128, 256), None, 16, "", "steps for a full step"),
+    "interpolate": (bool, None, None, True, "", "the driver makes 256 microsteps of these"),
+    "mode": (str, ("stealth", "spread"), None, "stealth", "",
+        "StealthChop, silent, or SpreadCycle, stronger when fast"),
+    "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors beside the driver"),
+    "pin": (int, -1, 47, -1, "",
+        "of the driver's UART where each driver has its own; -1: as the board's page has "
+        "it"),
+}
+
+NO_PIN = -1
+
+OUTPUT_SETTINGS = {
+    "pin": (int, 0, 47, None, "", "number of the pin"),
+    "on": (str, ("high", "low"), None, "high", "", "level of the pin while the output is on"),
+    "safe": (str, ("off", "on", "hold"), None, "off", "",
+        "at a fault, an E-stop or a lost host; at boot hold means off"),
+}
+
+INPUT_SETTINGS = {
+    "pin": (int, 0, 47, None, "", "number of the pin"),
+    "on": (str, ("high", "low"), None, "low", "", "level of the pin while the input is on"),
+    "pull": (str, ("up", "down", "none"), None, "up", "", "the resistor in the chip"),
+}
+
+LIMIT_SETTINGS = {
+    "high": (int, NO_PIN, 47, NO_PIN, "",
+        "pin of the switch at the upper end, against ground; -1: none"),
+    "low": (int, NO_PIN, 47, NO_PIN, "",
+        "pin of the switch at the lower end, against ground; -1: none"),
+    "contact": (str, ("nc", "no"), None, "nc", "",
+        "the switches are closed (nc) or open (no) away from the end"),
+}
+# fmt: on
+
+
+class RigError(ValueError):
+    """A mistake in a rig file. The text names the key, what was found and what is allowed."""
+
+
+def allowed(kind, low, high, unit):
+    """What a setting may be, as text. The arguments: as in its table."""
+    if isinstance(low, tuple):
+        return "one of " + ", ".join(
+            '"%s"' % choice if kind is str else str(choice) for choice in low
+        )
+    if kind is bool:
+        return "true or false"
+    if kind is str:
+        return "a text of %d to %d %s" % (low, high, unit)
+    if kind is list:
+        return "a list of at most %d objects" % high
+    if kind is dict:
+        return "an object {…}"
+    what = "a whole number" if kind is int else "a number"
+    return "%s from %s to %s%s" % (what, low, high, " " + unit if unit else "")
+
+
+def fits(value, kind, low, high):
+    """Whether a setting may have a value."""
+    if isinstance(low, tuple):
+        return isinstance(value, kind) and not isinstance(value, bool) and value in low
+    if kind is dict:
+        return isinstance(value, dict)
+    if kind is bool:
+        return isinstance(value, bool)
+    if kind is str:
+        return isinstance(value, str) and low <= len(value.encode()) <= high
+    if kind is list:
+        return isinstance(value, list) and len(value) <= high
+    if isinstance(value, bool) or not isinstance(value, (int, float) if kind is float else int):
+        return False
+    return low <= value <= high
+
+
+def read(settings, found, where):
+    """The settings of one object of the file, as a dictionary with all keys of a table.
+
+    settings: the table. found: what the file has. where: the place, for error texts, with a dot at
+    its end. RigError for a mistake.
+    """
+    if not isinstance(found, dict):
+        raise RigError("%s: found %r, allowed is an object {…}" % (where or "rig.json", found))
+    result = {}
+    for key in found:
+        if key not in settings:
+            raise RigError(
+                "%s%s: no such setting; there are %s" % (where, key, ", ".join(sorted(settings)))
+            )
+    for key in settings:
+        kind, low, high, default, unit, _ = settings[key]
+        value = found.get(key, default)
+        if value is None and key not in found:
+            if kind is not list and kind is not dict:
+                raise RigError(
+                    "%s%s: is missing, expected is %s"
+                    % (where, key, allowed(kind, low, high, unit))
+                )
+        elif not fits(value, kind, low, high):
+            raise RigError(
+                "%s%s: found %r, allowed is %s"
+                % (where, key, value, allowed(kind, low, high, unit))
+            )
+        result[key] = value
+    return result
+
+
+def read_list(settings, found, where):
+    """The same for each object of a list."""
+    return [read(settings, item, "%s[%d]." % (where, i + 1)) for i, item in enumerate(found)]
