@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
-PYTEST := PYTHONHASHSEED=0 $(PYTHON_VENV) -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
+PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
 LAYERS := runtime board emulator
 ARGS ?=
 BOARD ?= pico
@@ -30,29 +30,29 @@ micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on t
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
 	@if tools/setup.sh node && tools/micropython/build.sh rp2; then board=emulator; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; board=host; fi; \
-	$(PYTHON_VENV) -m framestep_tools.demo --board $$board $(ARGS)
+	"$(PYTHON_VENV)" -m framestep_tools.demo --board $$board $(ARGS)
 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
-	@$(PYTHON_VENV) -m framestep_tools.sim $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.sim $(ARGS)
 
 emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
 	@tools/micropython/build.sh rp2
-	@$(PYTHON_VENV) -m framestep_tools.emu $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.emu $(ARGS)
 
 flash: setup ## copy framestep to a board with MicroPython: BOARD=pico, and PORT=/dev/ttyACM0 if there are several
-	@$(PYTHON_VENV) -m framestep_tools flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
-	@$(PYTHON_VENV) -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
-	@$(PYTHON_VENV) -m framestep_tools install --board $(BOARD) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
 release: setup ## all that a release has (build/release): the package for pip, images, packages for mip, sums, notes
-	@$(PYTHON_VENV) -m framestep_tools.release
+	@"$(PYTHON_VENV)" -m framestep_tools.release
 
 dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)
-	@$(PYTHON_VENV) -m framestep_tools.dist
+	@"$(PYTHON_VENV)" -m framestep_tools.dist
 
 test: lint types node micropython ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
@@ -76,32 +76,32 @@ test-emulator: setup node micropython ## the emulator itself
 	@$(PYTEST) host_tests/emulator $(ARGS)
 
 fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7; what fails is kept as a script in build/fuzz
-	@$(PYTHON_VENV) -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
+	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
 
 lint: setup ## style (ruff)
-	@$(PYTHON_VENV) -m ruff check --quiet && $(PYTHON_VENV) -m ruff format --check --quiet
+	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
 
 types: setup ## types of the host tools, and of the board's code against MicroPython's stubs (mypy)
-	@$(PYTHON_VENV) tools/check_types.py
+	@"$(PYTHON_VENV)" tools/check_types.py
 
 format: setup ## bring the source into ruff's form
-	@$(PYTHON_VENV) -m ruff check --fix --quiet; $(PYTHON_VENV) -m ruff format --quiet
+	@"$(PYTHON_VENV)" -m ruff check --fix --quiet; "$(PYTHON_VENV)" -m ruff format --quiet
 
 plots: setup ## draw the pictures in docs again
-	@$(PYTHON_VENV) -m framestep_tools.plot_interpolation
-	@$(PYTHON_VENV) -m framestep_tools.plot_virtuals
+	@"$(PYTHON_VENV)" -m framestep_tools.plot_interpolation
+	@"$(PYTHON_VENV)" -m framestep_tools.plot_virtuals
 
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
-	@$(PYTHON_VENV) -m framestep_tools.bench $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play or go
-	@$(PYTHON_VENV) -m framestep_tools.profile $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
 
 strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
-	@$(PYTHON_VENV) -m host_tests.board.strain $(ARGS)
+	@"$(PYTHON_VENV)" -m host_tests.board.strain $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
-	@$(PYTHON_VENV) -m framestep_emulator.measure $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)
 
 clean: ## remove build/ and .cache, everything that can be made again
 	rm -rf build .cache tools/emulator/board/node_modules framestep.egg-info

