@@ -113,6 +113,25 @@ def test_a_second_program_goes_through_the_first(device, capsys):
     assert positions(device, capsys).err == "", "the port is free again"
 
 
+def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkeypatch, capsys):
+    opened, waited, busy = Client.open, Client.wait_idle, []
+
+    def ended(client, *_):
+        monkeypatch.setattr(Client, "wait_idle", waited)
+        monkeypatch.setattr(Client, "open", open_busy)
+        raise BrokenOff("the program between has ended")
+
+    def open_busy(url):
+        busy.append(url)
+        if len(busy) < 3:
+            raise PortBusy(url, [])
+        return opened(url)
+
+    monkeypatch.setattr(Client, "wait_idle", ended)
+    assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
+    assert busy == [device] * 3
+
+
 def test_ctrl_c_stops_the_motors(device, capsys):
     first = begun("move", device, "1", "-200000")
     until(lambda: (found := door.find(device)) and str(first.pid) in found.who)

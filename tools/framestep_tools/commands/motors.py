@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
 WATCH_S = 0.2  # from one look to the next
+LEAVE_S = 10.0  # for another program to let go of the port
 
 
 def status(
@@ -185,8 +186,25 @@ def stop(
     except BrokenOff:
         if not asked:
             raise
-        with talking(device) as client:  # the program between has ended, as what it moved stands
-            client.wait_idle(STOP_TIME_S)
+        _wait_idle_after_the_other(device)
+
+
+def _wait_idle_after_the_other(device: str | None) -> None:
+    """Wait until nothing moves. The program between has ended, as what it moved stands; it may take
+    a moment to let go of the port."""
+    from ..client import BrokenOff
+    from ..opening import PortBusy
+
+    end = time.monotonic() + LEAVE_S
+    while True:
+        try:
+            with talking(device) as client:
+                client.wait_idle(STOP_TIME_S)
+            return
+        except (BrokenOff, PortBusy):
+            if time.monotonic() > end:
+                raise
+        time.sleep(WATCH_S)
 
 
 def buzz(
