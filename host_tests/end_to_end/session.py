@@ -233,11 +233,11 @@ def deceleration(times, signs, after):
 
 # ---- what is inside ------------------------------------------------------------------------------
 
-# What changes with time or with any request, what is only worked with, and memory beyond the
-# entries in use
+# What changes with time or with any request, what is only worked with (jog.phases.numbers is
+# player.numbers), and memory beyond the entries in use
 _SCRATCH = re.compile(
     r"\.(now|now_ns|housekept_at|active_passes|beat|colour|unreported|watchdog|_clock|port|header|kernel\.state|reader|writer|heard_at|begun_at|words"
-    r"|(axes\.)?samples|store\._words|values|draft|moves\.places|player\.(numbers|window|place|exceeded|rate)|(run|operation)\.(lasts|rests)|triggers\._table)(\.|$)"
+    r"|(axes\.)?samples|store\._words|values|draft|moves\.places|player\.(numbers|window|place|exceeded|rate)|jog\.phases\.numbers|(run|operation)\.(lasts|rests)|triggers\._table)(\.|$)"
 )
 
 

@@ -5,30 +5,47 @@ import json
 
 import pytest
 
+from framestep.protocol.messages import CONDITION_EXCEEDED
 from framestep_tools import cli
 from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client import Client, RequestRefused
 from framestep_tools.payloads import (
+    BlurMotor,
+    GetCondition,
     MotorConfigure,
+    MotorMove,
     MotorSetLimits,
     MotorSetSpeed,
     MotorStopAll,
     Positions,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtRunMove,
+    RtShootFrame,
+    RtShootFrame2,
     RtUploadMoveAxis,
     RtUploadMoveBegin,
     RtUploadMoveEnd,
+    VirtMove,
+    VirtStop,
 )
+from framestep_tools.refusals import explain
 
 RIG = {"limits": [{"high": 22, "contact": "no"}, {"low": 26, "contact": "no"}], "estop": "no"}
 
 
-@pytest.fixture(scope="module")
-def board():
+def ready_board():
     found = SimulatedBoard(RIG)
     for pin in ("estop", 22, 26):
         found._board.set_input(pin, 1)
     found.run_until(50_000_000)
     return found
+
+
+@pytest.fixture(scope="module")
+def board():
+    return ready_board()
 
 
 @pytest.fixture
@@ -118,11 +135,18 @@ def test_refused_in_words(framestep, board, line, words):
         ([49_990, 49_999, 50_001, 50_003], "run 11 14",
          "motor 3 at frame 13 would be past its upper soft limit"),
         ([100, 200, 300, 400], "run 11 14",
-         "in its pre-roll of 1000 ms motor 3 would need more than its 20000"),
-        ([100, 200, 300, 400], "run 11 14 --preroll-ms 1",
-         "in its pre-roll of 1 ms motor 3"),
+         "in its pre-roll of 1000 ms motor 3 would pass its soft limit, 0 or 50000 (set by "
+         "SET_LIMITS: Dragonframe's axis set-up): give it a shorter one"),
+        ([100, 200, 300, 400], "run 11 14 --preroll-ms 20",
+         "in its pre-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
+        ([2000, 2100, 2200, 2300], "run 11 14 --postroll-ms 20",
+         "in its post-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
         ([100, 101, 102, 103], "run 11 20",
          "frames 11 to 20 at 24 frames/s are not all in the upload"),
+        ([100, 101, 102, 103], "run 11 14 --fps 300",
+         "300 frames/s: expected more than 0, at most 200"),
+        ([100, 101, 102, 103], "run 11 14 --preroll-ms 700000",
+         "the pre-roll has 600 s at most"),
     ],
 )  # fmt: skip
 def test_a_run_refused_in_words(framestep, board, path, line, words):
@@ -131,6 +155,94 @@ def test_a_run_refused_in_words(framestep, board, path, line, words):
         RtUploadMoveAxis(3, 1 << 31, path), RtUploadMoveEnd(),
     )  # fmt: skip
     assert words in framestep(line, status=7)
+
+
+def refused(client, request):
+    with pytest.raises(RequestRefused) as caught:
+        client.request(request)
+    return str(explain(client, caught.value))
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(9, 0, 5)]), "there is no motor 9"),
+        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 0, 5001)]),
+         "motor 2 at frame 12 would need 5001 steps/s, its velocity is 5000 steps/s (set by SET"),
+        (RtShootFrame2(12, 700, 0, 360, [BlurMotor(2, 0, 4000)]),
+         "motor 2 at frame 12 would need 6530 steps/s, its velocity is 5000 steps/s (set by SET"),
+        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9000, 9500)]),
+         "in the second before the exposure of frame 12 motor 2 would need 500 steps/s², "
+         "its acceleration is 400 steps/s² (set by SET_SPEED"),
+        (RtShootFrame2(12, 1000, 0, 360, [BlurMotor(2, 9000, 9500)]),
+         "in the exposure of frame 12 motor 2 would need 4566 steps/s², its acceleration is 400"),
+        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 50, 350)]),
+         "in the second before the exposure of frame 12 motor 2 would pass its soft limit, "
+         "0 or 10000 (set by SET_LIMITS"),
+        (RtShootFrame(12, 1, 1000, 1000, [BlurMotor(2, 9600, 9900)]),
+         "in the second after the exposure of frame 12 motor 2 would pass its soft limit"),
+        (RtShootFrame2(12, 10000, 0, 360, [BlurMotor(2, 9800, 10001)]),
+         "in the exposure of frame 12 motor 2 would pass its soft limit, 0 or 10000"),
+        (RtShootFrame(19, 1, 1000, 1000, []), "frame 19 is not in the upload"),
+        (RtShootFrame2(12, 1000, 90, 60, []), "would close at 60 degrees, before it opens at 90"),
+    ],
+)  # fmt: skip
+def test_a_shot_refused_in_words(request_, words):
+    board = ready_board()
+    upload = [RtUploadMoveBegin(11, 14), RtUploadMoveAxis(2, 1 << 31, [0]), RtUploadMoveEnd()]
+    tell(board, *upload, MotorSetSpeed(2, 5000, 400), MotorConfigure(2, 3))
+    tell(board, MotorSetLimits(2, 1, 0, 1, 10_000, 0))
+    with Client(LockstepPort(board)) as client:
+        assert words in refused(client, request_)
+        told = client.request(GetCondition()).bits & CONDITION_EXCEEDED
+        assert bool(told) == ("motor 2" in words), "the REPL tells it, too"
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (VirtMove(4, 5), "no virtual axes are configured"),
+        (VirtStop(9), "no virtual axes are configured"),
+        (RtUploadMoveAxis(1, 0, [1]), "no upload has begun"),
+        (RtUploadMoveBegin(5, 1), "the move would end at frame 1, before it begins at 5"),
+        (RtUploadMoveBegin(1, 99_999), "99999 frames are more than the"),
+        (RtPositionFrame(1), "no move has been uploaded since the board's start"),
+        (RtJogAll(24_000, 1), "no move has been uploaded since the board's start"),
+        (RtGo(), "no run waits"),
+        (MotorSetLimits(1, 1, 5, 1, -5, 0),
+         "the lower limit of motor 1, 5, is above the upper one, -5"),
+        (MotorSetLimits(1, 0, 0, 0, 0, 3),
+         "motor 1 cannot have limit switch set 3: the rig file has sets 1 to 2"),
+    ],
+)  # fmt: skip
+def test_other_requests_refused_in_words(request_, words):
+    with Client(LockstepPort(ready_board())) as client:
+        assert words in refused(client, request_)
+
+
+def test_a_section_that_does_not_fit_is_told_without_its_positions():
+    wild = [10_000_000 * (-1) ** i for i in range(1000)] * 16
+    with Client(LockstepPort(ready_board())) as client:
+        with pytest.raises(RequestRefused) as caught:
+            client.upload_move(1, 16_000, {motor: wild for motor in range(1, 9)})
+        said = str(explain(client, caught.value))
+    assert "the positions of motor " in said
+    assert "memory is full" in said
+    assert len(said) < 250
+
+
+def test_a_run_against_a_limit_switch_names_the_motor():
+    board = ready_board()
+    tell(
+        board, MotorSetLimits(3, 0, 0, 0, 0, 1), RtUploadMoveBegin(1, 3),
+        RtUploadMoveAxis(3, 1 << 31, [500, 510, 520]), RtUploadMoveEnd(),
+    )  # fmt: skip
+    board._board.set_input(22, 0)
+    board.run_until(board.now_ns + 200_000_000)
+    words = "motor 3 stands at its upper limit switch, and may move down only"
+    with Client(LockstepPort(board)) as client:
+        for request in (RtRunMove(24_000, 1, 3, 500, 500), RtPositionFrame(3), MotorMove(3, 5)):
+            assert words in refused(client, request)
 
 
 @pytest.mark.parametrize("line", ["virtual roll -1e9", "run 1 2 --fps 1e9", "run 1 99999999999"])

@@ -102,6 +102,17 @@ def test_whole_window(ready, exposure, direction, pair):
     assert ready.position(1) == pytest.approx(b + velocity / 2, abs=1)
 
 
+@pytest.mark.parametrize("velocity", [4999, 5001, 3333, 4567])
+def test_the_very_velocity_that_is_set(ready, velocity):
+    """Rounding refuses nothing: a window of a second takes as many steps as the velocity has."""
+    ready.accept(p.MotorSetSpeed(1, velocity, ACCELERATION))
+    ready.accept(p.RtShootFrame(FRAME, 1, 1000, 1000, [p.BlurMotor(1, 0, velocity)]))
+    ready.accept(p.MotorStopAll())
+    ready.wait_idle()
+    request = p.RtShootFrame(FRAME, 1, 1000, 1000, [p.BlurMotor(1, 0, velocity + 1)])
+    ready.refuse(p.Ack.ERR_RANGE, request)
+
+
 @pytest.mark.parametrize("blur", [1, 10, 333, 500, 999, 1000])
 @pytest.mark.parametrize("direction", [1, 0])
 def test_blur(ready, blur, direction):

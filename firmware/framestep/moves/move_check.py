@@ -105,6 +105,14 @@ _HALF_FOR_RAMP = formula(
 )
 _REST_FOR_BEND = formula(registers, "FPS_SQUARED = max(FPS_SQUARED, TOP_ACCELERATION / BENT)")
 _RATE_FOR_ACCELERATION = formula(registers, "X = sqrt(FPS_SQUARED) * THOUSAND")
+# less the size of X, to be rounded down; but an error of rounding does not count
+_ROUNDED_UP = formula(
+    registers,
+    """
+    size = max(X, -X)
+    X = size / 2 ** 20 - size
+    """,
+)
 
 
 class MoveCheck:
@@ -375,6 +383,11 @@ class MoveCheck:
         told[FRAME] = self.store.start + index
         told[BY] = 0
         return code
+
+    def note_excess(self, limit):
+        """BY = what the size of X, steps/s or steps/s², has above a limit. X is lost."""
+        compute(0, 0, self.numbers, _ROUNDED_UP)
+        self.exceeded[BY] = max(-reals.floor(self.numbers, X, HALF) - limit, 1)
 
     def _exceeded(self, found, motor, index, amount):
         """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from

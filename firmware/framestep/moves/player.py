@@ -22,6 +22,7 @@ _TOO_STEEP = formula(
     assert max(rate, -rate) > T + T / 2 ** 20
     """,
 )
+_RAMP_NEEDS = formula(registers, "X = X / Y * THOUSAND * THOUSAND")  # steps/s²
 _RAMP_LENGTH = formula(registers, "X = X * Y / 2")
 # Half a step more, to be rounded down.
 _FORWARD = formula(registers, "X = X + 0.5")
@@ -146,6 +147,14 @@ class UploadPlayer(MoveCheck):
         reals.copy(r, Y, ticks)
         reals.fetch(r, T, self.axes[motor].numbers, MAX_ACCELERATION)
         return compute(0, 0, r, _TOO_STEEP)
+
+    def blame_roll(self, what, motor, index, code, velocity, ticks):
+        """As blame(), of a ramp; BY is the acceleration in excess, 0 if a limit is in its way."""
+        self.blame(what, motor, index, code)
+        if self.too_steep(motor, velocity, ticks):
+            compute(0, 0, self.numbers, _RAMP_NEEDS)
+            self.note_excess(self.axes[motor].acceleration)
+        return code
 
     def shift_by_x(self, places, motor, backward):
         """Add the number in X, rounded to a step, to places[motor]; subtract it if `backward`.

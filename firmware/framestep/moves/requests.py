@@ -243,7 +243,7 @@ class Moves:
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
-        return code
+        return self._tell(code)
 
     def _shoot_frame2(self):
         """MSG_RT_SHOOT_FRAME2 (field note 7.3).
@@ -259,7 +259,7 @@ class Moves:
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
-        return code
+        return self._tell(code)
 
     def _listed(self, offset, backward):
         """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if

@@ -296,20 +296,28 @@ class RunMove(Operation):
                 player.velocity(own, motor, plan.first, plan.step)
                 reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
                 if not player.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
-                    return player.blame(EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL)
+                    return player.blame_roll(
+                        EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL, own, ROLL_TICKS
+                    )
                 player.velocity(own, motor, last, plan.step)
                 reals.fetch(r, ROLL_TICKS, plan.post_rolls, 2 * motor)
                 if (plan.loops or plan.turns) and not player.apply_roll(
                     motor, own, ROLL_TICKS, False, plan.ends
                 ):
-                    return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
+                    return player.blame_roll(
+                        EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
+                    )
                 if not self._last(motor, last):
-                    return player.blame(EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL)
+                    return player.blame_roll(
+                        EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
+                    )
                 if plan.turns:
                     player.velocity(own, motor, plan.first, -plan.step)
                     reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
                     if not self._last(motor, plan.first):
-                        return player.blame(EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL)
+                        return player.blame_roll(
+                            EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL, own, ROLL_TICKS
+                        )
         return OK
 
     def _last(self, motor, index):

@@ -35,7 +35,16 @@ from framestep.moves.registers import OPENING, RAMP, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
-from framestep.results import ERR_GENERAL, ERR_POSTROLL, ERR_PREROLL, ERR_RANGE, OK
+from framestep.results import (
+    ERR_GENERAL,
+    ERR_POSTROLL,
+    ERR_PREROLL,
+    ERR_RANGE,
+    EXCEEDED_POSTROLL,
+    EXCEEDED_PREROLL,
+    EXCEEDED_VELOCITY,
+    OK,
+)
 
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)
@@ -67,14 +76,16 @@ _RAMPS_WITHIN = formula(
 _LEFT_OUT = formula(registers, "X = X * Y / 2000 + 0.5")
 # The length of a ramp: half of what the window covers in that time.
 _RAMP_LENGTH = formula(registers, "X = X / (WINDOW + RAMP) * RAMP / 2 + 0.5")
-# X steps in the window are more than the top velocity Y allows; X becomes the velocity.
+# X steps in the window are more than the top velocity Y allows, but for rounding; X becomes the
+# velocity.
 _TOO_FAST = formula(
     registers,
     """
     X = X / WINDOW
-    assert max(X, -X) > Y
+    assert max(X, -X) > Y + Y / 2 ** 20
     """,
 )
+_STEPS_PER_SECOND = formula(registers, "X = X * THOUSAND")
 
 
 class Shot:
@@ -85,6 +96,7 @@ class Shot:
 
     def __init__(self, motors):
         self.bits = 0
+        self.index = 0  # of the frame, from the upload's first
         self.exposure_ms = 0
         self.blurs = True  # it is a SHOOT_FRAME, for which the blur flag counts
         self.begin_ms = 0  # from GO to the shutter's opening
@@ -156,6 +168,7 @@ class ShootFrame(Operation):
         if exposure_ms == 0:
             exposure_ms = DEFAULT_MS
         shot = self.draft
+        shot.index = frame - store.start
         shot.exposure_ms = exposure_ms
         shot.blurs = permille > 0
         shot.bits = listed & may & ~player.excluded
@@ -245,7 +258,6 @@ class ShootFrame(Operation):
         for motor in range(player.count):
             if not (shot.bits >> motor) & 1:
                 continue
-            axis = player.axes[motor]
             own = frame_velocity(motor)
             reals.put_difference(r, X, shot.b, motor, shot.a, motor)
             if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
@@ -262,21 +274,35 @@ class ShootFrame(Operation):
             reals.add_word(shot.a, motor, shot.a, motor, cut)
             reals.add_word(shot.b, motor, shot.b, motor, -cut)
             if self._too_fast(shot, motor):
-                return ERR_RANGE
+                return self._blame_velocity(shot, motor)
             if permille:
                 reals.copy_word(shot.starts, motor, shot.a, motor)
                 reals.copy_word(shot.ends, motor, shot.b, motor)
                 if not player.apply_roll(motor, own, RAMP, True, shot.starts):
-                    return ERR_PREROLL
+                    return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, ERR_PREROLL)
                 if not player.apply_roll(motor, own, RAMP, False, shot.ends):
-                    return ERR_POSTROLL
-            elif player.too_steep(motor, own, RAMP):
-                return ERR_RANGE
-            elif axis.beyond(shot.starts, motor):
-                return ERR_PREROLL
-            elif axis.beyond(shot.ends, motor):
-                return ERR_POSTROLL
+                    return self._blame_ramp(EXCEEDED_POSTROLL, shot, motor, ERR_POSTROLL)
+            else:
+                code = self._check_ramps(shot, motor)
+                if code != OK:
+                    return code
         return OK
+
+    def _check_ramps(self, shot, motor):
+        """OK if a motor's ramps are not too steep, and their ends within its limits; a code."""
+        player = self.player
+        axis = player.axes[motor]
+        if player.too_steep(motor, frame_velocity(motor), RAMP):
+            code = ERR_PREROLL if shot.blurs else ERR_RANGE
+            return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, code)
+        if axis.beyond(shot.starts, motor):
+            return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, ERR_PREROLL)
+        if axis.beyond(shot.ends, motor):
+            return self._blame_ramp(EXCEEDED_POSTROLL, shot, motor, ERR_POSTROLL)
+        return OK
+
+    def _blame_ramp(self, what, shot, motor, code):
+        return self.player.blame_roll(what, motor, shot.index, code, frame_velocity(motor), RAMP)
 
     def _too_fast(self, shot, motor):
         """Find a motor's velocity in the window. Whether it is above its top velocity."""
@@ -288,6 +314,14 @@ class ShootFrame(Operation):
         reals.copy(r, frame_velocity(motor), X)
         return too_fast
 
+    def _blame_velocity(self, shot, motor):
+        """Keep by how much a motor is too fast, by the X of _too_fast(); the code."""
+        player = self.player
+        player.blame(EXCEEDED_VELOCITY, motor, shot.index, ERR_RANGE)
+        compute(0, 0, player.numbers, _STEPS_PER_SECOND)
+        player.note_excess(player.axes[motor].velocity)
+        return ERR_RANGE
+
     def recheck(self, waiting):
         player = self.player
         shot = self.shot
@@ -296,20 +330,11 @@ class ShootFrame(Operation):
         self.begin_pass()
         for motor in range(player.count):
             if (shot.bits >> motor) & 1:
-                own = frame_velocity(motor)
-                axis = player.axes[motor]
                 if self._too_fast(shot, motor):
-                    return ERR_RANGE
-                if (
-                    axis.beyond(shot.starts, motor)
-                    or shot.blurs
-                    and player.too_steep(motor, own, RAMP)
-                ):
-                    return ERR_PREROLL
-                if axis.beyond(shot.ends, motor):
-                    return ERR_POSTROLL
-                if player.too_steep(motor, own, RAMP):
-                    return ERR_RANGE
+                    return self._blame_velocity(shot, motor)
+                code = self._check_ramps(shot, motor)
+                if code != OK:
+                    return code
         return OK
 
     def heading(self, motor):
