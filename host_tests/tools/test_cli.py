@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +11,7 @@ from framestep_tools import cli, demo, emu, sim
 from framestep_tools.commands.common import arranged
 from framestep_tools.errors import STATUSES
 from framestep_tools.files import ROOT
-from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, read_move
+from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
 from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
 from framestep_tools.serve import PtyLink
 from framestep_tools.sniffer import capture_bytes, read_capture, relay
@@ -232,6 +233,15 @@ def test_the_camera_move():
     assert (move.start_frame, move.end_frame, move.frames) == (1, 240, 240)
     assert list(move.names.values()) == ["track", "boom", "swing", "pan"]
     assert move.section(3, 1)[1] == move.positions[1][2::-1]
+
+
+def test_an_example_is_found_by_its_name_unless_there_is_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert or_example(Path("camera_move.csv")) == CAMERA_MOVE
+    assert or_example(Path("elsewhere/camera_move.csv")) == Path("elsewhere/camera_move.csv")
+    assert or_example(Path("mine.csv")) == Path("mine.csv")
+    (tmp_path / "camera_move.csv").write_text("frame,a\n1,2\n")
+    assert or_example(Path("camera_move.csv")) == Path("camera_move.csv")
 
 
 def test_the_camera_move_is_what_its_generator_makes(tmp_path, monkeypatch):

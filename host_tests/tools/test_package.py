@@ -148,6 +148,7 @@ def test_it_brings_what_goes_onto_each_board(installed, board):
     assert name == board_data(board)["name"]
     example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
     assert "is right for" in installed.run("rig", "check", example, "--board", board)
+    assert installed.run("rig", "example", "--board", board) == example.read_text()
 
 
 def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path):  # noqa: F811
@@ -162,8 +163,7 @@ def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path
     )
     for motor in ("1", "2", "3", "4"):
         installed.run("move", port, motor, "0", "--velocity", "20000", "--acceleration", "100000")
-    move = installed.folder / "framestep_tools/moves" / CAMERA_MOVE.name
-    assert installed.run("upload", port, move) == "frames 1 to 240 for 4 motors\n"
+    assert installed.run("upload", port, CAMERA_MOVE.name) == "frames 1 to 240 for 4 motors\n"
     assert "frames 1 to 48 played" in installed.run("run", port, "1", "48")
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from .errors import ToolError
 
-CAMERA_MOVE = Path(__file__).with_name("moves") / "camera_move.csv"
+EXAMPLES = Path(__file__).with_name("moves")
+CAMERA_MOVE = EXAMPLES / "camera_move.csv"
 
 
 class MoveFileError(ToolError):
@@ -39,6 +40,12 @@ class Move:
         step = 1 if last >= first else -1
         frames = range(first - self.start_frame, last + step - self.start_frame, step)
         return {motor: [steps[i] for i in frames] for motor, steps in self.positions.items()}
+
+
+def or_example(path: Path) -> Path:
+    """The file, or where there is none, the example of that name which framestep brings."""
+    example = EXAMPLES / path.name
+    return example if path.name == str(path) and not path.exists() and example.exists() else path
 
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:

@@ -18,15 +18,17 @@ def upload(
     file: Annotated[
         Path,
         typer.Argument(
-            help="CSV: frame, then a column per motor", metavar="CSV", show_default=False
+            help="CSV: frame, then a column per motor; camera_move.csv is an example to try",
+            metavar="CSV",
+            show_default=False,
         ),
     ],
     device: Url = None,
 ) -> None:
     """Upload a move."""
-    from ..move_file import read_move
+    from ..move_file import or_example, read_move
 
-    content = read_move(file)
+    content = read_move(or_example(file))
     with talking(device) as client:
         client.upload_move(content.start_frame, content.end_frame, content.positions, UPLOAD_WINDOW)
     print(

@@ -55,6 +55,18 @@ def rig_edit(
     rig_file.edit(Device(port), protocol)
 
 
+@rig.command("example")
+def rig_example(
+    board: Annotated[str, typer.Option(help="the board that it is for")] = "pico",
+) -> None:
+    """Print a board's example rig file, to begin with."""
+    from .. import home
+    from ..files import board_data
+
+    board_data(board)  # is there such a board?
+    print((home.BOARDS / board / "rig.json").read_text(encoding="utf-8"), end="")
+
+
 @rig.command("schema")
 def rig_schema() -> None:
     """Print the rig file's JSON Schema, with which an editor completes and checks a file."""
