@@ -1,6 +1,8 @@
 # Runs on the board: a main loop that answers every frame with itself, on either protocol port.
 import time
 
+import micropython
+
 from framestep.protocol.frames import DAMAGED, FRAME, FrameReader
 
 
@@ -80,3 +82,21 @@ class Count:
 def loop(port, echo):
     while True:
         echo.turn(port)
+
+
+def exchange(port, echo, count, frames):
+    """Take in so many frames, and send 70 bytes for each, with the heap locked."""
+    reader = echo.reader
+    print("go")
+    micropython.heap_lock()
+    try:
+        while frames:
+            port.poll(reader)
+            if reader.poll() == FRAME:
+                frames -= 1
+                count.left += 70
+            port.send(count)
+        while count.left:
+            port.send(count)
+    finally:
+        micropython.heap_unlock()

@@ -11,7 +11,7 @@ from host_tests.board.ports import answered, frame, port_files, sealed, stop
 STDIN_SETUP = """
 import gc, time, micropython
 from framestep.hal.stdin_port import StdinPort
-from ports_echo import Count, Echo, loop
+from ports_echo import Count, Echo, exchange, loop
 port = StdinPort()
 echo = Echo()
 count = Count()
@@ -124,21 +124,7 @@ def test_single_port_throughput(stdin, capsys):
 def test_single_port_nothing_allocates(stdin):
     emu, repl, port = stdin
     repl.start(
-        "def work(frames):\n"
-        "    reader = echo.reader\n"
-        "    while frames:\n"
-        "        port.poll(reader)\n"
-        "        if reader.poll() == 1:\n"
-        "            frames -= 1\n"
-        "            count.left += 70\n"
-        "        port.send(count)\n"
-        "    while count.left: port.send(count)\n"
-        "port.start()\n"
-        "print('go')\n"
-        "micropython.heap_lock()\n"
-        "try: work(1000)\n"
-        "finally: micropython.heap_unlock(); port.stop()\n",
-        until="go",
+        "port.start()\ntry: exchange(port, echo, count, 1000)\nfinally: port.stop()", until="go"
     )
     port.timeout = 1
     for n in range(1000):

@@ -10,7 +10,7 @@ from host_tests.board.ports import answered, frame, port_files, run, stop
 SETUP = """
 import gc, time, micropython
 from framestep.hal.usb_port import UsbPort
-from ports_echo import Count, Echo, loop
+from ports_echo import Count, Echo, exchange, loop
 port = UsbPort()
 echo = Echo()
 count = Count()
@@ -197,23 +197,7 @@ def test_latency_and_cost(usb, capsys):
 def test_nothing_allocates(usb):
     """1000 frames in and out with the heap locked, a close and an opening among them."""
     emu, repl, port = usb
-    repl.start(
-        "def work(frames):\n"
-        "    reader = echo.reader\n"
-        "    while frames:\n"
-        "        port.poll(reader)\n"
-        "        if reader.poll() == 1:\n"
-        "            frames -= 1\n"
-        "            count.left += 70\n"
-        "        port.send(count)\n"
-        "    while count.left: port.send(count)\n"
-        "print('go')\n"
-        "micropython.heap_lock()\n"
-        "try: work(1000)\n"
-        "finally: micropython.heap_unlock()\n"
-        "print(port.openings)",
-        until="go",
-    )
+    repl.start("exchange(port, echo, count, 1000)\nprint(port.openings)", until="go")
     port.timeout = 1
     for n in range(1000):
         if n == 500:

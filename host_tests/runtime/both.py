@@ -1,0 +1,60 @@
+"""Compares what a script does on CPython and on 32-bit MicroPython."""
+
+from pathlib import Path
+
+from hypothesis import HealthCheck, Phase, settings
+
+from framestep_tools.wire import FrameDecoder
+
+HERE = Path(__file__).parent
+
+
+def many(examples):
+    """Settings for tests that play many scripts for each start of MicroPython.
+
+    They are not shrunk: the tests on CPython do that.
+    """
+    return settings(
+        max_examples=examples,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+def assert_answers(unix32f, replay, scripts, expected):
+    """Each line of the scripts is answered as expected(script) says.
+
+    replay: what runs on MicroPython. scripts: lists of (line, step).
+    """
+    script = [step for script in scripts for step in script]
+    answers = unix32f.run(
+        replay, heap="8m", stdin="".join(line + "\n" for line, _ in script).encode()
+    ).split("\n")
+    assert len(answers) == len(script) + 1
+    for (line, step), answer, wanted in zip(script, answers, expected(script), strict=False):
+        assert answer == wanted, (line[:60], step[:4])
+
+
+def said(module):
+    """What module.replay() says on CPython, line by line; its session's script is as before."""
+    lines = []
+    script = module.session.script
+    try:
+        module.replay(lines.append)
+    finally:
+        module.session.script = script
+    return lines
+
+
+def assert_same(unix32f, module):
+    """module.replay() says the same on MicroPython."""
+    name = module.__name__.rpartition(".")[2]
+    output = unix32f.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="400k")
+    assert output.split("\n")[:-1] == said(module)
+
+
+def frames(lines):
+    """Feed a FrameDecoder with what was said. Returns it, and its frames."""
+    decoder = FrameDecoder()
+    return decoder, [f for line in lines[:-1] for f in decoder.feed(bytes.fromhex(line.split()[1]))]
