@@ -20,11 +20,15 @@ from framestep.reports import Reports
 from framestep.stops import Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
-_ACTIVE_PASSES = const(12)  # after any activity, so many of them less _IDLE_EVERY;
-_IDLE_EVERY = const(4)  # after that, all but one in so many are skipped
+# After any activity _ACTIVE_PASSES less _IDLE_EVERY calls of _housekeep() do all of it; when idle,
+# one call in _IDLE_EVERY does
+_ACTIVE_PASSES = const(12)
+_IDLE_EVERY = const(4)
 _REPLY_ROOM = const(128)  # payload bytes: the largest answer, and an acknowledgement
-STALL_MS = const(200)  # a frame that is not whole this long after its beginning is dropped,
-_QUIET_MS = const(10)  # unless bytes have just come in: the passes themselves may have been away
+# A frame that is still incomplete STALL_MS after its first byte is dropped, unless bytes came in
+# the last _QUIET_MS: then the passes themselves may have been held up
+STALL_MS = const(200)
+_QUIET_MS = const(10)
 
 # The LED: a bit for each 128 ms, the lowest first, and the colour if the LED has colours
 LED_WAITING = (0x0001, 0x000030)
@@ -50,15 +54,15 @@ _KEEPS_EARLY_PLAN = (
 
 
 def glow(light, beat):
-    """The colour 0xRRGGBB of the LED in this one of 16 beats; 0: dark. light: one of LED_."""
+    """The colour of the LED in one of 16 beats, 0xRRGGBB; 0 is dark. light: one of LED_."""
     return light[1] if (light[0] >> beat) & 1 else 0
 
 
 class Controller:
     """Answers the host and keeps everything moving.
 
-    hal: see hal/contract.py. rig: framestep.rig.Rig. broken: the rig file has a mistake, so the
-    board answers, but nothing moves.
+    hal: see hal/contract.py. rig: framestep.rig.Rig. broken: the rig file has a mistake; then the
+    board answers, but moves nothing.
     """
 
     def __init__(self, hal, rig, broken=False):
@@ -228,7 +232,7 @@ class Controller:
         self.planning = self.axes.feed(planned) or planned
 
     def _listen(self):
-        """Take in what has come and answer it. Returns whether there was anything."""
+        """Read the port and answer what has come. Returns whether there was anything."""
         port = self.port
         reader = self.reader
         is_open = port.open
@@ -252,7 +256,7 @@ class Controller:
         return self._attend(reader)
 
     def _attend(self, reader):
-        """Answer what has come. Returns whether there was anything."""
+        """Answer the requests that the reader has. Returns whether there was any."""
         state = self.operations.state
         if state == POSITIONING or state == ENDING:
             self.operations.poll()  # so that answers give the present state
@@ -285,7 +289,7 @@ class Controller:
         return busy
 
     def _handle(self, reader):
-        """Do what is asked for. Returns the code to acknowledge with, 0 if it has been answered."""
+        """Carry a request out. Returns the code to acknowledge it with, 0 if it has its answer."""
         if self.motors.pending_acceleration:
             self.motors.apply_pending_acceleration()
         kind = reader.type

@@ -40,9 +40,10 @@ def _no_led(_colour):
 
 
 def release(block):
-    """Give back what a bytearray holds. The collector takes any word for a pointer, machine code as
-    well: "pop {r5}; movs r0, #0" is one. Such a word may keep the bytearray itself, 16 bytes,
-    whoever has dropped it.
+    """Give back the memory of a bytearray, though the object itself may stay.
+
+    The garbage collector takes any word for a pointer, even machine code: "pop {r5}; movs r0, #0"
+    looks like one. Such a word may keep the object alive, which is 16 bytes.
     """
     # length and address: py/objarray.h, mp_obj_array_t
     mem32[id(block) + 8] = mem32[id(block) + 12] = 0

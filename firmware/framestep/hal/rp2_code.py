@@ -1,11 +1,10 @@
 """Functions of copied modules that run from where they lie in flash.
 
-Copied .mpy files have placeholders for most functions; the functions themselves are in one file
-beside them, code.bin (framestep_tools.code_file tells its form). The blocks of a file stay where
-they are as long as nobody writes to it, and flash can be read, and run, like memory. So the last
-that a module of placeholders does when it is imported is to call `forward`, which looks through
-memory for pointers to placeholders and makes them point into flash. The placeholders then are
-garbage.
+Copied .mpy files have placeholders for most functions. The functions themselves are in one file,
+code.bin (framestep_tools.code_file describes it). The blocks of a file stay where they are as long
+as nobody writes to it, and code in flash can be run in place. So a module with placeholders calls
+`forward` in its last line: it searches memory for pointers to placeholders and makes them point
+into flash. The placeholders then are garbage.
 """
 
 from array import array
@@ -54,7 +53,10 @@ def _word(data, at):
 
 
 def _find():
-    """Addresses of the file's pages, and the number of functions in it. RuntimeError in words."""
+    """Returns the addresses of the file's pages, and the number of functions in it.
+
+    RuntimeError, with what to do, if the file is not there or damaged.
+    """
     flash = rp2.Flash()
     device = _Flash(flash)
     try:
@@ -93,8 +95,8 @@ def _find():
 
 
 @micropython.viper
-def _place(pages: ptr32, count: int, key: int) -> int:
-    """Where the function with this key lies, 0 if it is not in the file."""
+def _address(pages: ptr32, count: int, key: int) -> int:
+    """Returns the address of the function with this key, 0 if it is not in the file."""
     low = 0
     while low < count:
         middle = (low + count) >> 1
@@ -110,12 +112,12 @@ def _place(pages: ptr32, count: int, key: int) -> int:
 
 @micropython.viper
 def _forward(at: int, no_block: int, pages, count: int) -> int:
-    """Make all pointers to placeholders point at functions in flash. The number of those whose
-    function there is not.
+    """Make all pointers to placeholders point at functions in flash. Returns how many functions are
+    not in the file.
 
-    Looks at each 16 bytes of memory, the units of the heap, whether they begin a function
-    (py/objfun.h: its code is the fourth word, and its type, in flash, the first) or what has been
-    loaded to make functions of (py/emitglue.h).
+    Checks each 16 bytes of memory, the units of the heap: they may begin a function (py/objfun.h:
+    its code is the fourth word, and its type, in flash, the first), or what was loaded to make
+    functions of (py/emitglue.h).
     """
     unknown = 0
     while at < _RAM_END:
@@ -124,9 +126,9 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
             code = ptr32(words[3])
             if code[4] == _MARK:
                 if words[0] >> 28 == 1:
-                    place = int(_place(pages, count, code[5]))
-                    if place:
-                        words[3] = place
+                    address = int(_address(pages, count, code[5]))
+                    if address:
+                        words[3] = address
                     else:
                         unknown += 1
         if not (ptr32(at)[1] ^ _RAM) & no_block:
@@ -134,9 +136,9 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
             code = ptr32(words[1])
             if code[4] == _MARK:
                 if not words[0] & _NO_CODE:
-                    place = int(_place(pages, count, code[5]))
-                    if place:
-                        words[1] = place
+                    address = int(_address(pages, count, code[5]))
+                    if address:
+                        words[1] = address
                     else:
                         unknown += 1
         at += 16

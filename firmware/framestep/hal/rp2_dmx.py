@@ -57,11 +57,11 @@ class Dmx:
     channels = CHANNELS
 
     def __init__(self, wiring, hz, break_us, mark_us, rp2350=False):
-        """wiring: {"uart", "tx", "rx"} of the board; hz: of the system clock; break and mark after
-        break in µs."""
+        """wiring: {"uart", "tx", "rx"} of the board. hz: of the system clock. break_us, mark_us:
+        length of the break and of the mark after it. rp2350: the chip is an RP2350. Allocates."""
         uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
         tx = wiring["tx"]
-        # Its own buffers are not used; RX belongs to it whether anything is there or not.
+        # The UART's own buffers are not used. It takes RX even if nothing is connected to it.
         rx = Pin(wiring["rx"])
         self._uart = UART(
             wiring["uart"],
@@ -122,7 +122,8 @@ class Dmx:
         self._control.config(read=self._list, write=data, count=_BLOCK, ctrl=ctrl, trigger=True)
 
     def show(self, lights):
-        """Once a pass: what the lights show goes out with the next frame. Allocates nothing."""
+        """Send the levels of an io.lights.Lights with the next frame. At most once a pass.
+        Allocates nothing."""
         if lights.words[CHANGED]:
             # the other buffer is not read: the copy that may have been under way took 10 µs
             shown = 1 - self._shown

@@ -1,21 +1,21 @@
 """The protocol on the port of the REPL: for boards without machine.USBDevice, or with `"ports": 1`
 in rig.json.
 
-The built-in port only has a blocking read, and tells whether a byte waits but not how many. So a
-frame is read as it announces itself: the first byte, the rest of the header, what remains in
-blocks, each in one call. A host that stops half-way would hold the main loop up; after 10 ms bytes
-of filling end the read (a stream on os.dupterm gives them), are taken out again, and the rest of
-that frame is read byte by byte, waiting for none. Where MicroPython does not ask that stream while
-it reads (all but rp2) every frame is read like that.
+The built-in port has only a blocking read. It says whether a byte waits, but not how many. So a
+frame is read in the steps in which its length becomes known: the first byte, the rest of the
+header, then the payload in blocks, each in one call. A host that stops within a frame would hold
+up the main loop. So after 10 ms padding bytes, from a stream on os.dupterm, end the read. They are
+taken out again, and the rest of that frame is read byte by byte, without waiting. Where MicroPython
+does not read that stream during a read (everywhere but on rp2), every frame is read in this way.
 
-A Ctrl-C that arrives between frames gives the REPL back, as mpremote and Thonny send it: `poll()`
-raises KeyboardInterrupt. Within a frame it is data. Between frames but after other bytes that are
-not a frame's it is noise, until the line has been quiet for 50 ms.
+A Ctrl-C between frames gives the REPL back, as mpremote and Thonny expect: `poll()` raises
+KeyboardInterrupt. Within a frame it is data. Behind bytes that belong to no frame it is noise,
+until the line has been quiet for 50 ms.
 
-There is no DTR to be seen here. On rp2 `open` tells whether the host collects what is sent: it
-turns False when a packet has waited for half a second, and True when it has gone. So a lost host
-shows only while something is sent, as position reports are while motors move. Elsewhere `open` is
-always True, and a lost host must be told by its silence.
+DTR cannot be seen here. On rp2 `open` says whether the host collects what is sent: it turns False
+when a packet has waited for half a second, and True when the packet has gone. So a lost host is
+noticed only while something is sent, such as position reports while motors move. Elsewhere `open`
+is always True.
 """
 
 import io
@@ -46,9 +46,8 @@ _HEADER = const(10)
 _OVERHEAD = const(12)  # header and check bytes
 _LARGEST = const(1048)
 
-# The buffer: the header at first, then room for it and for a first block, which ends at _BODY, then
-# whole blocks. So the views that bytes are read into are made once, and a frame lies there in one
-# piece.
+# The buffer has the header and the first block, which end at _BODY, and then whole blocks. So the
+# views that bytes are read into are made once, and a frame lies in one piece.
 _BLOCK = const(128)  # bytes of a frame read in one call: as many calls for filling at worst
 _HEAD = const(3)
 _BODY = const(156)  # whole words
@@ -89,11 +88,11 @@ def _nothing(_timer):
 
 
 class _Filling(io.IOBase):
-    """Ends a read that has waited until its deadline: gives the bytes it lacks.
+    """Ends a read at its deadline with padding bytes, as many as are missing.
 
-    The host may go on meanwhile, and its bytes come between these. So the read's place in the
-    buffer is all zeros before, and `after` notes for each byte given from where on there were only
-    zeros then: the next that is none is it.
+    The host may go on meanwhile, so that its bytes come between these. So the read's place in the
+    buffer is cleared before. `after` notes, for each padding byte, where the zeros began when it
+    was given: the next byte from there that is not zero is the padding byte.
     """
 
     def __init__(self, buffer):
@@ -128,9 +127,9 @@ class _Filling(io.IOBase):
 class StdinPort:
     """The protocol port in single-port mode. Nothing allocates after `start()`.
 
-    `open` and `openings` are those of UsbPort, as far as they can be told here (see the head of
-    this file). The reader needs the attribute `waiting` of protocol.frames.FrameReader: bytes held
-    of a frame that has begun.
+    `open` and `openings` are those of UsbPort, as far as they can be known here (see the head of
+    this file). The reader needs the attribute `waiting` of protocol.frames.FrameReader: how many
+    bytes of an incomplete frame it holds.
     """
 
     def __init__(self):

@@ -38,8 +38,8 @@ def descriptor(builtin):
 
 
 class Strings:
-    """String descriptors: the port's name, the device's; None for those that MicroPython has.
-    Raises for no index."""
+    """String descriptors: the port's name and the product's. None for an index that MicroPython
+    knows itself; never raises."""
 
     def __init__(self, index):
         self.index = index

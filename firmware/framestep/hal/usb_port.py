@@ -77,21 +77,23 @@ _SET_CONTROL_LINE_STATE = const(0x22)
 _SEND_BREAK = const(0x23)
 _STAGE_SETUP = const(1)
 
-# bytes that come this long after DTR has fallen are from a host that does not use it
+# bytes that come this long after DTR was cleared are from a host that does not use it
 _QUIET_MS = const(100)
 _SETTLE_MS = const(2)
-# a host that listens collects a packet within this; its driver does, however busy it is
+# a host that has the port open collects a packet within this time: its driver does so
 _COLLECT_MS = const(500)
 
 
 class UsbPort:
-    """The protocol port. `open`: a host has it open (DTR; or, with a host that leaves DTR alone, it
-    has sent bytes).
+    """The protocol's port.
 
-    `openings` counts the times it was opened: a change means a new client, even where `open` is
-    True before and after. Nothing allocates after `start()`. `poll()` and `send()` are for one main
-    loop, which may itself be a scheduled function; of those only one `poll()` a call, since
-    callbacks must come between two.
+    `open`: a host has it open. It has set DTR, or, if it does not use DTR, sent bytes. `openings`
+    counts how often it was opened: a change means a new client, even if `open` is True before and
+    after.
+
+    Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. It may be a
+    scheduled function; then it calls `poll()` once each time, since callbacks must come between two
+    calls.
     """
 
     def __init__(self):
@@ -167,13 +169,12 @@ class UsbPort:
             activate(self._state, usb, id(usb), bytearray(OBJECT))
 
     def _go_on(self):
-        """The host has the device as it was before the soft reset, and perhaps the port open: for
-        it a session begins.
+        """Go on after a soft reset, which the host has not noticed: a new session begins.
 
-        A transfer that ended in between was told to nobody.
+        The port may be open. A transfer that ended in between was reported to nobody.
         """
         state = self._state
-        time.sleep_ms(_SETTLE_MS)  # what MicroPython's USB task still has to tell
+        time.sleep_ms(_SETTLE_MS)  # what MicroPython's USB task still has to report
         irq = disable_irq()
         try:
             if not chip.in_flight(state[EP_OUT], 1):
@@ -291,11 +292,11 @@ class UsbPort:
 
     @micropython.viper
     def poll(self, reader) -> int:
-        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`; the bytes taken,
-        0 if none.
+        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`. Returns how many
+        bytes it took.
 
-        Bytes that are not taken are offered again the next time, and hold the host up once both
-        places are full.
+        Bytes that are not taken are offered again by the next call. Once both places are full, the
+        host has to wait.
         """
         s = ptr32(self._state)
         look = (s[LOOK] + 1) & 0xFFFFFFF
@@ -342,10 +343,10 @@ class UsbPort:
 
     @micropython.viper
     def send(self, writer) -> int:
-        """If nothing is under way, begin to send what `writer.take(buffer, limit) -> count` gives;
-        else 1. Never waits.
+        """Begin to send what `writer.take(buffer, limit) -> count` gives. Never waits.
 
-        What is given to a closed port goes nowhere, as on any serial port.
+        Returns 1 if it is still busy sending: nothing is taken then. A closed port takes all and
+        drops it, as any serial port does.
         """
         s = ptr32(self._state)
         if self.open:
@@ -364,9 +365,11 @@ class UsbPort:
     # ------------------------------------------------------------ openings and closings
 
     def _heard(self):
-        """Bytes came in through a closed port; whether they count. Those of a host that has just
-        let DTR fall do not: it may have sent them before. Else there is one that does not use DTR,
-        and now has the port open."""
+        """Returns whether bytes that came in through a closed port count.
+
+        They do not if the host has just cleared DTR: it may have sent them before. Otherwise this
+        host does not use DTR, and has the port open now.
+        """
         if self._state[BY_DTR] and time.ticks_diff(time.ticks_ms(), self._closed_at) <= _QUIET_MS:
             return False
         self.open = True
@@ -374,7 +377,7 @@ class UsbPort:
         return True
 
     def _lose(self):
-        """The host has gone without a word: nothing that is under way is for the next one."""
+        """The host has gone without clearing DTR: drop what is under way."""
         state = self._state
         state[LEFT] = 0
         state[LAST] = 0
@@ -383,8 +386,8 @@ class UsbPort:
         self._closed_at = time.ticks_ms()
 
     def _watch(self):
-        """Close the port when the bus has died, open it again when the host wakes up and still has
-        it open."""
+        """Close the port when the bus is dead. Open it when the host is back and still has DTR
+        set."""
         if chip:
             state = self._state
             if self._bus.dead():

@@ -114,7 +114,7 @@ MEMORY = const(KEPT_AT + 16)
 
 @micropython.viper
 def arm(port):
-    """Let the host send into the next place. Its marks are put back where packets have been."""
+    """Let the host send into the next place. Puts the marks back where packets have been."""
     s = ptr32(port._state)
     place = s[FILL] & 1
     at = s[RX] + place * PLACE
@@ -141,15 +141,18 @@ def arm(port):
 
 @micropython.viper
 def arrived(s: ptr32, look: int) -> int:
-    """Bytes of the running transfer that have arrived, whole packets."""
+    """Returns how many bytes of the running transfer have arrived, in whole packets.
+
+    look: number of this look, from 1 on.
+    """
     end = s[SEEN]
     while s[ARMED] and end < PLACE:
         packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE + end)
         if packet[15] >> 24 == _MARK_LAST:
             if packet[15] == _MARK_15 and packet[0] == _MARK_0:
                 break
-            # A short packet, and the callback that tells its length is due; or a full one whose
-            # last byte is the mark's. With no callback by the next look it was full.
+            # A short packet, so that the callback with its length is due; or a full one whose last
+            # byte is that of the mark. If there is no callback by the next look, it was full.
             if s[DOUBT] == 0 or s[DOUBT] == look:
                 s[DOUBT] = look
                 break
@@ -161,12 +164,11 @@ def arrived(s: ptr32, look: int) -> int:
 
 @micropython.viper
 def mark_stale(s: ptr32):
-    """A session begins or ends: what has arrived until now is of none any more, and what is under
-    way for nobody.
+    """A session begins or ends: mark what has arrived as stale, and drop what is being sent.
 
-    Of the running transfer that is every packet whose place no longer holds the mark. A host learns
-    that the port is open when this has returned, so nothing of the new session has been sent by
-    then.
+    Of the running transfer every packet is stale whose place no longer holds the mark. The host
+    learns that the port is open after this has returned, so it has sent nothing of the new session
+    yet.
     """
     end = s[SEEN]
     if s[ARMED] == 0:
@@ -185,6 +187,7 @@ def mark_stale(s: ptr32):
 
 @micropython.viper
 def drop_stale(s: ptr32):
+    """Drop what mark_stale() has marked."""
     s[STALE] = 0
     while s[TAKE] != s[STALE_FILL]:
         s[TAKE] = (s[TAKE] + 1) & 3
@@ -198,7 +201,7 @@ def drop_stale(s: ptr32):
 
 @micropython.viper
 def send_packet(port):
-    """Send the next 64 bytes, or the rest, or nothing: an empty packet."""
+    """Send the next packet: 64 bytes, the rest, or an empty packet."""
     s = ptr32(port._state)
     if not s[LIVE]:
         s[SENDING] = 0
@@ -231,8 +234,10 @@ def send_packet(port):
 
 @micropython.viper
 def activate(s: ptr32, usb, at: int, before):
-    """Switch the device on, and find the flags in MicroPython's object at an address: what that
-    changes in it."""
+    """Switch the device on, and find MicroPython's flags: the bytes of its object that change.
+
+    at: address of the object. before: OBJECT bytes of scratch.
+    """
     flag = ptr8(at)
     kept = ptr8(before)
     i = 0
@@ -254,8 +259,10 @@ def activate(s: ptr32, usb, at: int, before):
 
 @micropython.viper
 def restore(s: ptr32, at: int) -> int:
-    """What was kept over a soft reset; 0 if there is nothing to go on with. at: address of
-    MicroPython's object."""
+    """Restore what was kept over a soft reset. Returns 0 if there is nothing to go on with.
+
+    at: address of MicroPython's object.
+    """
     kept = ptr32(s[KEPT])
     if kept[KEPT_MARK] != ALIVE or not ptr32(s[BUS])[0] & _ADDRESS:
         return 0
