@@ -14,7 +14,7 @@ SETTINGS = {
         "2: the protocol has a USB port of its own, 1: it shares the one of the REPL"),
     "jog_timeout_ms": (int, 0, 60000, 500, "ms",
         "a jog ends when no further one comes for so long; 0: never"),
-    "hard_stop_factor": (int, 1, 16, 4, "", "a hard stop decelerates so many times as steeply"),
+    "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),
     "go_input": (int, 0, 16, 0, "",
         "number of the general input that gives GO when it comes on; 0: none"),
     "strict_moves": (bool, None, None, False, "",

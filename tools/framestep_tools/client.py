@@ -60,7 +60,7 @@ P = TypeVar("P", bound=Payload)
 
 
 class ClientError(ToolError):
-    """The device and the client do not get along; the text says why."""
+    """Base class of what goes wrong between client and device; the text gives the reason."""
 
     status = NO_CONTROLLER
 

@@ -168,7 +168,7 @@ class Watchdog:
     """
 
     def arm(self, ms):
-        """Start it: from now on it has to be fed within so many milliseconds.
+        """Start it. It has to be fed within `ms` milliseconds from now on.
 
         It feeds itself while something other than a pass holds up the main loop, once the tick has
         brought all motors to rest.

@@ -182,7 +182,7 @@ class Stream:
         self._levels[0] = (self._levels[0] | high | low) ^ low
 
     def fill(self, words, ticks):
-        """Do so many ticks: ticks · WORDS words of the array."""
+        """Do `ticks` ticks: they fill ticks · WORDS words of the array."""
         at = 0
         while ticks:
             self._kernel.tick(None)

@@ -122,7 +122,7 @@ RUN_PING_PONG = const(0x01)
 RUN_LOOP = const(0x02)
 RUN_VIDEO = const(0x10)
 RUN_STILLS = const(0x20)
-# a RUN_MOVE of so many bytes has FLAGS, one of so many the angles as well
+# a RUN_MOVE of at least these lengths, in bytes, has FLAGS, and the angles as well
 RUN_FLAGS_BYTES = const(31)
 RUN_ANGLES_BYTES = const(35)
 

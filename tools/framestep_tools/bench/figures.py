@@ -87,7 +87,7 @@ FIGURES = (
         10_000,
         None,
         "HI's UPLOAD FRAME COUNT with the code frozen into the firmware; "
-        "so many are then uploaded for eight motors",
+        "as many are then uploaded for eight motors",
     ),
     Figure(
         "rx_bytes_per_s",

@@ -76,7 +76,7 @@ ARM_SPEED = (20_000, 50_000)  # steps/s, steps/s²
 
 
 def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float:
-    """The highest of TOP_RATES at which so many motors play a move with every edge in its place."""
+    """The highest of TOP_RATES at which `motors` motors play a move with every edge in place."""
     for wanted in TOP_RATES:
         say(f"{motors} motors at {wanted} steps/s")
         positions = session.prepare(
@@ -94,7 +94,7 @@ def top_rate(session: Session, motors: int, say: Callable[[str], None]) -> float
 def upload_rate(
     session: Session, frames: int, during: AbstractContextManager[Any] | None = None
 ) -> float:
-    """Bytes per second of an upload of so many frames for eight motors, while they all move."""
+    """Bytes per second of an upload for eight motors, while they all move."""
     client = session.client
     t = np.arange(frames)
     positions = {

@@ -36,7 +36,7 @@ def mixed_move(seconds: float = 2.4, fps: int = FPS) -> dict[int, np.ndarray]:
 
 
 def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarray]:
-    """Positions of so many motors at a constant velocity, a multiple of FPS."""
+    """Positions of some motors at a constant velocity. rate: steps/s, a multiple of FPS."""
     return {
         motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1)
         for motor in range(1, motors + 1)

@@ -160,6 +160,6 @@ class MotorSetLimits(Request[Ack]):
 
 @dataclass(frozen=True)
 class MotorHardStop(Request[Ack]):
-    """A message that only the device sends by rights; here to see what it answers."""
+    """Sent by devices only; a request so that tests can send it and check the refusal."""
 
     TYPE = messages.MSG_MOTOR_HARD_STOP
