@@ -1,6 +1,7 @@
 """What the documents name exists: files, links, make targets, commands and their options, modules,
 settings of the rig file."""
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -26,6 +27,8 @@ _PATH = re.compile(
 _NAME = re.compile(r"^[\w<>*-]+\.(?:py|mjs|sh|toml)$")
 # Where the documents take paths from, besides the root and their own folder
 _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", "host_tests")
+# Names of ours that are something else in the documents
+_OTHERS = ("emu", "micropython")
 # What is made, or lies on a board
 _MADE = ("build/", ".cache/", "lib/")
 _SETTINGS = (
@@ -152,3 +155,45 @@ def test_settings_are_there():
                 "a document names one as soon as it exists"
             )
     assert count > 15, "the search has found next to nothing"
+
+
+def names() -> dict[str, set[str]]:
+    """{class or module: what is defined in it}, of the core and of the tools."""
+    found: dict[str, set[str]] = {}
+    for folder in ("firmware/framestep", "tools/framestep_tools"):
+        for path in (ROOT / folder).rglob("*.py"):
+            tree = ast.parse(path.read_text())
+            for node in tree.body:
+                if isinstance(node, ast.ClassDef):
+                    found.setdefault(node.name, set()).update(defined(node))
+            stem = path.parent.name if path.stem == "__init__" else path.stem
+            found.setdefault(stem, set()).update(defined(tree))
+            found.setdefault(path.parent.name, set()).add(path.stem)
+    for name in _OTHERS:
+        found.pop(name, None)
+    return found
+
+
+def defined(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                yield name
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                yield name
+
+
+def test_functions_are_there():
+    """`Class.method` and `module.function`, where the class or the module is ours."""
+    known = names()
+    count = 0
+    for document in DOCUMENTS:
+        for part in re.findall(r"`([^`\n]+)`", document.read_text()):
+            found = re.match(r"(?:[a-z_]+\.)*([A-Za-z]\w*)\.([A-Za-z_]\w*)(?:\(|$)", part)
+            if not found or found[1] not in known or found[2] in ("py", "md", "json", "mpy", "bin"):
+                continue
+            count += 1
+            assert found[2] in known[found[1]], (
+                f"{document.relative_to(ROOT)}: {found[1]} has no {found[2]}: `{part}`"
+            )
+    assert count > 30, "the search has found next to nothing"
