@@ -269,6 +269,9 @@ def test_the_camera_move_is_what_its_generator_makes(tmp_path, monkeypatch):
         ("frame,a\n1,2\n\n2,2\n", "line 3: expected 2 whole numbers, found ''"),
         ("frame,a\n1,2\n3,2\n", "line 3: expected frame 2, found 3"),
         ("frame,a\n1,2147483648\n", "line 2: positions have to fit 32 bits"),
+        ("frame,a\n1," + "7" * 5000 + "\n", "line 2: .*found '7777*…'$"),
+        ("frame,a\n1," + "7" * 200_000 + "\n", "line 2: field larger than field limit"),
+        ("x" * 9000, "line 1: expected the header .*xxxx…'$"),
     ],
 )
 def test_files_that_are_no_move(tmp_path, text, complaint):

@@ -10,6 +10,7 @@ from .errors import ToolError
 
 EXAMPLES = Path(__file__).with_name("moves")
 CAMERA_MOVE = EXAMPLES / "camera_move.csv"
+_LONGEST = 80  # characters of a line that is told
 
 
 class MoveFileError(ToolError):
@@ -66,9 +67,11 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
         ) from None
     first = text.split("\n", 1)[0]
     between = max("\t;,", key=first.count)
-    rows = [
-        [cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=between)
-    ]
+    reader = csv.reader(text.splitlines(), delimiter=between)
+    try:
+        rows = [[cell.strip() for cell in row] for row in reader]
+    except csv.Error as error:
+        raise MoveFileError(f"{path}, line {reader.line_num}: {error}") from None
     while rows and not any(rows[-1]):
         rows.pop()
     header = rows[0] if rows else []
@@ -77,7 +80,7 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     if len(header) < 2 or header[0].lower() != "frame":
         raise MoveFileError(
             f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, "
-            f"found {','.join(header)!r}"
+            f"found {_shown(header)}"
         )
     values: list[list[int]] = []
     for line, row in enumerate(rows[1:], 2):
@@ -93,14 +96,18 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     return Move(columns[0][0], dict(enumerate(header[1:], 1)), dict(enumerate(columns[1:], 1)))
 
 
+def _shown(row: list[str]) -> str:
+    """A row as it is told: one line, of a bearable length."""
+    text = ",".join(row)
+    return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
+
+
 def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
     """A row's whole numbers, one a column; MoveFileError for anything else."""
     while len(row) > len(header) and not row[-1]:
         row = row[:-1]
     if len(row) != len(header):
-        raise MoveFileError(
-            f"{where}: expected {len(header)} whole numbers, found {','.join(row)!r}"
-        )
+        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {_shown(row)}")
     numbers = []
     for cell, name in zip(row, header, strict=True):
         whole, _, fraction = cell.partition(".")
@@ -110,7 +117,7 @@ def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
             number = int(whole)
         except ValueError:
             raise MoveFileError(
-                f"{where}: expected a whole number for {name}, found {cell!r}"
+                f"{where}: expected a whole number for {name}, found {_shown([cell])}"
             ) from None
         if not -(2**31) <= number < 2**31:
             raise MoveFileError(
