@@ -103,6 +103,11 @@ def start():
     if held:
         print("framestep: not started,", held)
         return
+    # after a soft reset it is still that of programs on the REPL, and modules import each other
+    from framestep.hal import STACK
+    from framestep.hal.rp2_stack import set_limit
+
+    set_limit(STACK)
     gc.threshold(_DENSE)
     _load_into_ram()
     # at once: while the rest is loaded they would float

@@ -168,8 +168,11 @@ class Runner:
             self._end()
             self.task = self._traceback_task
             return
-        if (self._news or controller.stops.unreported) and not controller.reports.was_moving:
-            self._tell()
+        try:
+            if (self._news or controller.stops.unreported) and not controller.reports.was_moving:
+                self._tell()
+        except KeyboardInterrupt:
+            self._struck = True  # the REPL's port was full, and what was to be told is cut short
 
     def _after(self):
         """Do what allocates, and so is not for a pass."""
@@ -182,7 +185,10 @@ class Runner:
         except KeyboardInterrupt:
             self._struck = self._failing = True
         except Exception as error:
-            sys.print_exception(error)  # type: ignore[attr-defined]
+            try:
+                sys.print_exception(error)  # type: ignore[attr-defined]
+            except KeyboardInterrupt:
+                self._struck = True
 
     def _end(self):
         """An exception has ended the passes."""

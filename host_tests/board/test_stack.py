@@ -6,7 +6,14 @@ import pytest
 
 from framestep.hal import DEEPEST, REPL_STACK, STACK
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.payloads import HardStop, MotorMove, MotorStopAll, RtEnd, RtGo
+from framestep_tools.payloads import (
+    HardStop,
+    MotorMove,
+    MotorStatus,
+    MotorStopAll,
+    RtEnd,
+    RtGo,
+)
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, assert_within
 
@@ -102,3 +109,78 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
         assert [stop.reason for _, stop in session.events(HardStop)] == [0]
         assert session.made(8) == session.position(8) - begin < STEPS
     assert session.repl.eval("low()") <= TOP - BOTTOM - SPARE
+
+
+# What a program on the REPL finds: the limit lies behind the stack's top, and is one of the two.
+FIND = f"""
+from array import array
+import framestep.boot
+from framestep.hal.rp2_stack import WholeStack
+from machine import mem32
+[limit] = [
+    at + 4
+    for at in range(0x20000000, 0x20010000, 4)
+    if mem32[at] == {TOP} and mem32[at + 4] in ({STACK}, {REPL_STACK})
+]
+seen = []
+def work(x):
+    seen.append(mem32[limit])
+    inside[0] += 1
+    raise ValueError
+inside = array("i", [0])
+call = WholeStack(limit, work, inside).callback
+"""
+RAISED = """
+try:
+    call(0)
+except ValueError:
+    seen.append(mem32[limit])
+"""
+# what has passes told, and does not end
+TOLD = """
+__import__("time").sleep_ms(300)
+try:
+    for i in range(40):
+        framestep.boot.runner.report_driver(i, "a line that is long enough to fill a port's buffer")
+    while True:
+        pass
+except KeyboardInterrupt:
+    struck = True
+"""
+
+
+def test_an_exception_leaves_the_limit_as_it_was(session):
+    session.repl.exec(FIND)
+    assert session.repl.eval("mem32[limit]") == REPL_STACK
+    session.repl.exec(RAISED)
+    assert session.repl.eval("seen + list(inside)") == [STACK, REPL_STACK, 0]
+
+
+def test_a_ctrl_c_while_something_is_told(session):
+    """With the REPL's port full, which is waited for: what is told is cut short, the Ctrl-C is the
+    program's, the passes go on, and programs have no more of the stack than before."""
+    repl = session.repl
+    repl.exec(FIND)
+    repl.start(TOLD)
+    repl.serial.hold()
+    session.board.emulator.advance(500)
+    repl.serial.write(b"\x03")
+    session.board.emulator.advance(300)
+    repl.serial.hold(False)
+    repl.finish()
+    assert repl.eval("struck") is True
+    assert repl.eval("mem32[limit]") == REPL_STACK
+    assert repl.eval("framestep.boot.runner.alive") is True
+    assert session.client.request(MotorStatus()).moving == []
+
+
+def test_the_limit_after_a_soft_reset():
+    """MicroPython sets it when power comes on alone: framestep's second start finds its own."""
+    with EmulatedBoard({"dmx": False}) as board:
+        repl = board.emulator.repl()
+        repl.enter()
+        repl.serial.write(b"\x04")
+        board.emulator.advance(6000)
+        repl = board.emulator.repl()
+        repl.exec(FIND + RAISED)
+        assert repl.eval("seen + [mem32[limit]]") == [STACK, REPL_STACK, REPL_STACK]

@@ -146,7 +146,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
         tools = Path(__file__).parent
         for path in (
             *sources().values(),
-            *(FIRMWARE / name for name in _PLAIN),
+            *(FIRMWARE / name for name in (_COMPILER, *_PLAIN)),
             *tools.rglob("*.py"),
             *ROOT.glob("boards/*/board.json"),
             *ROOT.glob("boards/*.json"),

@@ -77,8 +77,8 @@ class Hal:
     def pass_callback(self, work):
         """A function of one argument that calls work, which is a pass, from MicroPython's
         scheduler: with all of the stack, whatever a program on the REPL has taken of it, and with
-        inside[PASS] at 1. work must not raise. Allocates."""
-        return work
+        inside[PASS] at 1. Allocates."""
+        raise NotImplementedError
 
     def watch(self, bits, handler):
         """Call handler(x) from a hard interrupt when one of these inputs changes. Once, at boot."""

@@ -8,7 +8,7 @@ import machine
 from machine import Pin, Timer, mem32
 from micropython import alloc_emergency_exception_buf
 
-from framestep.hal import PASS
+from framestep.hal import PASS, REPL_STACK
 from framestep.hal.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
 from framestep.hal.rp2_claims import Claim, held_pin, mend, wrong
 from framestep.hal.rp2_pins import (
@@ -20,7 +20,7 @@ from framestep.hal.rp2_pins import (
     levels,
 )
 from framestep.hal.rp2_pulses import PulseEngine, lost_commands
-from framestep.hal.rp2_stack import NOWHERE, WholeStack, lower_limit, unchecked
+from framestep.hal.rp2_stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2_usb import addressed
 from framestep.motion.kernel import StepKernel
 from framestep.motion.stepper import halt_motors
@@ -55,7 +55,7 @@ class Rp2Hal:
 
     def __init__(self, board, rig):
         self.board = board
-        self._stack = lower_limit()
+        self._stack = set_limit(REPL_STACK)
         self.motors = len(board["step"])
         hz = machine.freq()
         while hz > FASTEST_HZ:

@@ -19,7 +19,7 @@ from framestep.hal import PASS, REPL_STACK, STACK
 from framestep.native import addressof, const, micropython
 
 # mp_obj_type_t: the type's own type, flags and name, twelve numbers of slots, slots. py/obj.h,
-# MicroPython 1.20 to 1.27
+# MicroPython 1.20 to 1.28
 _SLOTS = const(5)  # words in front of slot 1
 _CODE = const(12)  # of a function: the address of its code (py/objfun.h)
 _THUMB = const(1)
@@ -36,7 +36,8 @@ def _limit_at(at: int) -> int:
     """The address of the limit of the stack; 0 where MicroPython keeps it elsewhere."""
     while at < _STATE_ENDS:
         word = ptr32(at)
-        if word[1] == STACK:
+        # MicroPython sets it when power comes on, and leaves it alone at a soft reset.
+        if word[1] == STACK or word[1] == REPL_STACK:
             if word[0] == _TOP_RP2040 or word[0] == _TOP_RP2350:
                 return at + 4
         at += 4
@@ -51,7 +52,7 @@ class WholeStack:
     """
 
     def __init__(self, limit, work, inside):
-        """limit: what lower_limit() has given back; inside: words of which PASS is 1 meanwhile."""
+        """limit: what set_limit() has given back; inside: words of which PASS is 1 meanwhile."""
         self.words = array("i", [limit, addressof(inside)])
         self.work = work
         self.callback = self.call
@@ -64,18 +65,20 @@ class WholeStack:
         before = limit[0]
         limit[0] = STACK
         inside[PASS] = 1
-        self.work(x)
-        inside[PASS] = 0
-        limit[0] = before
+        try:
+            self.work(x)
+        finally:
+            inside[PASS] = 0
+            limit[0] = before
 
 
-def lower_limit():
-    """Programs have REPL_STACK from now on. Returns the limit's address, or one where nothing lies
-    that counts."""
+def set_limit(size):
+    """What is called from now on may take that much of the stack: STACK or REPL_STACK. Returns the
+    limit's address, or one where nothing lies that counts."""
     at = _limit_at(_RAM)
     if not at:
         return addressof(NOWHERE)
-    mem32[at] = REPL_STACK
+    mem32[at] = size
     return at
 
 
