@@ -10,7 +10,7 @@ PASS = const(0)  # word of Hal.inside
 # more than DEEPEST is in use: the largest one takes 5000, with the interrupts that come in it.
 STACK = const(7936)
 REPL_STACK = const(6400)
-DEEPEST = const(2800)
+DEEPEST = const(2560)
 
 CHANNELS = const(512)  # of DMX
 CHANGED = const(0)  # word of Lights.words: 1 when a level has changed since they were taken

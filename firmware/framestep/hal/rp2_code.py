@@ -111,7 +111,7 @@ def _address(pages: ptr32, count: int, key: int) -> int:
 
 
 @micropython.viper
-def _forward(at: int, no_block: int, pages, count: int) -> int:
+def _forward(at: int, no_block: int, mark: int, pages, count: int) -> int:
     """Make all pointers to placeholders point at functions in flash. Returns how many functions are
     not in the file.
 
@@ -124,7 +124,7 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
         if not (ptr32(at)[3] ^ _RAM) & no_block:
             words = ptr32(at)
             code = ptr32(words[3])
-            if code[4] == _MARK:
+            if code[4] == mark:
                 if words[0] >> 28 == 1:
                     address = int(_address(pages, count, code[5]))
                     if address:
@@ -134,7 +134,7 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
         if not (ptr32(at)[1] ^ _RAM) & no_block:
             words = ptr32(at)
             code = ptr32(words[1])
-            if code[4] == _MARK:
+            if code[4] == mark:
                 if not words[0] & _NO_CODE:
                     address = int(_address(pages, count, code[5]))
                     if address:
@@ -143,6 +143,17 @@ def _forward(at: int, no_block: int, pages, count: int) -> int:
                         unknown += 1
         at += 16
     return unknown
+
+
+@micropython.viper
+def _forget(at: int, mark: int):
+    """Take the mark from all placeholders. They are garbage now: where another object got the first
+    16 bytes of one, a pointer to it would look like one to the placeholder."""
+    while at < _RAM_END:
+        words = ptr32(at)
+        if words[0] == mark:
+            words[0] = 0
+        at += 16
 
 
 def _wipe():
@@ -163,11 +174,13 @@ def _wipe():
 def forward():
     """Make the functions of modules that have been loaded run from flash. Allocates; RuntimeError
     in words."""
-    if _forward(_RAM, _NO_BLOCK, _pages, _count):
+    # The mark is handed over, since machine code that has it in a word would look like one.
+    if _forward(_RAM, _NO_BLOCK, _MARK, _pages, _count):
         # what has been half overwritten since it was free may look like a placeholder
         _wipe()
-        if _forward(_RAM, _NO_BLOCK, _pages, _count):
+        if _forward(_RAM, _NO_BLOCK, _MARK, _pages, _count):
             raise RuntimeError(_FILE + " is of another version" + _AGAIN)
+    _forget(_RAM, _MARK)
 
 
 _pages, _count = _find()
