@@ -1,8 +1,13 @@
-"""What follows boot.py in an image with framestep in it, where that is frozen: one on the file
-system."""
+"""What comes before boot.py in an image: DMA is stopped, then a boot.py on the file system runs.
+
+That may be framestep's own, from when its files were copied. Its lines do nothing a second time.
+"""
 
 import os
 
+import framestep.leftovers
+
+framestep.leftovers.stop_dma()
 try:
     os.stat("/boot.py")
 except OSError:

@@ -14,6 +14,7 @@ from framestep_tools.files import ROOT, sources
 LAYERS = (
     ("native_cpython",),
     ("native",),
+    ("leftovers",),
     ("clock", "results", "copying"),
     ("hal.engine", "hal.stream_engine"),  # constants
     ("motion.stepper", "motion.tick", "motion.kernel"),  # the tick

@@ -12,6 +12,7 @@ from the heap. Behind the move, a search took 0.1 ms.
 import gc
 import sys
 
+from framestep.leftovers import stop_dma
 from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
@@ -88,14 +89,16 @@ def _held(board):
     return "BOOTSEL is held" if rp2.bootsel_button() else None
 
 
-def start():
-    """Bring the board up.
+def start(again=False):
+    """Bring the board up. again: by boot.py after a soft reset; with one port it waits for main.py
+    then, or for a reset, as boot.py would never end.
 
     A mistake in the rig file is printed on the REPL; then the board answers, but moves nothing.
     """
     global hal, controller, runner
     if controller:  # by boot.py, after a soft reset
         return
+    stop_dma()  # where boot.py is not framestep's
     spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD
 
@@ -116,6 +119,9 @@ def start():
     settings, mistake = _settings(BOARD)
     del BOARD
     drivers_off(settings.board, settings)
+    if again and settings.ports != 2:
+        gc.threshold(-1)
+        return
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")

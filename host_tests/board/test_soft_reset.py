@@ -10,7 +10,7 @@ import pytest
 from framestep_emulator import Emulator, edge_times
 from framestep_tools import builds
 from framestep_tools.client import Client
-from framestep_tools.files import board_files
+from framestep_tools.files import FIRMWARE, board_files
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
 
 PATIENCE_S = 600
@@ -138,10 +138,110 @@ def test_lights_leave_memory_alone():
         repl.serial.write(b"\x04")
         emu.advance(500)
         repl = emu.repl()
-        assert repl.eval("'framestep' in __import__('sys').modules") is False
+        assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
         assert (
             repl.eval(
                 "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
             )
             == [0] * 12
         )
+
+
+def dma_running(repl):
+    """The DMA channels that are enabled and busy."""
+    code = "[i for i in range(12) if __import__('machine').mem32[0x5000000C + 64 * i] & 0x1000001]"
+    return repl.eval(code)
+
+
+@pytest.mark.parametrize("beside", [(FIRMWARE / "boot.py").read_text(), "mine = 6 * 7\n"])
+def test_an_image_beside_a_boot_py(beside):
+    """Framestep's own, left by `flash` or a package, or a user's: DMX512 and framestep go on after
+    a soft reset."""
+    with Emulator(builds.frozen("pico"), files={"/boot.py": beside}) as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl = emu.repl()
+        for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
+            repl.enter()
+            repl.serial.write(b"\r\x03\r" + mode)
+            emu.advance(50)
+            repl.serial.write(b"\x04")
+            emu.advance(4000)
+            repl = emu.repl()
+            assert len(dma_running(repl)) > 0, "DMX512 is dead"
+            emu.uart_start(0)
+            emu.advance(200)
+            slots, _ = emu.uart_read(0)
+            assert len(slots) >= 6 * 513
+            if "mine" in beside:
+                assert repl.eval("mine") == 42
+            assert Client(emu.serial(1)).request(Hi()).motors == 8
+
+
+@pytest.mark.parametrize("kind", ["copied", "image"])
+def test_one_port_set_on_a_board_that_has_two(kind):
+    """mpremote's raw REPL comes: framestep does not take it from within boot.py. After Ctrl-D or a
+    reset framestep has the one port."""
+    with board(kind) as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl = emu.repl()
+        settings = '{"ports": 1, "name": "one"}'
+        repl.exec(f"with open('/rig.json', 'w') as file: file.write({settings!r})")
+        for _ in range(2):
+            repl.serial.write(b"\r\x03\r\x01")
+            emu.advance(50)
+            repl.serial.read_all()
+            repl.serial.write(b"\x04")
+            emu.advance(8000)
+            assert repl.serial.read_all().endswith(b"raw REPL; CTRL-B to exit\r\n>")
+            assert repl.eval("6 * 7") == 42
+            assert emu.pin(ENABLE) == 1, "the drivers are off"
+        repl.leave()
+        repl.serial.write(b"\x04")
+        emu.advance(8000)
+        repl.serial.reset_input_buffer()
+        assert Client(repl.serial).request(Hi()).name == "one"
+
+
+def test_a_boot_py_that_knows_nothing_of_framestep():
+    """framestep's start stops DMA that a soft reset has left, before it takes memory; held back by
+    BOOTSEL it does so, too."""
+    with board("copied") as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl = emu.repl()
+        repl.exec("with open('/boot.py', 'w') as file: file.write('mine = 6 * 7\\n')")
+        assert dma_running(repl)
+        repl.leave()
+        emu.press_bootsel()
+        repl.serial.write(b"\x04")
+        emu.advance(3000)
+        emu.press_bootsel(False)
+        assert b"BOOTSEL is held" in repl.serial.read_all()
+        repl = emu.repl()
+        assert repl.eval("mine") == 42
+        assert dma_running(repl) == []
+
+
+def test_a_host_that_closes_its_port_while_framestep_restarts():
+    """Nobody hears it. The port counts as closed all the same, as nobody collects a packet: no
+    motion is stopped for want of a host, and whoever comes next begins anew."""
+    with board("image") as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl, port = emu.serial(0), emu.serial(1)
+        client = Client(port)
+        client.request(Hi())
+        repl.write(b"\r\x03\r\x02")
+        emu.advance(50)
+        repl.write(b"\x04")
+        emu.advance(300)
+        port.close()
+        emu.advance(6000)
+        raw = emu.repl()
+        raw.exec("import framestep.repl, framestep.boot as boot")
+        raw.exec("move(1, 100000)")
+        emu.advance(5000)
+        assert raw.eval("boot.controller.reports.was_moving") is True
+        assert raw.eval("boot.hal.port.open") is False
+        openings = raw.eval("boot.hal.port.openings")
+        port.open()
+        assert Client(port).request(MotorStatus()).moving == [1]
+        assert raw.eval("boot.hal.port.openings") == openings + 1

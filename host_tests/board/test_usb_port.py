@@ -59,6 +59,63 @@ def test_second_port_and_its_name(usb):
             stop(repl)
 
 
+@pytest.mark.parametrize("stays", [True, False])
+def test_whether_a_host_is_still_there_after_a_soft_reset(usb, stays):
+    """What it says of DTR before the next port starts, nobody hears. Whoever opens the port then is
+    a new client."""
+    emu, repl, port = usb
+    repl.leave()
+    repl.serial.write(b"\x04")
+    emu.advance(100)
+    if not stays:
+        port.close()
+        emu.advance(20)
+    repl = emu.repl()
+    repl.exec(SETUP)
+    repl.exec("port.start()")
+    run(repl)
+    if stays:
+        emu.advance(1000)
+        assert answered(port, frame(64, 1))
+        port.hold()
+        for number in range(4):
+            port.write(frame(64, number))
+        emu.advance(1500)
+        stop(repl)
+        assert repl.eval("(port.open, port.openings)") == (True, 1), "it is busy"
+        run(repl)
+        port.hold(False)
+        port.close()
+    emu.advance(1000)
+    stop(repl)
+    assert repl.eval("(port.open, port.openings)") == (False, 1)
+    port.open()
+    emu.advance(5)
+    assert repl.eval("(port.open, port.openings)") == (True, 2)
+
+
+def test_a_client_that_opens_the_port_again_before_it_is_missed(usb):
+    emu, repl, port = usb
+    repl.leave()
+    repl.serial.write(b"\x04")
+    emu.advance(100)
+    port.close()
+    emu.advance(20)
+    repl = emu.repl()
+    repl.exec(SETUP)
+    repl.exec("port.start()")
+    assert repl.eval("(port.open, port.openings)") == (True, 1)
+    port.open()
+    emu.advance(5)
+    assert repl.eval("(port.open, port.openings)") == (True, 2)
+    run(repl)
+    assert answered(port, frame(64, 1))
+    port.close()
+    emu.advance(5)
+    stop(repl)
+    assert repl.eval("(port.open, port.openings)") == (False, 2)
+
+
 def test_a_bus_reset_after_a_soft_reset(usb):
     """The host has found one port only by the time that the next port starts: the board goes, and
     comes with two."""

@@ -102,7 +102,7 @@ def test_only_what_changed_is_copied_and_what_is_stale_goes():
     assert install(board, NEW, "pico", lambda line: None) == 5
     assert board.own() == NEW
     assert {n: board.content[n] for n in USERS} == USERS
-    assert sorted(set(board.written) - {LIST}) == [
+    assert sorted(set(board.written) - {LIST, LIST + ".new"}) == [
         f"{FOLDER}/a.mpy",
         f"{FOLDER}/motion/c.mpy",
         f"{FOLDER}/motion/d.mpy",
@@ -144,10 +144,10 @@ def test_another_main_py_is_kept():
     assert board.content["/main_before.py"] == b"a user's"
     board.content[MAIN] = b"changed by the user"
     install(board, NEW, "pico", lambda line: None)
-    assert board.content["/main_before.py"] == b"changed by the user"
     install(board, OLD, "pico", lambda line: None)
-    assert board.content["/main_before.py"] == b"changed by the user", (
-        "framestep's own main.py is not kept"
+    kept = {name: data for name, data in board.content.items() if "before" in name}
+    assert kept == {"/main_before.py": b"a user's", "/main_before_2.py": b"changed by the user"}, (
+        "all of a user's, and not framestep's own"
     )
 
 
@@ -164,6 +164,49 @@ def test_another_boot_py_stays():
     for text in (b"framestep's", b"a newer one"):
         install(board, wanted | {BOOT: text}, "pico", said.append)
         assert board.content[BOOT] == text
+
+
+def test_a_boot_py_that_a_user_has_changed_stays():
+    wanted = NEW | {BOOT: b"framestep's"}
+    board, said = FileBoard({}), []
+    install(board, wanted, "pico", lambda line: None)
+    board.content[BOOT] = b"changed by the user"
+    for newer in (wanted, OLD | {BOOT: b"a newer one"}, wanted):
+        install(board, newer, "pico", said.append)
+        assert board.content[BOOT] == b"changed by the user"
+        assert board.content[MAIN] == newer[MAIN]
+    assert sum("boot.py is not framestep's" in line for line in said) == 3
+    del board.content[BOOT]
+    install(board, wanted, "pico", lambda line: None)
+    assert board.content[BOOT] == b"framestep's"
+    board.content[BOOT] = b"framestep's" + b"changed again"
+    install(board, wanted, "pico", lambda line: None)
+    assert board.content[BOOT] == b"framestep'schanged again"
+
+
+def test_a_boot_py_of_which_no_hash_is_listed_is_kept():
+    """The list of an earlier framestep: it may be that one's, or a user's."""
+    board = FileBoard({BOOT: b"whose?", LIST: json.dumps({"files": [BOOT], "main": ""}).encode()})
+    install(board, NEW | {BOOT: b"framestep's"}, "pico", lambda line: None)
+    assert board.content[BOOT] == b"framestep's"
+    assert board.content["/boot_before.py"] == b"whose?"
+
+
+def test_interrupted_anywhere_boot_py_is_whole_and_framesteps():
+    complete, step = False, 0
+    while not complete:
+        board = installed(OLD | {BOOT: b"older one"}, {})
+        board.steps = step
+        try:
+            install(board, NEW | {BOOT: b"newer one"}, "pico", lambda line: None)
+            complete = True
+        except Unplugged:
+            step += 1
+        assert board.content[BOOT] in (b"older one", b"newer one"), f"after {step} steps"
+        board.steps = 1000
+        install(board, NEW | {BOOT: b"newest one"}, "pico", lambda line: None)
+        assert board.content[BOOT] == b"newest one", f"after {step} steps"
+        assert "/boot_before.py" not in board.content
 
 
 def test_damage_on_the_way_is_noticed():

@@ -26,7 +26,7 @@ _PRODUCTS = {
     "unix32": "build/unix32/micropython",
     "unix64": "build/unix64/micropython",
 }
-_BEGINNING = {"boot.py": ("boot.py", "image_boot.py"), "main.py": ("image_main.py",)}
+_BEGINNING = {"boot.py": ("image_boot.py", "boot.py"), "main.py": ("image_main.py",)}
 
 
 class BuildError(ToolError):

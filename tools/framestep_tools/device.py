@@ -1,7 +1,6 @@
 """A board on the REPL's port, reached by mpremote: what is on it, its files, and a restart.
 
-Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion, and the
-port under us with it (the board's second USB port goes, so all of it re-enumerates).
+Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion.
 """
 
 import contextlib

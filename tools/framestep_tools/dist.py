@@ -29,7 +29,8 @@ def packages(say: Callable[[str], None] = lambda line: None) -> dict[str, bytes]
         processor = chip.processor
         urls = []
         for path, content in board_files(processor, board).items():
-            # mip installs into /lib; boot.py and main.py belong beside it
+            # mip installs into /lib; boot.py and main.py belong beside it. It writes over what is
+            # there, as README.md says
             target = path.removeprefix(_LIB) if path.startswith(_LIB) else f"..{path}"
             source = (
                 f"boards/{board}.mpy"

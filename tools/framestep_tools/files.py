@@ -64,6 +64,7 @@ _OF_ENGINE = {"stream": ("framestep/hal/stream.py",)}
 _WHOLE = (
     *IN_RAM,
     "framestep/native.mpy",
+    "framestep/leftovers.mpy",  # loaded before all others
     "framestep/hal/rp2_code.mpy",  # makes the rest run
     "framestep/boot.mpy",  # and what it needs to switch the drivers off at once
     "framestep/hal/rp2_pins.mpy",

@@ -2,7 +2,7 @@
 
 The order is what makes an interruption harmless: main.py goes first and comes last, in one step, so
 a board that is half new comes up as plain MicroPython; and what is there is known by its hash, so
-the next run does what is left.
+the next run does what is left. A main.py or boot.py of another hash than framestep's is a user's.
 """
 
 import json
@@ -21,7 +21,6 @@ FOLDER = "/lib/framestep"
 LIST = FOLDER + "/files.json"  # what has been put on the board
 MAIN = "/main.py"
 BOOT = "/boot.py"
-_KEPT = "/main_before.py"
 
 
 class Files(Protocol):
@@ -69,17 +68,31 @@ def check_firmware(who: Who, board: str) -> None:
         )
 
 
-def _listed(board: Files) -> tuple[list[str], str]:
-    """What an earlier run has put on the board, and the hash of its main.py."""
+def _listed(board: Files) -> tuple[list[str], str, list[str] | None]:
+    """What an earlier run has put on the board, the hash of its main.py, and those that its boot.py
+    may have; None where an older framestep did not note them."""
     try:
         found = json.loads(board.read(LIST) or b"{}")
     except ValueError:  # cut short: what lies in the folder is framestep's all the same
-        found = {}
-    return found.get("files", []), found.get("main", "")
+        found = {"files": [BOOT]}
+    return found.get("files", []), found.get("main", ""), found.get("boot")
 
 
-def _list(board: str, names: Iterable[str], main: bytes) -> bytes:
-    return json.dumps({"board": board, "main": main.hex(), "files": sorted(names)}).encode()
+def listing(board: str, names: Iterable[str], main: bytes, boots: Iterable[str]) -> bytes:
+    """The content of LIST. main, boots: hashes of main.py, and of boot.py in hexadecimal digits."""
+    what = {"board": board, "main": main.hex(), "boot": sorted(boots), "files": sorted(names)}
+    return json.dumps(what).encode()
+
+
+def _keep(board: Files, path: str, say: Callable[[str], None]) -> None:
+    """Rename a user's file; one that was kept before stays, too."""
+    stem = path.removesuffix(".py") + "_before"
+    kept, number = f"{stem}.py", 1
+    while board.hashes([kept]):
+        number += 1
+        kept = f"{stem}_{number}.py"
+    say(f"{path[1:]} is not framestep's: kept as {kept}")
+    board.rename(path, kept)
 
 
 def install(
@@ -89,35 +102,42 @@ def install(
     removed.
 
     rig.json and what else is a user's stays. A main.py that is not framestep's is kept under
-    another name, a boot.py goes on as it is.
+    another name, a boot.py that is not stays as it is, also where it was framestep's and a user has
+    changed it.
     """
-    listed, listed_main = _listed(board)
+    listed, listed_main, boots = _listed(board)
     there = board.files(FOLDER)
     own = {path for path in there if path.endswith((".mpy", ".py"))} | set(listed)
     present = board.hashes(sorted({*there, *listed, *wanted}))
     hashes = {path: sha256(data).digest() for path, data in wanted.items()}
-    if BOOT in present and BOOT not in listed and present[BOOT] != hashes.get(BOOT):
+    unknown = BOOT in listed and boots is None  # an older framestep's boot.py, or a user's
+    known = {*(boots or ()), *(hashes[path].hex() for path in (BOOT,) if path in wanted)}
+    mine = BOOT in present and present[BOOT].hex() in known
+    if BOOT in present and not mine and not unknown:
         say(
-            "boot.py is not framestep's: it stays, "
-            "and after a soft reset by mpremote framestep waits for a reset"
+            "boot.py is not framestep's: it stays. After a soft reset by mpremote framestep waits "
+            "for a reset, and DMX512 writes into memory that is used for something else: "
+            "let boot.py begin with the lines of firmware/boot.py"
         )
         wanted = {path: data for path, data in wanted.items() if path != BOOT}
+        own.discard(BOOT)
     changed = [path for path in sorted(wanted) if present.get(path) != hashes[path]]
     stale = sorted(path for path in own if path in present and path not in wanted)
-    final = _list(name, wanted, hashes[MAIN])
+    final = listing(name, wanted, hashes[MAIN], [hashes[BOOT].hex()] if BOOT in wanted else [])
     if not changed and not stale:
         if board.read(LIST) != final:
-            board.write(LIST, final)
+            board.replace(LIST, final)
         say(f"all {len(wanted)} files are there already")
         return 0
 
     if MAIN in present and present[MAIN] not in (hashes[MAIN], bytes.fromhex(listed_main)):
-        say(f"main.py is not framestep's: kept as {_KEPT}")
-        board.rename(MAIN, _KEPT)
+        _keep(board, MAIN, say)
     elif MAIN in present:
         board.remove(MAIN)
     board.restart_and_connect()  # with all its memory, and nothing that runs
-    board.write(LIST, _list(name, {*own, *wanted}, b""))
+    if BOOT in present and unknown and not mine:
+        _keep(board, BOOT, say)
+    board.replace(LIST, listing(name, {*own, *wanted}, b"", known))
     for path in stale:
         if path != MAIN:
             say(f"removing {path}")
@@ -125,14 +145,15 @@ def install(
     copied = [path for path in changed if path != MAIN]
     for i, path in enumerate(copied, 1):
         say(f"copying {i}/{len(copied)} {path}")
-        board.write(path, wanted[path])
+        # boot.py in one step: half of it would be a user's the next time
+        (board.replace if path == BOOT else board.write)(path, wanted[path])
     found = board.hashes(sorted(wanted))
     damaged = [path for path in wanted if path != MAIN and found.get(path) != hashes[path]]
     if damaged:
         raise DeviceError(
             f"{', '.join(damaged)} did not arrive as sent; try again, perhaps with another cable"
         )
-    board.write(LIST, final)
+    board.replace(LIST, final)
     board.replace(MAIN, wanted[MAIN])
     return len(changed) + len(stale)
 

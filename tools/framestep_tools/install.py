@@ -1,7 +1,6 @@
 """framestep onto a board without a compiler: its image onto the BOOTSEL drive, or one file of a
 stock MicroPython and framestep's file system."""
 
-import json
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -11,7 +10,7 @@ from .chips import chips
 from .drives import Drive, DriveError
 from .errors import ToolError
 from .files import board_chip, board_data, board_files, board_names
-from .flash import LIST, MAIN, OLDEST
+from .flash import BOOT, LIST, MAIN, OLDEST, listing
 from .ports import OTHER, PROTOCOL, listed
 from .restart import answer, greeting
 
@@ -123,8 +122,8 @@ def joined(content: bytes, name: str, board: str | None, rig: bytes | None) -> t
             f"from https://micropython.org/download/{chip.download}/"
         )
     files = dict(board_files(chip.processor, board))
-    about = {"board": board, "main": sha256(files[MAIN]).hexdigest(), "files": sorted(files)}
-    files[LIST] = json.dumps(about).encode()
+    boot, main = (sha256(files[path]) for path in (BOOT, MAIN))
+    files[LIST] = listing(board, files, main.digest(), [boot.hexdigest()])
     if rig is not None:
         files["/rig.json"] = rig
     from .file_system import BLOCK_SIZE, make_image

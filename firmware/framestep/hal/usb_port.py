@@ -52,6 +52,7 @@ from framestep.hal.usb_transfers import (
     TAKE,
     TX,
     UNCHANGED,
+    UNHEARD,
     USED,
     WORDS,
     YES,
@@ -60,6 +61,7 @@ from framestep.hal.usb_transfers import (
     arrived,
     chip,
     drop_stale,
+    forget_host,
     mark_stale,
     restore,
     send_packet,
@@ -186,6 +188,11 @@ class UsbPort:
         mark_stale(state)
         if state[SENDING]:
             chip.empty_packet(state[EP_OUT])
+        elif state[DTR]:
+            try:
+                send_packet(self)  # an empty one
+            except OSError:  # the end of the last comes just now
+                pass
         if state[LIVE] and not state[ARMED]:
             try:
                 arm(self)
@@ -229,6 +236,7 @@ class UsbPort:
         ptr32(s[KEPT])[KEPT_MARK] = 0
         mark_stale(s)
         s[DTR] = 0
+        s[UNHEARD] = 0
         s[BY_DTR] = 1
         self.open = False
         self._closed_at = self._ticks()
@@ -246,6 +254,10 @@ class UsbPort:
         if what == _SET_LINE_CODING or what == _SET_CONTROL_LINE_STATE:
             if what == _SET_LINE_CODING:
                 dtr = s[DTR]
+            if what == _SET_CONTROL_LINE_STATE and s[UNHEARD]:
+                s[UNHEARD] = 0
+                if dtr:  # told by a host that opens the port
+                    s[DTR] = 0
             if dtr > s[DTR]:
                 mark_stale(s)
                 self.open = True
@@ -393,16 +405,21 @@ class UsbPort:
             if self._bus.dead():
                 if self.open:
                     self._lose()
+            elif state[UNHEARD] == 2 and not state[SENDING]:
+                state[UNHEARD] = 1
             elif (
-                self.open and not state[DTR] and state[SENDING] and chip.packet_waits(state[EP_OUT])
+                self.open
+                and (state[UNHEARD] == 2 or not state[DTR])
+                and state[SENDING]
+                and chip.packet_waits(state[EP_OUT])
             ):
                 now = time.ticks_ms()
                 if state[SENT] != self._waits:
                     self._waits = state[SENT]
                     self._waits_since = now
                 elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
-                    self._lose()  # its host does not use DTR
-                    state[BY_DTR] = 0
+                    self._lose()  # its host does not use DTR, or was not heard
+                    forget_host(state)
                     mark_stale(state)
             elif not self.open and self._state[DTR]:
                 self.open = True

@@ -23,6 +23,10 @@ mpremote would find its own port gone. MicroPython disconnects a USBDevice that 
 leaves one alone that is not. So MicroPython's flag for "active" is set during calls only. After the
 soft reset the host's transfers go on, into memory that the heap knows nothing of (rp2_usb.memory).
 The next port takes over this memory: places and state words lie where they were.
+
+Until the next port starts, nobody hears what a host says of DTR. So a port that was open is asked
+once more: it gets an empty packet, which a host that still has it open collects. And DTR that is
+set then, be it once more, is an opening.
 """
 
 import sys
@@ -96,7 +100,10 @@ SENT = const(26)  # packets, modulo 2^28
 FLAG = const(28)
 KEPT = const(29)  # address of the words that a soft reset leaves alone
 NO_FLAG = const(30)  # what stands for the flags where they have not been found
-WORDS = const(31)
+# DTR is what it was before a soft reset, and may have fallen unheard. 2: whether a host collects
+# packets is still to be seen; 1: it does
+UNHEARD = const(31)
+WORDS = const(32)
 
 # Those words
 KEPT_MARK = const(0)  # the device is live, and stays so over a soft reset: ALIVE
@@ -104,7 +111,7 @@ KEPT_FILL = const(1)
 KEPT_DTR = const(2)
 KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython's object
 
-ALIVE = const(0x1D7A5C3B)  # known to firmware/boot.py, too
+ALIVE = const(0x1D7A5C3B)  # known to framestep.leftovers, too
 OBJECT = const(256)  # bytes of MicroPython's object that are looked through
 UNCHANGED = const(0x101)  # both flags set: what is done to the first is never done
 # in the memory for USB: two places, what goes out, a packet, line coding
@@ -183,6 +190,15 @@ def mark_stale(s: ptr32):
     s[STALE_AT] = end
     s[LEFT] = 0
     s[LAST] = 0
+
+
+@micropython.viper
+def forget_host(s: ptr32):
+    """Who had the port open has gone without a word of DTR, which says nothing from now on."""
+    s[DTR] = 0
+    s[UNHEARD] = 0
+    s[BY_DTR] = 0
+    ptr32(s[KEPT])[KEPT_DTR] = 0
 
 
 @micropython.viper
@@ -270,6 +286,7 @@ def restore(s: ptr32, at: int) -> int:
     s[FILL] = kept[KEPT_FILL]
     s[TAKE] = s[FILL]
     s[DTR] = kept[KEPT_DTR]
+    s[UNHEARD] = 2 * s[DTR]
     s[BY_DTR] = 1
     s[LIVE] = 1
     s[ARMED] = 1
