@@ -24,7 +24,7 @@ class Motor:
     """An axis that is only its words: it goes nowhere unless a test says so."""
 
     partner = leader = None
-    turned = 0
+    reversed = 0
     backlash = 0
 
     def __init__(self):

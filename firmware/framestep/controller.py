@@ -17,6 +17,7 @@ from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.reports import Reports
+from framestep.results import WHAT
 from framestep.stops import Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
@@ -198,8 +199,8 @@ class Controller:
                 self.stops.on_host_lost()
         if (now >> 7) & 15 != self.beat:
             self._light((now >> 7) & 15)
-        look = stepper.look(self.header)
-        if look or news:
+        flags = stepper.poll_flags(self.header)
+        if flags or news:
             self.active_passes = _ACTIVE_PASSES
         elif self.active_passes > _IDLE_EVERY:
             self.active_passes -= 1
@@ -215,7 +216,7 @@ class Controller:
         else:
             self.planning = True
         lost = self.hal.take_lost_commands()
-        if lost or look & stepper.LOOK_FAULT:
+        if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
         self.reports.send()
         if self.journal:
@@ -366,7 +367,7 @@ class Controller:
             bits |= m.CONDITION_WATCHDOG_RESET
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
-        if self.operations.player.exceeded[0]:
+        if self.operations.player.exceeded[WHAT]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.journal is None or not self.journal.working:

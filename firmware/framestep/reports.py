@@ -110,6 +110,6 @@ class Reports:
         controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(controller.operations.tell(frame))
+        writer.u32(controller.operations.sample_move_time(frame))
         writer.put_i32s_from(controller.axes.reported, 0, controller.count)
         return writer.end()

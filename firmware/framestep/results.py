@@ -19,7 +19,14 @@ ERR_SOFT_LOW = const(0x0021)
 ERR_HARD_UP = const(0x0022)
 ERR_HARD_LOW = const(0x0023)
 
-# What a move asks too much of
+# What the last move has asked too much of: words of `exceeded` (moves/move_check.py)
+WHAT = const(0)  # EXCEEDED_
+MOTOR = const(1)
+FRAME = const(2)  # scene frame
+# excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
+BY = const(3)
+EXCEEDED_WORDS = const(4)
+
 EXCEEDED_NOTHING = const(0)
 EXCEEDED_VELOCITY = const(1)  # refused
 EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only

@@ -21,9 +21,10 @@ from micropython import heap_lock, heap_unlock, stack_use
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import DEEPEST, PASS
-from framestep.moves.move_check import UNREPORTED, WHAT
+from framestep.moves.move_check import UNREPORTED
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
+from framestep.results import FRAME, MOTOR, WHAT
 
 _PASS_MS = const(1)
 _SAYINGS = const(16)
@@ -222,13 +223,13 @@ class Runner:
             if unreported & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
-        told = self._controller.operations.player.exceeded  # type: ignore[union-attr]
-        if unreported & UNREPORTED and told[WHAT]:
+        exceeded = self._controller.operations.player.exceeded  # type: ignore[union-attr]
+        if unreported & UNREPORTED and exceeded[WHAT]:
             print(
                 "framestep: the last move asks too much of motor",
-                told[1] + 1,
+                exceeded[MOTOR] + 1,
                 "at frame",
-                told[2],
+                exceeded[FRAME],
                 "- see status()",
             )
         if self._failed:

@@ -30,16 +30,16 @@ def feed():
     while moves:
         for i in range(N):
             b = kernel.blocks[i]
-            if (b[stepper.TAIL] - b[stepper.HEAD]) & 0x3FFFFFFF > 14:
+            if (b[stepper.WRITE_INDEX] - b[stepper.READ_INDEX]) & 0x3FFFFFFF > 14:
                 return
         segment = moves.pop(0)
         for i in range(used):
             b = kernel.blocks[i]
             q = kernel.queues[i]
-            at = (b[stepper.TAIL] & 15) * 8
+            at = (b[stepper.WRITE_INDEX] & 15) * 8
             for k in range(8):
                 q[at + k] = segment[k]
-            b[stepper.TAIL] = (b[stepper.TAIL] + 1) & 0x3FFFFFFF
+            b[stepper.WRITE_INDEX] = (b[stepper.WRITE_INDEX] + 1) & 0x3FFFFFFF
 
 
 def start(segments, motors, brake):

@@ -50,7 +50,7 @@ def least(looks):
         for block, queue in zip(b.hal.kernel.blocks, b.hal.kernel.queues):
             if block[{stepper.MODE}] == {stepper.RUN} and block[{stepper.PLANNED}] & {stepper.PLAN_SEGMENTS}:
                 ticks = block[{stepper.LEFT}]
-                for k in range(block[{stepper.HEAD}], block[{stepper.TAIL}]):
+                for k in range(block[{stepper.READ_INDEX}], block[{stepper.WRITE_INDEX}]):
                     ticks += queue[k % {stepper.SEGMENTS} * {stepper.SEGMENT_WORDS}]
                 found = min(found, ticks)
     return found

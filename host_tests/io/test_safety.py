@@ -256,7 +256,7 @@ def test_coupled_motors_share_their_switches():
     partner.moves(0)
     assert safety.limit_blocking(0, array("i", [5]), 0) == m.ERR_HARD_UP
     assert safety.limit_blocking(0, array("i", [-5]), 0) == m.OK
-    leader.turned = 1
+    leader.reversed = 1
     assert safety.limit_blocking(0, array("i", [5]), 0) == m.OK
     assert safety.limit_blocking(0, array("i", [-5]), 0) == m.ERR_HARD_LOW
 

@@ -157,14 +157,16 @@ class Bench:
         queue = self.kernel.queues[motor]
         for segment in segments:
             assert self.room(motor), "the segment queue is full"
-            at = (block[stepper.TAIL] % stepper.SEGMENTS) * stepper.SEGMENT_WORDS
+            at = (block[stepper.WRITE_INDEX] % stepper.SEGMENTS) * stepper.SEGMENT_WORDS
             for i, word in enumerate((*segment, 0, PER_TICK)):
                 queue[at + i] = word
-            block[stepper.TAIL] = (block[stepper.TAIL] + 1) & 0x3FFF_FFFF
+            block[stepper.WRITE_INDEX] = (block[stepper.WRITE_INDEX] + 1) & 0x3FFF_FFFF
 
     def room(self, motor=0):
         block = self.block(motor)
-        return stepper.SEGMENTS - ((block[stepper.TAIL] - block[stepper.HEAD]) & 0x3FFF_FFFF)
+        return stepper.SEGMENTS - (
+            (block[stepper.WRITE_INDEX] - block[stepper.READ_INDEX]) & 0x3FFF_FFFF
+        )
 
     def start(self, *motors):
         """Start motors with the next tick, as Axis.release() does."""

@@ -49,7 +49,9 @@ class Motor:
         # that is no motion of the plan's.
         rests = block[stepper.MODE] in (stepper.DRAIN, stepper.IDLE)
         on_a_step = abs(self.place - before) <= 1 / 16 and block[stepper.FRACTION] == 0
-        last = block[stepper.LEFT] == 0 and block[stepper.TAIL] - block[stepper.HEAD] <= 1
+        last = (
+            block[stepper.LEFT] == 0 and block[stepper.WRITE_INDEX] - block[stepper.READ_INDEX] <= 1
+        )
         stood = abs(self.gone[-1]) < 1e-3  # another plan may follow
         self.gone.append(0.0 if rests or (on_a_step and (last or stood)) else self.place - before)
 

@@ -129,10 +129,10 @@ def added_up(segment):
 def test_cut(cubic, ticks):
     """A segment leads to where the cubic is then, but for some thousandth of a step of rounding."""
     block, queue = new_block()
-    block[stepper.TAIL] = 2**30 - 1  # the last slot, then over to the first
+    block[stepper.WRITE_INDEX] = 2**30 - 1  # the last slot, then over to the first
     before = coefficients(cubic)
     segments.cut(cubic, block, ticks)
-    assert block[stepper.TAIL] == 0
+    assert block[stepper.WRITE_INDEX] == 0
     segment = list(queue[15 * stepper.SEGMENT_WORDS :])
     assert segment[0] == ticks
     assert segment[6:] == [0, CYCLES]

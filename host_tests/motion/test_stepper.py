@@ -407,5 +407,5 @@ def test_halt_without_motion(when):
     bench.run(20)
     at_rest(bench)
     assert block[stepper.POSITION] == place
-    assert block[stepper.HEAD] == block[stepper.TAIL]
+    assert block[stepper.READ_INDEX] == block[stepper.WRITE_INDEX]
     assert bench.state[stepper.FAULTS] == 0

@@ -32,7 +32,7 @@ class Jog:
         for _ in range(ticks):
             self.bench.run()
             if self.bench.operations.state == RUNNING:
-                self.heads.append(self.bench.operations.tell(False) / 1000)
+                self.heads.append(self.bench.operations.sample_move_time(False) / 1000)
         return self
 
     def rest(self):
@@ -40,7 +40,7 @@ class Jog:
             self.run()
             assert len(self.heads) < 60_000
         self.bench.run(5)
-        self.bench.operations.tell(False)
+        self.bench.operations.sample_move_time(False)
         return self
 
     @property
@@ -94,7 +94,7 @@ def test_it_finds_the_frame_on_which_the_motors_stand(at):
 
 def test_while_a_motor_moves_it_is_refused():
     jog = Jog(EVEN)
-    jog.bench.operations.send_to_frame(20, jog.jog.places)
+    jog.bench.operations.send_to_frame(20, jog.jog.positions)
     jog.bench.run(20)
     assert jog.to(5) == m.ERR_MOVING
 
@@ -130,7 +130,7 @@ def test_move_time_is_the_frame_it_sets_out_from():
     """field note 4.6; other motions than this one may have brought the motors there"""
     jog = Jog(EVEN, at=33)
     jog.to(41)
-    assert jog.bench.operations.tell(False) == 34_000
+    assert jog.bench.operations.sample_move_time(False) == 34_000
     jog.run(60)
     assert jog.bench.operations.state == RUNNING
     assert min(jog.heads) >= 34

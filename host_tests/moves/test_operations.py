@@ -298,7 +298,7 @@ def test_to_a_frame_all_motors_go_to_its_uploaded_positions(frame, place):
     assert bench.operations.move_time == 0
     bench.rest()
     assert bench.place(0) == place
-    bench.operations.tell(False)
+    bench.operations.sample_move_time(False)
     assert bench.operations.move_time == frame * 1000
 
 
@@ -307,7 +307,7 @@ def test_a_motor_stopped_on_its_way_to_a_frame_is_not_on_it():
     to_frame(bench, 2)
     bench.run(40)
     bench.axes[0].stop(bench.bench)
-    bench.rest().operations.tell(False)
+    bench.rest().operations.sample_move_time(False)
     assert bench.operations.move_time == 0
 
 

@@ -202,7 +202,7 @@ def test_the_way_is_that_of_the_first_change_in_the_order_played(frames, order):
     played = frames[::order]
     changes = [b - a for a, b in itertools.pairwise(played) if b != a]
     wanted = 0 if not changes else 1 if changes[0] > 0 else -1
-    assert path.way(array("i", frames), len(frames), order) == wanted
+    assert path.first_direction(array("i", frames), len(frames), order) == wanted
 
 
 # --------------------------------------------------------- what a motor can follow (field note 5.5)
@@ -225,7 +225,7 @@ def checked(frames, order=1, batch=None, **motor):
     words[path.FASTEST], words[path.STEEPEST] = motor["fastest"], motor["steepest"]
     words[path.HARDEST], words[path.PULSED] = motor["hardest"], motor["pulsed"]
     words[path.LOWEST], words[path.HIGHEST] = motor["bounds"]
-    words[path.PLAY] = motor["play"]
+    words[path.BACKLASH] = motor["play"]
     words[path.OFFSET] = -motor["play"] if motor["way"] < 0 else 0
     played = list(frames)[::order]
     size = batch or len(played)

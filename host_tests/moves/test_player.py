@@ -108,14 +108,14 @@ def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(
     step, begin, frames, way
 ):
     player = player_of([5] * 45 + [6] * 35)
-    assert player.first_way(0, begin, step, frames, anyway=True) == way
+    assert player.first_direction(0, begin, step, frames, anyway=True) == way
 
 
 def test_the_way_matters_to_a_motor_with_play_only():
     player = player_of([0, 9])
-    assert player.first_way(0, 0, 1, 2) == 0
+    assert player.first_direction(0, 0, 1, 2) == 0
     player.axes.set_backlash(0, 20)
-    assert player.first_way(0, 0, 1, 2) == 1
+    assert player.first_direction(0, 0, 1, 2) == 1
 
 
 # ---------------------------------------------------------------- whether the motors can

@@ -266,7 +266,7 @@ def test_move_time_is_the_start_frame_in_the_pre_roll_then_runs_on_to_the_end_fr
     while not run.bench.ends:
         run.bench.run()
         if run.bench.operations.state == RUNNING:
-            heads.append(run.bench.operations.tell(False))
+            heads.append(run.bench.operations.sample_move_time(False))
     assert heads[0] == 101_000
     assert heads[-1] == 116_000
     assert np.diff(heads).min() >= 0

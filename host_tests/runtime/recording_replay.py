@@ -309,13 +309,13 @@ class Replay:
         self.us = ms * 1000
         self.hal = hal = Hal(head, rig)
         hal.kernel.state[stepper.TICKS] = ticks
-        hal.kernel.state[stepper.CUE_PUT] = hal.kernel.state[stepper.CUE_TAKEN] = (
+        hal.kernel.state[stepper.CUE_WRITE_INDEX] = hal.kernel.state[stepper.CUE_READ_INDEX] = (
             WRAP - 3 if ticks else 0
         )
         for block in hal.kernel.blocks:
             block[stepper.IDLE_AT] = ticks - 1000
             if ticks:
-                block[stepper.HEAD] = block[stepper.TAIL] = 0x3FFFFFFF - 40
+                block[stepper.READ_INDEX] = block[stepper.WRITE_INDEX] = 0x3FFFFFFF - 40
         self.controller = Controller(hal, rig, head["broken"])
         try:  # noqa: SIM105 - MicroPython has no contextlib
             self.controller.moves.take_memory()

@@ -21,10 +21,10 @@ for i, quarters in enumerate((41, 3, 20)):
     reals.put(words, at + phases.DURATION, quarters, -2)
     for register in (phases.START, phases.SECOND, phases.THIRD):
         reals.put(words, at + register, 0, 0)
-words[phases.TAIL] = 3
+words[phases.WRITE_INDEX] = 3
 axis.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
 micropython.heap_lock()
 axis.feed()
 micropython.heap_unlock()
-tail = axis.block[stepper.TAIL]
+tail = axis.block[stepper.WRITE_INDEX]
 print(tail)

@@ -20,7 +20,7 @@ BLOCK_ADDRESSES = [
     stepper.QUEUE,
     stepper.WORK,
     stepper.PHASES,
-    stepper.PLACE,
+    stepper.LOAD_POSITION,
 ]
 MOTOR_WORDS = stepper.BLOCK_WORDS + segments.CUBIC_WORDS + 1 + 1
 LOWEST, HIGHEST = -(2**31), 2**31 - 1

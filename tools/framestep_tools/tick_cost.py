@@ -32,10 +32,10 @@ def start(motors, velocity, acceleration):
     for i in range(motors):
         b = kernel.blocks[i]
         q = kernel.queues[i]
-        at = (b[{TAIL}] & 15) * 8
+        at = (b[{WRITE_INDEX}] & 15) * 8
         for k, value in enumerate((10000, b[{POSITION}], 0, velocity, acceleration, 0, 0, 125000)):
             q[at + k] = value
-        b[{TAIL}] += 1
+        b[{WRITE_INDEX}] += 1
         b[{MODE}] = {RUN_START}
     machine.enable_irq(state)
 def stop():
@@ -65,7 +65,7 @@ def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
 
     names = {
         name: getattr(stepper, name)
-        for name in ("TAIL", "POSITION", "MODE", "LEFT", "VELOCITY", "FRACTION")
+        for name in ("WRITE_INDEX", "POSITION", "MODE", "LEFT", "VELOCITY", "FRACTION")
     }
     names["RUN_START"] = stepper.RUN | stepper.START
     files = {name: data for name, data in board_files().items() if name != "/main.py"}

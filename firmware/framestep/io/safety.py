@@ -212,7 +212,7 @@ class Safety:
         ends = _ends(self.words, motor)
         if axis.partner:
             others = _ends(self.words, self._number(axis.partner))
-            if axis.turned:
+            if axis.reversed:
                 others = (others >> 1) | ((others & 1) << 1)
             ends |= others
         return ends

@@ -11,11 +11,11 @@ from framestep.motion.stepper import (
     BRAKE,
     CLOCK,
     CUE_LOWERED,
-    CUE_PUT,
     CUE_RAISED,
+    CUE_READ_INDEX,
     CUE_SLOTS,
-    CUE_TAKEN,
     CUE_TICK,
+    CUE_WRITE_INDEX,
     CUES,
     CYCLES,
     CYCLES_PER_US,
@@ -98,19 +98,19 @@ class StepKernel:
         tick is due. False where there is no room.
         """
         state = self.state
-        if (state[CUE_PUT] - state[CUE_TAKEN]) & WRAP >= CUE_SLOTS:
+        if (state[CUE_WRITE_INDEX] - state[CUE_READ_INDEX]) & WRAP >= CUE_SLOTS:
             return False
-        k = (state[CUE_PUT] & (CUE_SLOTS - 1)) << 2
+        k = (state[CUE_WRITE_INDEX] & (CUE_SLOTS - 1)) << 2
         cues = self.cues
         cues[k + CUE_TICK] = tick & WRAP
         cues[k + CUE_RAISED] = raised
         cues[k + CUE_LOWERED] = lowered
-        state[CUE_PUT] = (state[CUE_PUT] + 1) & WRAP
+        state[CUE_WRITE_INDEX] = (state[CUE_WRITE_INDEX] + 1) & WRAP
         return True
 
     def drop_cues(self):
         """Forget the cues that have not been given. Interrupts are off."""
-        self.state[CUE_PUT] = self.state[CUE_TAKEN]
+        self.state[CUE_WRITE_INDEX] = self.state[CUE_READ_INDEX]
 
     def configure(self, motor, fifo, width, setup, invert):
         """Set a motor's pulse shape.

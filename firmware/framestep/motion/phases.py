@@ -14,6 +14,7 @@ from array import array
 from framestep.motion import reals
 from framestep.motion.reals import combine, divide, double, put, split
 from framestep.motion.segments import G1, G2, G3, coefficient, distance, velocity
+from framestep.motion.stepper import AT_PART, AT_STEP
 from framestep.native import const, micropython, ptr32
 
 # Words of a phase
@@ -25,8 +26,8 @@ SECOND = const(6)  # RAMP: G2. AIM: velocity at the end
 THIRD = const(8)  # RAMP: G3. AIM: in its first word what the place is beyond the step, Q16
 PHASE_WORDS = const(10)
 PHASES = const(16)  # in the ring of a motor, a power of 2
-HEAD = const(160)  # words behind them: the first one to come, where the next one goes
-TAIL = const(161)
+READ_INDEX = const(160)  # words behind them: the first one to come, where the next one goes
+WRITE_INDEX = const(161)
 
 RAMP = const(0)
 AIM = const(1)
@@ -34,6 +35,11 @@ ONWARD = const(2)
 
 RING_MASK = const(15)
 _PIECE = const(256)  # ticks of an AIM phase that rounding leaves within a ten-thousandth of a step
+
+# Words of a duration
+WHOLE_TICKS = const(0)
+REST = const(1)  # Q30 of a tick
+DURATION_WORDS = const(2)
 
 # What load() has done with a phase; 0: taken a part of it
 _TOOK = const(1)
@@ -62,27 +68,27 @@ class Phases:
 
     def clear(self):
         """Forget all of them."""
-        self.words[HEAD] = self.words[TAIL] = 0
+        self.words[READ_INDEX] = self.words[WRITE_INDEX] = 0
 
     def count(self):
         """Phases ahead."""
-        return (self.words[TAIL] - self.words[HEAD]) & RING_MASK
+        return (self.words[WRITE_INDEX] - self.words[READ_INDEX]) & RING_MASK
 
-    def append(self, kind, duration, start, second, third, turned):
+    def append(self, kind, duration, start, second, third, down):
         """Append a phase made of scratch registers; velocities and accelerations change sign if
-        turned."""
+        down: planned for the opposite direction."""
         words = self.words
-        at = words[TAIL] * PHASE_WORDS
+        at = words[WRITE_INDEX] * PHASE_WORDS
         words[at + KIND] = kind
         reals.fetch(words, at + DURATION, scratch, duration)
         reals.fetch(words, at + START, scratch, start)
         reals.fetch(words, at + SECOND, scratch, second)
         reals.fetch(words, at + THIRD, scratch, third)
-        if turned:
+        if down:
             reals.negate(words, at + START, at + START)
             reals.negate(words, at + SECOND, at + SECOND)
             reals.negate(words, at + THIRD, at + THIRD)
-        words[TAIL] = (words[TAIL] + 1) & RING_MASK
+        words[WRITE_INDEX] = (words[WRITE_INDEX] + 1) & RING_MASK
 
     def aim(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase: registers of `numbers`, the step targets[i] and `part` of one more
@@ -95,8 +101,8 @@ def put_aim(
     words: ptr32, r: ptr32, duration: int, start: int, end: int, targets, i: int, part: int
 ):
     """Phases.aim() for the words of the phases."""
-    at = words[TAIL] * PHASE_WORDS
-    words[TAIL] = (words[TAIL] + 1) & RING_MASK
+    at = words[WRITE_INDEX] * PHASE_WORDS
+    words[WRITE_INDEX] = (words[WRITE_INDEX] + 1) & RING_MASK
     words[at + KIND] = AIM
     words[at + DURATION] = r[duration + 0]
     words[at + DURATION + 1] = r[duration + 1]
@@ -112,8 +118,8 @@ def put_aim(
 def load(words, at: int, cubic, whole, knot, r) -> int:
     """Take the phase at words[at]: set the cubic, whose position stays.
 
-    whole: becomes its duration, in whole ticks and a fraction. knot: becomes where an AIM phase
-    leads to: step, Q16 of one more. r: `scratch`. _TOOK, _TOOK_AIM, or 0 where a part of the phase
+    whole: becomes its duration (WHOLE_TICKS, REST). knot: becomes where an AIM phase leads to
+    (AT_STEP, AT_PART). r: `scratch`. _TOOK, _TOOK_AIM, or 0 where a part of the phase
     is left.
     """
     w = ptr32(words)
@@ -128,8 +134,8 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
         coefficient(cubic, G2, words, at + SECOND)
         coefficient(cubic, G3, words, at + THIRD)
         return _TOOK
-    ptr32(knot)[0] = w[at + TARGET]
-    ptr32(knot)[1] = w[at + THIRD]
+    ptr32(knot)[AT_STEP] = w[at + TARGET]
+    ptr32(knot)[AT_PART] = w[at + THIRD]
     # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T². Not as a
     # formula: this is done for each motor and frame, and the functions lie in RAM.
     s = ptr32(r)
@@ -139,7 +145,7 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
     s[_V + 1] = w[at + START + 1]
     s[_C] = w[at + SECOND]
     s[_C + 1] = w[at + SECOND + 1]
-    if out[0] == 0:
+    if out[WHOLE_TICKS] == 0:
         # Within a tick there is nothing to bend; where it ends is up to what follows.
         combine(r, _X, _C, _V, 1)
         divide(r, _X, _X, _T)
@@ -162,11 +168,11 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
     divide(r, _Z, _Z, _T)
     divide(r, _Z, _Z, _T)
     coefficient(cubic, G3, r, _Z)
-    if out[0] <= _PIECE:
+    if out[WHOLE_TICKS] <= _PIECE:
         return _TOOK_AIM
-    out[0] = out[0] >> 1
-    out[1] = 0
-    put(r, _X, out[0], 0)
+    out[WHOLE_TICKS] = out[WHOLE_TICKS] >> 1
+    out[REST] = 0
+    put(r, _X, out[WHOLE_TICKS], 0)
     combine(r, _T, _T, _X, 1)
     w[at + DURATION] = s[_T]
     w[at + DURATION + 1] = s[_T + 1]

@@ -19,9 +19,9 @@ from framestep.motion.phases import (
     PHASE_WORDS,
     PLANNER,
     RAMP,
-    TAIL,
     TARGET,
     THIRD,
+    WRITE_INDEX,
     ZERO,
     scratch,
 )
@@ -37,15 +37,15 @@ STOP_FIRST = const(2)
 _MAX_V = const(PLANNER)  # limits: velocity, acceleration, jerk (0 for none)
 _A = const(PLANNER + 2)
 _J = const(PLANNER + 4)
-_V = const(PLANNER + 6)  # velocity at the start, along the way
-_S = const(PLANNER + 8)  # way to go
+_V = const(PLANNER + 6)  # velocity at the start, in the direction of the target
+_S = const(PLANNER + 8)  # distance to go
 _CRUISE = const(PLANNER + 10)  # velocity
 _FROM = const(PLANNER + 12)  # velocities of a ramp
 _TO = const(PLANNER + 14)
 _CHANGE = const(PLANNER + 16)  # of the velocity
 _T = const(PLANNER + 18)  # its duration, or that of what is cruised
-_WAY = const(PLANNER + 20)
-_WAY_UP = const(PLANNER + 22)  # the way of the ramp before it
+_DISTANCE = const(PLANNER + 20)
+_DISTANCE_UP = const(PLANNER + 22)  # of the ramp before it
 _T1 = const(PLANNER + 24)  # of an S-curve: how long the jerk lasts, either time
 _T2 = const(PLANNER + 26)  # and the acceleration between
 _G2 = const(PLANNER + 28)  # half an acceleration
@@ -102,19 +102,19 @@ _TO_CRUISE = formula(
 _CRUISE_TO_REST = formula(
     globals(),
     """
-    _WAY_UP = _WAY
+    _DISTANCE_UP = _DISTANCE
     _FROM = _CRUISE
     _TO = 0
     _CHANGE = _CRUISE
     """,
 )
 
-# How long it takes, and the way that it covers.
+# How long it takes, and the distance that it covers.
 _LINEAR = formula(
     globals(),
     """
     _T = _CHANGE / _A
-    _WAY = (_FROM + _TO) * _T / 2
+    _DISTANCE = (_FROM + _TO) * _T / 2
     """,
 )
 _WITHOUT_FULL_ACCELERATION = formula(
@@ -122,14 +122,14 @@ _WITHOUT_FULL_ACCELERATION = formula(
     """
     assert _CHANGE < _A / _J * _A
     _T = 2 * sqrt(_CHANGE / _J)
-    _WAY = (_FROM + _TO) * _T / 2
+    _DISTANCE = (_FROM + _TO) * _T / 2
     """,
 )
 _WITH_FULL_ACCELERATION = formula(
     globals(),
     """
     _T = _A / _J + _CHANGE / _A
-    _WAY = (_FROM + _TO) * _T / 2
+    _DISTANCE = (_FROM + _TO) * _T / 2
     """,
 )
 
@@ -169,13 +169,13 @@ _AFTER_ACCELERATION = formula(
     """,
 )
 
-# A 64th of a step of leave, so that a plan made again on the way down ends where the first one
-# would.
-_CANNOT_STOP = formula(globals(), "assert _WAY > _S + 2 ** -6")
+# A tolerance of a 64th of a step, so that a plan made again during the last ramp ends where the
+# first one would.
+_CANNOT_STOP = formula(globals(), "assert _DISTANCE > _S + 2 ** -6")
 
 # Triangle: A·S = C² - V²/2
 _TRIANGLE = formula(globals(), "_CRUISE = max(min(sqrt(_A * _S + _V * _V / 2), _MAX_V), _V)")
-_BOTH_TOO_LONG = formula(globals(), "assert _WAY + _WAY_UP > _S")
+_BOTH_TOO_LONG = formula(globals(), "assert _DISTANCE + _DISTANCE_UP > _S")
 _BISECT = formula(
     globals(),
     """
@@ -184,11 +184,11 @@ _BISECT = formula(
     """,
 )
 _BETWEEN = formula(globals(), "_CRUISE = (_LOW + _HIGH) / 2")
-_LESS_WAY = formula(globals(), "_S = _S - _WAY")
+_LESS_WAY = formula(globals(), "_S = _S - _DISTANCE")
 _CRUISED = formula(
     globals(),
     """
-    _REST = _S - _WAY
+    _REST = _S - _DISTANCE
     assert _REST > ZERO
     _T = _REST / _CRUISE
     assert _T > _SHORT
@@ -208,7 +208,7 @@ def _ramp(between):
         compute(0, 0, r, _WITH_FULL_ACCELERATION)
 
 
-def _append_ramp(phases, last, turned, targets, i):
+def _append_ramp(phases, last, down, targets, i):
     """Append the ramp from FROM to TO >= 0 in T ticks. If `last` it ends on the step targets[i]."""
     r = scratch
     if reals.compare(r, _T, _SHORT) < 0:
@@ -216,31 +216,31 @@ def _append_ramp(phases, last, turned, targets, i):
     up = reals.compare(r, _FROM, _TO) < 0
     if reals.sign(r, _J) <= 0 or not compute(0, 0, r, _S_CURVE):
         if last:
-            _append_aim(phases, _T, _FROM, _TO, turned, targets, i)
+            _append_aim(phases, _T, _FROM, _TO, down, targets, i)
             return
         compute(0, 0, r, _STEADY)
         if not up:
             reals.negate(r, _G2, _G2)
-        phases.append(RAMP, _T, _FROM, _G2, ZERO, turned)
+        phases.append(RAMP, _T, _FROM, _G2, ZERO, down)
         return
     if not up:
         reals.negate(r, _G3, _G3)
         reals.negate(r, _G2, _G2)
-    phases.append(RAMP, _T1, _FROM, ZERO, _G3, turned)
+    phases.append(RAMP, _T1, _FROM, ZERO, _G3, down)
     compute(0, 0, r, _AFTER_JERK)
     if reals.compare(r, _T2, _SHORT) > 0:
-        phases.append(RAMP, _T2, _FROM, _G2, ZERO, turned)
+        phases.append(RAMP, _T2, _FROM, _G2, ZERO, down)
         compute(0, 0, r, _AFTER_FULL_ACCELERATION)
     if last:
-        _append_aim(phases, _T1, _FROM, _TO, turned, targets, i)
+        _append_aim(phases, _T1, _FROM, _TO, down, targets, i)
     else:
         reals.negate(r, _G3, _G3)
-        phases.append(RAMP, _T1, _FROM, _G2, _G3, turned)
+        phases.append(RAMP, _T1, _FROM, _G2, _G3, down)
 
 
-def _append_aim(phases, duration, start, end, turned, targets, i, part=0):
-    at = phases.words[TAIL] * PHASE_WORDS
-    phases.append(AIM, duration, start, end, ZERO, turned)
+def _append_aim(phases, duration, start, end, down, targets, i, part=0):
+    at = phases.words[WRITE_INDEX] * PHASE_WORDS
+    phases.append(AIM, duration, start, end, ZERO, down)
     reals.copy_word(phases.words, at + TARGET, targets, i)
     phases.words[at + THIRD] = part
 
@@ -283,11 +283,11 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     slowing = reals.sign(r, _J) > 0 and reals.sign(r, _V) * reals.sign(r, _G2) < 0
     _level(phases)
     moving = reals.sign(r, _V)
-    way = reals.sign(r, _S)
-    if not moving and not way:
+    ahead = reals.sign(r, _S)
+    if not moving and not ahead:
         return NOTHING
-    turned = way < 0 if way else moving < 0
-    if turned:
+    down = ahead < 0 if ahead else moving < 0
+    if down:
         reals.negate(r, _S, _S)
         reals.negate(r, _V, _V)
     if moving:
@@ -300,37 +300,37 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
             if slowing:
                 phases.clear()
                 return STOP_FIRST
-            _append_ramp(phases, False, turned != against, targets, i)
+            _append_ramp(phases, False, down != against, targets, i)
             if against:
-                reals.add(r, _S, _S, _WAY)
+                reals.add(r, _S, _S, _DISTANCE)
             else:
-                reals.subtract(r, _S, _S, _WAY)
+                reals.subtract(r, _S, _S, _DISTANCE)
                 if reals.sign(r, _S) < 0:
-                    turned = not turned
+                    down = not down
                     reals.negate(r, _S, _S)
             reals.put(r, _V, 0, 0)
             if reals.compare(r, _S, _SHORT) < 0:
                 return PLANNED
     _choose_cruise()
-    # The way that the two ramps leave is cruised; the last ramp takes what is then left.
+    # The distance that the two ramps leave is cruised; the last ramp takes what is then left.
     _ramp(_TO_CRUISE)
     compute(0, 0, r, _LESS_WAY)
-    _append_ramp(phases, False, turned, targets, i)
+    _append_ramp(phases, False, down, targets, i)
     _ramp(_CRUISE_TO_REST)
     if compute(0, 0, r, _CRUISED):
-        phases.append(RAMP, _T, _CRUISE, ZERO, ZERO, turned)
+        phases.append(RAMP, _T, _CRUISE, ZERO, ZERO, down)
     compute(0, 0, r, _LAST_RAMP)
-    _append_ramp(phases, True, turned, targets, i)
+    _append_ramp(phases, True, down, targets, i)
     return PLANNED
 
 
 def _choose_cruise():
-    """The velocity CRUISE: as high as the way S allows, from V."""
+    """The velocity CRUISE: as high as the distance S allows, from V."""
     r = scratch
     if reals.compare(r, _V, _MAX_V) >= 0:
         reals.copy(r, _CRUISE, _MAX_V)
         if _too_long():
-            # nearer than the way down to the new one: stop straight away
+            # nearer than where it would have slowed down to the new one: stop straight away
             reals.copy(r, _CRUISE, _V)
         return
     compute(0, 0, r, _TRIANGLE)
@@ -375,7 +375,7 @@ _BEGUN = formula(
     _FROM = _V
     """,
 )
-# In the last part of one the deceleration ends with the velocity: T = 2·v/d, way v·T/3
+# In the last part of one the deceleration ends with the velocity: T = 2·v/d, distance v·T/3
 _LAST_PART = formula(
     globals(),
     """
@@ -399,7 +399,7 @@ _STOP_WITHOUT_JERK = formula(
     _S = _S + _V * _T1 / 2
     """,
 )
-# The way is D·(2·T1 + T2)/2, D the change of velocity, less what lies before: D·t - j·t³/6
+# The distance is D·(2·T1 + T2)/2, D the change of velocity, less what lies before: D·t - j·t³/6
 _STOP_CURVE = formula(
     globals(),
     """
@@ -430,7 +430,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
 
     limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already goes on from
     the deceleration it has, so it does not get past the end of a plan within the same limits.
-    Returns False where the way is longer than the planner can count (2^29 steps): nothing is
+    Returns False where the distance is longer than the planner can count (2^29 steps): nothing is
     planned.
     """
     r = scratch
@@ -450,7 +450,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     if down:
         reals.negate(r, _V, _V)
     else:
-        reals.negate(r, _S, _S)  # _level() counts what is left of a way
+        reals.negate(r, _S, _S)  # _level() counts what is left of a distance
     compute(0, 0, r, _BEGUN)
     if not slowing or not compute(0, 0, r, _LAST_PART):
         if compute(0, 0, r, _JERK_LASTS):
@@ -472,7 +472,7 @@ def _append_stop(phases, down):
     part.
 
     T1: how long the jerk lasts, D: the deceleration after SINCE ticks. Leaves the velocity of the
-    last part in FROM, and adds the way of all to S.
+    last part in FROM, and adds the distance of all to S.
     """
     r = scratch
     compute(0, 0, r, _STOP_CURVE)
@@ -484,8 +484,9 @@ def _append_stop(phases, down):
 
 
 def _find_end(targets, i, cubic, down):
-    """Where a way of S leads: targets[i] = the step on or below; what it is beyond that (Q16), -1
-    if too far.
+    """Where a distance of S leads: targets[i] = the step on or below; what it is beyond that (Q16).
+
+    -1 if it is too far.
 
     A stop ends between two steps: to reach the next one in what time is left could ask for any
     acceleration.

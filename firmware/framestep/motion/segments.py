@@ -12,6 +12,8 @@ first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
 from framestep.motion.stepper import (
+    AT_PART,
+    AT_STEP,
     QUEUE,
     SEG_ACCEL,
     SEG_BRIDGE,
@@ -22,8 +24,8 @@ from framestep.motion.stepper import (
     SEG_VELOCITY,
     SEG_WHOLE,
     SEGMENTS,
-    TAIL,
     WHOLE_SPAN,
+    WRITE_INDEX,
 )
 from framestep.native import const, micropython, ptr32
 
@@ -98,7 +100,7 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
 def cut(cubic: ptr32, block: ptr32, ticks: int):
     """Queue the next `ticks` (1 to 32) of a cubic as a segment. There must be room for it."""
     q = ptr32(block[QUEUE])
-    k = (block[TAIL] & _SLOTS) << 3
+    k = (block[WRITE_INDEX] & _SLOTS) << 3
     # G1 + G2 + G3 in Q22: their high words to Q22, and what their low words carry
     low = (cubic[G1 + 1] >> 3) + (cubic[G2 + 1] >> 3) + (cubic[G3] << 15 & 0x7FFFFFF)
     high = cubic[G1] + cubic[G2] + (cubic[G3] >> 12)
@@ -112,25 +114,34 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     q[k + SEG_JERK] = jerk
     q[k + SEG_BRIDGE] = 0
     q[k + SEG_SPAN] = block[WHOLE_SPAN]
-    block[TAIL] = (block[TAIL] + 1) & _MASK
+    block[WRITE_INDEX] = (block[WRITE_INDEX] + 1) & _MASK
+
+
+# Words of what mark() and knot() remember of a tick that two phases share
+OPEN_WHOLE = const(0)  # where it begins: whole steps,
+OPEN_FRACTION = const(1)  # Q22 of one more,
+OPEN_ACCEL = const(2)  # half the acceleration there, Q27
+OPEN_TURN = const(3)  # share of the tick (Q30) after which it may turn, or 0,
+OPEN_STEP = const(4)  # and on which step
+OPEN_WORDS = const(5)
 
 
 @micropython.viper
 def mark(state: ptr32, cubic: ptr32):
     """Remember where a cubic stands, for bridge()."""
-    state[0] = cubic[WHOLE]
-    state[1] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
-    state[2] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
-    state[3] = 0
+    state[OPEN_WHOLE] = cubic[WHOLE]
+    state[OPEN_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
+    state[OPEN_ACCEL] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    state[OPEN_TURN] = 0
 
 
 @micropython.viper
 def knot(state: ptr32, at: ptr32, part: int):
     """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is on the
-    step at[0] exactly."""
-    if at[1] == 0:
-        state[3] = part
-        state[4] = at[0]
+    step at[AT_STEP] exactly."""
+    if at[AT_PART] == 0:
+        state[OPEN_TURN] = part
+        state[OPEN_STEP] = at[AT_STEP]
 
 
 @micropython.viper
@@ -146,40 +157,43 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     less than the two steps that the kernel bears.
     """
     q = ptr32(block[QUEUE])
-    k = (block[TAIL] & _SLOTS) << 3
+    k = (block[WRITE_INDEX] & _SLOTS) << 3
     q[k + SEG_TICKS] = 1
-    q[k + SEG_WHOLE] = state[0]
-    q[k + SEG_FRACTION] = state[1]
+    q[k + SEG_WHOLE] = state[OPEN_WHOLE]
+    q[k + SEG_FRACTION] = state[OPEN_FRACTION]
     q[k + SEG_VELOCITY] = (
-        ((cubic[WHOLE] - state[0]) << 22) + (cubic[P] << 6) + (cubic[P + 1] >> 24) - state[1]
+        ((cubic[WHOLE] - state[OPEN_WHOLE]) << 22)
+        + (cubic[P] << 6)
+        + (cubic[P + 1] >> 24)
+        - state[OPEN_FRACTION]
     )
     # the mean of the accelerations before and after
-    q[k + SEG_ACCEL] = state[2] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    q[k + SEG_ACCEL] = state[OPEN_ACCEL] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
     q[k + SEG_JERK] = 0
     q[k + SEG_BRIDGE] = 1
     q[k + SEG_SPAN] = block[WHOLE_SPAN]
     turns = 0
-    if state[3]:
-        step = state[4]
-        way = step - cubic[WHOLE]  # back from there to the end of the tick, rounded up
-        if way > 0:
-            if way < 3 and state[0] < step:
-                turns = state[3]
-        elif way > -2:
+    if state[OPEN_TURN]:
+        step = state[OPEN_STEP]
+        back = step - cubic[WHOLE]  # back from there to the end of the tick, rounded up
+        if back > 0:
+            if back < 3 and state[OPEN_WHOLE] < step:
+                turns = state[OPEN_TURN]
+        elif back > -2:
             # below both ends
-            if cubic[P] or way:
-                if state[0] > step or (state[0] == step and state[1]):
-                    turns = state[3]
+            if cubic[P] or back:
+                if state[OPEN_WHOLE] > step or (state[OPEN_WHOLE] == step and state[OPEN_FRACTION]):
+                    turns = state[OPEN_TURN]
         if turns:
-            q[k + SEG_VELOCITY] = ((step - state[0]) << 22) - state[1]
+            q[k + SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]
             part = turns
     if turns or (cubic[G1] == 0 and cubic[G1 + 1] == 0):
         q[k + SEG_SPAN] = ((part >> 16) * block[WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
-    block[TAIL] = (block[TAIL] + 1) & _MASK
+    block[WRITE_INDEX] = (block[WRITE_INDEX] + 1) & _MASK
 
 
 @micropython.viper
-def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
+def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
     """Copy the segment queued last into another motor's queue, as that motor does it.
 
     base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their
@@ -187,34 +201,34 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, turned: int):
     apart, whatever stops them.
     """
     q = ptr32(block[QUEUE])
-    k = ((block[TAIL] - 1) & _SLOTS) << 3
+    k = ((block[WRITE_INDEX] - 1) & _SLOTS) << 3
     p = ptr32(other[QUEUE])
-    j = (other[TAIL] & _SLOTS) << 3
-    place = q[k + SEG_WHOLE]
+    j = (other[WRITE_INDEX] & _SLOTS) << 3
+    whole = q[k + SEG_WHOLE]
     part = q[k + SEG_FRACTION]
     v = q[k + SEG_VELOCITY]
     a = q[k + SEG_ACCEL]
     jerk = q[k + SEG_JERK]
-    if turned:
-        place = base[0] - place
+    if opposite:
+        whole = base[0] - whole
         if part:
-            place -= 1
+            whole -= 1
             part = 0x400000 - part
         v = 0 - v
         jerk = 0 - jerk
         # what the kernel rounds down from this is then the other one's with its sign turned
         a = 31 - a
     else:
-        place = base[0] + place
+        whole = base[0] + whole
     p[j + SEG_TICKS] = q[k + SEG_TICKS]
-    p[j + SEG_WHOLE] = place
+    p[j + SEG_WHOLE] = whole
     p[j + SEG_FRACTION] = part
     p[j + SEG_VELOCITY] = v
     p[j + SEG_ACCEL] = a
     p[j + SEG_JERK] = jerk
     p[j + SEG_BRIDGE] = q[k + SEG_BRIDGE]
     p[j + SEG_SPAN] = q[k + SEG_SPAN]
-    other[TAIL] = (other[TAIL] + 1) & _MASK
+    other[WRITE_INDEX] = (other[WRITE_INDEX] + 1) & _MASK
 
 
 @micropython.viper

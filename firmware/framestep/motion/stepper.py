@@ -45,8 +45,8 @@ RUNNING = const(10)  # 0 where nothing has moved for some ticks
 AHEAD = const(11)  # cycles from when a tick is due to its first pulse
 LATEST = const(12)  # microseconds of lateness that an engine survives
 CUES = const(13)  # address of the ring of cues
-CUE_TAKEN = const(14)  # cues given, modulo 2^29
-CUE_PUT = const(15)  # cues put, modulo 2^29
+CUE_READ_INDEX = const(14)  # cues given, modulo 2^29
+CUE_WRITE_INDEX = const(15)  # cues put, modulo 2^29
 # address that raises the output pins of a mask, or of the word of levels: see engine.RING
 OUT_SET = const(16)
 OUT_CLEAR = const(17)  # address that lowers them
@@ -77,8 +77,8 @@ FIXED = const(13)  # cycles of a pulse period beyond its gap
 SHORTEST = const(14)  # least cycles from a rising edge to the next
 SETUP = const(15)  # least cycles from a change of direction to the rising edge
 QUEUE = const(16)  # address of the segment ring
-HEAD = const(17)  # segments taken, modulo 2^30
-TAIL = const(18)  # segments put, modulo 2^30
+READ_INDEX = const(17)  # segments taken, modulo 2^30
+WRITE_INDEX = const(18)  # segments put, modulo 2^30
 DECEL = const(19)  # Q22 steps per tick per tick: how a stop slows down
 BRAKE = const(20)  # Q22: the same for a queue that ran dry in motion
 WAIT = const(21)  # ticks until the last pulse is out
@@ -94,8 +94,8 @@ PLANNED = const(27)
 WORK = const(28)
 PHASES = const(29)
 # address of the load's place and its play to the motor (motors/axis.py): for sample()
-PLACE = const(30)
-PLAY = const(31)
+LOAD_POSITION = const(30)
+BACKLASH = const(31)
 BLOCK_WORDS = const(32)
 
 # Words of samples(): rows of a tick and a place for each motor
@@ -112,9 +112,9 @@ PLAN_TARGET = const(2)  # a target that must be met
 # with PLAN_SEGMENTS: others move at the same times, so the queue must not run dry at rest either
 PLAN_TIMED = const(4)
 
-# What look() finds
-LOOK_BUSY = const(1)  # a motor moves or is planned to
-LOOK_FAULT = const(2)
+# What poll_flags() finds
+FLAG_BUSY = const(1)  # a motor moves or is planned to
+FLAG_FAULT = const(2)
 
 # Modes
 IDLE = const(0)  # at rest; the segment queue may be filled
@@ -144,13 +144,25 @@ SEG_BRIDGE = const(6)
 SEG_SPAN = const(7)  # cycles of each tick in which the motor moves
 SEGMENT_WORDS = const(8)
 
+# Words of what splice() finds
+STATE_WHOLE = const(0)  # steps
+STATE_FRACTION = const(1)  # Q22
+STATE_VELOCITY = const(2)  # Q22
+STATE_ACCEL = const(3)  # Q27
+STATE_WORDS = const(4)
+
+# Words of a place in a queue
+AT_STEP = const(0)
+AT_PART = const(1)  # Q16 of one more
+AT_WORDS = const(2)
+
 
 @micropython.viper
 def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     """End a motor's queue about `ticks` from now and tell the state there, to plan on from it.
 
-    out: whole steps, fraction (Q22), velocity (Q22), acceleration (Q27) at that moment. Returns the
-    ticks until then, `ticks` at least; 0 where the motor is at rest, and -1 where it comes to rest
+    out: its STATE_ words become the state at that moment. Returns the ticks until then, `ticks` at
+    least; 0 where the motor is at rest, and -1 where it comes to rest
     sooner: then nothing has changed, and what is to follow waits for that. To be called with
     interrupts off; what is planned must be queued within that time.
     """
@@ -160,7 +172,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     a = m[ACCEL]
     j = m[JERK]
     left = m[LEFT]
-    head = m[HEAD]
+    head = m[READ_INDEX]
     n = ticks
     if m[MODE] & STOP:
         # Carry on with the same deceleration as a segment
@@ -172,8 +184,8 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             if v // a < n:
                 return -1
             a = 0 - a
-        m[HEAD] = m[TAIL]
-        head = m[TAIL]
+        m[READ_INDEX] = m[WRITE_INDEX]
+        head = m[WRITE_INDEX]
         m[LEFT] = n
         left = n
         v = v + a
@@ -186,12 +198,12 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     elif m[MODE] & RUN:
         k = left
         while k < n:
-            if head == m[TAIL]:
+            if head == m[WRITE_INDEX]:
                 return -1
             q = ptr32(m[QUEUE])
             k += q[(head & (SEGMENTS - 1)) << 3]
             head = (head + 1) & WIDE_WRAP
-        head = m[HEAD]
+        head = m[READ_INDEX]
         if left > n:
             left = n
             m[LEFT] = n
@@ -204,7 +216,7 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
     bridge = 0
     while n:
         if left == 0:
-            if head == m[TAIL]:
+            if head == m[WRITE_INDEX]:
                 break
             q = ptr32(m[QUEUE])
             k = (head & (SEGMENTS - 1)) << 3
@@ -226,12 +238,12 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
         a = a + j
         whole = whole + (rem >> 22)
         rem = rem - ((rem >> 22) << 22)
-        if bridge and n == 0 and head != m[TAIL]:
+        if bridge and n == 0 and head != m[WRITE_INDEX]:
             # between two bridges nothing tells the velocity: on to the end of the second
             q = ptr32(m[QUEUE])
             n = q[((head & (SEGMENTS - 1)) << 3) + SEG_BRIDGE]
     if bridge:
-        if head == m[TAIL]:
+        if head == m[WRITE_INDEX]:
             pass
         else:
             # the velocity at the end of a bridge is that at the start of what follows it
@@ -242,13 +254,13 @@ def splice(m: ptr32, ticks: int, out: ptr32) -> int:
             v = q[k + SEG_VELOCITY]
             a = q[k + SEG_ACCEL]
             j = q[k + SEG_JERK]
-    m[TAIL] = head
+    m[WRITE_INDEX] = head
     whole = whole + (rem >> 22)
     rem = rem - ((rem >> 22) << 22)
-    out[0] = whole
-    out[1] = rem
-    out[2] = v
-    out[3] = a - j  # the kernel's is that of a tick later
+    out[STATE_WHOLE] = whole
+    out[STATE_FRACTION] = rem
+    out[STATE_VELOCITY] = v
+    out[STATE_ACCEL] = a - j  # the kernel's is that of a tick later
     return done
 
 
@@ -287,13 +299,13 @@ def sample(m: ptr32, out: ptr32) -> int:
                 m = ptr32(a)
                 a = m[NEXT]
                 k += 1
-                place = ptr32(m[PLACE])
+                load_position = ptr32(m[LOAD_POSITION])
                 position = m[POSITION]
-                if place[0] < position:
-                    place[0] = position
-                elif place[0] - position > m[PLAY]:
-                    place[0] = position + m[PLAY]
-                out[k] = place[0]
+                if load_position[0] < position:
+                    load_position[0] = position
+                elif load_position[0] - position > m[BACKLASH]:
+                    load_position[0] = position + m[BACKLASH]
+                out[k] = load_position[0]
     if out[ALARM] >= 0:
         if reached(out[i + 0], out[ALARM] + 1):
             return 1
@@ -301,7 +313,7 @@ def sample(m: ptr32, out: ptr32) -> int:
 
 
 @micropython.viper
-def choose(header, words, told: ptr32) -> int:
+def choose(header, words, reported: ptr32) -> int:
     """told = where the pulses made until now have taken the loads, by samples(). The tick (modulo
     2^29) whose pulses were the last of them."""
     h = ptr32(header)
@@ -324,17 +336,17 @@ def choose(header, words, told: ptr32) -> int:
         break
     k = 1
     while k < out[_ROW]:
-        told[k - 1] = out[i + k]
+        reported[k - 1] = out[i + k]
         k += 1
     return tick
 
 
 @micropython.viper
-def renumber(words: ptr32, motor: int, place: ptr32):
+def renumber(words: ptr32, motor: int, load_position: ptr32):
     """A motor at rest has been given another position: that is what it was in the samples kept."""
     i = _ROWS + 1 + motor
     while i < words[_END]:
-        words[i] = place[0]
+        words[i] = load_position[0]
         i += words[_ROW]
 
 
@@ -354,9 +366,9 @@ def queued(m: ptr32, bits: int) -> int:
             ticks = 0
             if m[MODE] == RUN:
                 ticks = m[LEFT]
-                head = m[HEAD]
+                head = m[READ_INDEX]
                 q = ptr32(m[QUEUE])
-                while head != m[TAIL]:
+                while head != m[WRITE_INDEX]:
                     ticks += q[(head & (SEGMENTS - 1)) << 3]
                     head = (head + 1) & WIDE_WRAP
             if ticks < least:
@@ -366,26 +378,26 @@ def queued(m: ptr32, bits: int) -> int:
 
 
 @micropython.viper
-def trim(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
-    """Whether a segment in a motor's queue begins `ticks` from now: its place in out[0] and (Q16)
-    out[1].
+def cut_queue_at(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
+    """Whether a segment in a motor's queue begins `ticks` from now: where, in the AT_ words of
+    `out`.
 
     put: drop it, and what follows it. To be called with interrupts off.
     """
     n = ticks - m[LEFT]
-    head = m[HEAD]
-    while n > 0 and head != m[TAIL]:
+    head = m[READ_INDEX]
+    while n > 0 and head != m[WRITE_INDEX]:
         q = ptr32(m[QUEUE])
         n -= q[(head & (SEGMENTS - 1)) << 3]
         head = (head + 1) & WIDE_WRAP
-    if n or head == m[TAIL]:
+    if n or head == m[WRITE_INDEX]:
         return 0
     q = ptr32(m[QUEUE])
     k = (head & (SEGMENTS - 1)) << 3
-    out[0] = q[k + SEG_WHOLE]
-    out[1] = q[k + SEG_FRACTION] >> 6
+    out[AT_STEP] = q[k + SEG_WHOLE]
+    out[AT_PART] = q[k + SEG_FRACTION] >> 6
     if put:
-        m[TAIL] = head
+        m[WRITE_INDEX] = head
     return 1
 
 
@@ -397,7 +409,7 @@ def halt(m: ptr32, rate: int):
     """
     if m[MODE] & START:
         m[MODE] = m[MODE] & DRAIN
-        m[HEAD] = m[TAIL]
+        m[READ_INDEX] = m[WRITE_INDEX]
     elif m[MODE] & RUN:
         # the last displacement, not the next one: the stop takes its first share from that
         m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
@@ -408,7 +420,7 @@ def halt(m: ptr32, rate: int):
         if rate > m[DECEL]:
             m[DECEL] = rate
     else:
-        m[HEAD] = m[TAIL]
+        m[READ_INDEX] = m[WRITE_INDEX]
 
 
 @micropython.viper
@@ -446,7 +458,7 @@ def moving(m: ptr32) -> int:
 
 
 @micropython.viper
-def hold(m: ptr32) -> int:
+def hide_planned(m: ptr32) -> int:
     """Take timed motions out of what is planned, so that their motors count as at rest; their bits.
     m: the header."""
     bits = 0
@@ -471,13 +483,13 @@ def discard(m: ptr32, bits: int):
         m = ptr32(a)
         a = m[NEXT]
         if bits & 1:
-            m[TAIL] = m[HEAD]
+            m[WRITE_INDEX] = m[READ_INDEX]
         bits >>= 1
 
 
 @micropython.viper
-def unhold(m: ptr32, bits: int):
-    """Plan on where hold() has told these bits. m: the header."""
+def restore_planned(m: ptr32, bits: int):
+    """Plan on where hide_planned() has given these bits. m: the header."""
     a = m[FIRST]
     while bits:
         m = ptr32(a)
@@ -488,22 +500,22 @@ def unhold(m: ptr32, bits: int):
 
 
 @micropython.viper
-def look(m: ptr32) -> int:
-    """What the main loop is to look after, LOOK_ bits. m: the header."""
-    bits = LOOK_BUSY if m[RUNNING] else 0
+def poll_flags(m: ptr32) -> int:
+    """What the main loop is to look after, FLAG_ bits. m: the header."""
+    bits = FLAG_BUSY if m[RUNNING] else 0
     if m[FAULTS]:
-        bits |= LOOK_FAULT
+        bits |= FLAG_FAULT
     a = m[FIRST]
     while a:
         m = ptr32(a)
         a = m[NEXT]
         if m[MODE] | m[PLANNED]:
-            bits |= LOOK_BUSY
+            bits |= FLAG_BUSY
     return bits
 
 
 @micropython.viper
-def seeking(m: ptr32) -> int:
+def awaiting_target(m: ptr32) -> int:
     """One bit per motor that has come to rest with a target still to be met. m: the header.
 
     Its last pulses may still be on their way out.

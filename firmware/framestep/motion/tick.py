@@ -26,11 +26,11 @@ from framestep.motion.stepper import (
     CARRY,
     CLOCK,
     CUE_LOWERED,
-    CUE_PUT,
     CUE_RAISED,
+    CUE_READ_INDEX,
     CUE_SLOTS,
-    CUE_TAKEN,
     CUE_TICK,
+    CUE_WRITE_INDEX,
     CUES,
     CYCLES,
     CYCLES_PER_US,
@@ -47,7 +47,6 @@ from framestep.motion.stepper import (
     FIRST,
     FIXED,
     FRACTION,
-    HEAD,
     IDLE,
     IDLE_AT,
     INVERT,
@@ -64,6 +63,7 @@ from framestep.motion.stepper import (
     PLANNED,
     POSITION,
     QUEUE,
+    READ_INDEX,
     RESERVE,
     RUN,
     RUNNING,
@@ -80,13 +80,13 @@ from framestep.motion.stepper import (
     SQUARE,
     START,
     STOP,
-    TAIL,
     TICK_US,
     TICKS,
     VELOCITY,
     WAIT,
     WORD,
     WORST_LATE,
+    WRITE_INDEX,
 )
 from framestep.native import const, micropython, ptr32
 
@@ -146,7 +146,7 @@ class Header(array):
                     else:
                         d = d - m[DECEL] * missed
                     m[VELOCITY] = (d ^ s) - s
-                    m[HEAD] = m[TAIL]
+                    m[READ_INDEX] = m[WRITE_INDEX]
                     m[LEFT] = 0
                     m[MODE] = RUN | STOP | START  # the engine first, then a stop
                 else:
@@ -158,10 +158,10 @@ class Header(array):
             m[DUE] = m[DUE] + (late >> 4)  # back to the timer's grid, if a hole has moved it
         m[DUE] = (m[DUE] + TICK_US) & WIDE_WRAP
         m[TICKS] = after(m[TICKS], 1)
-        a = m[CUE_PUT] - m[CUE_TAKEN]
+        a = m[CUE_WRITE_INDEX] - m[CUE_READ_INDEX]
         while a:
             q = ptr32(m[CUES])
-            k = (m[CUE_TAKEN] & (CUE_SLOTS - 1)) << 2
+            k = (m[CUE_READ_INDEX] & (CUE_SLOTS - 1)) << 2
             if elapsed(m[TICKS], q[k + CUE_TICK]) > HALF:
                 break
             fifo = ptr32(m[OUT_SET])
@@ -171,8 +171,8 @@ class Header(array):
                 fifo[0] = q[k + CUE_RAISED]
                 fifo = ptr32(m[OUT_CLEAR])
                 fifo[0] = q[k + CUE_LOWERED]
-            m[CUE_TAKEN] = (m[CUE_TAKEN] + 1) & WRAP
-            a = m[CUE_PUT] - m[CUE_TAKEN]
+            m[CUE_READ_INDEX] = (m[CUE_READ_INDEX] + 1) & WRAP
+            a = m[CUE_WRITE_INDEX] - m[CUE_READ_INDEX]
         cycles = m[CYCLES]
         a = m[FIRST]
         while a:
@@ -224,11 +224,11 @@ class Header(array):
                                     else:
                                         fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
                                 m[CARRY] = m[RESERVE]
-                        head = m[HEAD]
-                        if head - m[TAIL]:
+                        head = m[READ_INDEX]
+                        if head - m[WRITE_INDEX]:
                             q = ptr32(m[QUEUE])
                             k = (head & (SEGMENTS - 1)) << 3
-                            m[HEAD] = (head + 1) & WIDE_WRAP
+                            m[READ_INDEX] = (head + 1) & WIDE_WRAP
                             gap = q[k + SEG_WHOLE] - m[POSITION]
                             d = (gap << 22) + q[k + SEG_FRACTION]
                             # within two steps, so that the second line cannot overflow, and by an
@@ -288,7 +288,7 @@ class Header(array):
                         m[FRACTION] = 0
                         m[ACCEL] = 0
                         m[JERK] = 0
-                        m[HEAD] = m[TAIL]
+                        m[READ_INDEX] = m[WRITE_INDEX]
                         m[LEFT] = 0
                         m[WAIT] = h[BEHIND]
                         m[MODE] = DRAIN

@@ -65,12 +65,12 @@ class Axes:
                     more = False
                     break
             axis = self.axes[(found >> 5) - 1]
-            tail = axis.block[stepper.TAIL]
+            tail = axis.block[stepper.WRITE_INDEX]
             axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
-            left -= ((axis.block[stepper.TAIL] - tail) & ALL_BITS) + _CALL
+            left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
         for axis in self.with_backlash:
             axis.refresh()
-        bits = stepper.seeking(self.kernel.state)
+        bits = stepper.awaiting_target(self.kernel.state)
         if not bits:
             return more
         motor = 0

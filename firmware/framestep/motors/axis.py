@@ -3,13 +3,13 @@
 An axis has a list of phases (phases.py). It cuts them into segments, which it puts into the tick
 kernel's queue some tenths of a second ahead. Everything that moves a motor goes through here.
 
-Positions and directions (`way`) are those of motor.py. Nothing allocates after construction.
+Positions and directions (`direction`) are those of motor.py. Nothing allocates after construction.
 """
 
 from array import array
 
 from framestep.motion import ramps, reals, segments, stepper
-from framestep.motion.phases import Phases, scratch
+from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds, feeder
 from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
@@ -30,7 +30,8 @@ SPEED_FLOOR = const(100)  # a jog's least speed (field note 4.2)
 MOST_SEGMENTS = const(14)  # fills the ring but for the two segments that end a motion
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for that long
 SPLICE_TICKS = const(12)  # from a request to where the new plan takes over
-SLOW_SPLICE_TICKS = const(32)  # the same with a jerk limit: an RP2040 plans it in up to 20 ms
+ALL_SPLICE_TICKS = const(40)  # the same for all motors of a motion
+SLOW_SPLICE_TICKS = const(32)  # with a jerk limit: an RP2040 plans it in up to 20 ms
 
 # Registers of `numbers`, after those of motor.py
 MOTION_VELOCITY = const(6)  # greatest of the motion under way, which has a speed of its own
@@ -53,12 +54,12 @@ class Axis(Motor):
     def __init__(self, kernel, motor, positions):
         super().__init__(kernel.blocks[motor])
         self.positions = positions
-        self.state = array("i", [0] * 5)
+        self.state = array("i", [0] * segments.OPEN_WORDS)  # and of stepper.splice()
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
         self.phases = Phases()
-        self.whole = array("i", [0] * 2)
-        self.knot = array("i", [0] * 2)  # where the phase under way ends: a step, Q16 of one more
-        self.cut = array("i", [0] * 2)  # the same, where cut_at_phase_end() has cut the queue
+        self.whole = array("i", [0] * DURATION_WORDS)
+        self.knot = array("i", [0] * stepper.AT_WORDS)  # where the phase under way ends
+        self.cut = array("i", [0] * stepper.AT_WORDS)  # where cut_at_phase_end() has cut
         self.work = array("i", [0] * feeder.WORK_WORDS)
         self.block[stepper.WORK] = as_word(addressof(self.work))
         self.block[stepper.PHASES] = as_word(addressof(self.phases.words))
@@ -73,7 +74,7 @@ class Axis(Motor):
             scratch,
         )
         self.speed = 0  # of the motion under way, in ten-thousandths
-        self.way = 0  # the direction for which the play is to be taken up at TARGET
+        self.direction = 0  # the direction for which the play is to be taken up at TARGET
         self.stopping_smoothly = False  # a stop within the jerk limit is under way
 
     # ---------------------------------------------------------------- state
@@ -111,7 +112,7 @@ class Axis(Motor):
             and not self.stopping_smoothly
             and self.outside(self.limits, TARGET)
         ):
-            self.move_to(hal, self.limits, TARGET, self.speed, self.way)
+            self.move_to(hal, self.limits, TARGET, self.speed, self.direction)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
         """Drop what was planned and make the cubic the state from which a new plan starts.
@@ -137,7 +138,7 @@ class Axis(Motor):
         block[stepper.PLANNED] = 0
         self.stopping_smoothly = False
         self.refresh()
-        reals.copy_word(self.planned, 0, self.load_position, 0)
+        reals.copy_word(self.planned, backlash.LOAD_POSITION, self.load_position, 0)
         self.planned[backlash.OFFSET] = offset(self.load_position, block)
         return True
 
@@ -149,10 +150,10 @@ class Axis(Motor):
         hal.irq_on(irq)
         return taken
 
-    def move_to(self, hal, target, i, speed=FULL_SPEED, way=0):
+    def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0):
         """Move to the position target[i]. Returns whether anything moves, from the next tick on.
 
-        speed: of velocity and acceleration, in ten-thousandths. way: the direction of what comes
+        speed: of velocity and acceleration, in ten-thousandths. direction: that of what comes
         next; the motor comes to rest with its play taken up for it, if need be by a second motion
         (see stands_on()).
 
@@ -176,7 +177,7 @@ class Axis(Motor):
                 reals.copy(r, MOTION_ACCELERATION, _Y)
         reals.copy_word(self.limits, TARGET, target, i)
         self.clamp(self.limits, TARGET)
-        self.way = way
+        self.direction = direction
         # The kernel's stops have no jerk limit, so a plan that has one cannot begin within one.
         smooth = reals.sign(r, MAX_JERK) > 0
         if (
@@ -186,8 +187,8 @@ class Axis(Motor):
         ):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() goes on from there
             return True
-        if reals.equal_words(self.limits, TARGET, self.planned, backlash.PLACE):
-            take_up(self.planned, self.limits, way)
+        if reals.equal_words(self.limits, TARGET, self.planned, backlash.LOAD_POSITION):
+            take_up(self.planned, self.limits, direction)
         else:
             motor_step(self.planned, self.limits, self.limits, TARGET, 0)
         self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
@@ -232,12 +233,12 @@ class Axis(Motor):
         motor_step(self.planned, self.limits, targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
 
-    def append_coasting_phase(self, duration, start, end, numbers, places, i, part=0):
+    def append_coasting_phase(self, duration, start, end, numbers, positions, i, part=0):
         """As append_phase(), but leave the play as it is: for ramps and virtual motion.
 
         If the phase turns the motion, the load lags by the play.
         """
-        same_side(self.planned, self.limits, places, i, part)
+        same_side(self.planned, self.limits, positions, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
 
     def cut_queue(self, ticks):
@@ -251,10 +252,11 @@ class Axis(Motor):
             stepper.splice(self.partner.block, ticks, self.partner.state)
         return taken
 
-    def resume_from_cut(self, places, i):
+    def resume_from_cut(self, positions, i):
         """After cut_queue(): further phases follow from there.
 
-        places[i]: a position of the load before the cut, from which it came in the same direction.
+        positions[i]: a position of the load before the cut, from which it came in the same
+        direction.
         """
         set_cubic(self.cubic, self.state)
         self.phases.clear()
@@ -264,7 +266,7 @@ class Axis(Motor):
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
         self.refresh()
         self.planned[backlash.OFFSET] = offset(self.load_position, self.block)
-        reals.copy_word(self.planned, backlash.PLACE, places, i)
+        reals.copy_word(self.planned, backlash.LOAD_POSITION, positions, i)
 
     def cut_at_phase_end(self, ticks, put):
         """Whether the queue can be cut at the end of a phase `ticks` from now; if `put`, cut it.
@@ -272,25 +274,25 @@ class Axis(Motor):
         With interrupts off. Only among AIM phases of whole ticks. resume_at_phase_end() goes on
         from there.
         """
-        if not stepper.trim(self.block, ticks, put, self.cut):
+        if not stepper.cut_queue_at(self.block, ticks, put, self.cut):
             return False
         if put and self.partner:
-            stepper.trim(self.partner.block, ticks, put, self.state)
+            stepper.cut_queue_at(self.partner.block, ticks, put, self.state)
         return True
 
-    def resume_at_phase_end(self, places, i):
+    def resume_at_phase_end(self, positions, i):
         """After cut_at_phase_end(): append_coasting_phase() adds further phases from there.
 
-        places[i] = the position there, in whole steps; returns the rest in Q16 of a step.
+        positions[i] = the position there, in whole steps; returns the rest in Q16 of a step.
         """
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.MARKED] = 0
-        reals.copy_word(self.knot, 0, self.cut, 0)
-        self.knot[1] = self.cut[1]
+        reals.copy_word(self.knot, stepper.AT_STEP, self.cut, stepper.AT_STEP)
+        self.knot[stepper.AT_PART] = self.cut[stepper.AT_PART]
         work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        return replan_from(self.planned, self.cut, places, i)
+        return replan_from(self.planned, self.cut, positions, i)
 
     def set_more_to_come(self, more):
         """Say whether phases will be appended; if not, the motion ends with the last one."""
@@ -303,8 +305,8 @@ class Axis(Motor):
         """
         self.block[stepper.PLANNED] = 0
         self.apply_pending_acceleration()
-        if not self._is_on(self.limits, TARGET, self.way):
-            self.move_to(hal, self.limits, TARGET, self.speed or FULL_SPEED, self.way)
+        if not self._is_on(self.limits, TARGET, self.direction):
+            self.move_to(hal, self.limits, TARGET, self.speed or FULL_SPEED, self.direction)
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""
@@ -323,8 +325,8 @@ class Axis(Motor):
 
     # ---------------------------------------------------------------- coupling
 
-    def couple(self, partner, turned):
-        """Make another motor do what this one does, if `turned` in the opposite sense.
+    def couple(self, partner, reversed):
+        """Make another motor do what this one does, if `reversed` in the opposite sense.
 
         Only while both are at rest.
 
@@ -339,14 +341,14 @@ class Axis(Motor):
             stepper.POSITION,
             self.block,
             stepper.POSITION,
-            0 if turned else 1,
+            0 if reversed else 1,
         ):
             return False
         self.uncouple()
         reals.copy_word(self.base, 0, self.word, 0)
         self.partner = partner
-        self.turned = 1 if turned else 0
-        self.work[feeder.MIRRORED] = 1 + self.turned
+        self.reversed = 1 if reversed else 0
+        self.work[feeder.MIRRORED] = 1 + self.reversed
         partner.leader = self
         self._apply()
         bounds.update(self)

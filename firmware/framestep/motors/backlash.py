@@ -12,9 +12,9 @@ from framestep.motion import stepper
 from framestep.native import const, micropython, ptr32
 
 # Words of `planned`
-PLACE = const(0)
+LOAD_POSITION = const(0)
 OFFSET = const(1)
-PLAY = const(2)
+BACKLASH = const(2)
 
 PHYSICAL = const(3)  # word of an axis' `limits`: the motor's own position for a target
 
@@ -27,73 +27,73 @@ def motor_step(planned: ptr32, limits: ptr32, targets, i: int, part: int):
     part: Q16 of a step beyond targets[i]. The nearest step decides in which direction it lies.
     """
     step = ptr32(targets)[i + 0]
-    place = step + (part >> 15)
-    if place > planned[PLACE]:
+    load_position = step + (part >> 15)
+    if load_position > planned[LOAD_POSITION]:
         planned[OFFSET] = 0
-    elif place < planned[PLACE]:
-        planned[OFFSET] = 0 - planned[PLAY]
-    planned[PLACE] = place
+    elif load_position < planned[LOAD_POSITION]:
+        planned[OFFSET] = 0 - planned[BACKLASH]
+    planned[LOAD_POSITION] = load_position
     limits[PHYSICAL] = step + planned[OFFSET]
 
 
 @micropython.viper
-def same_side(planned: ptr32, limits: ptr32, places, i: int, part: int):
-    """limits[PHYSICAL] = the motor's position for places[i] with the play as it is.
+def same_side(planned: ptr32, limits: ptr32, positions, i: int, part: int):
+    """limits[PHYSICAL] = the motor's position for positions[i] with the play as it is.
 
-    part: Q16 of a step beyond places[i].
+    part: Q16 of a step beyond positions[i].
     """
-    step = ptr32(places)[i + 0]
-    planned[PLACE] = step + (part >> 15)
+    step = ptr32(positions)[i + 0]
+    planned[LOAD_POSITION] = step + (part >> 15)
     limits[PHYSICAL] = step + planned[OFFSET]
 
 
 @micropython.viper
-def take_up(planned: ptr32, limits: ptr32, way: int):
+def take_up(planned: ptr32, limits: ptr32, direction: int):
     """limits[PHYSICAL] = the motor's position where it is planned to be, its play taken up for
-    `way`."""
-    if way > 0:
+    that direction."""
+    if direction > 0:
         planned[OFFSET] = 0
-    elif way < 0:
-        planned[OFFSET] = 0 - planned[PLAY]
-    limits[PHYSICAL] = planned[PLACE] + planned[OFFSET]
+    elif direction < 0:
+        planned[OFFSET] = 0 - planned[BACKLASH]
+    limits[PHYSICAL] = planned[LOAD_POSITION] + planned[OFFSET]
 
 
 @micropython.viper
-def replan_from(planned: ptr32, cut: ptr32, places, i: int) -> int:
-    """Plan on from where the motor is at cut[0] steps and cut[1] (Q16) of one.
+def replan_from(planned: ptr32, cut: ptr32, positions, i: int) -> int:
+    """Plan on from where the motor is at `cut` (stepper.AT_STEP, AT_PART).
 
-    places[i] = the load's whole steps there, with the play as it is. Returns cut[1].
+    positions[i] = the load's whole steps there, with the play as it is. Returns its part.
     """
-    step = cut[0] - planned[OFFSET]
-    part = cut[1]
-    place = ptr32(places)
-    place[i] = step
-    planned[PLACE] = step + (part >> 15)
+    step = cut[stepper.AT_STEP] - planned[OFFSET]
+    part = cut[stepper.AT_PART]
+    load_position = ptr32(positions)
+    load_position[i] = step
+    planned[LOAD_POSITION] = step + (part >> 15)
     return part
 
 
 @micropython.viper
-def drag(place: ptr32, block: ptr32, backlash: int):
+def drag(load_position: ptr32, block: ptr32, backlash: int):
     """Move the load with the motor: it lags by the play, in whichever direction it goes."""
     p = block[stepper.POSITION]
-    if place[0] < p:
-        place[0] = p
-    elif place[0] - p > backlash:
-        place[0] = p + backlash
+    if load_position[0] < p:
+        load_position[0] = p
+    elif load_position[0] - p > backlash:
+        load_position[0] = p + backlash
 
 
 @micropython.viper
-def offset(place: ptr32, block: ptr32) -> int:
+def offset(load_position: ptr32, block: ptr32) -> int:
     """Steps from the load's position to the motor's."""
-    return block[stepper.POSITION] - place[0]
+    return block[stepper.POSITION] - load_position[0]
 
 
 @micropython.viper
-def taken_up(place: ptr32, block: ptr32, backlash: int, way: int) -> int:
-    """Whether the play is taken up for a motion in direction `way`; 0: always."""
-    gap = block[stepper.POSITION] - place[0]
-    if way > 0:
+def taken_up(load_position: ptr32, block: ptr32, backlash: int, direction: int) -> int:
+    """Whether the play is taken up for a motion in that direction; 0: always."""
+    gap = block[stepper.POSITION] - load_position[0]
+    if direction > 0:
         return 1 if gap == 0 else 0
-    if way < 0:
+    if direction < 0:
         return 1 if gap + backlash == 0 else 0
     return 1

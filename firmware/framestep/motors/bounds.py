@@ -12,6 +12,10 @@ from framestep.native import const
 # Words of an axis' `limits` and `bounds`, in steps of the load
 LOWER = const(0)
 UPPER = const(1)
+# of `bounds` alone; not 0: the path may not turn beyond its frames, as where taking up the backlash
+# would move the load
+EXACT = const(2)
+BOUNDS_WORDS = const(3)
 
 _ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
 
@@ -25,18 +29,18 @@ def update(axis):
     bounds = axis.bounds
     _own(axis, bounds)
     partner = axis.partner
-    bounds[2] = axis.backlash
+    bounds[EXACT] = axis.backlash
     if not partner:
         return
-    bounds[2] |= partner.backlash
+    bounds[EXACT] |= partner.backlash
     # The partner's motor goes from its lower bound less its play up to its upper bound.
     word = axis.word
     _own(partner, partner.bounds, 1)  # as its play is rounded, it may end a step farther
     word[2] = partner.backlash
-    add_words(word, 0, partner.bounds, 0, word, 2, 1)
-    reals.copy_word(word, 1, partner.bounds, 1)
+    add_words(word, 0, partner.bounds, LOWER, word, 2, 1)
+    reals.copy_word(word, 1, partner.bounds, UPPER)
     low = 0
-    if axis.turned:
+    if axis.reversed:
         add_words(word, 0, axis.base, 0, word, 0, 1)
         add_words(word, 1, axis.base, 0, word, 1, 1)
         low = 1
@@ -45,19 +49,19 @@ def update(axis):
         add_words(word, 1, word, 1, axis.base, 0, 1)
     word[2] = axis.backlash
     add_words(word, low, word, low, word, 2, 0)
-    if order_words(word, low, bounds, 0) > 0:
-        reals.copy_word(bounds, 0, word, low)
-    if order_words(word, 1 - low, bounds, 1) < 0:
-        reals.copy_word(bounds, 1, word, 1 - low)
+    if order_words(word, low, bounds, LOWER) > 0:
+        reals.copy_word(bounds, LOWER, word, low)
+    if order_words(word, 1 - low, bounds, UPPER) < 0:
+        reals.copy_word(bounds, UPPER, word, 1 - low)
 
 
 def _own(axis, bounds, margin=0):
-    """Set bounds[0] and bounds[1] to what the axis on its own allows."""
+    """Set LOWER and UPPER of `bounds` to what the axis on its own allows."""
     word = axis.word
     word[2] = axis.backlash + margin
-    add_words(bounds, 0, _ENDS, 0, word, 2, 0)
-    reals.copy_word(bounds, 1, _ENDS, 1)
-    if axis.lower_enabled and order_words(axis.limits, LOWER, bounds, 0) > 0:
-        reals.copy_word(bounds, 0, axis.limits, LOWER)
+    add_words(bounds, LOWER, _ENDS, 0, word, 2, 0)
+    reals.copy_word(bounds, UPPER, _ENDS, 1)
+    if axis.lower_enabled and order_words(axis.limits, LOWER, bounds, LOWER) > 0:
+        reals.copy_word(bounds, LOWER, axis.limits, LOWER)
     if axis.upper_enabled:
-        reals.copy_word(bounds, 1, axis.limits, UPPER)
+        reals.copy_word(bounds, UPPER, axis.limits, UPPER)

@@ -34,14 +34,14 @@ _PHASE_MASK = const(phases.PHASES - 1)
 @micropython.viper
 def set_cubic(cubic: ptr32, state: ptr32):
     """Begin a cubic with the state that stepper.splice() has found."""
-    cubic[segments.WHOLE] = state[0]
-    cubic[segments.P] = state[1] >> 6
-    cubic[segments.P + 1] = (state[1] & 63) << 24
+    cubic[segments.WHOLE] = state[stepper.STATE_WHOLE]
+    cubic[segments.P] = state[stepper.STATE_FRACTION] >> 6
+    cubic[segments.P + 1] = (state[stepper.STATE_FRACTION] & 63) << 24
     # the kernel's velocity is the displacement of a tick: half the acceleration more
-    v = state[2] - (state[3] >> 6)
+    a = state[stepper.STATE_ACCEL]
+    v = state[stepper.STATE_VELOCITY] - (a >> 6)
     cubic[segments.G1] = v >> 6
     cubic[segments.G1 + 1] = (v & 63) << 24
-    a = state[3]
     cubic[segments.G2] = a >> 12
     cubic[segments.G2 + 1] = (a & 0xFFF) << 18
     cubic[segments.G3] = 0
@@ -73,7 +73,7 @@ def feed(parts, other, base, most: int, enough: int):
     while (
         b[stepper.PLANNED] & stepper.PLAN_SEGMENTS
         and enough > 0
-        and (b[stepper.TAIL] - b[stepper.HEAD]) & ALL_BITS < most
+        and (b[stepper.WRITE_INDEX] - b[stepper.READ_INDEX]) & ALL_BITS < most
     ):
         n = w[LEFT]
         if n:
@@ -86,7 +86,7 @@ def feed(parts, other, base, most: int, enough: int):
             w[LEFT] = w[LEFT] - n
             enough -= n
             continue
-        if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
+        if w[MORE] and p[phases.READ_INDEX] == p[phases.WRITE_INDEX]:
             return
         part = w[PART]
         if part:
@@ -99,7 +99,7 @@ def feed(parts, other, base, most: int, enough: int):
                 snap(cubic, parts[KNOT])
                 if part:
                     knot(state, parts[KNOT], part)
-            if p[phases.HEAD] == p[phases.TAIL]:
+            if p[phases.READ_INDEX] == p[phases.WRITE_INDEX]:
                 settle(cubic)
                 if part:
                     bridge(state, cubic, block, part)
@@ -117,7 +117,7 @@ def feed(parts, other, base, most: int, enough: int):
             took = int(
                 load(
                     words,
-                    p[phases.HEAD] * phases.PHASE_WORDS,
+                    p[phases.READ_INDEX] * phases.PHASE_WORDS,
                     cubic,
                     whole,
                     parts[KNOT],
@@ -125,32 +125,32 @@ def feed(parts, other, base, most: int, enough: int):
                 )
             )
             if took:
-                p[phases.HEAD] = (p[phases.HEAD] + 1) & _PHASE_MASK
+                p[phases.READ_INDEX] = (p[phases.READ_INDEX] + 1) & _PHASE_MASK
             w[AIMED] = took >> 1
             if part == 0:
-                w[LEFT] = out[0]
-                w[PART] = out[1]
+                w[LEFT] = out[phases.WHOLE_TICKS]
+                w[PART] = out[phases.REST]
                 break
             rest = ALL_BITS - part + 1  # of the tick, below 2^30
             # A phase that ends exactly with the tick is over before the next one begins: an AIM
             # phase may miss its step by rounding, and is put there within this tick's segment.
-            if out[0] or out[1] > rest:
+            if out[phases.WHOLE_TICKS] or out[phases.REST] > rest:
                 shift(cubic, rest, 0, 0)
                 bridge(state, cubic, block, part)
                 if mirrored:
                     mirror(block, other, base, mirrored - 1)
-                w[LEFT] = out[0]
-                w[PART] = out[1] - rest
+                w[LEFT] = out[phases.WHOLE_TICKS]
+                w[PART] = out[phases.REST] - rest
                 if w[PART] < 0:
-                    w[LEFT] = out[0] - 1
+                    w[LEFT] = out[phases.WHOLE_TICKS] - 1
                     w[PART] = w[PART] + ALL_BITS + 1
                 break
-            shift(cubic, out[1], 0, 0)
-            part += out[1]
+            shift(cubic, out[phases.REST], 0, 0)
+            part += out[phases.REST]
             if part > ALL_BITS:
                 # a phase that ends with the tick: 2^30 would be an object on the heap
                 part = ALL_BITS
-            if w[MORE] and p[phases.HEAD] == p[phases.TAIL]:
+            if w[MORE] and p[phases.READ_INDEX] == p[phases.WRITE_INDEX]:
                 # What follows is still to come: keep the tick open
                 shift(cubic, part, 0, 1)
                 w[PART] = part
@@ -174,13 +174,13 @@ def neediest(m: ptr32, least: int, modes: int) -> int:
         a = m[stepper.NEXT]
         motor += 32
         if m[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
-            n = (m[stepper.TAIL] - m[stepper.HEAD]) & ALL_BITS
+            n = (m[stepper.WRITE_INDEX] - m[stepper.READ_INDEX]) & ALL_BITS
             if modes and m[stepper.MODE] & modes == 0:
                 n = least
             if n < least:
                 w = ptr32(m[stepper.WORK])
                 p = ptr32(m[stepper.PHASES])
-                if w[LEFT] or w[MORE] == 0 or p[phases.HEAD] != p[phases.TAIL]:
+                if w[LEFT] or w[MORE] == 0 or p[phases.READ_INDEX] != p[phases.WRITE_INDEX]:
                     least = n
                     found = motor + n
     return found

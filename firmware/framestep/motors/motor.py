@@ -1,7 +1,7 @@
 """One motor: what it is set to, how far it may go, and where it is.
 
 The position of the load is what hosts ask for and are told; the motor's own position differs from
-it by the backlash (backlash.py). `way` is a direction: 1 up, -1 down, 0 either. Positions are
+it by the backlash (backlash.py). `direction` is a direction: 1 up, -1 down, 0 either. Positions are
 steps, int32. They are handed over as (array, index), since a large one would be an object on the
 heap. Nothing allocates after construction.
 """
@@ -62,12 +62,12 @@ class Motor:
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         # where the load is, counting all that has been queued to the engine
         self.load_position = array("i", [0])
-        self.block[stepper.PLACE] = as_word(addressof(self.load_position))
+        self.block[stepper.LOAD_POSITION] = as_word(addressof(self.load_position))
         self.planned = array("i", [0] * 3)  # where the phases lead to: see motors/backlash.py
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
-        self.turned = 0  # 1: the partner turns in the opposite sense
-        # from this motor's steps to the partner's: their difference, or turned their sum
+        self.reversed = 0  # 1: the partner turns in the opposite sense
+        # from this motor's steps to the partner's: their difference, or if reversed their sum
         self.base = array("i", [0])
         self.word = array("i", [0] * 3)
         bounds.update(self)
@@ -159,9 +159,9 @@ class Motor:
     def set_backlash(self, steps):
         """Set the play in steps, 0 … 10000. Only at rest."""
         self.backlash = steps
-        self.planned[backlash.PLAY] = steps
+        self.planned[backlash.BACKLASH] = steps
         bounds.update(self)
-        self.block[stepper.PLAY] = steps
+        self.block[stepper.BACKLASH] = steps
 
     # ---------------------------------------------------------------- limits
 
@@ -235,7 +235,7 @@ class Motor:
         leader = self.leader or self
         if leader.partner:
             other = leader.block if self.leader else leader.partner.block
-            if leader.turned:
+            if leader.reversed:
                 fits = add_words(word, 0, word, 1, other, stepper.POSITION, 0)
             elif self.leader:
                 fits = add_words(word, 0, word, 1, other, stepper.POSITION, 1)
@@ -254,13 +254,13 @@ class Motor:
         turn."""
         drag(self.load_position, self.block, self.backlash)
 
-    def stands_on(self, source, i, way=0):
-        """Whether it stands on source[i] with its play taken up for a motion in direction `way`."""
-        return not self.moving and self._is_on(source, i, way)
+    def stands_on(self, source, i, direction=0):
+        """Whether it stands on source[i] with its play taken up for a motion in that direction."""
+        return not self.moving and self._is_on(source, i, direction)
 
-    def _is_on(self, source, i, way):
+    def _is_on(self, source, i, direction):
         self.refresh()
         return (
             reals.equal_words(self.load_position, 0, source, i) != 0
-            and taken_up(self.load_position, self.block, self.backlash, way) != 0
+            and taken_up(self.load_position, self.block, self.backlash, direction) != 0
         )

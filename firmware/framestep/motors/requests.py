@@ -13,6 +13,7 @@ from framestep.motors.axis import FULL_SPEED
 from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.native import const
 from framestep.protocol import messages as m
+from framestep.results import BY, FRAME, MOTOR, WHAT
 
 _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
@@ -409,14 +410,14 @@ class Motors:
         """
         writer = self.writer
         exceeded = self.controller.operations.player.exceeded
-        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[1]
+        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[MOTOR]
         if motor < 0 or motor >= self.count:
             return m.ERR_RANGE
         writer.begin(m.MSG_EXCEEDED, self.reader)
-        writer.u8(exceeded[0])
-        writer.u8(exceeded[1] + 1 if exceeded[0] else 0)
-        writer.put_i32s_from(exceeded, 2, 1)
-        writer.put_i32s_from(exceeded, 3, 1)
+        writer.u8(exceeded[WHAT])
+        writer.u8(exceeded[MOTOR] + 1 if exceeded[WHAT] else 0)
+        writer.put_i32s_from(exceeded, FRAME, 1)
+        writer.put_i32s_from(exceeded, BY, 1)
         axis = self.axes[motor]
         safety = self.controller.safety
         writer.u8(motor + 1)

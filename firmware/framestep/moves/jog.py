@@ -16,6 +16,7 @@ from framestep.clock import elapsed
 from framestep.motion import reals, stepper
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.moves import path, registers
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
 from framestep.moves.jog_phases import INDEX, JogPhases
@@ -38,7 +39,6 @@ from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_
 
 _AHEAD = const(1)  # phases that wait before the next is queued
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
-_NOTICE = const(40)  # ticks from a stop to the cut of the queues: time to plan for all motors
 _LEAST = const(16)  # ticks; with fewer queued nothing is cut
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
@@ -50,19 +50,21 @@ _RATES = formula(
     SLOWEST = THOUSAND
     """,
 )
-_SLOWING_WAY = formula(registers, "X = (RATE * RATE - TOP * TOP) / TWICE")  # to the top velocity
+_SLOWING_DISTANCE = formula(
+    registers, "X = (RATE * RATE - TOP * TOP) / TWICE"
+)  # to the top velocity
 
-# The way that it takes to stop: whole frames, and hundredths of one more.
-_STOPPING_WAY = formula(
+# The distance that it takes to stop: whole frames, and hundredths of one more.
+_STOPPING_DISTANCE = formula(
     registers,
     """
-    way = RATE * RATE / TWICE
-    Y = floor(way)
-    X = (way - Y) * 100
+    distance = RATE * RATE / TWICE
+    Y = floor(distance)
+    X = (distance - Y) * 100
     """,
 )
-# The velocity at the next frame: as much as the last one, the top velocity and the way left (X,
-# from there on) allow. If the top speed is lowered during the jog, it slows down to it at the
+# The velocity at the next frame: as much as the last one, the top velocity and the distance left
+# from there on (X) allow. If the top speed is lowered during the jog, it slows down to it at the
 # normal rate.
 _NEXT_RATE = formula(
     registers,
@@ -77,7 +79,7 @@ _NEXT_FRAME = formula(
     registers,
     """
     HERE = 0
-    WAY = 1
+    DISTANCE = 1
     both = RATE + NEXT
     assert both > ZERO
     T = 2 / both
@@ -109,8 +111,9 @@ class JogAll(Operation):
         self.hurry = False  # the last frame before the stop takes a second at most
         self.phases = JogPhases(self.player.numbers)
         self.begun = 0  # the tick in which the first pulse comes
-        self.places = array("i", [0] * operations.axes.count)
-        self.ways = array("i", [0] * operations.axes.count)  # which way each motor goes from there
+        self.positions = array("i", [0] * operations.axes.count)
+        # and the direction in which each motor sets out from there
+        self.directions = array("i", [0] * operations.axes.count)
         # the same, of a request that may be refused
         self.draft = array("i", [0] * operations.axes.count)
 
@@ -150,7 +153,7 @@ class JogAll(Operation):
         frames = (to - at) * step + 1
         if under_way and frames * self._motors(bits) > _MOST_CHECKED:
             return ERR_MOVING
-        self._ways(self.draft, bits, at, step, frames, going)
+        self._find_directions(self.draft, bits, at, step, frames, going)
         code = self.player.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
             code = self._barred(bits, at, to)
@@ -178,19 +181,19 @@ class JogAll(Operation):
             bits >>= 1
         return n
 
-    def _ways(self, ways, bits, at, step, frames, going):
-        """ways[motor] = its first direction in `frames` frames from index `at` on.
+    def _find_directions(self, directions, bits, at, step, frames, going):
+        """directions[motor] = its first direction in `frames` frames from index `at` on.
 
         going: it is in motion there.
         """
         player = self.player
         for motor in range(player.count):
-            ways[motor] = 0
+            directions[motor] = 0
             if (bits >> motor) & 1:
-                ways[motor] = (
+                directions[motor] = (
                     player.axes[motor].heading()
                     if going
-                    else player.first_way(motor, at, step, frames)
+                    else player.first_direction(motor, at, step, frames)
                 )
 
     def _approach(self):
@@ -198,16 +201,16 @@ class JogAll(Operation):
         player = self.player
         for motor in range(player.count):
             if (self.bits >> motor) & 1:
-                self.store.position(motor, self.last_queued, self.places, motor)
-        self._ways(
-            self.ways,
+                self.store.position(motor, self.last_queued, self.positions, motor)
+        self._find_directions(
+            self.directions,
             self.bits,
             self.last_queued,
             self.step,
             (self.destination - self.last_queued) * self.step + 1,
             False,
         )
-        self.operations.approach(self, self.places, self.ways)
+        self.operations.approach(self, self.positions, self.directions)
 
     def _aim(self, to):
         self.destination = to
@@ -222,7 +225,13 @@ class JogAll(Operation):
         frames = (self.destination - self.last_queued) * self.step + 1
         player = self.player
         code = player.check(
-            self.bits, self.last_queued, frames, self.fps_milli, self.step, self.ways, ACCELERATION
+            self.bits,
+            self.last_queued,
+            frames,
+            self.fps_milli,
+            self.step,
+            self.directions,
+            ACCELERATION,
         )
         if code == OK:
             self._top()
@@ -263,7 +272,7 @@ class JogAll(Operation):
             return
         landing = self._landing()
         r = self.player.numbers
-        compute(0, 0, r, _SLOWING_WAY)
+        compute(0, 0, r, _SLOWING_DISTANCE)
         slows = reals.floor(r, X, HALF) + 1
         if (to - landing) * self.step >= 0 and slows <= (
             self.destination - self.last_queued
@@ -277,7 +286,7 @@ class JogAll(Operation):
     def _landing(self):
         """Index of the first frame on which the motion can end."""
         r = self.player.numbers
-        compute(0, 0, r, _STOPPING_WAY)
+        compute(0, 0, r, _STOPPING_DISTANCE)
         frames = reals.floor(r, Y, HALF)
         # up to a hundredth of a frame more than fits is rounding
         if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, RATE):
@@ -308,11 +317,11 @@ class JogAll(Operation):
         return -1
 
     def _stand_on(self, bits, index):
-        place = self.player.place
+        position = self.player.position
         for motor in range(self.player.count):
             if (bits >> motor) & 1:
-                self.store.position(motor, index, place, 0)
-                if not self.player.axes[motor].stands_on(place, 0):
+                self.store.position(motor, index, position, 0)
+                if not self.player.axes[motor].stands_on(position, 0):
                     return False
         return True
 
@@ -326,10 +335,10 @@ class JogAll(Operation):
                 index = at
                 while index != to:
                     index += step
-                    self.store.position(motor, index, self.places, motor)
-                    if not axis.stands_on(self.places, motor):
+                    self.store.position(motor, index, self.positions, motor)
+                    if not axis.stands_on(self.positions, motor):
                         # the first frame that lies elsewhere tells which way it goes
-                        code = safety.limit_blocking(motor, self.places, motor)
+                        code = safety.limit_blocking(motor, self.positions, motor)
                         if code != OK:
                             return code
                         break
@@ -356,7 +365,7 @@ class JogAll(Operation):
         return True
 
     def _queue(self):
-        """Append the way to the next frame to each motor."""
+        """Append the phase to the next frame to each motor."""
         player = self.player
         r = player.numbers
         left = (self.destination - self.last_queued) * self.step
@@ -370,7 +379,7 @@ class JogAll(Operation):
         self.append_phase(self.last_queued, self.last_queued + self.step)
 
     def append_phase(self, begin, end):
-        """Append the phase to the frame `end`: WAY frames in T ticks, velocity RATE to NEXT.
+        """Append the phase to the frame `end`: DISTANCE frames in T ticks, velocity RATE to NEXT.
 
         It begins HERE frames after the frame `begin`; both are indexes.
         """
@@ -435,7 +444,7 @@ class JogAll(Operation):
         bits = self.bits
         uneven = False
         irq = axes.hal.irq_off()
-        ticks = min(stepper.queued(kernel, bits), _NOTICE)
+        ticks = min(stepper.queued(kernel, bits), ALL_SPLICE_TICKS)
         tick = kernel[stepper.TICKS] + kernel[stepper.LEAD] + 1
         if ticks >= _LEAST:
             before = 0

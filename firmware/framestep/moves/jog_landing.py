@@ -25,33 +25,34 @@ ACCELERATION = const(4)  # frames/s² (field note 6.10)
 _TO_NEXT_FRAME = formula(
     registers,
     """
-    WAY = X - HERE
-    assert WAY <= ZERO
-    WAY = 2 ** -20
+    DISTANCE = X - HERE
+    assert DISTANCE <= ZERO
+    DISTANCE = 2 ** -20
     """,
 )
-# The way beyond the next frame that it takes to stop, downward.
-_STOPPING_WAY = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - WAY)")
+# The distance beyond the next frame that it takes to stop, downward.
+_STOPPING_DISTANCE = formula(registers, "X = -(RATE * RATE / (2 * LIMIT) - DISTANCE)")
 
-# X frames beyond the next one, at a constant deceleration, take 2·way/velocity. What takes longer
-# than two seconds goes at a frame per second instead (field note 6.10), if it is slow enough.
+# X frames beyond the next one, at a constant deceleration, take 2·distance/velocity. What takes
+# longer than two seconds goes at a frame per second instead (field note 6.10), if it is slow
+# enough.
 _DECELERATE = formula(
     registers,
     """
-    way = X + WAY
-    TWICE = RATE * RATE / way
-    assert 2 * way > 2000 * RATE
+    distance = X + DISTANCE
+    TWICE = RATE * RATE / distance
+    assert 2 * distance > 2000 * RATE
     assert RATE < 2 / THOUSAND
     """,
 )
 # A rest of a frame that takes less than 8 ticks is played as one with the next frame.
-_IS_BRIEF = formula(registers, "assert WAY < 8 * RATE")
-_ONE_MORE_FRAME = formula(registers, "WAY = WAY + 1")
+_IS_BRIEF = formula(registers, "assert DISTANCE < 8 * RATE")
+_ONE_MORE_FRAME = formula(registers, "DISTANCE = DISTANCE + 1")
 
 # The velocity at that frame, X frames before the end, and the time to it.
 _TWICE_THE_LIMIT = formula(registers, "TWICE = 2 * LIMIT")
 _NEXT_RATE = formula(registers, "NEXT = min(sqrt(X * TWICE), RATE)")
-_TIME = formula(registers, "T = 2 * WAY / (RATE + NEXT)")
+_TIME = formula(registers, "T = 2 * DISTANCE / (RATE + NEXT)")
 
 _THREE_QUARTERS = formula(registers, "P = T - T / 4")
 # X steps to the frame, at Q steps per tick now.
@@ -90,12 +91,12 @@ _STEEPEST = formula(
 _AT_LEAST_GENTLEST = formula(registers, "LIMIT = max(LIMIT, P)")
 
 # A cubic from rest to rest is half as fast again as its mean, and its greatest acceleration
-# 6·way/T². One that begins in motion stays within both; one that has to turn (from Y) within twice
-# as much, if that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
+# 6·distance/T². One that begins in motion stays within both; one that has to turn (from Y) within
+# twice as much, if that has the time. X steps to go, greatest velocity P, greatest acceleration Q.
 _A_FRAME_PER_SECOND = formula(
     registers,
     """
-    T = WAY / 2 + WAY
+    T = DISTANCE / 2 + DISTANCE
     T = max(T, sqrt(T)) * THOUSAND
     """,
 )
@@ -115,7 +116,7 @@ _TURNING = formula(
     T = max(T, max(turn, -turn) / Q)
     """,
 )
-_AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * WAY / RATE)")
+_AT_CONSTANT_DECELERATION = formula(registers, "T = min(T, 2 * DISTANCE / RATE)")
 
 
 def land_from(jog, ticks):
@@ -128,8 +129,8 @@ def land_from(jog, ticks):
     at = jog.phases.rows[jog.phases.locate(ticks) + INDEX]
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
-            jog.store.position(motor, at, player.place, 0)
-            axes[motor].resume_from_cut(player.place, 0)
+            jog.store.position(motor, at, player.position, 0)
+            axes[motor].resume_from_cut(player.position, 0)
             velocity(r, frame_velocity(motor), axes[motor].cubic, G1)
     jog.phases.begin(ticks)
     jog.closed = False
@@ -141,7 +142,7 @@ def land_from(jog, ticks):
     compute(0, 0, r, _TO_NEXT_FRAME)
     # `more` frames beyond the next one
     _find_limit(jog, at, end)
-    compute(0, 0, r, _STOPPING_WAY)
+    compute(0, 0, r, _STOPPING_DISTANCE)
     more = min(max(-reals.floor(r, X, HALF), 0), (jog.destination - end) * step)
     jog.destination = end + step * more
     reals.put(r, X, more, 0)
@@ -151,8 +152,8 @@ def land_from(jog, ticks):
             for motor in range(player.count):
                 if (jog.bits >> motor) & 1:
                     # by way of that frame, where it may turn
-                    jog.store.position(motor, end, player.place, 0)
-                    motor_step(axes[motor].planned, axes[motor].limits, player.place, 0, 0)
+                    jog.store.position(motor, end, player.position, 0)
+                    motor_step(axes[motor].planned, axes[motor].limits, player.position, 0, 0)
             end += step
             more -= 1
             compute(0, 0, r, _ONE_MORE_FRAME)
@@ -187,8 +188,8 @@ def _stay_before(jog, end):
             own = frame_velocity(motor)
             if not reals.sign(r, own):
                 continue
-            jog.store.position(motor, end, player.place, 0)
-            motor_step(axis.planned, axis.limits, player.place, 0, 0)
+            jog.store.position(motor, end, player.position, 0)
+            motor_step(axis.planned, axis.limits, player.position, 0, 0)
             reals.put_difference(r, X, axis.limits, PHYSICAL, axis.cubic, WHOLE)
             reals.copy(r, Q, own)
             compute(0, 0, r, _BEFORE_OVERSHOOT)
@@ -219,8 +220,8 @@ def _find_limit(jog, at, end):
 
 
 def hurry_time(jog, end, cut):
-    """T = ticks to rest on the frame `end`, WAY frames away, at a frame per second or what motors
-    can.
+    """T = ticks to rest on the frame `end`, DISTANCE frames away, at a frame per second or what the
+    motors can.
 
     cut: from where the queues have been cut; otherwise from the last frame queued. Never longer
     than at a constant deceleration.
@@ -235,8 +236,8 @@ def hurry_time(jog, end, cut):
             reals.copy_word(jog.values, 0, axis.limits, PHYSICAL)
             if cut:
                 reals.copy_word(jog.values, 0, axis.cubic, WHOLE)
-            jog.store.position(motor, end, player.place, 0)
-            motor_step(axis.planned, axis.limits, player.place, 0, 0)
+            jog.store.position(motor, end, player.position, 0)
+            motor_step(axis.planned, axis.limits, player.position, 0, 0)
             reals.put_difference(r, X, axis.limits, PHYSICAL, jog.values, 0)
             turns = reals.sign(r, X) * reals.sign(r, own) < 0
             reals.fetch(r, P, axis.numbers, MAX_VELOCITY)

@@ -13,7 +13,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.moves import registers
 from framestep.moves.move_check import HALF
-from framestep.moves.registers import HERE, HERE_RATE, NEXT, RATE, SINCE, WAY, P, T, X, Y
+from framestep.moves.registers import DISTANCE, HERE, HERE_RATE, NEXT, RATE, SINCE, P, T, X, Y
 from framestep.native import const
 
 # Words of a row: a phase of the axis, a cubic as the motors' are
@@ -27,7 +27,7 @@ _TIME = const(3)  # reals: its duration in ticks,
 _FROM = const(5)  # velocities at its ends, frames per tick,
 _TO = const(7)
 _PASSED = const(9)  # frames from INDEX to where it begins,
-_WAY = const(11)  # and on to its end
+_DISTANCE = const(11)  # and on to its end
 INDEX = const(13)  # of the last frame before it
 
 # A phase of T ticks more: X whole ticks, and the rest in SINCE.
@@ -48,14 +48,14 @@ _HAS_BEGUN = formula(
     """,
 )
 # Where a cubic is X ticks after it begins. It takes Y ticks for T frames, from the velocity
-# HERE_RATE to WAY, and begins P frames after its row's INDEX.
+# HERE_RATE to DISTANCE, and begins P frames after its row's INDEX.
 _LOCATE = formula(
     registers,
     """
     X = min(X, Y)
     z = X / Y
     mean = T / Y
-    q = HERE_RATE + WAY - mean - mean
+    q = HERE_RATE + DISTANCE - mean - mean
     p = mean - HERE_RATE - q
     q = q * z
     HERE = ((p + q) * z + HERE_RATE) * X + P
@@ -80,7 +80,7 @@ class JogPhases:
         reals.put(self.numbers, SINCE, 0, 0)
 
     def add(self, index):
-        """Note a phase: WAY frames in T ticks, from the velocity RATE to NEXT.
+        """Note a phase: DISTANCE frames in T ticks, from the velocity RATE to NEXT.
 
         It begins HERE frames after `index`.
         """
@@ -93,7 +93,7 @@ class JogPhases:
         reals.fetch(rows, k + _FROM, r, RATE)
         reals.fetch(rows, k + _TO, r, NEXT)
         reals.fetch(rows, k + _PASSED, r, HERE)
-        reals.fetch(rows, k + _WAY, r, WAY)
+        reals.fetch(rows, k + _DISTANCE, r, DISTANCE)
         rows[k + INDEX] = index
         self.count += 1
         compute(0, 0, r, _TO_END)
@@ -121,8 +121,8 @@ class JogPhases:
             return -1
         reals.fetch(r, Y, rows, k + _TIME)
         reals.fetch(r, HERE_RATE, rows, k + _FROM)
-        reals.fetch(r, WAY, rows, k + _TO)
-        reals.fetch(r, T, rows, k + _WAY)
+        reals.fetch(r, DISTANCE, rows, k + _TO)
+        reals.fetch(r, T, rows, k + _DISTANCE)
         reals.fetch(r, P, rows, k + _PASSED)
         compute(0, 0, r, _LOCATE)
         return k

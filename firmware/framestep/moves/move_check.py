@@ -30,6 +30,7 @@ from framestep.moves.registers import (
 )
 from framestep.native import const
 from framestep.results import (
+    BY,
     ERR_RANGE,
     ERR_SOFT_LOW,
     ERR_SOFT_UP,
@@ -40,7 +41,11 @@ from framestep.results import (
     EXCEEDED_SLOWED,
     EXCEEDED_UPPER,
     EXCEEDED_VELOCITY,
+    EXCEEDED_WORDS,
+    FRAME,
+    MOTOR,
     OK,
+    WHAT,
 )
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
@@ -48,13 +53,6 @@ HALF = const(0x20000000)
 # steps/s²: a corner's cubics take up to six times that, the most that the kernel's numbers hold
 HARDEST = const(2500000)
 
-# Words of `exceeded`
-WHAT = const(0)  # EXCEEDED_
-MOTOR = const(1)
-FRAME = const(2)  # scene frame
-# excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
-BY = const(3)
-EXCEEDED_WORDS = const(4)
 # bit of Stops.unreported, above its FAULT_ bits: to be reported on the REPL
 UNREPORTED = const(0x200)
 BATCH = const(32)  # frames checked in one call
@@ -133,7 +131,7 @@ class MoveCheck:
         # at which the motors can follow the move checked last, thousandths of a frame per second
         self.rate = 0
         self.values = array("i", [0] * BATCH)
-        self.place = array("i", [0])
+        self.position = array("i", [0])
         self.strict = False  # setting `strict_moves`
         # what the last move checked asked too much of
         self.exceeded = array("i", [0] * EXCEEDED_WORDS)
@@ -154,7 +152,7 @@ class MoveCheck:
         reals.put(r, SCALE, fps_milli, 0)
         compute(0, 0, r, _SCALE)
 
-    def first_way(self, motor, index, step, count, anyway=False):
+    def first_direction(self, motor, index, step, count, anyway=False):
         """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
         down.
 
@@ -169,15 +167,15 @@ class MoveCheck:
             self.store.positions(
                 motor, index if step > 0 else index - batch + 1, batch, self.values, 0
             )
-            found = path.way(self.values, batch, step)
+            found = path.first_direction(self.values, batch, step)
             index += step * (batch - 1)
             count -= batch - 1
         return found
 
-    def check(self, bits, begin, count, fps_milli, step, ways, ramp=0, going=False):
+    def check(self, bits, begin, count, fps_milli, step, directions, ramp=0, going=False):
         """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
 
-        step: 1 played forward, -1 backward. ways: the direction for which each motor's backlash is
+        step: 1 played forward, -1 backward. directions: those for which the motors' backlash is
         taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
         counting that for the backlash where the path turns, or more than the board can make; or the
         code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
@@ -206,8 +204,8 @@ class MoveCheck:
                 self._allow(axis, fps_milli)
             words[path.SHARPEST] = 0
             words[path.SEEN] = 0
-            words[path.PLAY] = axis.backlash
-            words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+            words[path.BACKLASH] = axis.backlash
+            words[path.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
             words[path.TAKEN] = 0
             reals.copy_word(words, path.LOWEST, axis.bounds, LOWER)
             reals.copy_word(words, path.HIGHEST, axis.bounds, UPPER)
@@ -244,7 +242,7 @@ class MoveCheck:
                 done += batch
             if ramp:
                 self.window[path.MOST] = path.FROM_REST
-                fits = self._slow_down(motor, begin, count, step, ways, ramp, going)
+                fits = self._slow_down(motor, begin, count, step, directions, ramp, going)
                 self.window[path.MOST] = path.MONOTONE
                 if not fits:
                     return ERR_RANGE
@@ -281,7 +279,7 @@ class MoveCheck:
             words[path.HARDEST] = words[path.STEEPEST]
         words[path.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
 
-    def _slow_down(self, motor, begin, count, step, ways, ramp, going):
+    def _slow_down(self, motor, begin, count, step, directions, ramp, going):
         """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
 
         False if no rate will do. What fits at a rate fits at any lower one, so one pass over the
@@ -291,7 +289,7 @@ class MoveCheck:
         axis = self.axes[motor]
         store = self.store
         lowered = 0
-        words[path.OFFSET] = -axis.backlash if ways[motor] < 0 else 0
+        words[path.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:
@@ -317,18 +315,18 @@ class MoveCheck:
                 )
                 if not done:
                     break
-                told = self.exceeded
-                told[WHAT] = EXCEEDED_SLOWED
-                told[MOTOR] = motor
-                told[FRAME] = store.start + begin + step * (done - 1)
-                told[BY] = self._lower(axis, ramp)
+                exceeded = self.exceeded
+                exceeded[WHAT] = EXCEEDED_SLOWED
+                exceeded[MOTOR] = motor
+                exceeded[FRAME] = store.start + begin + step * (done - 1)
+                exceeded[BY] = self._lower(axis, ramp)
                 lowered += 1
                 if lowered > _EXACT:
-                    told[BY] = min(told[BY], self.rate - (self.rate >> 5))
-                if told[BY] < 1:
-                    told[WHAT] = EXCEEDED_BOARD
+                    exceeded[BY] = min(exceeded[BY], self.rate - (self.rate >> 5))
+                if exceeded[BY] < 1:
+                    exceeded[WHAT] = EXCEEDED_BOARD
                     return False
-                self.rate = told[BY]
+                self.rate = exceeded[BY]
                 self._allow_bends(axis, ramp)
             if batch == count:
                 return True
@@ -377,11 +375,11 @@ class MoveCheck:
 
     def blame(self, what, motor, index, code):
         """Keep for `exceeded` at which motor and frame something is refused; the code."""
-        told = self.exceeded
-        told[WHAT] = what
-        told[MOTOR] = motor
-        told[FRAME] = self.store.start + index
-        told[BY] = 0
+        exceeded = self.exceeded
+        exceeded[WHAT] = what
+        exceeded[MOTOR] = motor
+        exceeded[FRAME] = self.store.start + index
+        exceeded[BY] = 0
         return code
 
     def note_excess(self, limit):
@@ -392,7 +390,7 @@ class MoveCheck:
     def _exceeded(self, found, motor, index, amount):
         """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from
         _allow()."""
-        told = self.exceeded
+        exceeded = self.exceeded
         r = self.numbers
         axis = self.axes[motor]
         steep = found == path.FITS or found == path.TOO_STEEP
@@ -403,15 +401,15 @@ class MoveCheck:
         amount = reals.floor(r, X, HALF)
         if (
             found == path.FITS
-            and told[WHAT] == EXCEEDED_ACCELERATION
-            and amount - axis.acceleration <= told[BY]
+            and exceeded[WHAT] == EXCEEDED_ACCELERATION
+            and amount - axis.acceleration <= exceeded[BY]
         ):
             return  # another motor's corner is sharper
-        told[MOTOR] = motor
-        told[FRAME] = self.store.start + index
+        exceeded[MOTOR] = motor
+        exceeded[FRAME] = self.store.start + index
         if found == path.TOO_HARD:
-            told[WHAT] = EXCEEDED_BOARD
-            told[BY] = 0
+            exceeded[WHAT] = EXCEEDED_BOARD
+            exceeded[BY] = 0
         else:
-            told[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
-            told[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
+            exceeded[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
+            exceeded[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)

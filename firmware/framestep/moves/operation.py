@@ -46,7 +46,7 @@ class Operation:
         """MOVE TIME, in thousandths of a scene frame, when the pulses of `tick` have been made.
 
         frame: take the frame reached last instead. Where the answer is exactly a frame, its index
-        is left in `operations.told_frame`.
+        is left in `operations.reported_frame`.
         """
         return self.operations.move_time
 
@@ -59,7 +59,7 @@ class Operation:
     def next_pass(self):
         """Whether another pass follows.
 
-        If so, `start_positions` and `ways` of `operations` are set.
+        If so, `start_positions` and `directions` of `operations` are set.
         """
         return False
 

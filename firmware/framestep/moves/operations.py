@@ -19,9 +19,9 @@ motor.
 
 What takes long for eight motors is done for one motor in each pass of the main loop, so that
 requests are answered in between. The plan of STARTING is already made in READY, while all motors
-stand, so that GO only has to release them. Between two passes it is hidden (`stepper.hold`): the
-motors count as at rest. A request that might invalidate the early plan discards it as a whole
-(discard_early_plan()), and it is made again once nothing moves.
+stand, so that GO only has to release them. Between two passes it is hidden
+(`stepper.hide_planned`): the motors count as at rest. A request that might invalidate the early
+plan discards it as a whole (discard_early_plan()), and it is made again once nothing moves.
 """
 
 from framestep.clock import after, elapsed
@@ -63,7 +63,7 @@ _QUIET = const(100)
 
 
 @micropython.viper
-def _positions(store, bits: int, index: int, out):
+def _fetch_positions(store, bits: int, index: int, out):
     """out[motor] = the uploaded position at frame `index`, for each motor in `bits`."""
     motor = 0
     while bits:
@@ -85,16 +85,16 @@ class OperationRunner:
         self.operation = Operation(self)
         self.start_positions = None  # by motor: where the operation begins
         # by motor: the direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
-        self.ways = None
+        self.directions = None
         self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
         self.early_plan = _NOT_YET
-        self.held = 0  # bits of motors with more to come than the early plan has queued
+        self.hidden = 0  # bits of motors with more to come than the early plan has queued
         # a setting has changed that the operation has to keep: see settings_changed()
         self.changed = False
         self.changed_at = 0  # when, in ticks
         self.move_time = 0  # MOVE TIME while no operation runs, thousandths of a scene frame
         # index of the frame whose positions are reported, -1: those of the pins
-        self.told_frame = -1
+        self.reported_frame = -1
         self.sent = 0  # bits of motors sent to a frame,
         self.sent_frame = 0  # and which
         self.rt_end_due = False
@@ -133,27 +133,27 @@ class OperationRunner:
         """Whether the motor takes part in the operation."""
         return (self.operation.bits >> motor) & 1
 
-    def send_to_frame(self, frame, places, among=-1):
+    def send_to_frame(self, frame, positions, among=-1):
         """Send motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME). A code.
 
         places: scratch, an array('i') with a word for each motor. Nothing moves unless the code is
         OK.
         """
-        code = self._find(frame, places, among)
+        code = self._find(frame, positions, among)
         if code == OK:
             self.drop_prepared()
-            self._send_all(self.sent, places)
+            self._send_all(self.sent, positions)
             self._note_arrival()
         return code
 
-    def return_to_frame(self, frame, places, among):
+    def return_to_frame(self, frame, positions, among):
         """After the end of an operation: as send_to_frame(), but one motor in each pass.
 
         The next request that concerns motors sends the rest at once: send_waiting().
         """
-        if self._find(frame, places, among) == OK:
-            self.start_positions = places
-            self.ways = None
+        if self._find(frame, positions, among) == OK:
+            self.start_positions = positions
+            self.directions = None
             self.waiting = self.sent
             self.state = LEAVING
 
@@ -163,7 +163,7 @@ class OperationRunner:
             self._next_motor()
         self.state = IDLE
 
-    def _find(self, frame, places, among):
+    def _find(self, frame, positions, among):
         """Put the motors' positions at a scene frame into `places` and their bits into `sent`.
 
         As send_to_frame().
@@ -177,11 +177,11 @@ class OperationRunner:
         bits = self.player.motors() & among
         for motor in range(axes.count):
             if (bits >> motor) & 1:
-                store.position(motor, frame - store.start, places, motor)
-                side = axes[motor].outside(places, motor)
+                store.position(motor, frame - store.start, positions, motor)
+                side = axes[motor].outside(positions, motor)
                 if side:
                     return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
-        code = self.blocked(bits, places)
+        code = self.blocked(bits, positions)
         if code == OK:
             self.sent = bits
             self.sent_frame = frame
@@ -193,52 +193,54 @@ class OperationRunner:
         if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
             self.sent = 0
             store = self.store
-            place = self.player.place
+            position = self.player.position
             if store.state != UPLOADED or not store.start <= self.sent_frame <= store.end:
                 return
             for motor in range(self.axes.count):
                 if (bits >> motor) & 1 and store.has(motor):
-                    store.position(motor, self.sent_frame - store.start, place, 0)
-                    if not self.axes[motor].stands_on(place, 0):
+                    store.position(motor, self.sent_frame - store.start, position, 0)
+                    if not self.axes[motor].stands_on(position, 0):
                         return
             self.move_time = self.sent_frame * 1000
 
-    def tell(self, frame):
+    def sample_move_time(self, frame):
         """MOVE TIME to report, with the positions in `axes.reported`.
 
         frame: report the frame reached last.
         """
         tick = self.axes.choose_sample()
         if self.state == RUNNING:
-            self.told_frame = -1
+            self.reported_frame = -1
             time = self.operation.play_head(tick, frame)
-            if self.told_frame >= 0:
-                _positions(self.store, self.operation.bits, self.told_frame, self.axes.reported)
+            if self.reported_frame >= 0:
+                _fetch_positions(
+                    self.store, self.operation.bits, self.reported_frame, self.axes.reported
+                )
             return time
         self._note_arrival()
         return self.move_time
 
-    def blocked(self, bits, places):
+    def blocked(self, bits, positions):
         """OK, or the code of a limit switch in the way of one of these motors to places[motor]."""
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                code = self.safety.limit_blocking(motor, places, motor)
+                code = self.safety.limit_blocking(motor, positions, motor)
                 if code != OK:
                     return code
         return OK
 
-    def prepare(self, operation, begins, ways, frame):
+    def prepare(self, operation, begins, directions, frame):
         """Prepare an operation: send its motors to where it begins.
 
-        frame: scene frame to report as MOVE TIME. begins: positions by motor. ways: the direction
+        frame: scene frame to report as MOVE TIME. begins: positions by motor. directions: those
         in which each sets out, 1 up, -1 down, 0 unknown or not at all.
         """
         self.operation = operation
         self.start_positions = begins
-        self.ways = ways
+        self.directions = directions
         self.sent = 0
         self.changed = False
-        self._send_all(operation.bits, begins, ways)
+        self._send_all(operation.bits, begins, directions)
         self.move_time = frame * 1000
         self.state = POSITIONING
         self.starts_by_itself = False
@@ -287,10 +289,10 @@ class OperationRunner:
             for motor in range(self.axes.count):
                 if (self.operation.bits >> motor) & 1:
                     ends = self.safety.active_limits(motor)
-                    way = self.operation.heading(motor) if ends else 0
-                    if way > 0 and ends & 1:
+                    direction = self.operation.heading(motor) if ends else 0
+                    if direction > 0 and ends & 1:
                         return ERR_HARD_UP
-                    if way < 0 and ends & 2:
+                    if direction < 0 and ends & 2:
                         return ERR_HARD_LOW
         return OK
 
@@ -298,19 +300,19 @@ class OperationRunner:
         """Start the operation that waits, after may_go() has answered OK."""
         self.starts_by_itself = False
         if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == _DONE):
-            stepper.unhold(self.axes.kernel.state, self.held)
+            stepper.restore_planned(self.axes.kernel.state, self.hidden)
             self.state = STARTING
         else:
             self._start_from_here(self.operation)
 
-    def approach(self, operation, begins, ways):
+    def approach(self, operation, begins, directions):
         """Start an operation without a GO as soon as its motors are where it begins.
 
         Parameters as for prepare().
         """
         self.operation = operation
         self.start_positions = begins
-        self.ways = ways
+        self.directions = directions
         self.sent = 0
         self.waiting = operation.bits
         self.starts_by_itself = True
@@ -359,7 +361,7 @@ class OperationRunner:
         self.operation.bits &= ~spared
         if land and self.state == RUNNING and self.operation.stop_on_frame(everything):
             return self.operation.bits
-        self.move_time = self.tell(False)
+        self.move_time = self.sample_move_time(False)
         smooth = (smooth or land) and self.state != RUNNING
         for motor in range(self.axes.count):
             if (self.operation.bits >> motor) & 1:
@@ -382,7 +384,7 @@ class OperationRunner:
         """In READY: discard the early plan, which may no longer hold."""
         if self.early_plan == _BEGUN or self.early_plan == _DONE:
             self.axes.discard(self.operation.bits)
-            self.waiting = self.held = 0
+            self.waiting = self.hidden = 0
         self.early_plan = _NOT_YET
 
     def drop_prepared(self):
@@ -413,7 +415,7 @@ class OperationRunner:
                 return True
             if operation.finished() and not self.moving():
                 if operation.next_pass() and self._recheck(False) == OK:
-                    self.approach(operation, self.start_positions, self.ways)
+                    self.approach(operation, self.start_positions, self.directions)
                     return True
                 self._close()
             return False
@@ -440,7 +442,7 @@ class OperationRunner:
                     return True
                 if self._recheck(False) == OK:
                     # which may be elsewhere now
-                    self.approach(self.operation, self.start_positions, self.ways)
+                    self.approach(self.operation, self.start_positions, self.directions)
                     return True
             self._close()
         else:
@@ -458,7 +460,7 @@ class OperationRunner:
     def _there(self):
         for motor in range(self.axes.count):
             if (self.operation.bits >> motor) & 1 and not self.axes[motor].stands_on(
-                self.start_positions, motor, self.ways[motor]
+                self.start_positions, motor, self.directions[motor]
             ):
                 return False
         return True
@@ -475,17 +477,17 @@ class OperationRunner:
                 self.early_plan = _IDLE
                 return False
             self.early_plan = _BEGUN
-            self.held = 0
+            self.hidden = 0
             self.waiting = self.operation.bits
             self.operation.begin_pass()
         elif self.early_plan != _BEGUN:
             return False
-        stepper.unhold(axes.kernel.state, self.held)
+        stepper.restore_planned(axes.kernel.state, self.hidden)
         if self.waiting:
             self._next_motor()
         elif not self.operation.feed() and not axes.feed():
             self.early_plan = _DONE
-        self.held = stepper.hold(axes.kernel.state)
+        self.hidden = stepper.hide_planned(axes.kernel.state)
         return self.early_plan == _BEGUN
 
     def _next_motor(self):
@@ -498,15 +500,17 @@ class OperationRunner:
             self.player.prepare_motor(motor)
             self.operation.queue_first_phases(motor)
         else:
-            self._send(motor, self.start_positions, self.ways)
+            self._send(motor, self.start_positions, self.directions)
 
-    def _send_all(self, bits, places, ways=None):
+    def _send_all(self, bits, positions, directions=None):
         for motor in range(self.axes.count):
             if (bits >> motor) & 1:
-                self._send(motor, places, ways)
+                self._send(motor, positions, directions)
 
-    def _send(self, motor, places, ways):
-        self.axes[motor].move_to(self.axes.hal, places, motor, 10000, ways[motor] if ways else 0)
+    def _send(self, motor, positions, directions):
+        self.axes[motor].move_to(
+            self.axes.hal, positions, motor, 10000, directions[motor] if directions else 0
+        )
 
     def _close(self):
         """The operation has come to its own end."""

@@ -11,7 +11,7 @@ velocity(). Where a motor holds still on either side the velocity is 0, so it ne
 """
 
 from framestep.motion.reals import multiply, put
-from framestep.motors.bounds import LOWER, UPPER
+from framestep.motors.bounds import EXACT, LOWER, UPPER
 from framestep.native import const, micropython, ptr32
 
 # Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are
@@ -22,9 +22,6 @@ WINDOW_WORDS = const(6)
 MONOTONE = const(36)  # at a constant rate
 # also where the motion starts or stops within a frame, which takes twice as long
 FROM_REST = const(18)
-
-# A word of bounds beside LOWER and UPPER, which slope() may not pass
-EXACT = const(2)  # not 0: no turning point either, where taking up the backlash would move the load
 
 TWELFTHS = const(12)  # slopes are counted in twelfths of a step per frame
 
@@ -163,7 +160,7 @@ FASTEST = const(3)  # steps from frame to frame
 STEEPEST = const(4)  # change of that
 LOWEST = const(5)  # how far the load may go
 HIGHEST = const(6)
-PLAY = const(7)  # steps of backlash
+BACKLASH = const(7)  # steps of backlash
 LAST = const(8)  # the last frame's position, the motor's step for it less that
 OFFSET = const(9)
 RAMP = const(10)  # see bends()
@@ -196,7 +193,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     For all but FITS, SEEN is the frame and FOUND what was too much there.
 
     order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0
-    at the first one, or -PLAY if the play has been taken up for a motion down. Where its motion
+    at the first one, or -BACKLASH if the play has been taken up for a motion down. Where its motion
     turns, the motor takes it up.
 
     The frame in which it does so begins or ends with next to no velocity. So its cubic is faster
@@ -208,7 +205,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     seen = words[SEEN]
     fastest = words[FASTEST]
     steepest = words[STEEPEST]
-    play = words[PLAY]
+    play = words[BACKLASH]
     taken = words[TAKEN]
     i = 0
     if order < 0:
@@ -328,7 +325,7 @@ def bends(
     own = ptr32(words)
     v = ptr32(values)
     w = ptr32(window)
-    play = own[PLAY]
+    play = own[BACKLASH]
     if begin == 0:
         begin = 1
     while begin < count:
@@ -458,7 +455,7 @@ def bends(
 
 
 @micropython.viper
-def way(values: ptr32, count: int, order: int) -> int:
+def first_direction(values: ptr32, count: int, order: int) -> int:
     """The direction of the first change in `count` positions: 1 up, -1 down, 0 for no change.
 
     order: as for check().

@@ -41,7 +41,7 @@ def _ahead(axes, bits: int) -> int:
         bits >>= 1
         i += 1
     p = ptr32(axes[i].phases.words)
-    return (p[phases.TAIL] - p[phases.HEAD]) & (phases.PHASES - 1)
+    return (p[phases.WRITE_INDEX] - p[phases.READ_INDEX]) & (phases.PHASES - 1)
 
 
 @micropython.viper
@@ -51,7 +51,7 @@ def _hop(
     store,
     window,
     r,
-    place,
+    position,
     index: int,
     step: int,
     last: int,
@@ -73,9 +73,9 @@ def _hop(
                 path.velocity(
                     r, X, window, axis.bounds, index, last - index, scale, own + TOPS - SPEEDS
                 )
-            ptr32(place)[0] = ptr32(window)[2]
+            ptr32(position)[0] = ptr32(window)[2]
             limits = axis.limits
-            motor_step(axis.planned, limits, place, 0, 0)
+            motor_step(axis.planned, limits, position, 0, 0)
             put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, 0)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]
@@ -119,8 +119,8 @@ class UploadPlayer(MoveCheck):
         else:
             path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE, top)
 
-    def apply_roll(self, motor, velocity, ticks, backward, places):
-        """Move places[motor] by the length of a ramp between rest and a velocity (field note 6.2).
+    def apply_roll(self, motor, velocity, ticks, backward, positions):
+        """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
 
         velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
         False where that is past a soft limit or the range of positions, or needs more than the
@@ -129,13 +129,13 @@ class UploadPlayer(MoveCheck):
         r = self.numbers
         axis = self.axes[motor]
         if not reals.sign(r, velocity):
-            return axis.beyond(places, motor) == 0
+            return axis.beyond(positions, motor) == 0
         if self.too_steep(motor, velocity, ticks):
             return False
         reals.copy(r, X, velocity)
         reals.copy(r, Y, ticks)
         compute(0, 0, r, _RAMP_LENGTH)
-        return self.shift_by_x(places, motor, backward) and axis.beyond(places, motor) == 0
+        return self.shift_by_x(positions, motor, backward) and axis.beyond(positions, motor) == 0
 
     def too_steep(self, motor, velocity, ticks):
         """Whether a ramp from rest to a velocity, both registers, needs more than its
@@ -156,15 +156,18 @@ class UploadPlayer(MoveCheck):
             self.note_excess(self.axes[motor].acceleration)
         return code
 
-    def shift_by_x(self, places, motor, backward):
-        """Add the number in X, rounded to a step, to places[motor]; subtract it if `backward`.
+    def shift_by_x(self, positions, motor, backward):
+        """Add the number in X, rounded to a step, to positions[motor]; subtract it if `backward`.
 
         False, and no change, where that is past the range of positions. X is lost.
         """
         r = self.numbers
         compute(0, 0, r, _BACKWARD if backward else _FORWARD)
-        way = reals.floor(r, X, HALF)
-        return -HALF < way < HALF and reals.add_within(places, motor, places, motor, way) != 0
+        steps = reals.floor(r, X, HALF)
+        return (
+            -HALF < steps < HALF
+            and reals.add_within(positions, motor, positions, motor, steps) != 0
+        )
 
     def prepare_motor(self, motor):
         """Make a motor ready for phases."""
@@ -197,7 +200,7 @@ class UploadPlayer(MoveCheck):
             store,
             self.window,
             self.numbers,
-            self.place,
+            self.position,
             index,
             step,
             store.end - store.start,

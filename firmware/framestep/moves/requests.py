@@ -10,7 +10,7 @@ from array import array
 
 from framestep.moves.jog import JogAll
 from framestep.moves.light_levels import LightLevels
-from framestep.moves.move_check import UNREPORTED, WHAT
+from framestep.moves.move_check import UNREPORTED
 from framestep.moves.operations import READY, OperationRunner
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
@@ -19,6 +19,7 @@ from framestep.moves.triggers import Triggers
 from framestep.moves.upload_store import UploadStore
 from framestep.native import const
 from framestep.protocol import messages as m
+from framestep.results import WHAT
 
 # of memory, 7 of which are for the change and its share of the triggers
 _BYTES_PER_CHANGE = const(140)
@@ -44,7 +45,7 @@ class Moves:
         self.run = RunMove(self.operations, self.run_outputs)
         self.shoot = ShootFrame(self.operations, self.run_outputs)
         self.jog = JogAll(self.operations)
-        self.places = array("i", [0] * axes.count)
+        self.positions = array("i", [0] * axes.count)
         self.handlers = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._begin,
             m.MSG_RT_UPLOAD_MOVE_AXIS: self._axis,
@@ -139,9 +140,9 @@ class Moves:
         if self.operations.running:
             return m.ERR_MOVING
         reader = self.reader
-        reader.copy_i32_to(0, self.places, 0)
+        reader.copy_i32_to(0, self.positions, 0)
         return self.triggers.store(
-            self.places, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3
+            self.positions, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3
         )
 
     def _end(self):
@@ -168,7 +169,7 @@ class Moves:
         if code == m.OK and (self.operations.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.operations.send_to_frame(self.reader.i32(0), self.places)
+            code = self.operations.send_to_frame(self.reader.i32(0), self.positions)
         if code == m.OK:
             self.controller.motors.motors_sent(self.operations.player.motors())
             self.run_outputs.show_frame(self.reader.i32(0) - self.store.start)
@@ -214,9 +215,9 @@ class Moves:
         )
         if code == m.OK:
             self.controller.motors.motors_sent(self.run.bits)
-        return self._tell(code)
+        return self._report_exceeded(code)
 
-    def _tell(self, code):
+    def _report_exceeded(self, code):
         """Have it reported on the REPL if the move asks too much of a motor (field note 5.5).
 
         Returns `code`.
@@ -342,4 +343,4 @@ class Moves:
             code = self.jog.prepare(self.reader.u30(0), self.reader.i32(4))
         if code == m.OK:
             self.controller.motors.motors_sent(self.jog.bits)
-        return self._tell(code)
+        return self._report_exceeded(code)

@@ -104,13 +104,13 @@ class Plan:
         self.bloop_channel = 0
         self.bloop_ms = 0
         self.begins = array("i", [0] * motors)  # by motor: where it waits,
-        self.begin_ways = array(
+        self.begin_directions = array(
             "i", [0] * motors
         )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
         # where it comes to rest after a pass other than the last,
         self.ends = array("i", [0] * motors)
         # and the direction in which it sets out when played the other way
-        self.end_ways = array("i", [0] * motors)
+        self.end_directions = array("i", [0] * motors)
 
 
 class RunMove(Operation):
@@ -133,9 +133,9 @@ class RunMove(Operation):
         self.period = FRAME_TICKS  # register of the end frame's duration
         self.last_pass = False
         self.closed = False
-        self.told = 0
+        self.reported = 0
         self.queue_clock = FrameClock()
-        self.tell_clock = FrameClock()
+        self.report_clock = FrameClock()
         # by motor, for the last pass: where it is at the end of the end frame, and where it comes
         # to rest
         self.lasts = array("i", [0] * operations.axes.count)
@@ -188,7 +188,7 @@ class RunMove(Operation):
         self.begin_ms = plan.pre_ms
         self.end_ms = plan.post_ms
         self.looping = plan.loops or plan.turns
-        self.operations.prepare(self, plan.begins, plan.begin_ways, start)
+        self.operations.prepare(self, plan.begins, plan.begin_directions, start)
         return OK
 
     def _settle(self, plan):
@@ -198,14 +198,14 @@ class RunMove(Operation):
         player.set_frame_rate(fps_milli)
         self._durations(fps_milli)
         last = plan.first + plan.step * plan.frames
-        self._ways(plan, plan.begin_ways, plan.first, plan.step)
-        self._ways(plan, plan.end_ways, last, -plan.step)
+        self._find_directions(plan, plan.begin_directions, plan.first, plan.step)
+        self._find_directions(plan, plan.end_directions, last, -plan.step)
         code = player.check(
-            plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_ways
+            plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_directions
         )
         if code == OK and plan.turns:
             code = player.check(
-                plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_ways
+                plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_directions
             )
         if code == OK:
             code = self._rolls(plan, plan.pre_asked, plan.post_asked)
@@ -242,7 +242,7 @@ class RunMove(Operation):
         if code == OK and waiting:
             for motor in range(player.count):
                 if (plan.bits >> motor) & 1 and not player.axes[motor].stands_on(
-                    plan.begins, motor, plan.begin_ways[motor]
+                    plan.begins, motor, plan.begin_directions[motor]
                 ):
                     code = ERR_NOT_IN_POSITION
         if code != OK:
@@ -255,27 +255,27 @@ class RunMove(Operation):
         self.begin_ms = plan.pre_ms if onward else plan.post_ms
         self.end_ms = plan.post_ms if onward else plan.pre_ms
         self.operations.start_positions = plan.begins if onward else plan.ends
-        self.operations.ways = plan.begin_ways if onward else plan.end_ways
+        self.operations.directions = plan.begin_directions if onward else plan.end_directions
         return OK
 
     def heading(self, motor):
         plan = self.plan
-        place = self.player.place
-        self.store.position(motor, plan.first, place, 0)
-        return reals.order_words(place, 0, plan.begins, motor) or self.player.first_way(
+        position = self.player.position
+        self.store.position(motor, plan.first, position, 0)
+        return reals.order_words(position, 0, plan.begins, motor) or self.player.first_direction(
             motor, plan.first, plan.step, plan.frames + 1, True
         )
 
-    def _ways(self, plan, ways, index, step):
-        """ways[motor] = the direction in which it sets out, played from `index` in direction
+    def _find_directions(self, plan, directions, index, step):
+        """directions[motor] = the direction in which it sets out, played from `index` in direction
         `step`."""
         player = self.player
         r = player.numbers
         for motor in range(player.count):
-            ways[motor] = 0
+            directions[motor] = 0
             if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash:
                 player.velocity(X, motor, index, step)
-                ways[motor] = reals.sign(r, X) or player.first_way(
+                directions[motor] = reals.sign(r, X) or player.first_direction(
                     motor, index, step, plan.frames + 1
                 )
 
@@ -381,7 +381,7 @@ class RunMove(Operation):
         self.queued = 0
         self.unclosed = 0
         self.closed = False
-        self.told = 0
+        self.reported = 0
 
     def queue_first_phases(self, motor):
         player = self.player
@@ -402,12 +402,12 @@ class RunMove(Operation):
                 X, ZERO, ZERO, r, plan.begins if onward else plan.ends, motor
             )
         if reals.sign(r, ROLL_TICKS):
-            self.store.position(motor, self.first, player.place, 0)
-            axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.place, 0)
+            self.store.position(motor, self.first, player.position, 0)
+            axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.position, 0)
 
     def started(self, tick):
         first = after(tick, self.begin_ms)
-        self.tell_clock.begin(self.plan.fps_milli, first)
+        self.report_clock.begin(self.plan.fps_milli, first)
         self.operations.axes.alarm(first)
         self.run_outputs.begin(self.plan, self.first, self.step, tick, first, not self.looping)
 
@@ -421,7 +421,7 @@ class RunMove(Operation):
         if self.bits:
             if self.player.phases_ahead(self.bits) >= _AHEAD:
                 return False
-        elif self.queued > self.told:  # lights alone: no queue fills up
+        elif self.queued > self.reported:  # lights alone: no queue fills up
             return False
         self._queue()
         return True
@@ -454,30 +454,30 @@ class RunMove(Operation):
                 motor += 1
             self.unclosed = bits ^ (1 << motor)
             onward = self.step == plan.step
-            places = plan.ends if onward else plan.begins
+            positions = plan.ends if onward else plan.begins
             axis = player.axes[motor]
             own = frame_velocity(motor)
             reals.fetch(r, ROLL_TICKS, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
                 self._last(motor, self.end)
                 axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor)
-                places = self.rests
+                positions = self.rests
             if reals.sign(r, ROLL_TICKS):
-                axis.append_coasting_phase(ROLL_TICKS, own, ZERO, r, places, motor)
+                axis.append_coasting_phase(ROLL_TICKS, own, ZERO, r, positions, motor)
         if not self.unclosed:
             player.end_phases(plan.bits)
             self.closed = True
 
     def play_head(self, tick, frame):
-        told = self.told
-        here = self.store.start + self.first + self.step * (told - 1)  # the frame reported last
-        if told == 0:
+        reported = self.reported
+        here = self.store.start + self.first + self.step * (reported - 1)  # the frame reported last
+        if reported == 0:
             return (here + self.step) * 1000  # in the pre-roll
-        clock = self.tell_clock
+        clock = self.report_clock
         kernel = self.operations.axes.kernel.state
         # ticks to the next frame to be reported
         ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])
-        last = told > self.plan.frames
+        last = reported > self.plan.frames
         if ahead >= HALF or ahead == 0 and clock.us == 0:
             if last:
                 return here * 1000
@@ -489,7 +489,7 @@ class RunMove(Operation):
             if last and left < clock.quotient:
                 return here * 1000
         if frame or left >= clock.quotient:
-            self.operations.told_frame = here - self.store.start
+            self.operations.reported_frame = here - self.store.start
             return here * 1000
         if left < 0x100000:
             part = left * 1000 // clock.quotient
@@ -498,17 +498,19 @@ class RunMove(Operation):
         return here * 1000 + self.step * (1000 - part)
 
     def frame_reached(self, ticks):
-        clock = self.tell_clock
-        if self.told > self.plan.frames or not reached(ticks, clock.tick + 1):
+        clock = self.report_clock
+        if self.reported > self.plan.frames or not reached(ticks, clock.tick + 1):
             return False
-        self.operations.move_time = (self.store.start + self.first + self.step * self.told) * 1000
-        self.told += 1
+        self.operations.move_time = (
+            self.store.start + self.first + self.step * self.reported
+        ) * 1000
+        self.reported += 1
         clock.advance()
-        self.operations.axes.alarm(clock.tick if self.told <= self.plan.frames else -1)
+        self.operations.axes.alarm(clock.tick if self.reported <= self.plan.frames else -1)
         return True
 
     def finished(self):
-        return self.closed and self.told > self.plan.frames and self.run_outputs.finished()
+        return self.closed and self.reported > self.plan.frames and self.run_outputs.finished()
 
     def still_wanted(self):
         return self.looping
@@ -523,7 +525,7 @@ class RunMove(Operation):
             self.begin_ms, self.end_ms = self.end_ms, self.begin_ms
             onward = self.step == plan.step
             self.operations.start_positions = plan.begins if onward else plan.ends
-            self.operations.ways = plan.begin_ways if onward else plan.end_ways
+            self.operations.directions = plan.begin_directions if onward else plan.end_directions
         return True
 
     def ended(self):

@@ -106,7 +106,7 @@ class Shot:
         self.window = array("i", [0] * 2)  # real: ticks of constant speed, from a to b
         self.starts = array("i", [0] * motors)  # by motor: where it waits,
         # and the direction in which it sets out: 1 up, -1 down, 0 not at all
-        self.ways = array("i", [0] * motors)
+        self.directions = array("i", [0] * motors)
         self.a = array("i", [0] * motors)
         self.b = array("i", [0] * motors)
         self.ends = array("i", [0] * motors)  # where it comes to rest
@@ -182,7 +182,7 @@ class ShootFrame(Operation):
         shot.bits |= from_path
         code = self._times(shot, opened, closed, RUN_UP_MS if permille else 0)
         if code == OK:
-            code = self._places(shot, permille)
+            code = self._find_positions(shot, permille)
         if code == OK:
             code = self.operations.blocked(shot.bits, shot.starts)
         if code != OK:
@@ -191,7 +191,7 @@ class ShootFrame(Operation):
         self.shot = shot
         self.bits = shot.bits
         self.done = True
-        self.operations.prepare(self, shot.starts, shot.ways, frame)
+        self.operations.prepare(self, shot.starts, shot.directions, frame)
         return OK
 
     def _from_path(self, motor, index, backward, shot):
@@ -248,7 +248,7 @@ class ShootFrame(Operation):
         reals.fetch(shot.window, 0, r, WINDOW)
         return OK
 
-    def _places(self, shot, permille):
+    def _find_positions(self, shot, permille):
         """Find the ends of the window, and where the motors wait and come to rest.
 
         Returns a code.
@@ -262,7 +262,7 @@ class ShootFrame(Operation):
             reals.put_difference(r, X, shot.b, motor, shot.a, motor)
             if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
                 return ERR_RANGE
-            shot.ways[motor] = reals.sign(r, X)
+            shot.directions[motor] = reals.sign(r, X)
             if permille:
                 reals.put(r, Y, 1000 - permille, 0)
                 compute(0, 0, r, _LEFT_OUT)
@@ -338,7 +338,7 @@ class ShootFrame(Operation):
         return OK
 
     def heading(self, motor):
-        return self.shot.ways[motor]
+        return self.shot.directions[motor]
 
     # ---------------------------------------------------------------- the exposure
 

@@ -4,7 +4,15 @@ from array import array
 
 from framestep import boot
 from framestep.clock import WIDE_WRAP, elapsed
-from framestep.motion.stepper import CLOCK, HEAD, LATEST, SEGMENTS, TAIL, TICKS, WORST_LATE
+from framestep.motion.stepper import (
+    CLOCK,
+    LATEST,
+    READ_INDEX,
+    SEGMENTS,
+    TICKS,
+    WORST_LATE,
+    WRITE_INDEX,
+)
 from framestep.native import CPYTHON, const, micropython, ptr32
 from framestep.repl_commands import dead
 
@@ -58,5 +66,5 @@ def timing():
             block = kernel.blocks[motor]
             print(
                 "motor %d: %d of %d segments wait"
-                % (motor + 1, (block[TAIL] - block[HEAD]) & WIDE_WRAP, SEGMENTS)
+                % (motor + 1, (block[WRITE_INDEX] - block[READ_INDEX]) & WIDE_WRAP, SEGMENTS)
             )

@@ -5,6 +5,7 @@ from framestep.moves.upload_store import READY as UPLOADED
 from framestep.protocol import messages as m
 from framestep.repl_commands import between, dead, operation, refusal
 from framestep.reports import VERSION
+from framestep.results import BY, FRAME, MOTOR, WHAT
 
 
 def _report():
@@ -21,8 +22,8 @@ def _report():
         + texts.faults(controller.stops.fault)
         + texts.positions(controller)
     )
-    told = controller.operations.player.exceeded
-    lines += texts.exceeded(told[0], told[1] + 1, told[2], told[3])
+    exceeded = controller.operations.player.exceeded
+    lines += texts.exceeded(exceeded[WHAT], exceeded[MOTOR] + 1, exceeded[FRAME], exceeded[BY])
     if controller.drivers:
         lines += controller.drivers.states_in_words()
     store = controller.moves.store

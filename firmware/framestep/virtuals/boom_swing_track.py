@@ -53,14 +53,14 @@ def _entries(buffer: ptr8, at: int, table: ptr32, keep: int) -> int:
         value = buffer[at] | (buffer[at + 1] << 8) | (buffer[at + 2] << 16)
         value = value | (((buffer[at + 3] ^ 0x80) - 0x80) << 24)
         if k:
-            way = 0
+            direction = 0
             if value > last:
-                way = 1
+                direction = 1
             elif value < last:
-                way = -1
-            if way == 0 or way + order == 0:
+                direction = -1
+            if direction == 0 or direction + order == 0:
                 return 0
-            order = way
+            order = direction
         last = value
         if keep:
             table[k + 0] = value

@@ -10,10 +10,10 @@ from framestep import results
 from framestep.clock import elapsed
 from framestep.motion import reals
 from framestep.native import const
-from framestep.virtuals.kinematics import camera_axis
+from framestep.virtuals.kinematics import CAMERA_AXES, camera_axis
 from framestep.virtuals.line import ROW, SURVEY
 from framestep.virtuals.lookahead import LookAhead
-from framestep.virtuals.registers import BASE, CAMERA_AXIS, SAMPLE, V_PAN, WAY, X
+from framestep.virtuals.registers import BASE, CAMERA_AXIS, DIRECTION, SAMPLE, V_PAN, X
 
 # Kinds
 NONE = const(0)
@@ -21,7 +21,6 @@ AXIS = const(1)  # a virtual axis, from 1, toward a step of its main motor
 CAMERA = const(2)  # an axis of the camera, from 0
 MOTOR = const(3)  # an axis of the rig, from 0, whose motor pan and tilt follow to the aim point
 
-_LINE_Z = const(2)  # the last of the camera's axes along which it moves; pan and tilt come after it
 _LINE_AXES = b"\x02\x03\x01\x04\x05"  # the virtual axis whose VIRT_STOP ends it (field note 9.6)
 
 
@@ -31,7 +30,7 @@ class Jog:
     def __init__(self):
         self.kind = NONE
         self.number = 0
-        self.way = 0  # -1 or 1
+        self.direction = 0  # -1 or 1
         self.speed = 0  # ten-thousandths of what the motors can do; 0 once it is to end
         self.asked = -1  # when last, ms; -1 where it goes on without being asked for again
         self.end = array("i", [0])  # a step of its motor
@@ -95,18 +94,18 @@ class Jogs:
 
     # ---------------------------------------------------------------- the one under way
 
-    def _goes_on(self, kind, number, way, speed):
+    def _goes_on(self, kind, number, direction, speed):
         """Whether the jog under way is this one; then it has been asked for again."""
         jog = self.jog
         if self.next.kind or jog.kind != kind or jog.number != number:
             return False
-        if jog.way != way or jog.speed != speed:
+        if jog.direction != direction or jog.speed != speed:
             return False
         if jog.asked >= 0:
             jog.asked = self.now
         return True
 
-    def _follow(self, kind, number, way, speed):
+    def _follow(self, kind, number, direction, speed):
         """Set out on a jog along the line that has been begun. A code.
 
         Where a soft limit or the rig's reach leaves no way to go nothing moves, as with a motor's
@@ -120,7 +119,7 @@ class Jogs:
         jog = self.jog
         jog.kind = kind
         jog.number = number
-        jog.way = way
+        jog.direction = direction
         jog.speed = speed
         jog.asked = -1 if kind == CAMERA else self.now
         self.virtuals.set_out(jog.axis(), self.ahead)
@@ -128,7 +127,7 @@ class Jogs:
 
     # ---------------------------------------------------------------- the next one
 
-    def _ask_next(self, kind, number, way, speed, target, i):
+    def _ask_next(self, kind, number, direction, speed, target, i):
         """Another jog than the one under way is asked for: that one comes to rest first. A code.
 
         target[i]: the step to which it goes, if it goes to one.
@@ -139,7 +138,7 @@ class Jogs:
         jog = self.next
         jog.kind = kind
         jog.number = number
-        jog.way = way
+        jog.direction = direction
         jog.speed = speed
         jog.asked = self.now
         reals.copy_word(jog.end, 0, target, i)
@@ -153,7 +152,7 @@ class Jogs:
         if self.virtuals.may_move() != results.OK:
             return
         if kind == CAMERA:
-            self._begin_camera(jog.number, jog.way, jog.speed)
+            self._begin_camera(jog.number, jog.direction, jog.speed)
         elif not limit or elapsed(self.now, jog.asked) < limit:
             if kind == AXIS:
                 self._begin_axis(jog.number, jog.speed, jog.end)
@@ -180,55 +179,55 @@ class Jogs:
         code = line.begin_line()
         if code:
             return code
-        way = line.clip_end(main, target, 0)
-        if not way:
+        direction = line.clip_end(main, target, 0)
+        if not direction:
             return results.OK
-        reals.put(self.r, WAY + 2 * (number - 1), self._sense(main, number) * way, 0)
-        return self._follow(AXIS, number, way, speed)
+        reals.put(self.r, DIRECTION + 2 * (number - 1), self._sense(main, number) * direction, 0)
+        return self._follow(AXIS, number, direction, speed)
 
     def _sense(self, main, number):
         """1 or -1: whether the motor of axis `main` goes up or down where the virtual axis goes
         up."""
         r = self.r
-        for way in range(1, -2, -2):
-            reals.put(r, WAY + 2 * (number - 1), way, 0)
+        for direction in range(1, -2, -2):
+            reals.put(r, DIRECTION + 2 * (number - 1), direction, 0)
             reals.put(r, SAMPLE, 1, -6)
             if not self.line.place(SAMPLE, SURVEY + ROW):
-                return way * self.line.direction(main, SURVEY, SURVEY + ROW)
+                return direction * self.line.direction(main, SURVEY, SURVEY + ROW)
         return 1
 
     # ---------------------------------------------------------------- the camera's axes
 
-    def jog_camera(self, axis, way, speed):
+    def jog_camera(self, axis, direction, speed):
         """Jog the camera along one of its axes (protocol: LINE_), or pan or tilt it. A code."""
         if not self.line.rig.main[_LINE_AXES[axis]]:
             return results.ERR_RANGE
         if not self.move.state:
-            return self._begin_camera(axis, way, speed)
-        if self._goes_on(CAMERA, axis, way, speed):
+            return self._begin_camera(axis, direction, speed)
+        if self._goes_on(CAMERA, axis, direction, speed):
             return results.OK
-        return self._ask_next(CAMERA, axis, way, speed, self.next.end, 0)
+        return self._ask_next(CAMERA, axis, direction, speed, self.next.end, 0)
 
-    def _begin_camera(self, axis, way, speed):
+    def _begin_camera(self, axis, direction, speed):
         line = self.line
         code = line.begin_line()
         if code:
             return code
         r = self.r
-        if axis <= _LINE_Z:
+        if axis < CAMERA_AXES:  # else pan or tilt
             # the angles as the host counts them
             for k in range(0, 6, 2):
                 line.rig.host_offset(X, (V_PAN + k) >> 1)
                 reals.add(r, V_PAN + k, BASE + V_PAN + k, X)
             camera_axis(r, axis, CAMERA_AXIS)
             for k in range(0, 6, 2):
-                if way < 0:
-                    reals.negate(r, WAY + k, CAMERA_AXIS + k)
+                if direction < 0:
+                    reals.negate(r, DIRECTION + k, CAMERA_AXIS + k)
                 else:
-                    reals.copy(r, WAY + k, CAMERA_AXIS + k)
+                    reals.copy(r, DIRECTION + k, CAMERA_AXIS + k)
         else:
-            reals.put(r, WAY + 2 * (_LINE_AXES[axis] - 1), way, 0)
-        return self._follow(CAMERA, axis, way, speed)
+            reals.put(r, DIRECTION + 2 * (_LINE_AXES[axis] - 1), direction, 0)
+        return self._follow(CAMERA, axis, direction, speed)
 
     # ---------------------------------------------------------------- motors under an aim point
 
@@ -238,6 +237,6 @@ class Jogs:
             return results.OK
         return self._ask_next(MOTOR, axis, 0, speed, target, i)
 
-    def begin_motor(self, axis, way, speed):
+    def begin_motor(self, axis, direction, speed):
         """Set out on a jog of such a motor along the line that has been begun. A code."""
-        return self._follow(MOTOR, axis, way, speed)
+        return self._follow(MOTOR, axis, direction, speed)

@@ -200,25 +200,28 @@ def _sum_to_word(out: ptr32, i: int, r: ptr32, a: int, base, j: int):
         half = half + half
     # by quarters first, so that no sum needs 33 bits
     s = (start >> 2) + (half >> 1)
-    way = 0
+    direction = 0
     if s > 0x20000000:
-        way = 1
+        direction = 1
     elif s < -0x20000001:
-        way = -1
+        direction = -1
     else:
         half = (start >> 1) + half + (start & odd & 1)
         if half > 0x3FFFFFFF:
-            way = 1
+            direction = 1
         elif half < -0x40000000:
-            way = -1
-    if way:
+            direction = -1
+    if direction:
         start = 0
         odd = 0
         half = -0x40000000
-        if way > 0:
+        if direction > 0:
             start = 1
             half = 0x3FFFFFFF
     out[i] = half + half + ((start ^ odd) & 1)
+
+
+CAMERA_AXES = const(3)  # X, Y and Z; the protocol's LINE_ has them first
 
 
 def camera_axis(r, axis, to):

@@ -1,8 +1,8 @@
 """A line in virtual space: what it is, where the motors stand on it, what they may not pass.
 
-It is POSE = BASE + s·WAY, s from 0 on, or with an aim point JOINT = BASE + s·WAY, where a single
-motor is asked for. While an aim point is on, pan and tilt are its direction and an offset, to which
-WAY adds. Nothing allocates after construction.
+It is POSE = BASE + s·DIRECTION, s from 0 on. Where a single motor is asked for with an aim point
+on, it is JOINT = BASE + s·DIRECTION. While an aim point is on, pan and tilt are those toward it and
+an offset, to which DIRECTION adds. Nothing allocates after construction.
 """
 
 from array import array
@@ -19,6 +19,7 @@ from framestep.virtuals.registers import (
     AIMED_TILT,
     AXES,
     BASE,
+    DIRECTION,
     DIRECTION_PAN,
     DIRECTION_TILT,
     JOINT,
@@ -28,7 +29,6 @@ from framestep.virtuals.registers import (
     POSE,
     TILT_OFFSET,
     V_PAN,
-    WAY,
     ZERO,
     S,
     X,
@@ -101,11 +101,11 @@ _TURN_JOINTS = formula(
 
 
 @micropython.viper
-def along(r, to: int, base: int, way: int, s: int, spare: int):
+def along(r, to: int, base: int, direction: int, s: int, spare: int):
     """Six numbers: r[to] = r[base] + r[way]·r[s]"""
     k = 0
     while k < 12:
-        multiply(r, spare, way + k, s)
+        multiply(r, spare, direction + k, s)
         combine(r, to + k, base + k, spare, 0)
         k += 2
 
@@ -195,8 +195,8 @@ class Line:
         return self.rig.locate(self.present)
 
     def begin_line(self, by_joint=False):
-        """Begin a line where the rig stands: BASE is its pose, or its axes; WAY is 0, to be set. A
-        code."""
+        """Begin a line where the rig stands: BASE is its pose, or its axes; DIRECTION is 0, to
+        be set. A code."""
         code = self.locate()
         if not code and self.aiming:
             code = self._take_aim()
@@ -211,7 +211,7 @@ class Line:
         base = JOINT if by_joint else POSE
         for k in range(0, 2 * AXES, 2):
             reals.copy(r, BASE + k, base + k)
-            reals.put(r, WAY + k, 0, 0)
+            reals.put(r, DIRECTION + k, 0, 0)
         self._set_bounds()
         # what the rig says of this pose must be where it stands: there may be two ways to take it
         code = self.place(ZERO, SURVEY)
@@ -253,7 +253,7 @@ class Line:
         """Remember the pose at S, where the line has ended."""
         if self.aiming or self.by_joint:
             return
-        along(self.r, LAST_END, BASE, WAY, S, X)
+        along(self.r, LAST_END, BASE, DIRECTION, S, X)
         for i in range(AXES):
             if self.motor[i]:
                 self.axes[self.motor[i] - 1].position_to(self.rest, i)
@@ -328,10 +328,10 @@ class Line:
         rig = self.rig
         r = self.r
         if self.by_joint:
-            along(r, JOINT, BASE, WAY, s, X)
+            along(r, JOINT, BASE, DIRECTION, s, X)
             code = self._aim_joints()
         else:
-            along(r, POSE, BASE, WAY, s, X)
+            along(r, POSE, BASE, DIRECTION, s, X)
             code = self._aim_pose() if self.aiming else 0
             if not code:
                 code = rig.inverse()

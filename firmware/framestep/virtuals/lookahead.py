@@ -53,7 +53,7 @@ _PROBE = const(0)  # a cell is measured
 _RATE = const(1)  # it gets its velocity and acceleration
 _LEAVE = const(2)  # how fast each cell may be left is computed anew
 
-# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the way in which it
+# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the distance in which it
 # stops.
 _LENGTHEN = formula(
     registers,
@@ -157,7 +157,7 @@ class LookAhead:
             if self.short:
                 return code
             self.level += 1
-        survey.take_ways(rows[0], rows[1], rows[2], True)
+        survey.take_directions(rows[0], rows[1], rows[2], True)
         survey.set_point_limits(self.share)
         fastest = 1
         for i in range(AXES):

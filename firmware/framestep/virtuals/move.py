@@ -16,10 +16,18 @@ from framestep.clock import HALF, WRAP, after, elapsed
 from framestep.motion import reals, stepper
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.native import const
 from framestep.virtuals import registers
 from framestep.virtuals.line import ROW
-from framestep.virtuals.point import advance, last_step, nearest_step, next_step, set_lead, velocity
+from framestep.virtuals.point import (
+    advance,
+    last_step,
+    nearest_step,
+    next_step,
+    set_advance,
+    velocity,
+)
 from framestep.virtuals.registers import (
     AFTER_RATE,
     AXES,
@@ -49,7 +57,6 @@ SETTLING = const(5)  # at the end of the line: motors that have turned take up t
 _BEGIN = const(4)  # knots queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
 _SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
-_NOTICE = const(40)  # ticks from a request to the first knot that it may change
 _KNOTS = const(16)  # remembered
 
 # The point's velocity · the slope at S_HERE of the parabola through the three: what a motor's steps
@@ -87,7 +94,7 @@ class LinearMove:
         self.marks = array("i", [0] * (4 * _KNOTS))
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
         # of each motor's path at the last knot queued (point.py)
-        self.leads = array("i", [0] * AXES)
+        self.advances = array("i", [0] * AXES)
         self.word = array("i", [0] * 2)
         self.knot = 0  # the last knot that has been placed
         self.queued = 0  # the last one that a phase leads to
@@ -108,11 +115,11 @@ class LinearMove:
         line.forget_end()
         self.ahead = ahead
         self.state = TAKING_UP
-        ways = self.survey.ways
+        directions = self.survey.directions
         for i in range(AXES):
             motor = self.motor[i] - 1
-            if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, ways[i]):
-                self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, ways[i])
+            if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, directions[i]):
+                self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
 
     def _set_out(self):
         """Begin to plan, all motors being at rest where the line begins."""
@@ -127,7 +134,7 @@ class LinearMove:
                 axis.begin_plan(hal)
                 axis.set_more_to_come(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-                set_lead(self.leads, i, line.present, motor, 0, self.rows, 2 * i)
+                set_advance(self.advances, i, line.present, motor, 0, self.rows, 2 * i)
                 reals.fetch(self.speeds, 2 * i, r, ZERO)
         reals.put(r, S, 0, 0)
         reals.put(r, V, 0, 0)
@@ -289,7 +296,7 @@ class LinearMove:
             motor = self.motor[i]
             if motor:
                 velocity(r, TO_V, rows, a, b, c, BEFORE_RATE, AFTER_RATE, X)
-                part = next_step(word, rows, a, b, c, self.leads, i, self.line.bounds)
+                part = next_step(word, rows, a, b, c, self.advances, i, self.line.bounds)
                 reals.fetch(r, FROM_V, speeds, a)
                 reals.fetch(speeds, b, r, TO_V)
                 self.axes[motor - 1].append_coasting_phase(
@@ -313,8 +320,8 @@ class LinearMove:
             if motor >= 0:
                 axis = self.axes[motor]
                 reals.fetch(r, FROM_V, self.speeds, a)
-                part = next_step(word, rows, a, b, b, self.leads, i, line.bounds)
-                part = last_step(word, part, rows, b, line.present, motor, self.leads[i] > 0)
+                part = next_step(word, rows, a, b, b, self.advances, i, line.bounds)
+                part = last_step(word, part, rows, b, line.present, motor, self.advances[i] > 0)
                 axis.append_coasting_phase(TICKS, FROM_V, ZERO, r, word, 0, part)
                 axis.set_more_to_come(False)
             a += 2
@@ -334,7 +341,7 @@ class LinearMove:
         last = self.knot - 1 if self.closed else self.queued
         knot = max(self.knot - _KNOTS + 2, 1)
         irq = axes.hal.irq_off()
-        while knot <= last and self._ticks_to(knot) < _NOTICE:
+        while knot <= last and self._ticks_to(knot) < ALL_SPLICE_TICKS:
             knot += 1
         found = knot <= last
         if found and not (knot == self.queued and not self.closed):
@@ -357,7 +364,7 @@ class LinearMove:
                 if self.motor[i]:
                     row = ROW * (knot % _KNOTS) + 2 * i
                     part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)
-                    set_lead(self.leads, i, self.word, 0, part, self.rows, row)
+                    set_advance(self.advances, i, self.word, 0, part, self.rows, row)
         self.knot = knot
         self.queued = knot
         self.closed = False

@@ -4,8 +4,8 @@ Every `span` ticks the point gets a new velocity, limited by its acceleration an
 left. Knots lie on whole ticks, but for the one at which it comes to rest.
 
 A step is made when a motor's path reaches it, so with a path through the places the motor would lag
-by half a step on average. So the path leads by half a step in the direction of the motion. How much
-it leads at the last knot is kept per motor (`leads`, Q16).
+by half a step on average. So the path runs half a step ahead in the direction of the motion. How
+far ahead it is at the last knot is kept per motor (`advances`, Q16).
 """
 
 from framestep.clock import HALF
@@ -120,20 +120,21 @@ def _way(rows: ptr32, a: int, b: int) -> int:
 
 
 @micropython.viper
-def next_step(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -> int:
+def next_step(out: ptr32, rows, a: int, b: int, c: int, advances, i: int, bounds) -> int:
     """Where the path of a motor, of axis i, leads to for the place in rows[b]: out[0], fraction
     (Q16).
 
-    rows[a], rows[c]: the places before and after it. The lead (leads[i]) is what the way makes of
-    it, eightfold: where a place does not change the path does not either, so a motor that stands,
-    between two steps by what the line asks for, makes none. A step past its bounds is not reached.
+    rows[a], rows[c]: the places before and after it. The advance (advances[i]) follows the distance
+    between them, eightfold: where a place does not change the path does not either, so a motor that
+    stands, between two steps by what the line asks for, makes none. A step past its bounds is not
+    reached.
     """
     q = ptr32(rows)
-    lead = ptr32(leads)
+    advance = ptr32(advances)
     bound = ptr32(bounds)
     whole = q[b + 0]
     part = q[b + 1]
-    d = lead[i + 0] + int(_way(rows, a, b))
+    d = advance[i + 0] + int(_way(rows, a, b))
     if d > 0x8000:
         d = 0x8000
     elif d < -0x8000:
@@ -148,7 +149,7 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -
         d += ahead
         if d > 0:
             d = 0
-    lead[i] = d
+    advance[i] = d
     part += d
     whole += part >> 16
     part = part & 0xFFFF
@@ -166,10 +167,10 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, leads, i: int, bounds) -
 
 
 @micropython.viper
-def set_lead(leads: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr32, k: int):
-    """leads[i] of a path at the step at[j] and a part (Q16) of one more, for the place in
+def set_advance(advances: ptr32, i: int, at: ptr32, j: int, part: int, rows: ptr32, k: int):
+    """advances[i] of a path at the step at[j] and a part (Q16) of one more, for the place in
     rows[k]."""
-    leads[i] = ((at[j + 0] - rows[k + 0]) << 16) + part - rows[k + 1]
+    advances[i] = ((at[j + 0] - rows[k + 0]) << 16) + part - rows[k + 1]
 
 
 @micropython.viper

@@ -71,7 +71,7 @@ SCRATCH_END = const(144)
 # ---------------------------------------------------------------- a line (line.py)
 
 BASE = const(144)  # six: the pose, or the axes, at s = 0
-WAY = const(156)  # six: what s adds to it
+DIRECTION = const(156)  # six: what s adds to it
 LAST_END = const(168)  # six: the pose in which the last line has ended, before rounding to steps
 PAN_OFFSET = const(180)  # pan and tilt less the direction of the aim point
 TILT_OFFSET = const(182)
@@ -100,8 +100,8 @@ SHARE = const(214)  # of what the motors can do
 S = const(216)  # where the knot planned last lies
 V = const(218)  # and the point's velocity there
 TICKS = const(220)  # from the knot before to it
-LEFT = const(222)  # way to where the point has to stand if it goes on as it may
-TO_END = const(224)  # way to the end of the line, or of what is surveyed
+LEFT = const(222)  # distance to where the point has to stand if it goes on as it may
+TO_END = const(224)  # distance to the end of the line, or of what is surveyed
 NEXT_V = const(226)
 S_BEFORE = const(228)  # of three knots that follow each other
 S_HERE = const(230)

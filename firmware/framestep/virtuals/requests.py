@@ -17,12 +17,12 @@ from framestep.virtuals.registers import (
     AIM_X,
     AXES,
     BASE,
+    DIRECTION,
     END,
     GOAL,
     HOME,
     JOINT,
     REGISTERS,
-    WAY,
     X,
 )
 from framestep.virtuals.survey import Survey
@@ -208,13 +208,13 @@ class Virtuals:
         code = line.begin_line(True)
         if code:
             return code
-        way = line.clip_end(axis, target, i)
-        if not way:
+        direction = line.clip_end(axis, target, i)
+        if not direction:
             return m.OK
         line.rig.joint(axis, target, i)
         self._head_for(JOINT + 2 * axis, axis)
         if speed:
-            return self.jogs.begin_motor(axis, way, speed)
+            return self.jogs.begin_motor(axis, direction, speed)
         return self._set_out_to_end(0)
 
     # ---------------------------------------------------------------- configuration
@@ -337,15 +337,17 @@ class Virtuals:
         self.move.begin(ahead)
 
     def _head_for(self, to, number):
-        """END and WAY of the line so that number `number` of it goes from BASE to r[to]; -1, 0 or
-        1."""
+        """END and DIRECTION of the line so that its number `number` goes from BASE to r[to].
+
+        Returns the direction, -1 or 1; 0 where it is there.
+        """
         r = self.r
         reals.subtract(r, END, to, BASE + 2 * number)
-        way = reals.sign(r, END)
-        if way < 0:
+        direction = reals.sign(r, END)
+        if direction < 0:
             reals.negate(r, END, END)
-        reals.put(r, WAY + 2 * number, way or 1, 0)
-        return way
+        reals.put(r, DIRECTION + 2 * number, direction or 1, 0)
+        return direction
 
     def _set_out_to_end(self, number):
         """Set out on a move to END of the line begun. A code."""
@@ -421,8 +423,8 @@ class Virtuals:
         speed = reader.i16(1)
         if axis > m.LINE_TILT or not speed or speed < -_FASTEST or speed > _FASTEST:
             return m.ERR_RANGE
-        way = 1 if speed > 0 else -1
-        return self.jogs.jog_camera(axis, way, speed * way)
+        direction = 1 if speed > 0 else -1
+        return self.jogs.jog_camera(axis, direction, speed * direction)
 
     # ---------------------------------------------------------------- the aim point
 

@@ -49,7 +49,7 @@ SMOOTH = const(0)
 _BENT = const(1)  # the cell is to be halved
 _FAR = const(2)  # farther than can be counted
 
-# 2^40 is greater than any limit, and than any way. Motors are taken for 10000 / 10320 of what they
+# 2^40 is greater than any limit and any distance. Motors are taken for 10000 / 10320 of what they
 # can do, since a survey cannot see all.
 _NO_LIMIT = formula(
     registers,
@@ -233,7 +233,7 @@ class Survey:
         self.rows = line.rows
         self.curve = array("i", [0] * (2 * AXES))
         self.greatest = array("i", [0] * AXES)
-        self.ways = array("i", [0] * AXES)  # in which each motor begins to move
+        self.directions = array("i", [0] * AXES)  # in which each motor begins to move
         self.span = SPAN  # ticks from knot to knot
 
     def check_line(self):
@@ -268,7 +268,7 @@ class Survey:
             code = self.passed_bound(a, b, c)
             if code:
                 return code
-            self.take_ways(a, b, c, at == 0)
+            self.take_directions(a, b, c, at == 0)
             at += size
             if at == _CELLS * _WHOLE_CELL:
                 self.set_point_limits(10000)
@@ -311,17 +311,17 @@ class Survey:
         """See _inside."""
         return _inside(self.rows, a, b, c, self.line.bounds, self.motor)
 
-    def take_ways(self, a, b, c, first):
+    def take_directions(self, a, b, c, first):
         """Take which way each motor sets out from the next cell of the line, or the first.
 
         One that does not move until a later cell has no way yet.
         """
         for i in range(AXES):
             if first:
-                self.ways[i] = 0
-            if not self.ways[i]:
-                way = _heading(self.rows, a + 2 * i, b + 2 * i)
-                self.ways[i] = way or _heading(self.rows, b + 2 * i, c + 2 * i)
+                self.directions[i] = 0
+            if not self.directions[i]:
+                direction = _heading(self.rows, a + 2 * i, b + 2 * i)
+                self.directions[i] = direction or _heading(self.rows, b + 2 * i, c + 2 * i)
 
     # ---------------------------------------------------------------- limits
 

@@ -32,7 +32,7 @@ class Watch:
         if self.count & 7 == 0:
             for block in self.blocks:
                 if block[{PLANNED}] & {PLAN_SEGMENTS}:
-                    queued = (block[{TAIL}] - block[{HEAD}]) & 0x3FFFFFFF
+                    queued = (block[{WRITE_INDEX}] - block[{READ_INDEX}]) & 0x3FFFFFFF
                     if queued < self.least:
                         self.least = queued
         return busy
@@ -46,7 +46,10 @@ LOOP_FPS = (25, 60)
 def loops() -> list[tuple[str, int, int, int, int]]:
     """[(what, passes in a second, their mean and their longest time in µs, fewest segments
     queued)]."""
-    names = {name: getattr(stepper, name) for name in ("PLANNED", "PLAN_SEGMENTS", "TAIL", "HEAD")}
+    names = {
+        name: getattr(stepper, name)
+        for name in ("PLANNED", "PLAN_SEGMENTS", "WRITE_INDEX", "READ_INDEX")
+    }
     found = []
     with EmulatedBoard(trace=False, frozen=True) as board:
         session = Session(board)
