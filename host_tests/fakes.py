@@ -8,7 +8,7 @@ for a HAL that only has pins, `Bench` in host_tests/motion/engine.py for the pul
 
 from array import array
 
-from framestep.motion import stepper
+from framestep.motion import samples, stepper
 from framestep.motors.axes import Axes
 from framestep.motors.axis import Axis
 from framestep.motors.positions import Positions
@@ -133,7 +133,7 @@ class OperationBench:
     def run(self, ticks=1):
         for _ in range(ticks):
             self.bench.tick()
-            alarm = stepper.sample(self.kernel, self.axes.samples)
+            alarm = samples.sample(self.kernel, self.axes.samples)
             if alarm and self.operations.running and self.operations.reached():
                 self.told.append(self.operations.move_time)
             while self.operations.poll() | self.axes.feed():

@@ -8,7 +8,7 @@ from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motion import stepper
-from framestep.motion.stepper import sample
+from framestep.motion.samples import sample
 from framestep.motors.axes import Axes
 from framestep.motors.requests import Motors
 from framestep.moves.operations import ENDING, LEAVING, POSITIONING, READY, RUNNING

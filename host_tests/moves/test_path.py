@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from framestep.moves import path
+from framestep.moves import path, path_check
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 FREE = (LOWEST, HIGHEST)
@@ -104,7 +104,7 @@ def test_turning_a_window_round_gives_the_slope_of_the_move_backward(frames):
         window = array(
             "i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)] + [path.MONOTONE]
         )
-        path.turn(window)
+        path.reverse(window)
         bounds = array("i", (*FREE, 0))
         assert path.slope(window, bounds, last - index, index) == -12 * slope(frames, index)
 
@@ -202,7 +202,7 @@ def test_the_way_is_that_of_the_first_change_in_the_order_played(frames, order):
     played = frames[::order]
     changes = [b - a for a, b in itertools.pairwise(played) if b != a]
     wanted = 0 if not changes else 1 if changes[0] > 0 else -1
-    assert path.first_direction(array("i", frames), len(frames), order) == wanted
+    assert path_check.first_direction(array("i", frames), len(frames), order) == wanted
 
 
 # --------------------------------------------------------- what a motor can follow (field note 5.5)
@@ -221,45 +221,46 @@ RANGE = {
 def checked(frames, order=1, batch=None, **motor):
     """The words of a check and what it gives, the frames handed over `batch` at a time."""
     motor = RANGE | motor
-    words = array("i", [0] * path.CHECK_WORDS)
-    words[path.FASTEST], words[path.STEEPEST] = motor["fastest"], motor["steepest"]
-    words[path.HARDEST], words[path.PULSED] = motor["hardest"], motor["pulsed"]
-    words[path.LOWEST], words[path.HIGHEST] = motor["bounds"]
-    words[path.BACKLASH] = motor["play"]
-    words[path.OFFSET] = -motor["play"] if motor["way"] < 0 else 0
+    words = array("i", [0] * path_check.CHECK_WORDS)
+    words[path_check.FASTEST], words[path_check.STEEPEST] = motor["fastest"], motor["steepest"]
+    words[path_check.HARDEST], words[path_check.PULSED] = motor["hardest"], motor["pulsed"]
+    words[path_check.LOWEST], words[path_check.HIGHEST] = motor["bounds"]
+    words[path_check.BACKLASH] = motor["play"]
+    words[path_check.OFFSET] = -motor["play"] if motor["way"] < 0 else 0
     played = list(frames)[::order]
     size = batch or len(played)
     for at in range(0, len(played), size):
         part = played[at : at + size]
-        found = path.check(words, array("i", part[::order]), len(part), order)
-        if found != path.FITS:
+        found = path_check.check(words, array("i", part[::order]), len(part), order)
+        if found != path_check.FITS:
             return words, found
-    return words, path.FITS
+    return words, path_check.FITS
 
 
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_step_of_the_velocity_allowed_fits_and_one_more_does_not(way, order):
-    assert checked([0, way * 100], order, fastest=100)[1] == path.FITS
+    assert checked([0, way * 100], order, fastest=100)[1] == path_check.FITS
     words, found = checked([0, 0, way * 101], order, fastest=100)
-    assert found == path.TOO_FAST
-    assert words[path.FOUND] == 101
-    assert words[path.SEEN] == (2 if order > 0 else 1)
+    assert found == path_check.TOO_FAST
+    assert words[path_check.FOUND] == 101
+    assert words[path_check.SEEN] == (2 if order > 0 else 1)
 
 
 def test_a_step_from_end_to_end_of_the_range_is_too_fast():
-    assert checked([LOWEST, HIGHEST], fastest=2**28)[1] == path.TOO_FAST
+    assert checked([LOWEST, HIGHEST], fastest=2**28)[1] == path_check.TOO_FAST
 
 
 @pytest.mark.parametrize(
-    "frames, found", [([5, 10], path.FITS), ([5, 11], path.TOO_HIGH), ([-5, -6], path.TOO_LOW)]
+    "frames, found",
+    [([5, 10], path_check.FITS), ([5, 11], path_check.TOO_HIGH), ([-5, -6], path_check.TOO_LOW)],
 )
 def test_a_frame_on_a_soft_limit_fits_and_one_step_past_it_does_not(frames, found):
     assert checked(frames, bounds=(-5, 10))[1] == found
 
 
 def test_a_single_frame_needs_nothing_of_a_motor_but_its_range():
-    assert checked([7], fastest=0, steepest=0, bounds=(7, 7))[1] == path.FITS
+    assert checked([7], fastest=0, steepest=0, bounds=(7, 7))[1] == path_check.FITS
 
 
 @given(moves, st.integers(1, 5), st.sampled_from((1, -1)), st.integers(1, 20_000))
@@ -267,9 +268,9 @@ def test_it_is_the_same_check_in_pieces(frames, batch, order, steepest):
     limits = {"fastest": 12_000, "steepest": steepest, "hardest": steepest}
     whole, in_pieces = checked(frames, order, **limits), checked(frames, order, batch, **limits)
     assert whole[1] == in_pieces[1]
-    if whole[1] != path.FITS:
-        assert whole[0][path.FOUND] == in_pieces[0][path.FOUND]
-        assert whole[0][path.SEEN] == in_pieces[0][path.SEEN]
+    if whole[1] != path_check.FITS:
+        assert whole[0][path_check.FOUND] == in_pieces[0][path_check.FOUND]
+        assert whole[0][path_check.SEEN] == in_pieces[0][path_check.SEEN]
 
 
 @given(moves, st.integers(1, 20_000))
@@ -278,7 +279,7 @@ def test_a_change_of_step_above_the_acceleration_is_too_steep_where_that_is_refu
 ):
     sharpest = max((abs(x) for x in np.diff(frames, 2)), default=0)
     _, found = checked(frames, steepest=steepest, hardest=steepest)
-    assert found == (path.TOO_STEEP if sharpest > steepest else path.FITS)
+    assert found == (path_check.TOO_STEEP if sharpest > steepest else path_check.FITS)
 
 
 @given(moves, st.integers(1, 20_000))
@@ -286,18 +287,18 @@ def test_otherwise_the_sharpest_corner_is_only_noted(frames, steepest):
     words, found = checked(frames, steepest=steepest)
     corners = np.abs(np.diff(frames, 2))
     sharpest = int(corners.max()) if len(corners) else 0
-    assert found == path.FITS
+    assert found == path_check.FITS
     if sharpest > steepest:
-        assert words[path.SHARPEST] == sharpest
-        assert words[path.SHARPEST_AT] == int(corners.argmax()) + 1
+        assert words[path_check.SHARPEST] == sharpest
+        assert words[path_check.SHARPEST_AT] == int(corners.argmax()) + 1
     else:
-        assert words[path.SHARPEST] == 0
+        assert words[path_check.SHARPEST] == 0
 
 
 def test_what_the_kernel_or_the_pulse_engine_cannot_do_is_too_hard():
-    assert checked([0, 0, 300], steepest=10, hardest=299)[1] == path.TOO_HARD
-    assert checked([0, 0, 300], steepest=10, pulsed=599)[1] == path.TOO_HARD
-    assert checked([0, 0, 300], steepest=10, hardest=300, pulsed=600)[1] == path.FITS
+    assert checked([0, 0, 300], steepest=10, hardest=299)[1] == path_check.TOO_HARD
+    assert checked([0, 0, 300], steepest=10, pulsed=599)[1] == path_check.TOO_HARD
+    assert checked([0, 0, 300], steepest=10, hardest=300, pulsed=600)[1] == path_check.FITS
 
 
 @pytest.mark.parametrize(
@@ -307,10 +308,10 @@ def test_where_the_path_turns_the_motor_makes_up_for_its_play_as_well(frames, wa
     """40 steps of path and 30 of play: its cubic is half as fast again, with an eighth of the
     frame's beside it."""
     most = 70 + 70 // 2 + 60 // 8
-    assert checked(frames, order, play=30, way=way, fastest=most)[1] == path.FITS
-    assert checked(frames, order, play=30, way=way, fastest=most - 1)[1] == path.TOO_FAST
+    assert checked(frames, order, play=30, way=way, fastest=most)[1] == path_check.FITS
+    assert checked(frames, order, play=30, way=way, fastest=most - 1)[1] == path_check.TOO_FAST
 
 
 def test_play_taken_up_beforehand_costs_nothing_in_a_path_that_goes_one_way():
-    assert checked([0, -60, -120], play=30, way=-1, fastest=60)[1] == path.FITS
-    assert checked([0, -60, -120], play=30, way=1, fastest=60)[1] == path.TOO_FAST
+    assert checked([0, -60, -120], play=30, way=-1, fastest=60)[1] == path_check.FITS
+    assert checked([0, -60, -120], play=30, way=1, fastest=60)[1] == path_check.TOO_FAST

@@ -19,7 +19,8 @@ from array import array
 from framestep.hal.engine import BATCH, CYCLES, WORDS
 from framestep.hal.stream import Stream
 from framestep.motion.kernel import StepKernel
-from framestep.motion.stepper import FAULT, MODE, POSITION, sample
+from framestep.motion.samples import sample
+from framestep.motion.stepper import FAULT, MODE, POSITION
 from framestep.motors.axes import Axes
 
 try:

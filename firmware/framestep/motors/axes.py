@@ -3,6 +3,7 @@
 from array import array
 
 from framestep.motion import stepper
+from framestep.motion.samples import ALARM, choose, make_samples, renumber
 from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.feeder import ALL_BITS, neediest
 from framestep.motors.positions import Positions
@@ -29,7 +30,7 @@ class Axes:
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.with_backlash = []
-        self.samples = stepper.samples(self.count)  # each pass of the main loop begins with another
+        self.samples = make_samples(self.count)  # each pass of the main loop begins with another
         self.reported = array(
             "i", [0] * self.count
         )  # where the loads are by the pulses made until then: see choose_sample()
@@ -90,15 +91,15 @@ class Axes:
 
         Returns the tick (modulo 2^29) whose pulses were the last of them.
         """
-        return stepper.choose(self.kernel.state, self.samples, self.reported)
+        return choose(self.kernel.state, self.samples, self.reported)
 
     def alarm(self, tick):
-        """Make stepper.sample() say so once this tick (modulo 2^29) is over; -1: no longer."""
-        self.samples[stepper.ALARM] = tick
+        """Make sample() say so once this tick (modulo 2^29) is over; -1: no longer."""
+        self.samples[ALARM] = tick
 
     def position_was_set(self, motor):
         """The position of a motor at rest has been set."""
-        stepper.renumber(self.samples, motor, self.axes[motor].load_position)
+        renumber(self.samples, motor, self.axes[motor].load_position)
 
     def moving_bits(self):
         """The motors that move, one bit each."""

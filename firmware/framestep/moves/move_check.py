@@ -10,7 +10,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
-from framestep.moves import path, registers
+from framestep.moves import path, path_check, registers
 from framestep.moves.registers import (
     BENT,
     FPS,
@@ -127,7 +127,7 @@ class MoveCheck:
         self.numbers = array("i", [0] * REGISTERS)
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
-        self.words = array("i", [0] * path.CHECK_WORDS)
+        self.words = array("i", [0] * path_check.CHECK_WORDS)
         # at which the motors can follow the move checked last, thousandths of a frame per second
         self.rate = 0
         self.values = array("i", [0] * BATCH)
@@ -167,7 +167,7 @@ class MoveCheck:
             self.store.positions(
                 motor, index if step > 0 else index - batch + 1, batch, self.values, 0
             )
-            found = path.first_direction(self.values, batch, step)
+            found = path_check.first_direction(self.values, batch, step)
             index += step * (batch - 1)
             count -= batch - 1
         return found
@@ -198,17 +198,17 @@ class MoveCheck:
             axis = self.axes[motor]
             reals.fetch(self.numbers, TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
             if ramp:
-                words[path.FASTEST] = _FARTHEST
-                words[path.STEEPEST] = words[path.HARDEST] = 0x3FFFFFFF
+                words[path_check.FASTEST] = _FARTHEST
+                words[path_check.STEEPEST] = words[path_check.HARDEST] = 0x3FFFFFFF
             else:
                 self._allow(axis, fps_milli)
-            words[path.SHARPEST] = 0
-            words[path.SEEN] = 0
-            words[path.BACKLASH] = axis.backlash
-            words[path.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
-            words[path.TAKEN] = 0
-            reals.copy_word(words, path.LOWEST, axis.bounds, LOWER)
-            reals.copy_word(words, path.HIGHEST, axis.bounds, UPPER)
+            words[path_check.SHARPEST] = 0
+            words[path_check.SEEN] = 0
+            words[path_check.BACKLASH] = axis.backlash
+            words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+            words[path_check.TAKEN] = 0
+            reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
+            reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
             # without play it does not matter which way they are played, and forward is faster to
             # read
             order = step if axis.backlash else 1
@@ -219,21 +219,25 @@ class MoveCheck:
                 batch = min(count - done, BATCH)
                 self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
                 at += order * batch
-                found = path.check(words, values, batch, order)
-                if found != path.FITS:
-                    if found == path.TOO_FAST or found == path.TOO_STEEP or found == path.TOO_HARD:
+                found = path_check.check(words, values, batch, order)
+                if found != path_check.FITS:
+                    if (
+                        found == path_check.TOO_FAST
+                        or found == path_check.TOO_STEEP
+                        or found == path_check.TOO_HARD
+                    ):
                         self._exceeded(
-                            path.TOO_HARD if ramp else found,
+                            path_check.TOO_HARD if ramp else found,
                             motor,
-                            first + order * words[path.SEEN],
-                            words[path.FOUND],
+                            first + order * words[path_check.SEEN],
+                            words[path_check.FOUND],
                         )
                         return ERR_RANGE
-                    high = found == path.TOO_HIGH
+                    high = found == path_check.TOO_HIGH
                     self.blame(
                         EXCEEDED_UPPER if high else EXCEEDED_LOWER,
                         motor,
-                        first + order * words[path.SEEN],
+                        first + order * words[path_check.SEEN],
                         OK,
                     )
                     if high:
@@ -246,9 +250,12 @@ class MoveCheck:
                 self.window[path.MOST] = path.MONOTONE
                 if not fits:
                     return ERR_RANGE
-            if words[path.SHARPEST]:
+            if words[path_check.SHARPEST]:
                 self._exceeded(
-                    path.FITS, motor, first + order * words[path.SHARPEST_AT], words[path.SHARPEST]
+                    path_check.FITS,
+                    motor,
+                    first + order * words[path_check.SHARPEST_AT],
+                    words[path_check.SHARPEST],
                 )
         return OK
 
@@ -272,12 +279,14 @@ class MoveCheck:
         reals.put(r, TOP_CHANGE, HARDEST, 0)
         reals.put(r, TOP_PULSED, pulsed, 0)
         compute(0, 0, r, _FROM_FRAME_TO_FRAME)
-        words[path.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF) + 1
-        words[path.HARDEST] = reals.floor(r, TOP_CHANGE, HALF) + 2
-        words[path.STEEPEST] = min(reals.floor(r, TOP_ACCELERATION, HALF) + 2, words[path.HARDEST])
+        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF) + 1
+        words[path_check.HARDEST] = reals.floor(r, TOP_CHANGE, HALF) + 2
+        words[path_check.STEEPEST] = min(
+            reals.floor(r, TOP_ACCELERATION, HALF) + 2, words[path_check.HARDEST]
+        )
         if self.strict:
-            words[path.HARDEST] = words[path.STEEPEST]
-        words[path.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
+            words[path_check.HARDEST] = words[path_check.STEEPEST]
+        words[path_check.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, directions, ramp, going):
         """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
@@ -289,7 +298,7 @@ class MoveCheck:
         axis = self.axes[motor]
         store = self.store
         lowered = 0
-        words[path.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+        words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:
@@ -301,7 +310,7 @@ class MoveCheck:
             )
             done = 0
             while True:
-                done = path.bends(
+                done = path_check.bends(
                     words,
                     self.values,
                     axis.bounds,
@@ -339,31 +348,31 @@ class MoveCheck:
         r = self.numbers
         words = self.words
         fine = self.rate >= _FINE
-        words[path.FINE] = 1 if fine else 0
+        words[path_check.FINE] = 1 if fine else 0
         reals.put(r, FPS, self.rate, 0)
         reals.put(r, TOP_VELOCITY, axis.velocity, 0)
         reals.put(r, TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
         reals.put(r, RAMP_RATE, ramp, 18 if fine else 15)
         compute(0, 0, r, _BENDS_ALLOWED)
-        words[path.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF)
-        words[path.STEEPEST] = reals.floor(r, TOP_ACCELERATION, HALF)
+        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF)
+        words[path_check.STEEPEST] = reals.floor(r, TOP_ACCELERATION, HALF)
         # within a frame no more than the rate itself is gathered
-        words[path.RAMP] = reals.floor(r, RAMP_RATE, 1 << (17 if fine else 14))
+        words[path_check.RAMP] = reals.floor(r, RAMP_RATE, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
         """The highest rate, or 0, at which the motor can follow what bends() has found."""
         r = self.numbers
         words = self.words
         rate = self.rate
-        if words[path.FOUND] > 0:
+        if words[path_check.FOUND] > 0:
             reals.put(r, TOP_VELOCITY, axis.velocity, 0)
-            reals.put(r, STEPS, words[path.FOUND], 0)
+            reals.put(r, STEPS, words[path_check.FOUND], 0)
             compute(0, 0, r, _RATE_FOR_VELOCITY)
             rate = min(rate, reals.floor(r, X, HALF))
         reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
         reals.put(r, RAMP_RATE, ramp, 0)
-        reals.put(r, BENT, words[path.BENT], 0)
-        reals.put(r, GATHERED, words[path.GATHERED], 0)
+        reals.put(r, BENT, words[path_check.BENT], 0)
+        reals.put(r, GATHERED, words[path_check.GATHERED], 0)
         if not compute(0, 0, r, _HALF_FOR_RAMP):
             return rate
         if reals.sign(r, TOP_ACCELERATION) >= 0:
@@ -393,21 +402,21 @@ class MoveCheck:
         exceeded = self.exceeded
         r = self.numbers
         axis = self.axes[motor]
-        steep = found == path.FITS or found == path.TOO_STEEP
+        steep = found == path_check.FITS or found == path_check.TOO_STEEP
         reals.put(r, X, amount, 0)
         reals.multiply(r, X, X, FPS)
         if steep:
             reals.multiply(r, X, X, FPS)
         amount = reals.floor(r, X, HALF)
         if (
-            found == path.FITS
+            found == path_check.FITS
             and exceeded[WHAT] == EXCEEDED_ACCELERATION
             and amount - axis.acceleration <= exceeded[BY]
         ):
             return  # another motor's corner is sharper
         exceeded[MOTOR] = motor
         exceeded[FRAME] = self.store.start + index
-        if found == path.TOO_HARD:
+        if found == path_check.TOO_HARD:
             exceeded[WHAT] = EXCEEDED_BOARD
             exceeded[BY] = 0
         else:

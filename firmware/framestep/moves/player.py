@@ -65,7 +65,7 @@ def _hop(
             axis = axes[motor]
             store.positions(motor, index - 2, 5, window, 0)
             if step < 0:
-                path.turn(window)
+                path.reverse(window)
                 path.velocity(
                     r, X, window, axis.bounds, last - index, index, scale, own + TOPS - SPEEDS
                 )
@@ -103,7 +103,7 @@ class UploadPlayer(MoveCheck):
         window = self.window
         store.positions(motor, index - 2, 5, window, path.FRAMES)
         if step < 0:
-            path.turn(window)
+            path.reverse(window)
         return store.end - store.start - index
 
     def velocity(self, to, motor, index, step):

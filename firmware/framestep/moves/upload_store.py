@@ -1,7 +1,7 @@
 """The uploaded move: a position for every frame of every motor, in one block of memory.
 
 A motor gets a region of that memory when its first section comes; motors without data take none.
-How positions are kept in a region: upload_codec.py.
+How positions are kept in a region: upload_chunks.py; how they are written: upload_codec.py.
 
 What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one
 frame to the next, and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per
@@ -16,7 +16,7 @@ first frame of the range (field note 5.1).
 from array import array
 
 from framestep.copying import copy_dwords
-from framestep.moves.upload_codec import (
+from framestep.moves.upload_chunks import (
     BEFORE_LAST,
     BOTTOM,
     CHUNK,
@@ -41,13 +41,10 @@ from framestep.moves.upload_codec import (
     UNBROKEN,
     UNIT,
     USED,
-    append,
-    fill_gaps,
-    has_lowest,
     read,
     room,
-    write,
 )
+from framestep.moves.upload_codec import append, fill_gaps, has_lowest, write
 from framestep.native import CPYTHON, const, micropython, ptr32
 from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
