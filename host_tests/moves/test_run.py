@@ -8,7 +8,8 @@ import pytest
 
 from framestep.motion import reals
 from framestep.moves.operations import IDLE, POSITIONING, READY, RUNNING
-from framestep.moves.run import LONGEST_ROLL, RunMove
+from framestep.moves.run import RunMove
+from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK

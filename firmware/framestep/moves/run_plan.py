@@ -1,0 +1,328 @@
+"""A run before it begins: what a request asks for, whether motors can do it, where they wait.
+
+The rest of it is in run.py. A pass begins with each motor's pre-roll, from rest to its velocity at
+the first frame, and ends with its post-roll (field note 6.2).
+"""
+
+from array import array
+
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.motor import MAX_ACCELERATION
+from framestep.moves import registers
+from framestep.moves.frame_clock import MICROSECONDS
+from framestep.moves.move_check import FASTEST_FPS
+from framestep.moves.operation import Operation
+from framestep.moves.player import frame_velocity
+from framestep.moves.registers import FRAME_TICKS, ROLL_TICKS, X, Y
+from framestep.moves.upload_store import READY as UPLOADED
+from framestep.native import const
+from framestep.results import (
+    ERR_GENERAL,
+    ERR_NOT_IN_POSITION,
+    ERR_POSTROLL,
+    ERR_PREROLL,
+    ERR_RANGE,
+    EXCEEDED_POSTROLL,
+    EXCEEDED_PREROLL,
+    OK,
+)
+
+LONGEST_ROLL = const(600000)  # ms
+DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)
+DEFAULT_CLOSE = const(180)
+
+# From microseconds
+_FRAME_TICKS = formula(
+    registers,
+    """
+    LONGER_FRAME_TICKS = (FRAME_TICKS + 1) / THOUSAND
+    FRAME_TICKS = FRAME_TICKS / THOUSAND
+    """,
+)
+# The shortest ramp between rest and the velocity X, with the acceleration Y: 2 ms at least, since
+# the next phase must not begin in the tick in which the ramp does.
+_SHORTEST_RAMP = formula(
+    registers,
+    """
+    assert max(X, -X) > ZERO
+    ROLL_TICKS = max(max(X, -X) / Y, 2)
+    """,
+)
+
+
+class Plan:
+    """What a request asks for, and what has been found for it.
+
+    There are two, so that a refusal changes nothing.
+    """
+
+    def __init__(self, motors):
+        self.bits = 0
+        self.first = 0  # index of the first frame played
+        self.step = 1  # 1 forward, -1 backward
+        self.frames = 0  # frames after the first
+        self.fps_milli = 0
+        self.pre_asked = 0  # ms, 0 for the shortest possible
+        self.post_asked = 0
+        self.pre_ms = 0  # from the start to the first frame
+        self.post_ms = 0  # from the end of the last frame to the end
+        self.pre_rolls = array("i", [0] * (2 * motors))  # reals, by motor: its ramp, in ticks
+        self.post_rolls = array("i", [0] * (2 * motors))
+        self.loops = False  # pass after pass from the start,
+        self.turns = False  # or there and back (ping-pong), until STOP_LOOP
+        self.video = False  # a video camera runs during the pass,
+        self.stills = False  # or the shutter opens at each frame
+        self.open_angle = 0
+        self.close_angle = 0
+        self.sync = False
+        self.bloop_bits = 0
+        self.bloop_channel = 0
+        self.bloop_ms = 0
+        self.begins = array("i", [0] * motors)  # by motor: where it waits,
+        self.begin_directions = array(
+            "i", [0] * motors
+        )  # and the direction in which it sets out: 1 up, -1 down, 0 not at all
+        # where it comes to rest after a pass other than the last,
+        self.ends = array("i", [0] * motors)
+        # and the direction in which it sets out when played the other way
+        self.end_directions = array("i", [0] * motors)
+
+
+class PreparedRun(Operation):
+    """The plan of a RunMove, and the registers and positions that follow from it."""
+
+    def __init__(self, operations):
+        Operation.__init__(self, operations)
+        self.player = operations.player
+        self.store = operations.store
+        self.plan = Plan(operations.axes.count)
+        self.draft = Plan(operations.axes.count)
+        self.looping = False
+        self.first = 0  # of this pass: ping-pong turns
+        self.step = 1
+        self.begin_ms = 0
+        self.end_ms = 0
+        # by motor, for the last pass: where it is at the end of the end frame, and where it comes
+        # to rest
+        self.lasts = array("i", [0] * operations.axes.count)
+        self.rests = array("i", [0] * operations.axes.count)
+
+    def prepare(self, fps_milli, start, end, pre_ms, post_ms, open_angle, close_angle):
+        """Check a run of scene frames start … end and send the motors to where it begins.
+
+        pre_ms, post_ms: 0 for the shortest that each motor can do. A code; only OK changes
+        anything. open_angle, close_angle: of the shutter, 0 … 360 degrees, for stills. The caller
+        has filled in the draft's loops, turns, video, stills, sync and bloop fields.
+        """
+        store = self.store
+        player = self.player
+        if store.state != UPLOADED:
+            return ERR_GENERAL
+        if fps_milli < 1 or fps_milli > FASTEST_FPS or pre_ms < 0 or post_ms < 0:
+            return ERR_RANGE
+        if pre_ms > LONGEST_ROLL or post_ms > LONGEST_ROLL or open_angle > 360 or close_angle > 360:
+            return ERR_RANGE
+        if start < store.start or start > store.end or end < store.start or end > store.end:
+            return ERR_RANGE
+        plan = self.draft
+        plan.bits = player.motors()
+        plan.pre_asked = pre_ms
+        plan.post_asked = post_ms
+        plan.first = start - store.start
+        plan.step = -1 if end < start else 1
+        plan.frames = (end - start) * plan.step
+        plan.fps_milli = fps_milli
+        if open_angle >= close_angle:  # field note 6.9: as if there were none
+            open_angle = DEFAULT_OPEN
+            close_angle = DEFAULT_CLOSE
+        plan.open_angle = open_angle
+        plan.close_angle = close_angle
+        code = self._settle(plan)
+        if code == OK:
+            code = self.operations.blocked(plan.bits, plan.begins)
+        if code != OK:
+            self._restore()
+            return code
+        self.draft = self.plan
+        self.plan = plan
+        self.bits = plan.bits
+        self.first = plan.first
+        self.step = plan.step
+        self.begin_ms = plan.pre_ms
+        self.end_ms = plan.post_ms
+        self.looping = plan.loops or plan.turns
+        self.operations.prepare(self, plan.begins, plan.begin_directions, start)
+        return OK
+
+    def _settle(self, plan):
+        """Check what a plan asks for and find where the motors begin and end. Returns a code."""
+        player = self.player
+        fps_milli = plan.fps_milli
+        player.set_frame_rate(fps_milli)
+        self.set_durations(fps_milli)
+        last = plan.first + plan.step * plan.frames
+        self._find_directions(plan, plan.begin_directions, plan.first, plan.step)
+        self._find_directions(plan, plan.end_directions, last, -plan.step)
+        code = player.check(
+            plan.bits, plan.first, plan.frames + 1, fps_milli, plan.step, plan.begin_directions
+        )
+        if code == OK and plan.turns:
+            code = player.check(
+                plan.bits, last, plan.frames + 1, fps_milli, -plan.step, plan.end_directions
+            )
+        if code == OK:
+            code = self._rolls(plan, plan.pre_asked, plan.post_asked)
+        return code
+
+    def _restore(self):
+        """The draft has been refused: set the registers for the plan again."""
+        if self.plan.fps_milli:
+            self.player.set_frame_rate(self.plan.fps_milli)
+            self.set_durations(self.plan.fps_milli)
+
+    def recheck(self, waiting):
+        player = self.player
+        old = self.plan
+        plan = self.draft
+        plan.bits = player.motors() if waiting else old.bits
+        plan.pre_asked = old.pre_asked
+        plan.post_asked = old.post_asked
+        plan.first = old.first
+        plan.step = old.step
+        plan.frames = old.frames
+        plan.fps_milli = old.fps_milli
+        plan.loops = old.loops
+        plan.turns = old.turns
+        plan.video = old.video
+        plan.stills = old.stills
+        plan.open_angle = old.open_angle
+        plan.close_angle = old.close_angle
+        plan.sync = old.sync
+        plan.bloop_bits = old.bloop_bits
+        plan.bloop_channel = old.bloop_channel
+        plan.bloop_ms = old.bloop_ms
+        code = self._settle(plan)
+        if code == OK and waiting:
+            for motor in range(player.count):
+                if (plan.bits >> motor) & 1 and not player.axes[motor].stands_on(
+                    plan.begins, motor, plan.begin_directions[motor]
+                ):
+                    code = ERR_NOT_IN_POSITION
+        if code != OK:
+            self._restore()
+            return code
+        self.draft = old
+        self.plan = plan
+        self.bits = plan.bits
+        onward = self.step == plan.step
+        self.begin_ms = plan.pre_ms if onward else plan.post_ms
+        self.end_ms = plan.post_ms if onward else plan.pre_ms
+        self.operations.start_positions = plan.begins if onward else plan.ends
+        self.operations.directions = plan.begin_directions if onward else plan.end_directions
+        return OK
+
+    def heading(self, motor):
+        plan = self.plan
+        position = self.player.position
+        self.store.position(motor, plan.first, position, 0)
+        return reals.order_words(position, 0, plan.begins, motor) or self.player.first_direction(
+            motor, plan.first, plan.step, plan.frames + 1, True
+        )
+
+    def _find_directions(self, plan, directions, index, step):
+        """directions[motor] = the direction in which it sets out, played from `index` in direction
+        `step`."""
+        player = self.player
+        r = player.numbers
+        for motor in range(player.count):
+            directions[motor] = 0
+            if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash:
+                player.velocity(X, motor, index, step)
+                directions[motor] = reals.sign(r, X) or player.first_direction(
+                    motor, index, step, plan.frames + 1
+                )
+
+    def _rolls(self, plan, pre_ms, post_ms):
+        """Find where the motors wait and where they come to rest (field note 6.2)."""
+        player = self.player
+        r = player.numbers
+        last = plan.first + plan.step * plan.frames
+        plan.pre_ms = self._roll_times(plan, plan.first, pre_ms, plan.pre_rolls)
+        plan.post_ms = self._roll_times(plan, last, post_ms, plan.post_rolls)
+        for motor in range(player.count):
+            if (plan.bits >> motor) & 1:
+                self.store.position(motor, plan.first, plan.begins, motor)
+                self.store.position(motor, last, plan.ends, motor)
+                if not plan.frames:
+                    continue
+                own = frame_velocity(motor)
+                player.velocity(own, motor, plan.first, plan.step)
+                reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
+                if not player.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
+                    return player.blame_roll(
+                        EXCEEDED_PREROLL, motor, plan.first, ERR_PREROLL, own, ROLL_TICKS
+                    )
+                player.velocity(own, motor, last, plan.step)
+                reals.fetch(r, ROLL_TICKS, plan.post_rolls, 2 * motor)
+                if (plan.loops or plan.turns) and not player.apply_roll(
+                    motor, own, ROLL_TICKS, False, plan.ends
+                ):
+                    return player.blame_roll(
+                        EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
+                    )
+                if not self.find_end(motor, last):
+                    return player.blame_roll(
+                        EXCEEDED_POSTROLL, motor, last, ERR_POSTROLL, own, ROLL_TICKS
+                    )
+                if plan.turns:
+                    player.velocity(own, motor, plan.first, -plan.step)
+                    reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
+                    if not self.find_end(motor, plan.first):
+                        return player.blame_roll(
+                            EXCEEDED_POSTROLL, motor, plan.first, ERR_POSTROLL, own, ROLL_TICKS
+                        )
+        return OK
+
+    def find_end(self, motor, index):
+        """Find where a motor is at the end of the last frame, `index`, and where it comes to rest.
+
+        It keeps frame_velocity(motor) through the frame's period and then takes ROLL_TICKS to
+        stop. False where that is past a limit or steeper than the motor can.
+        """
+        player = self.player
+        r = player.numbers
+        lasts = self.lasts
+        self.store.position(motor, index, lasts, motor)
+        reals.multiply(r, X, frame_velocity(motor), FRAME_TICKS)
+        if not player.shift_by_x(lasts, motor, False):
+            return False
+        reals.copy_word(self.rests, motor, lasts, motor)
+        return player.apply_roll(motor, frame_velocity(motor), ROLL_TICKS, False, self.rests)
+
+    def set_durations(self, fps_milli):
+        """Set FRAME_TICKS and LONGER_FRAME_TICKS."""
+        r = self.player.numbers
+        reals.put(r, FRAME_TICKS, MICROSECONDS // fps_milli, 0)
+        compute(0, 0, r, _FRAME_TICKS)
+
+    def _roll_times(self, plan, index, ms, rolls):
+        """rolls = ticks for which each motor ramps between rest and its velocity at frame `index`.
+
+        ms: for all motors; 0: as long as each needs with its acceleration (field note 6.2),
+        two at least. Returns the longest in whole ms.
+        """
+        player = self.player
+        r = player.numbers
+        longest = ms
+        for motor in range(player.count):
+            if (plan.bits >> motor) & 1:
+                reals.put(r, ROLL_TICKS, ms, 0)
+                if ms == 0 and plan.frames:
+                    player.velocity(X, motor, index, plan.step)
+                    reals.fetch(r, Y, player.axes[motor].numbers, MAX_ACCELERATION)
+                    if compute(0, 0, r, _SHORTEST_RAMP):
+                        longest = max(longest, reals.floor(r, ROLL_TICKS, LONGEST_ROLL) + 1)
+                reals.fetch(rolls, 2 * motor, r, ROLL_TICKS)
+        return longest
