@@ -23,11 +23,11 @@ from framestep.moves.jog_phases import INDEX, JogPhases
 from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
-from framestep.moves.player import frame_velocity
 from framestep.moves.registers import (
     FRAME_SCALE,
     NEXT,
     RATE,
+    SPEEDS,
     TOP,
     T,
     X,
@@ -354,7 +354,7 @@ class JogAll(Operation):
         self.begun = tick
 
     def queue_first_phases(self, motor):
-        reals.put(self.player.numbers, frame_velocity(motor), 0, 0)
+        reals.put(self.player.numbers, SPEEDS + 2 * motor, 0, 0)
         if self.closed:  # sent back before it has begun
             self.player.axes[motor].set_more_to_come(False)
 

@@ -14,8 +14,7 @@ from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves import registers
 from framestep.moves.jog_phases import INDEX
 from framestep.moves.move_check import HALF
-from framestep.moves.player import frame_velocity
-from framestep.moves.registers import HERE, HERE_RATE, RATE, P, Q, T, X, Y
+from framestep.moves.registers import HERE, HERE_RATE, RATE, SPEEDS, P, Q, T, X, Y
 from framestep.native import const
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
@@ -131,7 +130,7 @@ def land_from(jog, ticks):
         if (jog.bits >> motor) & 1:
             jog.store.position(motor, at, player.position, 0)
             axes[motor].resume_from_cut(player.position, 0)
-            velocity(r, frame_velocity(motor), axes[motor].cubic, G1)
+            velocity(r, SPEEDS + 2 * motor, axes[motor].cubic, G1)
     jog.phases.begin(ticks)
     jog.closed = False
     reals.copy(r, RATE, HERE_RATE)
@@ -185,7 +184,7 @@ def _stay_before(jog, end):
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
-            own = frame_velocity(motor)
+            own = SPEEDS + 2 * motor
             if not reals.sign(r, own):
                 continue
             jog.store.position(motor, end, player.position, 0)
@@ -232,7 +231,7 @@ def hurry_time(jog, end, cut):
     for motor in range(player.count):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
-            own = frame_velocity(motor)
+            own = SPEEDS + 2 * motor
             reals.copy_word(jog.values, 0, axis.limits, PHYSICAL)
             if cut:
                 reals.copy_word(jog.values, 0, axis.cubic, WHOLE)

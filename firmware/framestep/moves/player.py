@@ -29,11 +29,6 @@ _FORWARD = formula(registers, "X = X + 0.5")
 _BACKWARD = formula(registers, "X = 0.5 - X")
 
 
-def frame_velocity(motor):
-    """The register of a motor's velocity at the last frame queued, steps per tick."""
-    return SPEEDS + 2 * motor
-
-
 @micropython.viper
 def _ahead(axes, bits: int) -> int:
     i = 0
@@ -189,9 +184,9 @@ class UploadPlayer(MoveCheck):
     def append_frame(self, bits, index, step, duration, scale=SCALE):
         """Append the cubic to frame `index` for each motor of these bits; step: 1 or -1 (backward).
 
-        duration: register, in ticks. The cubic begins with the velocity frame_velocity(motor) and
+        duration: register, in ticks. The cubic begins with the motor's velocity in SPEEDS and
         ends with that at the frame, at the rate of the register `scale`, which then is
-        frame_velocity(motor).
+        the one in SPEEDS.
         """
         store = self.store
         _hop(

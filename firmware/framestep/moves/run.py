@@ -23,8 +23,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.moves import registers
 from framestep.moves.frame_clock import FrameClock
-from framestep.moves.player import frame_velocity
-from framestep.moves.registers import FRAME_TICKS, LONGER_FRAME_TICKS, ROLL_TICKS, ZERO, X
+from framestep.moves.registers import FRAME_TICKS, LONGER_FRAME_TICKS, ROLL_TICKS, SPEEDS, ZERO, X
 from framestep.moves.run_plan import PreparedRun
 from framestep.native import const
 
@@ -83,7 +82,7 @@ class RunMove(PreparedRun):
         r = player.numbers
         axis = player.axes[motor]
         onward = self.step == plan.step
-        own = frame_velocity(motor)
+        own = SPEEDS + 2 * motor
         if plan.frames:
             player.velocity(own, motor, self.first, self.step)
         else:
@@ -150,7 +149,7 @@ class RunMove(PreparedRun):
             onward = self.step == plan.step
             positions = plan.ends if onward else plan.begins
             axis = player.axes[motor]
-            own = frame_velocity(motor)
+            own = SPEEDS + 2 * motor
             reals.fetch(r, ROLL_TICKS, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
                 self.find_end(motor, self.end)

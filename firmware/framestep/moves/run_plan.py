@@ -14,8 +14,7 @@ from framestep.moves import registers
 from framestep.moves.frame_clock import MICROSECONDS
 from framestep.moves.move_check import FASTEST_FPS
 from framestep.moves.operation import Operation
-from framestep.moves.player import frame_velocity
-from framestep.moves.registers import FRAME_TICKS, ROLL_TICKS, X, Y
+from framestep.moves.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import (
@@ -257,7 +256,7 @@ class PreparedRun(Operation):
                 self.store.position(motor, last, plan.ends, motor)
                 if not plan.frames:
                     continue
-                own = frame_velocity(motor)
+                own = SPEEDS + 2 * motor
                 player.velocity(own, motor, plan.first, plan.step)
                 reals.fetch(r, ROLL_TICKS, plan.pre_rolls, 2 * motor)
                 if not player.apply_roll(motor, own, ROLL_TICKS, True, plan.begins):
@@ -288,18 +287,18 @@ class PreparedRun(Operation):
     def find_end(self, motor, index):
         """Find where a motor is at the end of the last frame, `index`, and where it comes to rest.
 
-        It keeps frame_velocity(motor) through the frame's period and then takes ROLL_TICKS to
+        It keeps the velocity in SPEEDS through the frame's period and then takes ROLL_TICKS to
         stop. False where that is past a limit or steeper than the motor can.
         """
         player = self.player
         r = player.numbers
         lasts = self.lasts
         self.store.position(motor, index, lasts, motor)
-        reals.multiply(r, X, frame_velocity(motor), FRAME_TICKS)
+        reals.multiply(r, X, SPEEDS + 2 * motor, FRAME_TICKS)
         if not player.shift_by_x(lasts, motor, False):
             return False
         reals.copy_word(self.rests, motor, lasts, motor)
-        return player.apply_roll(motor, frame_velocity(motor), ROLL_TICKS, False, self.rests)
+        return player.apply_roll(motor, SPEEDS + 2 * motor, ROLL_TICKS, False, self.rests)
 
     def set_durations(self, fps_milli):
         """Set FRAME_TICKS and LONGER_FRAME_TICKS."""

@@ -30,8 +30,7 @@ from framestep.motors.motor import MAX_VELOCITY
 from framestep.moves import path, registers
 from framestep.moves.move_check import HALF
 from framestep.moves.operation import Operation
-from framestep.moves.player import frame_velocity
-from framestep.moves.registers import OPENING, RAMP, WAIT, WINDOW, ZERO, T, X, Y
+from framestep.moves.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
@@ -258,7 +257,7 @@ class ShootFrame(Operation):
         for motor in range(player.count):
             if not (shot.bits >> motor) & 1:
                 continue
-            own = frame_velocity(motor)
+            own = SPEEDS + 2 * motor
             reals.put_difference(r, X, shot.b, motor, shot.a, motor)
             if not -_FARTHEST < reals.floor(r, X, _FARTHEST) < _FARTHEST:
                 return ERR_RANGE
@@ -292,7 +291,7 @@ class ShootFrame(Operation):
         """OK if a motor's ramps are not too steep, and their ends within its limits; a code."""
         player = self.player
         axis = player.axes[motor]
-        if player.too_steep(motor, frame_velocity(motor), RAMP):
+        if player.too_steep(motor, SPEEDS + 2 * motor, RAMP):
             code = ERR_PREROLL if shot.blurs else ERR_RANGE
             return self._blame_ramp(EXCEEDED_PREROLL, shot, motor, code)
         if axis.beyond(shot.starts, motor):
@@ -302,7 +301,7 @@ class ShootFrame(Operation):
         return OK
 
     def _blame_ramp(self, what, shot, motor, code):
-        return self.player.blame_roll(what, motor, shot.index, code, frame_velocity(motor), RAMP)
+        return self.player.blame_roll(what, motor, shot.index, code, SPEEDS + 2 * motor, RAMP)
 
     def _too_fast(self, shot, motor):
         """Find a motor's velocity in the window. Whether it is above its top velocity."""
@@ -311,7 +310,7 @@ class ShootFrame(Operation):
         reals.put_difference(r, X, shot.b, motor, shot.a, motor)
         reals.fetch(r, Y, player.axes[motor].numbers, MAX_VELOCITY)
         too_fast = compute(0, 0, r, _TOO_FAST)
-        reals.copy(r, frame_velocity(motor), X)
+        reals.copy(r, SPEEDS + 2 * motor, X)
         return too_fast
 
     def _blame_velocity(self, shot, motor):
@@ -354,7 +353,7 @@ class ShootFrame(Operation):
         player = self.player
         r = player.numbers
         shot = self.shot
-        own = frame_velocity(motor)
+        own = SPEEDS + 2 * motor
         reals.put_difference(r, own, shot.b, motor, shot.a, motor)
         reals.divide(r, own, own, WINDOW)
         axis = player.axes[motor]
