@@ -48,6 +48,7 @@ _HOST_ONLY = {
     "framestep/results.py",
     _CLOCK,
     "framestep/moves/registers.py",
+    "framestep/protocol/fields.py",
     "framestep/virtuals/registers.py",
 }
 _COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built

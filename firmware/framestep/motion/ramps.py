@@ -6,6 +6,8 @@ spread over it and the motor comes to rest on the step exactly. With a jerk limi
 phases; since a ramp is symmetric it covers the mean of its two velocities times its duration
 either way, which is all that the plan needs to know of it.
 
+A move and a stop are one file, as both are made of the same ramps in the same registers.
+
 Time in ticks of 1 ms, position in steps, along the direction of the motion. Nothing allocates.
 """
 

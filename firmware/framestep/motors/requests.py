@@ -12,6 +12,7 @@ from framestep.motion import stepper
 from framestep.motors.axis import FULL_SPEED
 from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.native import const
+from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.results import BY, FRAME, MOTOR, WHAT
 
@@ -161,7 +162,7 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        self.reader.copy_i32_to(1, self.words, 0)
+        self.reader.copy_i32_to(f.MOTOR_MOVE_POSITION, self.words, 0)
         code = self.move(motor)
         if code != m.OK or self.rig.dword_acks:
             return code
@@ -196,10 +197,10 @@ class Motors:
     def _jog(self):
         """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target in steps 3 (field note 4.2)."""
         motor = self._motor()
-        speed = self.reader.u16(1)
+        speed = self.reader.u16(f.MOTOR_JOG_SPEED)
         if motor < 0 or speed < 1 or speed > FULL_SPEED:
             return m.ERR_RANGE
-        self.reader.copy_i32_to(3, self.words, 0)
+        self.reader.copy_i32_to(f.MOTOR_JOG_DESTINATION, self.words, 0)
         return self.jog(motor, speed)
 
     def jog(self, motor, speed):
@@ -271,7 +272,7 @@ class Motors:
         engaged = controller.operations.engaged | controller.virtuals.engaged
         if axis.moving or (engaged >> self._leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
-        self.reader.copy_i32_to(1, self.words, 0)
+        self.reader.copy_i32_to(f.MOTOR_RESET_POSITION_POSITION, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
@@ -283,7 +284,7 @@ class Motors:
     def _configure(self):
         """MSG_MOTOR_CONFIGURE: motor 0, flags 1: bits MOTOR_ (field notes 3.1 and 4.5)."""
         motor = self._motor()
-        flags = self.reader.u8(1)
+        flags = self.reader.u8(f.MOTOR_CONFIGURE_FLAGS)
         if motor < 0:
             return m.ERR_RANGE
         controller = self.controller
@@ -353,8 +354,8 @@ class Motors:
         Acceleration 0 is half the velocity (field note 4.1).
         """
         motor = self._motor()
-        velocity = self.reader.u30(1)
-        acceleration = self.reader.u30(5)
+        velocity = self.reader.u30(f.MOTOR_SET_SPEED_VELOCITY)
+        acceleration = self.reader.u30(f.MOTOR_SET_SPEED_ACCELERATION)
         if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
             return m.ERR_RANGE
         if acceleration < 0:
@@ -383,13 +384,15 @@ class Motors:
         reader = self.reader
         controller = self.controller
         motor = self._motor()
-        hw_set = reader.u8(11)
+        hw_set = reader.u8(f.MOTOR_SET_LIMITS_LIMIT_SET)
+        lower_enable = reader.u8(f.MOTOR_SET_LIMITS_LOWER_ENABLE)
+        upper_enable = reader.u8(f.MOTOR_SET_LIMITS_UPPER_ENABLE)
         switches = hw_set & m.HW_SET_MASK
-        if motor < 0 or reader.u8(1) > 1 or reader.u8(6) > 1 or not controller.safety.has(switches):
+        if motor < 0 or lower_enable > 1 or upper_enable > 1 or not controller.safety.has(switches):
             return m.ERR_RANGE
-        reader.copy_i32_to(2, self.words, 0)
-        reader.copy_i32_to(7, self.words, 1)
-        if not self.axes[motor].set_limits(reader.u8(1) != 0, reader.u8(6) != 0, self.words, 0):
+        reader.copy_i32_to(f.MOTOR_SET_LIMITS_LOWER, self.words, 0)
+        reader.copy_i32_to(f.MOTOR_SET_LIMITS_UPPER, self.words, 1)
+        if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):
             return m.ERR_RANGE
         controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
         controller.operations.settings_changed()

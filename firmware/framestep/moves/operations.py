@@ -17,6 +17,8 @@ When POSITIONING ends, each motor's backlash has been taken up for the direction
 out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a jump of a
 motor.
 
+All of it is one file because each state has to know what the others leave behind.
+
 What takes long for eight motors is done for one motor in each pass of the main loop, so that
 requests are answered in between. The plan of STARTING is already made in READY, while all motors
 stand, so that GO only has to release them. Between two passes it is hidden

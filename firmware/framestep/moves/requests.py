@@ -18,6 +18,7 @@ from framestep.moves.shoot import ShootFrame
 from framestep.moves.triggers import Triggers
 from framestep.moves.upload_store import UploadStore
 from framestep.native import const
+from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.results import WHAT
 
@@ -92,7 +93,7 @@ class Moves:
         """MSG_RT_UPLOAD_MOVE_BEGIN: start frame 0, end frame 4 (field notes 5.1 and 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
-        code = self.store.begin(self.reader.i32(0), self.reader.i32(4))
+        code = self.store.begin(self.reader.i32(0), self.reader.i32(f.UPLOAD_MOVE_BEGIN_END_FRAME))
         if code == m.OK:
             frames = self.store.end - self.store.start + 1
             self.levels.begin(frames)
@@ -187,29 +188,32 @@ class Moves:
         code = self._may_begin()
         if code != m.OK:
             return code
-        flags = reader.u16(29) if reader.length >= m.RUN_FLAGS_BYTES else 0
-        channel = reader.u16(25)
-        if reader.u8(20) > 1 or channel > 512 or flags & ~_RUN_FLAGS:
+        flags = reader.u16(f.RUN_MOVE_FLAGS) if reader.length >= m.RUN_FLAGS_BYTES else 0
+        channel = reader.u16(f.RUN_MOVE_BLOOP_CHANNEL)
+        sync = reader.u8(f.RUN_MOVE_SYNC_DMX)
+        if sync > 1 or channel > 512 or flags & ~_RUN_FLAGS:
             return m.ERR_RANGE
         plan = self.run.draft
         plan.loops = flags & m.RUN_LOOP != 0
         plan.turns = flags & m.RUN_PING_PONG != 0
         plan.stills = flags & m.RUN_STILLS != 0
         plan.video = flags & m.RUN_VIDEO != 0 and not plan.stills  # field note 6.9
-        plan.sync = reader.u8(20) == 1
-        plan.bloop_bits = reader.u16(21) | ((reader.u16(23) & (OUTPUTS >> 16)) << 16)
+        plan.sync = sync == 1
+        plan.bloop_bits = reader.u16(f.RUN_MOVE_BLOOP_OUTPUTS) | (
+            (reader.u16(f.RUN_MOVE_BLOOP_OUTPUTS + 2) & (OUTPUTS >> 16)) << 16
+        )
         plan.bloop_channel = channel
-        plan.bloop_ms = reader.u16(27)
+        plan.bloop_ms = reader.u16(f.RUN_MOVE_BLOOP_MS)
         opened = closed = 0
         if plan.stills and reader.length >= m.RUN_ANGLES_BYTES:
-            opened = reader.u16(31)
-            closed = reader.u16(33)
+            opened = reader.u16(f.RUN_MOVE_OPEN_ANGLE)
+            closed = reader.u16(f.RUN_MOVE_CLOSE_ANGLE)
         code = self.run.prepare(
             reader.u30(0),
-            reader.i32(4),
-            reader.i32(8),
-            reader.u30(12),
-            reader.u30(16),
+            reader.i32(f.RUN_MOVE_START_FRAME),
+            reader.i32(f.RUN_MOVE_END_FRAME),
+            reader.u30(f.RUN_MOVE_PREROLL_MS),
+            reader.u30(f.RUN_MOVE_POSTROLL_MS),
             opened,
             closed,
         )
@@ -234,13 +238,17 @@ class Moves:
         """
         reader = self.reader
         code = self._may_begin()
-        if code == m.OK and reader.u8(4) > 1:
+        if code == m.OK and reader.u8(f.SHOOT_FRAME_DIRECTION) > 1:
             code = m.ERR_RANGE
         if code == m.OK:
-            backward = reader.u8(4) == 0
-            listed = self._listed(11, backward)
+            backward = reader.u8(f.SHOOT_FRAME_DIRECTION) == 0
+            listed = self._listed(f.SHOOT_FRAME_MOTORS, backward)
             code = self.shoot.prepare_blur(
-                reader.i32(0), backward, reader.u30(5), reader.u16(9), listed
+                reader.i32(0),
+                backward,
+                reader.u30(f.SHOOT_FRAME_EXPOSURE_MS),
+                reader.u16(f.SHOOT_FRAME_BLUR),
+                listed,
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
@@ -254,9 +262,13 @@ class Moves:
         reader = self.reader
         code = self._may_begin()
         if code == m.OK:
-            listed = self._listed(12, False)
+            listed = self._listed(f.SHOOT_FRAME2_MOTORS, False)
             code = self.shoot.prepare_angles(
-                reader.i32(0), reader.u30(4), reader.i16(8), reader.i16(10), listed
+                reader.i32(0),
+                reader.u30(f.SHOOT_FRAME2_EXPOSURE_MS),
+                reader.i16(f.SHOOT_FRAME2_OPEN_ANGLE),
+                reader.i16(f.SHOOT_FRAME2_CLOSE_ANGLE),
+                listed,
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
@@ -340,7 +352,7 @@ class Moves:
         if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.jog.prepare(self.reader.u30(0), self.reader.i32(4))
+            code = self.jog.prepare(self.reader.u30(0), self.reader.i32(f.JOG_ALL_DESTINATION))
         if code == m.OK:
             self.controller.motors.motors_sent(self.jog.bits)
         return self._report_exceeded(code)

@@ -8,6 +8,7 @@ from array import array
 
 from framestep.motion import reals
 from framestep.native import const
+from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.virtuals.jogs import Jogs
 from framestep.virtuals.kinematics import Configuration
@@ -372,7 +373,7 @@ class Virtuals:
         code = line.begin_line()
         if code:
             return code
-        self.reader.copy_i32_to(1, self.word, 0)
+        self.reader.copy_i32_to(f.VIRT_MOVE_POSITION, self.word, 0)
         line.rig.from_host(X, number - 1, self.word, 0)
         reals.copy(self.r, GOAL, X)
         if not self._head_for(GOAL, number - 1):
@@ -404,10 +405,10 @@ class Virtuals:
         if code != m.OK:
             return code
         number = self._number()
-        speed = reader.u16(1)
+        speed = reader.u16(f.VIRT_JOG_SPEED)
         if not number or speed < 1 or speed > _FASTEST:
             return m.ERR_RANGE
-        reader.copy_i32_to(3, self.word, 0)
+        reader.copy_i32_to(f.VIRT_JOG_DESTINATION, self.word, 0)
         return self.jogs.jog_axis(number, speed, self.word)
 
     def _jog_on_line(self):
@@ -420,7 +421,7 @@ class Virtuals:
         if code != m.OK:
             return code
         axis = reader.u8(0)
-        speed = reader.i16(1)
+        speed = reader.i16(f.VIRT_JOG_ON_LINE_SPEED)
         if axis > m.LINE_TILT or not speed or speed < -_FASTEST or speed > _FASTEST:
             return m.ERR_RANGE
         direction = 1 if speed > 0 else -1
@@ -459,7 +460,7 @@ class Virtuals:
         writer.begin(m.MSG_VIRT_AIM_POINT, reader)
         writer.u8(enable)
         for i in range(3):
-            reader.copy_i32_to(1 + 4 * i, self.point, i)
+            reader.copy_i32_to(f.VIRT_AIM_POINT_X + 4 * i, self.point, i)
             writer.put_i32s_from(self.point, i, 1)
         writer.end()
         return 0
@@ -471,7 +472,7 @@ class Virtuals:
         for i in range(3):
             at = AIM_X + 2 * i
             reals.fetch(self.old, 2 * i, r, at)
-            self.reader.copy_i32_to(1 + 4 * i, self.word, 0)
+            self.reader.copy_i32_to(f.VIRT_AIM_POINT_X + 4 * i, self.word, 0)
             rig.host_offset(GOAL, _POSE_OF_AIM[i])
             rig.load(at, self.word, 0)
             reals.subtract(r, at, at, GOAL)

@@ -1,0 +1,45 @@
+"""Where fields are in a payload: as framestep_tools.payloads has them."""
+
+import inspect
+import struct
+
+import pytest
+
+from framestep.protocol import fields, messages
+from framestep_tools import payloads
+from framestep_tools.payloads import codec
+
+_NAMES = [name for name in vars(fields) if name.isupper()]
+
+
+def _fixed_offsets():
+    """{name: offset} of the fields of these requests that lie at the same place always."""
+    names = {
+        value: name.removeprefix("MSG_").removeprefix("RT_")
+        for name, value in vars(messages).items()
+        if name.startswith("MSG_")
+    }
+    found = {}
+    for cls in vars(payloads).values():
+        if not (inspect.isclass(cls) and issubclass(cls, payloads.Request)):
+            continue
+        if not isinstance(getattr(cls, "TYPE", None), int):
+            continue
+        if not any(name.startswith(names[cls.TYPE] + "_") for name in _NAMES):
+            continue
+        at = 0
+        for name, code, _ in codec.layout(cls):
+            found[f"{names[cls.TYPE]}_{name}".upper()] = at
+            if not isinstance(code, str) or code.startswith("*"):
+                break
+            at += struct.calcsize("<" + code)
+    return found
+
+
+@pytest.mark.parametrize("name", _NAMES)
+def test_a_field_is_where_the_payload_has_it(name):
+    assert getattr(fields, name) == _fixed_offsets()[name]
+
+
+def test_there_are_fields():
+    assert len(_NAMES) > 30
