@@ -152,19 +152,19 @@ def past_the_limit(monkeypatch):
 
 
 def told_wrong(monkeypatch):
-    tell = OperationRunner.tell
+    tell = OperationRunner.sample_move_time
 
     def wrong(self, frame):
         time = tell(self, frame)
         self.axes.reported[0] += 1
         return time
 
-    monkeypatch.setattr(OperationRunner, "tell", wrong)
+    monkeypatch.setattr(OperationRunner, "sample_move_time", wrong)
 
 
 def told_ahead(monkeypatch):
     """Positions of what is queued, not of the pins."""
-    tell = OperationRunner.tell
+    tell = OperationRunner.sample_move_time
 
     def wrong(self, frame):
         time = tell(self, frame)
@@ -172,7 +172,7 @@ def told_ahead(monkeypatch):
             self.axes.reported[0] += 30
         return time
 
-    monkeypatch.setattr(OperationRunner, "tell", wrong)
+    monkeypatch.setattr(OperationRunner, "sample_move_time", wrong)
 
 
 def rests_too_soon(monkeypatch):

@@ -130,11 +130,11 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, advances, i: int, bounds
     reached.
     """
     q = ptr32(rows)
-    advance = ptr32(advances)
+    kept = ptr32(advances)
     bound = ptr32(bounds)
     whole = q[b + 0]
     part = q[b + 1]
-    d = advance[i + 0] + int(_way(rows, a, b))
+    d = kept[i + 0] + int(_way(rows, a, b))
     if d > 0x8000:
         d = 0x8000
     elif d < -0x8000:
@@ -149,7 +149,7 @@ def next_step(out: ptr32, rows, a: int, b: int, c: int, advances, i: int, bounds
         d += ahead
         if d > 0:
             d = 0
-    advance[i] = d
+    kept[i] = d
     part += d
     whole += part >> 16
     part = part & 0xFFFF
