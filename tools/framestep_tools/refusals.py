@@ -10,7 +10,7 @@ from typing import Any
 from framestep import texts
 from framestep.motors.axis import FULL_SPEED
 from framestep.moves.move_check import FASTEST_FPS
-from framestep.moves.run import LONGEST_ROLL
+from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.moves.shoot import LONGEST_MS
 from framestep.moves.upload_store import FARTHEST_FRAME
 from framestep.protocol.messages import (

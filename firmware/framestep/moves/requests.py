@@ -252,7 +252,7 @@ class Moves:
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
-        return self._tell(code)
+        return self._report_exceeded(code)
 
     def _shoot_frame2(self):
         """MSG_RT_SHOOT_FRAME2 (field note 7.3).
@@ -272,7 +272,7 @@ class Moves:
             )
         if code == m.OK:
             self.controller.motors.motors_sent(self.shoot.bits)
-        return self._tell(code)
+        return self._report_exceeded(code)
 
     def _listed(self, offset, backward):
         """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if
