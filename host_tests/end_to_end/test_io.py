@@ -232,6 +232,7 @@ def test_go_from_an_input(dialect):
     assert session.position(1) == 480
 
 
+@pytest.mark.inside
 def test_go_from_an_input_is_told_once_the_host_listens():
     """To a host that has taken nothing until there was no room for it; and what comes behind it in
     its turn."""
