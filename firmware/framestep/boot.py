@@ -12,7 +12,6 @@ from the heap. Behind the move, a search took 0.1 ms.
 import gc
 import sys
 
-from framestep.leftovers import stop_dma
 from framestep.native import const
 
 _DENSE = const(4096)  # bytes taken between two collections
@@ -98,6 +97,8 @@ def start(again=False):
     global hal, controller, runner
     if controller:  # by boot.py, after a soft reset
         return
+    from framestep.leftovers import stop_dma
+
     stop_dma()  # where boot.py is not framestep's
     spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD
@@ -106,11 +107,6 @@ def start(again=False):
     if held:
         print("framestep: not started,", held)
         return
-    # after a soft reset it is still that of programs on the REPL, and modules import each other
-    from framestep.hal import STACK
-    from framestep.hal.rp2_stack import set_limit
-
-    set_limit(STACK)
     gc.threshold(_DENSE)
     _load_into_ram()
     # at once: while the rest is loaded they would float
@@ -122,6 +118,11 @@ def start(again=False):
     if again and settings.ports != 2:
         gc.threshold(-1)
         return
+    # after a soft reset it is still that of programs on the REPL, and modules import each other
+    from framestep.hal import STACK
+    from framestep.hal.rp2_stack import set_limit
+
+    set_limit(STACK)
     if mistake:
         print("framestep:", mistake)
         print("framestep: nothing will move until the file is right and the board has been reset")
