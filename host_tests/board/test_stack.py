@@ -9,6 +9,7 @@ from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     HardStop,
     MotorMove,
+    MotorStatus,
     MotorStopAll,
     RtEnd,
     RtGo,
@@ -170,6 +171,8 @@ def test_a_ctrl_c_while_something_is_told(session):
     assert repl.eval("struck") is True
     assert repl.eval("mem32[limit]") == REPL_STACK
     assert repl.eval("framestep.boot.runner.alive") is True
+    session.run(0.1)  # the client's clock has stood still
+    assert session.client.request(MotorStatus()).moving == []
 
 
 def test_the_limit_after_a_soft_reset():
