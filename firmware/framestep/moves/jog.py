@@ -20,7 +20,7 @@ from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.moves import path, registers
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
 from framestep.moves.jog_phases import INDEX, JogPhases
-from framestep.moves.move_check import BATCH, FASTEST_FPS, HALF
+from framestep.moves.move_check import FASTEST_FPS, HALF
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, POSITIONING
 from framestep.moves.registers import (
@@ -33,6 +33,7 @@ from framestep.moves.registers import (
     X,
     Y,
 )
+from framestep.moves.standing import find_frame, find_switch_on_path
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
@@ -99,7 +100,6 @@ class JogAll(Operation):
         Operation.__init__(self, operations)
         self.player = operations.player
         self.store = operations.store
-        self.values = self.player.values  # scratch, shared with the checks
         self.last_queued = 0  # index of the last frame queued
         self.destination = 0  # index of the frame to come to rest on
         self.step = 1  # direction along the path: 1 or -1
@@ -139,7 +139,7 @@ class JogAll(Operation):
         if not under_way:
             if operations.axes.moving:
                 return ERR_MOVING
-            at = self._standing(bits)
+            at = find_frame(self.player, bits, operations.move_time // 1000 - store.start)
             if at < 0:
                 return ERR_NOT_IN_POSITION
         else:
@@ -156,7 +156,7 @@ class JogAll(Operation):
         self._find_directions(self.draft, bits, at, step, frames, going)
         code = self.player.check(bits, at, frames, fps_milli, step, self.draft, ACCELERATION, going)
         if code == OK and not under_way:
-            code = self._barred(bits, at, to)
+            code = find_switch_on_path(self.player, operations.safety, bits, at, to, self.positions)
         if code != OK:
             return code
         self.fps_milli = fps_milli
@@ -292,57 +292,6 @@ class JogAll(Operation):
         if reals.floor(r, X, HALF) >= 1 or frames == 0 and reals.sign(r, RATE):
             frames += 1
         return self.last_queued + self.step * frames
-
-    def _standing(self, bits):
-        """Index of the frame on which all motors stand; -1 if there is none."""
-        store = self.store
-        if not bits:
-            return -1
-        near = self.operations.move_time // 1000 - store.start
-        last = store.end - store.start
-        if 0 <= near <= last and self._stand_on(bits, near):
-            return near
-        motor = 0
-        while not (bits >> motor) & 1:
-            motor += 1
-        axis = self.player.axes[motor]
-        index = 0
-        while index <= last:
-            count = min(last + 1 - index, BATCH)
-            store.positions(motor, index, count, self.values, 0)
-            for i in range(count):
-                if axis.stands_on(self.values, i) and self._stand_on(bits, index + i):
-                    return index + i
-            index += count
-        return -1
-
-    def _stand_on(self, bits, index):
-        position = self.player.position
-        for motor in range(self.player.count):
-            if (bits >> motor) & 1:
-                self.store.position(motor, index, position, 0)
-                if not self.player.axes[motor].stands_on(position, 0):
-                    return False
-        return True
-
-    def _barred(self, bits, at, to):
-        """OK, or the code of a limit switch in the way of a motor from index `at` to index `to`."""
-        safety = self.operations.safety
-        step = 1 if to > at else -1
-        for motor in range(self.player.count):
-            if (bits >> motor) & 1 and safety.active_limits(motor):
-                axis = self.player.axes[motor]
-                index = at
-                while index != to:
-                    index += step
-                    self.store.position(motor, index, self.positions, motor)
-                    if not axis.stands_on(self.positions, motor):
-                        # the first frame that lies elsewhere tells which way it goes
-                        code = safety.limit_blocking(motor, self.positions, motor)
-                        if code != OK:
-                            return code
-                        break
-        return OK
 
     # ---------------------------------------------------------------- the motion
 

@@ -203,7 +203,7 @@ def _find_limit(jog, at, end):
     player = jog.player
     r = player.numbers
     store = jog.store
-    values = jog.values
+    values = player.values
     if not compute(0, 0, r, _GENTLEST):
         return
     for motor in range(player.count):

@@ -116,7 +116,7 @@ _ROUNDED_UP = formula(
 class MoveCheck:
     """Checks the path through the uploaded frames against what the motors are set to.
 
-    `numbers`, `window`, `values` and `place` are scratch for all that play the move.
+    `numbers`, `window`, `values` and `position` are scratch for all that run the move.
     """
 
     def __init__(self, axes, store):
@@ -209,8 +209,7 @@ class MoveCheck:
             words[path_check.TAKEN] = 0
             reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
             reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
-            # without play it does not matter which way they are played, and forward is faster to
-            # read
+            # without backlash the direction makes no difference, and forward is faster to read
             order = step if axis.backlash else 1
             at = begin if order == step else begin + step * (count - 1)
             first = at

@@ -4,7 +4,7 @@ from framestep.results import OK
 
 
 class Operation:
-    """What a kind of play adds to the state machine. operations: the OperationRunner.
+    """What a kind of operation adds to the state machine. operations: the OperationRunner.
 
     Methods that are not overridden here do the least. `tick` and `ticks` count modulo 2^29. Nothing
     allocates.
@@ -64,7 +64,7 @@ class Operation:
         return False
 
     def still_wanted(self):
-        """Whether the pass announced by next_pass() is to be played, now that the motors are in
+        """Whether the pass announced by next_pass() is to be run, now that the motors are in
         place."""
         return True
 

@@ -30,19 +30,15 @@ from framestep.clock import after, elapsed
 from framestep.motion import stepper
 from framestep.moves.operation import Operation
 from framestep.moves.player import UploadPlayer
+from framestep.moves.standing import (
+    find_positions,
+    find_switch_ahead,
+    stand_at,
+    stand_on_frame,
+)
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const, micropython
-from framestep.results import (
-    ERR_GENERAL,
-    ERR_HARD_LOW,
-    ERR_HARD_UP,
-    ERR_MOVING,
-    ERR_NOT_IN_POSITION,
-    ERR_RANGE,
-    ERR_SOFT_LOW,
-    ERR_SOFT_UP,
-    OK,
-)
+from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, OK
 
 # States
 IDLE = const(0)
@@ -138,10 +134,10 @@ class OperationRunner:
     def send_to_frame(self, frame, positions, among=-1):
         """Send motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME). A code.
 
-        places: scratch, an array('i') with a word for each motor. Nothing moves unless the code is
-        OK.
+        positions: scratch, an array('i') with a word for each motor. Nothing moves unless the code
+        is OK.
         """
-        code = self._find(frame, positions, among)
+        code = self._note_target(frame, positions, among)
         if code == OK:
             self.drop_prepared()
             self._send_all(self.sent, positions)
@@ -153,7 +149,7 @@ class OperationRunner:
 
         The next request that concerns motors sends the rest at once: send_waiting().
         """
-        if self._find(frame, positions, among) == OK:
+        if self._note_target(frame, positions, among) == OK:
             self.start_positions = positions
             self.directions = None
             self.waiting = self.sent
@@ -165,27 +161,11 @@ class OperationRunner:
             self._next_motor()
         self.state = IDLE
 
-    def _find(self, frame, positions, among):
-        """Put the motors' positions at a scene frame into `places` and their bits into `sent`.
-
-        As send_to_frame().
-        """
-        store = self.store
-        if store.state != UPLOADED:
-            return ERR_GENERAL
-        if frame < store.start or frame > store.end:
-            return ERR_RANGE
-        axes = self.axes
-        bits = self.player.motors() & among
-        for motor in range(axes.count):
-            if (bits >> motor) & 1:
-                store.position(motor, frame - store.start, positions, motor)
-                side = axes[motor].outside(positions, motor)
-                if side:
-                    return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
-        code = self.blocked(bits, positions)
+    def _note_target(self, frame, positions, among):
+        """Note that motors go to a frame; as send_to_frame()."""
+        code = find_positions(self.player, self.safety, frame, among, positions)
         if code == OK:
-            self.sent = bits
+            self.sent = self.player.motors() & among
             self.sent_frame = frame
         return code
 
@@ -195,15 +175,10 @@ class OperationRunner:
         if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
             self.sent = 0
             store = self.store
-            position = self.player.position
             if store.state != UPLOADED or not store.start <= self.sent_frame <= store.end:
                 return
-            for motor in range(self.axes.count):
-                if (bits >> motor) & 1 and store.has(motor):
-                    store.position(motor, self.sent_frame - store.start, position, 0)
-                    if not self.axes[motor].stands_on(position, 0):
-                        return
-            self.move_time = self.sent_frame * 1000
+            if stand_on_frame(self.player, bits, self.sent_frame - store.start):
+                self.move_time = self.sent_frame * 1000
 
     def sample_move_time(self, frame):
         """MOVE TIME to report, with the positions in `axes.reported`.
@@ -221,15 +196,6 @@ class OperationRunner:
             return time
         self._note_arrival()
         return self.move_time
-
-    def blocked(self, bits, positions):
-        """OK, or the code of a limit switch in the way of one of these motors to places[motor]."""
-        for motor in range(self.axes.count):
-            if (bits >> motor) & 1:
-                code = self.safety.limit_blocking(motor, positions, motor)
-                if code != OK:
-                    return code
-        return OK
 
     def prepare(self, operation, begins, directions, frame):
         """Prepare an operation: send its motors to where it begins.
@@ -261,8 +227,10 @@ class OperationRunner:
             return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
         code = self._recheck(True)
         if code == OK:
-            code = self._switches()
-        if code == OK and not self._there():
+            code = find_switch_ahead(self.player, self.safety, self.operation)
+        if code == OK and not stand_at(
+            self.axes, self.operation.bits, self.start_positions, self.directions
+        ):
             code = ERR_NOT_IN_POSITION
         return code
 
@@ -284,19 +252,6 @@ class OperationRunner:
         if code == OK:
             self.changed = False
         return code
-
-    def _switches(self):
-        """OK, or the code of a limit switch in which a motor stands and would drive on."""
-        if self.safety.active:
-            for motor in range(self.axes.count):
-                if (self.operation.bits >> motor) & 1:
-                    ends = self.safety.active_limits(motor)
-                    direction = self.operation.heading(motor) if ends else 0
-                    if direction > 0 and ends & 1:
-                        return ERR_HARD_UP
-                    if direction < 0 and ends & 2:
-                        return ERR_HARD_LOW
-        return OK
 
     def start(self):
         """Start the operation that waits, after may_go() has answered OK."""
@@ -458,14 +413,6 @@ class OperationRunner:
     def moving(self):
         """Whether a motor of the operation moves."""
         return self.axes.moving_bits() & self.operation.bits != 0
-
-    def _there(self):
-        for motor in range(self.axes.count):
-            if (self.operation.bits >> motor) & 1 and not self.axes[motor].stands_on(
-                self.start_positions, motor, self.directions[motor]
-            ):
-                return False
-        return True
 
     def _plan_early(self):
         """In READY: do a piece of the planning of STARTING. Returns whether there may be more."""

@@ -135,8 +135,8 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
 def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
     """r[to] = slope() times the real number r[scale], but no more than r[top] either way.
 
-    A slope may be steeper than both of its chords. At an end of a play the motor keeps it for a
-    whole frame, and ramps to it and from it.
+    A slope may be steeper than both of its chords. The first and the last frame of a run are
+    followed at their slope for a whole frame, with a ramp to it and from it.
     """
     put(r, to, int(slope(window, bounds, before, after)), 0)
     multiply(r, to, to, scale)

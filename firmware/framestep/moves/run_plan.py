@@ -15,6 +15,7 @@ from framestep.moves.frame_clock import MICROSECONDS
 from framestep.moves.move_check import FASTEST_FPS
 from framestep.moves.operation import Operation
 from framestep.moves.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
+from framestep.moves.standing import find_blocking_switch
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import (
@@ -140,7 +141,7 @@ class PreparedRun(Operation):
         plan.close_angle = close_angle
         code = self._settle(plan)
         if code == OK:
-            code = self.operations.blocked(plan.bits, plan.begins)
+            code = find_blocking_switch(self.player, self.operations.safety, plan.bits, plan.begins)
         if code != OK:
             self._restore()
             return code

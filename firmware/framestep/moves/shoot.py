@@ -32,6 +32,7 @@ from framestep.moves.move_check import HALF
 from framestep.moves.operation import Operation
 from framestep.moves.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
 from framestep.moves.run_outputs import METER, SHUTTER
+from framestep.moves.standing import find_blocking_switch
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.native import const
 from framestep.results import (
@@ -183,7 +184,7 @@ class ShootFrame(Operation):
         if code == OK:
             code = self._find_positions(shot, permille)
         if code == OK:
-            code = self.operations.blocked(shot.bits, shot.starts)
+            code = find_blocking_switch(player, self.operations.safety, shot.bits, shot.starts)
         if code != OK:
             return code
         self.draft = self.shot

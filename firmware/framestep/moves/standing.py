@@ -1,0 +1,126 @@
+"""On which frame of the uploaded move motors stand, and what keeps them from going elsewhere.
+
+Nothing here moves a motor. Nothing allocates.
+"""
+
+from framestep.moves.move_check import BATCH
+from framestep.moves.upload_store import READY as UPLOADED
+from framestep.results import (
+    ERR_GENERAL,
+    ERR_HARD_LOW,
+    ERR_HARD_UP,
+    ERR_RANGE,
+    ERR_SOFT_LOW,
+    ERR_SOFT_UP,
+    OK,
+)
+
+
+def stand_at(axes, bits, positions, directions):
+    """Whether motors stand on positions[motor], with backlash taken up for directions[motor]."""
+    for motor in range(axes.count):
+        if (bits >> motor) & 1 and not axes[motor].stands_on(positions, motor, directions[motor]):
+            return False
+    return True
+
+
+def stand_on_frame(player, bits, index):
+    """Whether motors stand on the frame `index`; those without uploaded positions do."""
+    store = player.store
+    position = player.position
+    for motor in range(player.count):
+        if (bits >> motor) & 1 and store.has(motor):
+            store.position(motor, index, position, 0)
+            if not player.axes[motor].stands_on(position, 0):
+                return False
+    return True
+
+
+def find_frame(player, bits, near):
+    """Index of a frame on which all motors stand, -1 if there is none; `near` is tried first."""
+    store = player.store
+    if not bits:
+        return -1
+    last = store.end - store.start
+    if 0 <= near <= last and stand_on_frame(player, bits, near):
+        return near
+    motor = 0
+    while not (bits >> motor) & 1:
+        motor += 1
+    axis = player.axes[motor]
+    values = player.values
+    index = 0
+    while index <= last:
+        count = min(last + 1 - index, BATCH)
+        store.positions(motor, index, count, values, 0)
+        for i in range(count):
+            if axis.stands_on(values, i) and stand_on_frame(player, bits, index + i):
+                return index + i
+        index += count
+    return -1
+
+
+def find_positions(player, safety, frame, among, positions):
+    """positions[motor] = where motors, of the bits `among`, are at a scene frame.
+
+    OK, or why they cannot go there.
+    """
+    store = player.store
+    if store.state != UPLOADED:
+        return ERR_GENERAL
+    if frame < store.start or frame > store.end:
+        return ERR_RANGE
+    bits = player.motors() & among
+    for motor in range(player.count):
+        if (bits >> motor) & 1:
+            store.position(motor, frame - store.start, positions, motor)
+            side = player.axes[motor].outside(positions, motor)
+            if side:
+                return ERR_SOFT_UP if side > 0 else ERR_SOFT_LOW
+    return find_blocking_switch(player, safety, bits, positions)
+
+
+def find_blocking_switch(player, safety, bits, positions):
+    """OK, or the code of a limit switch in the way of a motor to positions[motor]."""
+    for motor in range(player.count):
+        if (bits >> motor) & 1:
+            code = safety.limit_blocking(motor, positions, motor)
+            if code != OK:
+                return code
+    return OK
+
+
+def find_switch_on_path(player, safety, bits, at, to, positions):
+    """OK, or the code of a limit switch in the way of a motor from index `at` to index `to`.
+
+    positions: scratch, a word for each motor.
+    """
+    step = 1 if to > at else -1
+    for motor in range(player.count):
+        if (bits >> motor) & 1 and safety.active_limits(motor):
+            axis = player.axes[motor]
+            index = at
+            while index != to:
+                index += step
+                player.store.position(motor, index, positions, motor)
+                if not axis.stands_on(positions, motor):
+                    # the first frame that lies elsewhere tells which way it goes
+                    code = safety.limit_blocking(motor, positions, motor)
+                    if code != OK:
+                        return code
+                    break
+    return OK
+
+
+def find_switch_ahead(player, safety, operation):
+    """OK, or the code of a limit switch in which a motor stands and would drive on."""
+    if safety.active:
+        for motor in range(player.count):
+            if (operation.bits >> motor) & 1:
+                ends = safety.active_limits(motor)
+                direction = operation.heading(motor) if ends else 0
+                if direction > 0 and ends & 1:
+                    return ERR_HARD_UP
+                if direction < 0 and ends & 2:
+                    return ERR_HARD_LOW
+    return OK
