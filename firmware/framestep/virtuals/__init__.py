@@ -1,1 +1,1 @@
-"""Virtual axes: the camera's place and angles instead of motors."""
+"""Virtual axes: the camera's position and angles instead of motors."""

@@ -23,7 +23,7 @@ _DIRECTION = formula(
 
 
 def direction(r):
-    """DIRECTION_PAN and DIRECTION_TILT: degrees from the place of POSE to the aim point.
+    """DIRECTION_PAN and DIRECTION_TILT: degrees from the position in POSE to the aim point.
 
     The pan is on the turn nearest to NEAR_PAN. 0, or ERR_AIM_COD where the point is nearer than the
     safe distance, or straight above or below.

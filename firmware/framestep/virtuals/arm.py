@@ -3,12 +3,12 @@
 Axes 1 SWING, 2 TRACK, 3 PAN. With the arm's level reach (field note 9.4): vEW = reach·sin(swing),
 along the track = track - reach·cos(swing), vPan = pan + swing.
 
-Two swings bring the camera to the same place: in front of the column and behind it. inverse() keeps
-to the side on which locate() has found the arm, as the number of half turns nearest to its swing,
-so that swing and pan go on without a jump beyond ±180 degrees as well. A path cannot change sides:
-that would be at a swing of ±90 degrees, where the track no longer moves the camera to the side.
-What is nearer than 2 degrees (88.2, where the cosine is a 32nd) is out of reach: there the last bit
-of a place would be whole steps of the track.
+Two swings bring the camera to the same position: in front of the column and behind it. inverse()
+keeps to the side on which locate() has found the arm, as the number of half turns nearest to its
+swing, so that swing and pan go on without a jump beyond ±180 degrees as well. A path cannot change
+sides: that would be at a swing of ±90 degrees, where the track no longer moves the camera to the
+side. Less than 2 degrees from there (88.2, where the cosine is a 32nd) is out of reach: the last
+bit of a position would be whole steps of the track.
 """
 
 from framestep.motion import reals

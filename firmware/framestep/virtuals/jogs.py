@@ -192,7 +192,7 @@ class Jogs:
         for direction in range(1, -2, -2):
             reals.put(r, DIRECTION + 2 * (number - 1), direction, 0)
             reals.put(r, SAMPLE, 1, -6)
-            if not self.line.place(SAMPLE, SURVEY + ROW):
+            if not self.line.positions_at(SAMPLE, SURVEY + ROW):
                 return direction * self.line.direction(main, SURVEY, SURVEY + ROW)
         return 1
 

@@ -2,8 +2,8 @@
 
 A type's module has one class, `Geometry`, whose inverse() says where the axes of the rig stand for
 a pose of the camera, and whose forward() says the opposite. A pose is vTrack, vEW, vNS, vPan,
-vTilt, vRoll: the place of the lens's nodal point in units, and angles in degrees (field note 9.1).
-The camera at rest looks along -Z (field note 9.4).
+vTilt, vRoll: the position of the lens's nodal point in units, and angles in degrees (field note
+9.1). The camera at rest looks along -Z (field note 9.4).
 
 POSE counts as forward() does. The host counts from the pose that it has given at VIRT_CONFIG (field
 note 9.2): what it is told and asks for is that pose plus the change of POSE since then. So straight
@@ -38,7 +38,7 @@ from framestep.virtuals.registers import (
     Y,
 )
 
-_SLACK = const(-12)  # an axis without a motor counts as in place within 2^-12 units of it
+_SLACK = const(-12)  # how far off an axis without a motor may be: 2^-12 units
 
 _word = array("i", [0, 0])  # any word, and 0
 
@@ -142,7 +142,7 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
     1.
     """
     base = ptr32(start)
-    place = ptr32(out)
+    to = ptr32(out)
     end = j + count + count
     while j < end:
         value = r[a + 0]
@@ -167,8 +167,8 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
         half = (base[i + 0] >> 1) + (whole >> 1) + (base[i + 0] & whole & 1)
         if half > 0x3FBFFFFF or half < -0x3FC00000:
             return 0
-        place[j + 0] = base[i + 0] + whole
-        place[j + 1] = rest
+        to[j + 0] = base[i + 0] + whole
+        to[j + 1] = rest
         a += 2
         i += 1
         j += 2
@@ -352,7 +352,7 @@ class Kinematics:
             if not motor:
                 self._absent = True
                 continue
-            if not self.straight >> i & 1:
+            if not (self.straight >> i) & 1:
                 self.joint(i, present, motor - 1)  # counted from step 0
                 reals.copy(r, X, JOINT + 2 * i)
                 compute(0, 0, r, _WITHOUT_TURNS)

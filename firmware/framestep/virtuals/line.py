@@ -34,7 +34,7 @@ from framestep.virtuals.registers import (
     X,
 )
 
-ROW = const(12)  # words of `rows` that have the places of all motors: step and Q16 fraction of each
+ROW = const(12)  # words of `rows` with the positions of all motors: step and Q16 fraction of each
 SURVEY = const(192)  # the first of three rows of the survey, after those of 16 knots
 
 # Words per motor of `bounds`
@@ -112,7 +112,7 @@ def along(r, to: int, base: int, direction: int, s: int, spare: int):
 
 @micropython.viper
 def _allow_start(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
-    """Note in `bounds` how far the places of a row, within a step of the motors, lie past them."""
+    """Note in `bounds` how far positions of a row, within a step of the motors, lie past them."""
     k = 0
     i = 0
     while i < AXES:
@@ -147,7 +147,7 @@ def _clip(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> 
 
 @micropython.viper
 def _within_a_step(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
-    """Whether the place in rows[k] is within a step of where the motor is."""
+    """Whether the position in rows[k] is within a step of where the motor is."""
     d = (rows[k + 0] >> 2) - (present[motor + 0] >> 2)
     if d > 1 or d < -1:
         return 0
@@ -214,7 +214,7 @@ class Line:
             reals.put(r, DIRECTION + k, 0, 0)
         self._set_bounds()
         # what the rig says of this pose must be where it stands: there may be two ways to take it
-        code = self.place(ZERO, SURVEY)
+        code = self.positions_at(ZERO, SURVEY)
         if code:
             return code
         for i in range(AXES):
@@ -317,14 +317,14 @@ class Line:
         return order_words(target, j, self.present, self.motor[i] - 1)
 
     def direction(self, i, a, b):
-        """Which way the motor of axis i goes from the places in row a to those in row b: -1 or
+        """Which way the motor of axis i goes from the positions in row a to those in row b: -1 or
         1."""
         return order_words(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
 
-    # ---------------------------------------------------------------- places on it
+    # ---------------------------------------------------------------- positions on it
 
-    def place(self, s, row):
-        """Where the motors stand at r[s], into rows[row …]. A code."""
+    def positions_at(self, s, row):
+        """Put the positions of the motors at r[s] into rows[row …]. A code."""
         rig = self.rig
         r = self.r
         if self.by_joint:
@@ -340,7 +340,7 @@ class Line:
         return rig.motor_steps(self.rows, row)
 
     def _aim_pose(self):
-        """Turn the angles of POSE to the aim point, from its place. A code."""
+        """Turn the angles of POSE to the aim point, from its position. A code."""
         code = aim.direction(self.r)
         compute(0, 0, self.r, _FOLLOW_POINT)
         return code

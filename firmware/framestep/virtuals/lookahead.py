@@ -172,11 +172,11 @@ class LookAhead:
         return 0
 
     def _sample(self, halves, row):
-        """SAMPLE, and the places of the motors there: 1 or 2 half cells beyond END. A code."""
+        """SAMPLE, and the positions of the motors there: 1 or 2 half cells beyond END. A code."""
         r = self.r
         reals.double(r, SAMPLE, HALF_CELL, halves - 1 - self.level)
         reals.add(r, SAMPLE, END, SAMPLE)
-        return self.line.place(SAMPLE, row)
+        return self.line.positions_at(SAMPLE, row)
 
     def _probe(self):
         """Measure the cell after END. 0 or a code."""

@@ -51,8 +51,8 @@ IDLE = const(0)
 STARTING = const(1)  # the first knots are being planned
 MOVING = const(2)
 HALTED = const(3)  # the motors ramp down by themselves
-TAKING_UP = const(4)  # play is made for the direction in which each motor is to start
-SETTLING = const(5)  # at the end of the line: motors that have turned take up their play
+TAKING_UP = const(4)  # backlash is taken up for the direction in which each motor is to start
+SETTLING = const(5)  # at the end of the line: motors that have turned take up their backlash
 
 _BEGIN = const(4)  # knots queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
@@ -96,7 +96,7 @@ class LinearMove:
         # of each motor's path at the last knot queued (point.py)
         self.advances = array("i", [0] * AXES)
         self.word = array("i", [0] * 2)
-        self.knot = 0  # the last knot that has been placed
+        self.knot = 0  # the last knot at which the motors' positions are known
         self.queued = 0  # the last one that a phase leads to
         self.tick = 0  # in which the motion has begun
         self.closed = True  # no further knots come
@@ -110,7 +110,7 @@ class LinearMove:
     # ---------------------------------------------------------------- start and end
 
     def begin(self, ahead=None):
-        """Start along the line, for a jog with its LookAhead: first the play is made up for."""
+        """Start along the line, for a jog with its LookAhead: first backlash is taken up."""
         line = self.line
         line.forget_end()
         self.ahead = ahead
@@ -126,7 +126,7 @@ class LinearMove:
         hal = self.axes.hal
         line = self.line
         r = self.r
-        line.place(ZERO, 0)
+        line.positions_at(ZERO, 0)
         for i in range(AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
@@ -265,7 +265,7 @@ class LinearMove:
             self._finish(knot)
         elif advance(r, self.survey, self.ahead, self.stopping):
             knot += 1
-            if self.line.place(S, ROW * (knot % _KNOTS)):
+            if self.line.positions_at(S, ROW * (knot % _KNOTS)):
                 self.halt()  # the survey has said that it can be reached
                 return
             self._note(knot)

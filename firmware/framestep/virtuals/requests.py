@@ -10,23 +10,14 @@ from framestep.motion import reals
 from framestep.native import const
 from framestep.protocol import fields as f
 from framestep.protocol import messages as m
-from framestep.virtuals.jogs import Jogs
 from framestep.virtuals.kinematics import Configuration
-from framestep.virtuals.line import Line
-from framestep.virtuals.move import LinearMove
 from framestep.virtuals.registers import (
     AIM_X,
     AXES,
-    BASE,
-    DIRECTION,
-    END,
     GOAL,
-    HOME,
-    JOINT,
-    REGISTERS,
     X,
 )
-from framestep.virtuals.survey import Survey
+from framestep.virtuals.virtual_axes import VirtualAxes
 
 _TYPES = const(5)  # and 0 is none
 _LEAST_BYTES = b"\x01\x5d\x11\x5d\x55"  # of a VIRT_CONFIG, by type
@@ -39,9 +30,8 @@ _TABLE_BYTES = const(484)
 
 _POSE_OF_AIM = b"\x01\x02\x00"  # which number of a pose X, Y, Z of an aim point are
 _FASTEST = const(10000)  # ten-thousandths: the speed of a jog
-_PAN = const(3)  # axes of the types that have a place
+_PAN = const(3)  # axes of the types that have a position
 _TILT = const(4)
-_CARRIERS = const(3)  # axes that carry pan and tilt
 
 
 def _geometries(mask, r):
@@ -114,28 +104,19 @@ def read_configuration(reader, kind, motors, configuration):
     return True
 
 
-class Virtuals:
-    """The virtual axes of a rig. controller: for what is shared with other requests."""
+class Virtuals(VirtualAxes):
+    """The virtual axes, with the messages about them. controller: see VirtualAxes."""
 
     def __init__(self, controller):
-        self.controller = controller
+        VirtualAxes.__init__(self, controller)
         self.reader = controller.reader
         self.writer = controller.writer
-        self.operations = controller.operations
-        axes = controller.axes
-        self.axes = axes
         self.capabilities = controller.rig.virtuals
-        self.r = array("i", [0] * REGISTERS)
         self.types = _geometries(self.capabilities, self.r)
         self.configuration = Configuration()
-        self.line = Line(axes, controller.safety, self.r)
-        self.survey = Survey(self.line)
-        self.move = LinearMove(self.line, self.survey)
-        self.jogs = Jogs(self)
         self.word = array("i", [0] * 2)
         self.point = array("i", [0] * 3)  # the aim point, units · 1000
         self.old = array("i", [0] * 6)  # the point before, if a new one is refused
-        self.moved = 0  # the virtual axis that a motion is about, or 0
         self.handlers = {
             m.MSG_VIRT_CONFIG: self._config,
             m.MSG_VIRT_MOVE: self._move,
@@ -146,77 +127,6 @@ class Virtuals:
         }
         if self.capabilities & m.CAP_AIM_POINT:
             self.handlers[m.MSG_VIRT_AIM_POINT] = self._aim_point
-
-    # ---------------------------------------------------------------- what the controller asks
-
-    @property
-    def configured(self):
-        return self.line.rig is not None
-
-    @property
-    def engaged(self):
-        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
-        return self.move.engaged
-
-    def poll(self, now):
-        """One pass; now: ms, as in clock.py. Whether there may be more to plan at once."""
-        return self.jogs.poll(now, self.controller.rig.jog_timeout_ms)
-
-    def stop(self):
-        """Slow down along the line."""
-        self.jogs.stop()
-        self.move.stop()
-
-    def halt(self, factor=1):
-        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
-        self.jogs.stop()
-        self.move.halt(factor)
-
-    def changed(self, motor):
-        """Speed or soft limits of a motor (from 0) have been set: with less room a motion ends."""
-        if self.engaged >> motor & 1:
-            if self.line.limits_narrowed(motor):
-                self.stop()
-            self.move.slow_down()
-
-    def moves_camera(self, motor):
-        """Whether pan and tilt have to follow this motor (from 0), because an aim point is on."""
-        if self.line.aiming:
-            for i in range(_CARRIERS):
-                if self.line.motor[i] == motor + 1:
-                    return True
-        return False
-
-    def move_keeping_aim(self, motor, target, i, speed=0):
-        """Send such a motor to the step target[i], pan and tilt following. A code.
-
-        speed: of a jog, in ten-thousandths; 0 for a move.
-        """
-        line = self.line
-        axis = 0
-        while line.motor[axis] != motor + 1:
-            axis += 1
-        code = self.may_move()
-        if code != m.OK:
-            return code
-        if self.move.state:
-            return self.jogs.jog_motor(axis, target, i, speed) if speed else m.ERR_MOVING
-        return self.begin_keeping_aim(axis, target, i, speed)
-
-    def begin_keeping_aim(self, axis, target, i, speed):
-        """Send the motor of this axis to the step target[i], or jog it there. A code."""
-        line = self.line
-        code = line.begin_line(True)
-        if code:
-            return code
-        direction = line.clip_end(axis, target, i)
-        if not direction:
-            return m.OK
-        line.rig.joint(axis, target, i)
-        self._head_for(JOINT + 2 * axis, axis)
-        if speed:
-            return self.jogs.begin_motor(axis, direction, speed)
-        return self._set_out_to_end(0)
 
     # ---------------------------------------------------------------- configuration
 
@@ -246,7 +156,7 @@ class Virtuals:
                 bits |= 1 << (motor - 1)
         if bits & busy:
             return m.ERR_MOVING
-        if not self._usable(bits):
+        if not self.usable(bits):
             return m.ERR_RANGE
         for motor in range(self.axes.count):
             self.axes[motor].position_to(line.present, motor)
@@ -257,27 +167,7 @@ class Virtuals:
         self.controller.reports.position = True
         return m.OK
 
-    def _usable(self, bits):
-        """Whether all motors of these bits are enabled, and led by no other."""
-        for motor in range(self.axes.count):
-            if bits >> motor & 1 and not self.controller.motors.enabled(motor):
-                return False
-        return True
-
     # ---------------------------------------------------------------- positions
-
-    def _locate(self):
-        """POSE of where the motors are by what the host knows; a plan under way is not
-        disturbed."""
-        line = self.line
-        rig = line.rig
-        for i in range(AXES):
-            motor = line.motor[i]
-            if motor:
-                rig.joint(i, self.axes.reported, motor - 1)
-            else:
-                reals.copy(self.r, JOINT + 2 * i, HOME + 2 * i)
-        rig.forward()
 
     def send_positions(self, reader):
         """Send VIRT_GET_POSITION, the answer to the request in `reader`, or None. Whether there was
@@ -288,7 +178,7 @@ class Virtuals:
         writer = self.writer
         if reader:
             self.axes.choose_sample()
-        self._locate()
+        self.locate()
         writer.begin(m.MSG_VIRT_GET_POSITION, reader)
         for i in range(AXES):
             self.line.rig.to_host(self.word, 0, i)
@@ -308,56 +198,12 @@ class Virtuals:
 
     # ---------------------------------------------------------------- moves
 
-    def may_move(self):
-        """OK, or why the rig may not be moved now."""
-        line = self.line
-        if not self.configured:
-            return m.ERR_GENERAL
-        code = self.controller.motors.may_move_all()
-        if code != m.OK:
-            return code
-        if self.operations.engaged & line.bits:
-            return m.ERR_MOVING
-        if not self._usable(line.bits):
-            return m.ERR_GENERAL
-        if not self.move.state and self.axes.moving_bits() & line.bits:
-            return m.ERR_MOVING
-        return m.OK
-
     def _number(self):
         """The virtual axis of this request, or 0 where the rig has no such axis."""
         number = self.reader.u8(0)
         if number < 1 or number > AXES or not self.line.rig.main[number]:
             return 0
         return number
-
-    def set_out(self, number, ahead=None):
-        """Set out along the line begun; number: its virtual axis or 0; ahead: of a jog."""
-        self.moved = number
-        self.controller.motors.motors_sent(self.line.bits)
-        self.move.begin(ahead)
-
-    def _head_for(self, to, number):
-        """END and DIRECTION of the line so that its number `number` goes from BASE to r[to].
-
-        Returns the direction, -1 or 1; 0 where it is there.
-        """
-        r = self.r
-        reals.subtract(r, END, to, BASE + 2 * number)
-        direction = reals.sign(r, END)
-        if direction < 0:
-            reals.negate(r, END, END)
-        reals.put(r, DIRECTION + 2 * number, direction or 1, 0)
-        return direction
-
-    def _set_out_to_end(self, number):
-        """Set out on a move to END of the line begun. A code."""
-        code = self.survey.check_line()
-        if code:
-            return code
-        self.jogs.none()
-        self.set_out(number)
-        return m.OK
 
     def _move(self):
         """MSG_VIRT_MOVE: virtual axis 0, position 1, units · 100000 (field notes 9.1 and 9.5)."""
@@ -376,9 +222,9 @@ class Virtuals:
         self.reader.copy_i32_to(f.VIRT_MOVE_POSITION, self.word, 0)
         line.rig.from_host(X, number - 1, self.word, 0)
         reals.copy(self.r, GOAL, X)
-        if not self._head_for(GOAL, number - 1):
+        if not self.head_for(GOAL, number - 1):
             return m.OK
-        return self._set_out_to_end(number)
+        return self.set_out_to_end(number)
 
     def _stop(self):
         """MSG_VIRT_STOP: virtual axis 0 (field notes 9.1 and 9.6)."""

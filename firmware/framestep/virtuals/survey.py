@@ -43,7 +43,7 @@ _MOST_CELLS = const(96)
 _SIXTEENTHS = const(4)  # of a step, as shift
 _NOISE = const(4)  # sixteenths of a second difference that are rounding
 _SMALL_BEND = const(32)  # sixteenths that make no difference
-_TOLERANCE = const(0x1000)  # Q16: what a place may be past a bound: the rounding of a survey
+_TOLERANCE = const(0x1000)  # Q16: how far a position may be past a bound: the rounding of a survey
 
 SMOOTH = const(0)
 _BENT = const(1)  # the cell is to be halved
@@ -211,7 +211,7 @@ def _short(rows: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def _heading(rows: ptr32, a: int, b: int) -> int:
-    """Negative, 0 or positive: whether the place in rows[b] lies below, at or above that in
+    """Negative, 0 or positive: whether the position in rows[b] lies below, at or above that in
     rows[a]."""
     d = rows[b + 0] - rows[a + 0]
     if d > 1 or d < -1:
@@ -281,11 +281,11 @@ class Survey:
         return code
 
     def _sample(self, part, row):
-        """The places of the motors at a part of the line in 8192nds. A code."""
+        """The positions of the motors at a part of the line in 8192nds. A code."""
         r = self.r
         reals.put(r, SAMPLE, part, -13)
         reals.multiply(r, SAMPLE, SAMPLE, END)
-        return self.line.place(SAMPLE, row)
+        return self.line.positions_at(SAMPLE, row)
 
     # ---------------------------------------------------------------- cells; a, b, c: their rows
 
