@@ -60,7 +60,7 @@ def jog(motor=1, speed=1000):
 
 
 def stop():
-    """Ramp all motors down; within a second of another one the hard stop. Ends Dragonframe's
+    """Ramp all motors down; within a second of another call, by the hard stop. Ends Dragonframe's
     run."""
     _call("motion", "stop")
 

@@ -48,7 +48,7 @@ SETTINGS = {
     "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
     "dmx_mark_us": (int, 12, 1000, 20, "µs", "length of the mark after break"),
     "dmx_ramp_ms": (int, 0, 60000, 500, "ms",
-        "how long lights take to a level that is to be ramped to"),
+        "how long lights take to ramp to a level"),
 }
 
 MOTOR_SETTINGS = {

@@ -39,8 +39,8 @@ STATES = {LOST: "lost", HELD: "held", KNOWN: "known"}
 REASONS = {
     UNSET: "not set since power-up",
     STEPS: "steps were not made",
-    BROKEN_OFF: "power or the firmware went while motors moved",
-    BEFORE: "lost before the power went",
+    BROKEN_OFF: "the power or the firmware failed while motors moved",
+    BEFORE: "lost before the power failed",
     RESTORED: "as remembered from before power-up",
     DRIVER_OFF: "the driver has been off since it was known",
     SET: "set by the host",

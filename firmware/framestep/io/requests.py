@@ -130,7 +130,7 @@ class Io:
             self.inputs_due = False
 
     def _send_inputs(self, reader):
-        """Send GIO_IN: the inputs that are on 0, one bit each. Returns whether there was room."""
+        """Send GIO_IN: inputs 0, one bit each, 1 for on. Returns whether there was room."""
         writer = self.writer
         writer.begin(m.MSG_GIO_IN, reader)
         writer.u32(self.gio.inputs.values)
@@ -154,9 +154,9 @@ class Io:
         return m.OK
 
     def _gio_out(self):
-        """MSG_GIO_OUT: outputs that are to be on 0, one bit each (field note 8.3).
+        """MSG_GIO_OUT: outputs 0, one bit each, 1 for on (field note 8.3).
 
-        Bits past the last output mean nothing.
+        Bits past the last output are ignored.
         """
         self.gio.put(0xFFFF, self.reader.u16(0))
         return m.OK
@@ -167,7 +167,7 @@ class Io:
         return 0
 
     def _gio_cam(self):
-        """MSG_GIO_CAM: what is to be on 0, bits GIO_CAM_ (spec)."""
+        """MSG_GIO_CAM: outputs 0, bits GIO_CAM_, 1 for on (spec)."""
         flags = self.reader.u16(0)
         self.camera.set(flags & m.GIO_CAM_SHUTTER, flags & m.GIO_CAM_METER)
         return m.OK

@@ -39,7 +39,7 @@ def restore(journal):
     journal.flash.read(journal.block, journal.slot * SLOT_BYTES, record)
     axes = journal.axes
     if record[FORM] != LAYOUT + axes.count:
-        return  # it is of a rig with other motors
+        return  # the rig had another number of motors then
     moved = record[MARK] != -1
     for motor in range(axes.count):
         axis = axes[motor]

@@ -112,11 +112,11 @@ def _ends(w: ptr32, motor: int) -> int:
 
 
 @micropython.viper
-def _way(target: ptr32, i: int, place: ptr32) -> int:
-    """The limit in the direction of target[i], as _ends() has it; 0 if that is `place`."""
-    if target[i + 0] > place[0]:
+def _way(target: ptr32, i: int, here: ptr32) -> int:
+    """The limit on the way from `here` to target[i], as _ends() returns it; 0 if it is there."""
+    if target[i + 0] > here[0]:
         return 1
-    if target[i + 0] < place[0]:
+    if target[i + 0] < here[0]:
         return 2
     return 0
 
@@ -145,7 +145,7 @@ class Safety:
             self._estop = self._switch(hal.board["estop"], rig.estop)
         self._everyone = (1 << axes.count) - 1
         self._steepest = kernel_rate(ACCELERATION_LIMIT)
-        self._place = array("i", [0])
+        self._here = array("i", [0])
         self.tripped = False  # the E-stop is held
         self.at_limit = 0  # motors being stopped at a limit, as _approaching() returns them
         # what is still to be reported
@@ -195,8 +195,8 @@ class Safety:
         """
         if self.words[ACTIVE] == 0:
             return results.OK
-        self.axes[motor].position_to(self._place, 0)
-        ends = self.active_limits(motor) & _way(target, i, self._place)
+        self.axes[motor].position_to(self._here, 0)
+        ends = self.active_limits(motor) & _way(target, i, self._here)
         if ends == 0:
             return results.OK
         return results.ERR_HARD_UP if ends == 1 else results.ERR_HARD_LOW
@@ -223,7 +223,7 @@ class Safety:
                 return i
 
     def _steady(self, levels):
-        """The levels, with only those switches active that are so in all of several readings."""
+        """The levels; a switch counts as active if it is so in all of several readings."""
         rest = self.words[REST]
         levels ^= rest
         for _ in range(_READINGS):

@@ -25,7 +25,7 @@ POLL_MS = const(50)  # from the check of one driver to that of the next
 RETRY_MS = const(1000)
 PATIENCE_MS = const(8)  # an answer takes 1.3 ms
 TRIES = const(4)
-OPEN_CHECKS = const(3)  # checks in a row, in motion, that make an open load one
+OPEN_CHECKS = const(3)  # checks in a row, in motion, before an open load is reported
 _WRITTEN_MS = const(2)  # a write is on the wire for 0.7 ms
 
 _ENTRY = const(5)  # bytes of a register in a table
@@ -273,7 +273,7 @@ class Drivers:
             self._gstat = last & 7
             self._step = step + 1
         elif step > self._steps:
-            if heard[at] & 0x80 or not last & OPEN:  # at rest open loads are not seen rightly
+            if heard[at] & 0x80 or not last & OPEN:  # at rest the chip does not detect it reliably
                 self.opens[self._driver] = 0
             elif self.opens[self._driver] < OPEN_CHECKS:
                 self.opens[self._driver] += 1
@@ -287,7 +287,7 @@ class Drivers:
             self._again = 0
             self._step = step + 1
         else:
-            # Not counted: it was lost, and is written again. Any other count: the driver was reset.
+            # The same count: the write was lost; repeat it. Another one: the driver was reset.
             if last != self._confirmed:
                 self._confirmed = last
                 self._step = 0

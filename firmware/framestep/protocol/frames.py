@@ -86,9 +86,9 @@ class FrameReader:
 
     After poll() has returned FRAME or DAMAGED these are valid until the next feed() or poll():
     `type`, `length` (of the payload, bytes), `head` and `payload` (where frame and payload begin in
-    `buffer`). Of a DAMAGED frame only type and ID (at `head`) are of use, for the answer
-    ERR_CHECKSUM. The accessors take offsets within the payload and check nothing:
-    messages.payload_fits() has been asked before.
+    `buffer`). Of a DAMAGED frame use only type and ID (at `head`), to answer ERR_CHECKSUM. The
+    accessors take offsets within the payload and check nothing: messages.payload_fits() comes
+    first.
 
     `waiting` counts the bytes that poll() has not yet used: 0 after the last frame; after NOTHING
     those of a frame that has begun. The caller watches the clock and calls drop_partial() if the
@@ -116,8 +116,8 @@ class FrameReader:
     def feed(self, source, start: int, count: int) -> int:
         """Take up to `count` bytes of `source` from `start` on. Returns how many it took.
 
-        The rest is to be offered after the next poll(). Once poll() has returned NOTHING there is
-        room for the rest of any frame.
+        Offer the rest after the next poll(). Once poll() has returned NOTHING there is room for the
+        rest of any frame.
         """
         state = ptr32(self._state)
         buffer = self.buffer
@@ -143,7 +143,7 @@ class FrameReader:
     def poll(self) -> int:
         """Find the next frame. Returns FRAME, DAMAGED (wrong checksum) or NOTHING.
 
-        To be called until it returns NOTHING or nothing is waiting.
+        Call it until it returns NOTHING or nothing is waiting.
         """
         buffer = self.buffer
         words = self._state
@@ -251,7 +251,7 @@ def _open(buffer: ptr8, state: ptr32, source: ptr8, head: int, kind: int):
     """Write a header without its length; the ID is that of the frame at `head` in `source`, or 0
     when `head` is -1.
 
-    What waits to be taken is moved to the front if the largest frame would not fit behind it.
+    Bytes that wait to be taken move to the front if the largest frame would not fit behind them.
     """
     at = state[_END]
     taken = state[_TAKE]
@@ -344,10 +344,10 @@ def _text(buffer: ptr8, state: ptr32, text: ptr8, count: int, width: int):
 class FrameWriter:
     """Holds outgoing frames until the port takes their bytes.
 
-    A frame is begun, filled field by field and ended; only then take() gets it. A frame for which
-    there is no room is dropped as a whole: end() returns False and nothing of it is sent. One frame
-    is written at a time, of 1048 bytes at most. take() and clear() may be called between any two
-    steps of it, for example from a scheduled callback.
+    begin() a frame, add its fields one by one, and end() it; only then does take() return it. A
+    frame for which there is no room is dropped as a whole: end() returns False and nothing of it is
+    sent. One frame is written at a time, of 1048 bytes at most. take() and clear() may be called
+    between any two steps of it, for example from a scheduled callback.
     """
 
     def __init__(self, size=4096):

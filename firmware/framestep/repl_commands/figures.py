@@ -38,8 +38,7 @@ def _gaps(clock: ptr32, us: int, out: ptr32):
 
 
 def timing():
-    """What a tick costs, how late it has been, and how many segments wait for each motor that
-    moves."""
+    """Print how long a tick takes, how late it has been, and each moving motor's queue."""
     why = dead()
     if why:
         print(why)
@@ -58,7 +57,7 @@ def timing():
             % (out[0] // max(ticks, 1), out[1])
         )
     print(
-        "worst lateness of a tick in motion: %d us, bearable are %d"
+        "worst lateness of a tick in motion: %d us, the limit is %d us"
         % (state[WORST_LATE], state[LATEST])
     )
     for motor in range(boot.controller.count):

@@ -11,7 +11,7 @@ _FAR = const(2147483647)  # beyond any position
 
 
 def _send(motor, target, speed):
-    """A code, or words. speed: 1 … 10000, or None for a move."""
+    """A code, or why not as text. speed: 1 … 10000, or None for a move."""
     controller = boot.controller
     held = dead() or operation(controller)
     if held:
@@ -30,8 +30,8 @@ def move(motor, step):
 
 
 def stop():
-    """All motors come to rest, by ramps; once more within a second: harder. A run of Dragonframe's
-    ends as well."""
+    """Ramp all motors down; within a second of another call, by the hard stop. Ends Dragonframe's
+    run."""
     why = dead()
     if why:
         print(why)

@@ -1,4 +1,4 @@
-"""status(), io(), rig(): how things stand."""
+"""status(), io(), rig(): the state of controller, pins and settings."""
 
 from framestep import boot, texts
 from framestep.moves.upload_store import READY as UPLOADED
@@ -35,8 +35,8 @@ def _report():
 
 
 def status():
-    """What the controller does, where its motors are and how far that can be trusted, what an
-    upload may have."""
+    """Print what the controller does, where its motors are and how far that can be trusted, and
+    how much fits into an upload."""
     if boot.controller is None:
         print(dead())
         return
@@ -88,7 +88,7 @@ def _levels():
 
 
 def io(output=None, on=None):
-    """How outputs, inputs and switches are; io(1, True) switches output 1 on."""
+    """Print the state of outputs, inputs and switches. io(1, True) switches output 1 on."""
     why = dead()
     if why:
         print(why)
@@ -103,7 +103,7 @@ def io(output=None, on=None):
 
 
 def rig():
-    """The settings of the rig file, with those that it does not mention."""
+    """Print the settings of the rig file, including those that it leaves at their defaults."""
     if boot.controller is None:
         print(dead())
         return
