@@ -1,6 +1,6 @@
 """What may import what: a module imports from its own package and from layers below its own.
 
-ARCHITECTURE.md tells the layers.
+ARCHITECTURE.md tells the layers. And how long a file may be.
 """
 
 import ast
@@ -156,3 +156,18 @@ def test_there_is_no_circle():
 
     for module in imports():
         walk(module, ())
+
+
+MOST_LINES = 450
+
+
+def test_files_are_short():
+    """A file has one subject. One that is longer says in its docstring why it is one file."""
+    for path, file in sources().items():
+        text = file.read_text()
+        told = " ".join((ast.get_docstring(ast.parse(text)) or "").split())
+        lines = len(text.splitlines())
+        assert lines <= MOST_LINES or "one file" in told or "one viper function" in told, (
+            f"{path} has {lines} lines, more than {MOST_LINES}: make two files of its two subjects,"
+            ' or say in its docstring why it is "one file"'
+        )

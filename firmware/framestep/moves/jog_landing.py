@@ -232,12 +232,12 @@ def hurry_time(jog, end, cut):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
             own = SPEEDS + 2 * motor
-            reals.copy_word(jog.values, 0, axis.limits, PHYSICAL)
+            reals.copy_word(player.values, 0, axis.limits, PHYSICAL)
             if cut:
-                reals.copy_word(jog.values, 0, axis.cubic, WHOLE)
+                reals.copy_word(player.values, 0, axis.cubic, WHOLE)
             jog.store.position(motor, end, player.position, 0)
             motor_step(axis.planned, axis.limits, player.position, 0, 0)
-            reals.put_difference(r, X, axis.limits, PHYSICAL, jog.values, 0)
+            reals.put_difference(r, X, axis.limits, PHYSICAL, player.values, 0)
             turns = reals.sign(r, X) * reals.sign(r, own) < 0
             reals.fetch(r, P, axis.numbers, MAX_VELOCITY)
             reals.fetch(r, Q, axis.numbers, MAX_ACCELERATION)

@@ -1,5 +1,5 @@
 """Frames in and out of plain byte buffers. Nothing here allocates once the reader and the writer
-are made.
+are made. Both are in one file, as they share the layout of a frame.
 
 In both buffers a frame lies in one piece, so payload fields are read and written in place, by their
 offset. A DWORD of 2^30 and more would be an object on the board's heap. For those `u30`,

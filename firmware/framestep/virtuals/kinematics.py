@@ -9,8 +9,8 @@ POSE counts as forward() does. The host counts from the pose that it has given a
 note 9.2): what it is told and asks for is that pose plus the change of POSE since then. So straight
 axes may begin anywhere, here at 0.
 
-All numbers are `reals` in one array('i'), laid out in registers.py. Nothing allocates after
-construction.
+All numbers are `reals` in one array('i'), laid out in registers.py. What lies between the host's
+numbers, a type's formulas and motor steps is one file. Nothing allocates after construction.
 """
 
 from array import array
