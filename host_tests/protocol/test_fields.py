@@ -1,5 +1,6 @@
 """Where fields are in a payload: as framestep_tools.payloads has them."""
 
+import ast
 import inspect
 import struct
 
@@ -7,6 +8,7 @@ import pytest
 
 from framestep.protocol import fields, messages
 from framestep_tools import payloads
+from framestep_tools.files import sources
 from framestep_tools.payloads import codec
 
 _NAMES = [name for name in vars(fields) if name.isupper()]
@@ -39,6 +41,31 @@ def _fixed_offsets():
 @pytest.mark.parametrize("name", _NAMES)
 def test_a_field_is_where_the_payload_has_it(name):
     assert getattr(fields, name) == _fixed_offsets()[name]
+
+
+def bare_offsets(tree):
+    """(line, offset) where an offset other than 0 is a number: reader.u8(4), reader.payload + 4."""
+    for node in ast.walk(tree):
+        match node:
+            case (
+                ast.Call(
+                    func=ast.Attribute(value=reader), args=[ast.Constant(value=int(offset)), *_]
+                )
+                | ast.BinOp(
+                    left=ast.Attribute(value=reader, attr="payload"),
+                    right=ast.Constant(value=int(offset)),
+                )
+            ) if offset and ast.unparse(reader) in ("reader", "self.reader"):
+                yield node.lineno, offset
+
+
+def test_handlers_call_fields_by_their_names():
+    for path, file in sources().items():
+        found = list(bare_offsets(ast.parse(file.read_text())))
+        assert not found, (
+            "put the offset into protocol/fields.py, under the name that the field has in "
+            f"framestep_tools.payloads: {path}, (line, offset) {found}"
+        )
 
 
 def test_there_are_fields():

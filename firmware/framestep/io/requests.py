@@ -13,6 +13,7 @@ from framestep.io.gio import ALL_INPUTS, RAW, STABLE, Gio
 from framestep.io.lights import RAMPING, Lights
 from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 
 # What a pass has to do, from words of Safety, Inputs and Lights
@@ -143,14 +144,15 @@ class Io:
         8.1)."""
         reader = self.reader
         ramp = reader.u8(0)
-        channel = reader.u16(1)
-        count = reader.length - 3
+        channel = reader.u16(f.DMX_CHANNEL)
+        levels = reader.payload + f.DMX_LEVELS
+        count = reader.length - f.DMX_LEVELS
         if ramp > 1 or not self.lights.fits(channel, count):
             return m.ERR_RANGE
         if ramp:
-            self.lights.ramp(self.now, channel, reader.buffer, reader.payload + 3, count)
+            self.lights.ramp(self.now, channel, reader.buffer, levels, count)
         else:
-            self.lights.put(channel, reader.buffer, reader.payload + 3, count)
+            self.lights.put(channel, reader.buffer, levels, count)
         return m.OK
 
     def _gio_out(self):

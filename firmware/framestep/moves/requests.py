@@ -112,10 +112,13 @@ class Moves:
             return m.ERR_RANGE
         if self.operations.running:
             return m.ERR_MOVING
-        last = reader.u8(4) & 0x80
-        count = (reader.length - 5) >> 2
         return self.store.section(
-            number - 1, reader.start_index(1), last, reader.buffer, reader.payload + 5, count
+            number - 1,
+            reader.start_index(f.UPLOAD_MOVE_AXIS_START_INDEX),
+            reader.u8(f.UPLOAD_MOVE_AXIS_START_INDEX + 3) & 0x80,
+            reader.buffer,
+            reader.payload + f.UPLOAD_MOVE_AXIS_POSITIONS,
+            (reader.length - f.UPLOAD_MOVE_AXIS_POSITIONS) >> 2,
         )
 
     def _dmx(self):
@@ -126,14 +129,13 @@ class Moves:
         reader = self.reader
         if self.operations.running:
             return m.ERR_MOVING
-        last = reader.u8(5) & 0x80
         return self.levels.store(
             reader.u16(0),
-            reader.start_index(2),
-            last,
+            reader.start_index(f.UPLOAD_MOVE_DMX_START_INDEX),
+            reader.u8(f.UPLOAD_MOVE_DMX_START_INDEX + 3) & 0x80,
             reader.buffer,
-            reader.payload + 6,
-            reader.length - 6,
+            reader.payload + f.UPLOAD_MOVE_DMX_LEVELS,
+            reader.length - f.UPLOAD_MOVE_DMX_LEVELS,
         )
 
     def _triggers(self):
@@ -143,7 +145,10 @@ class Moves:
         reader = self.reader
         reader.copy_i32_to(0, self.positions, 0)
         return self.triggers.store(
-            self.positions, reader.buffer, reader.payload + 4, (reader.length - 4) >> 3
+            self.positions,
+            reader.buffer,
+            reader.payload + f.UPLOAD_MOVE_TRIGGERS_TRIGGERS,
+            (reader.length - f.UPLOAD_MOVE_TRIGGERS_TRIGGERS) >> 3,
         )
 
     def _end(self):

@@ -7,6 +7,9 @@ puts the numbers where the names are used.
 
 from framestep.native import const
 
+DMX_CHANNEL = const(1)
+DMX_LEVELS = const(3)
+
 MOTOR_MOVE_POSITION = const(1)
 MOTOR_RESET_POSITION_POSITION = const(1)
 MOTOR_JOG_SPEED = const(1)
@@ -21,6 +24,11 @@ MOTOR_SET_LIMITS_UPPER = const(7)
 MOTOR_SET_LIMITS_LIMIT_SET = const(11)
 
 UPLOAD_MOVE_BEGIN_END_FRAME = const(4)
+UPLOAD_MOVE_AXIS_START_INDEX = const(1)
+UPLOAD_MOVE_AXIS_POSITIONS = const(5)
+UPLOAD_MOVE_DMX_START_INDEX = const(2)
+UPLOAD_MOVE_DMX_LEVELS = const(6)
+UPLOAD_MOVE_TRIGGERS_TRIGGERS = const(4)
 RUN_MOVE_START_FRAME = const(4)
 RUN_MOVE_END_FRAME = const(8)
 RUN_MOVE_PREROLL_MS = const(12)
