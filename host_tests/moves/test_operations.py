@@ -11,8 +11,9 @@ from framestep.motion import reals, stepper
 from framestep.moves.operation import Operation
 from framestep.moves.operations import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
 from framestep.moves.registers import OWN, ZERO
+from framestep.moves.upload_store import EMPTY
 from framestep.protocol import messages as m
-from host_tests.fakes import OperationBench, UploadedMove
+from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK, PER_US
 
 TICKS = 200  # that the operation below moves for
@@ -320,7 +321,7 @@ def test_a_frame_outside_the_upload_is_out_of_range(frame, code):
 def test_without_a_finished_upload_there_is_no_frame_to_go_to():
     """field note 5.2"""
     bench = OperationBench([0])
-    bench.operations.store = UploadedMove()
+    bench.store.state = EMPTY
     assert to_frame(bench, 1) == m.ERR_GENERAL
 
 
