@@ -104,6 +104,7 @@ class Rig:
         return found
 
     def motor(self, i):
+        """The settings of motor i (from 0), or the defaults. Allocates."""
         return self.motors[i] if i < len(self.motors) else read(MOTOR_SETTINGS, {}, "")
 
 

@@ -107,6 +107,7 @@ class Axes:
 
     @property
     def moving(self):
+        """Whether any motor moves."""
         return stepper.moving(self.kernel.state) != 0
 
     def release(self, bits):

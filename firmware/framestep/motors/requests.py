@@ -403,7 +403,7 @@ class Motors:
         return m.OK
 
     def _exceeded(self):
-        """MSG_EXCEEDED, framestep's own: no payload, or motor 0.
+        """MSG_EXCEEDED, framestep's own (field note 5.5): no payload, or motor 0.
 
         The answer says what the last move asked too much of: EXCEEDED_ 0, motor 1, scene frame 2,
         by how much 6 (steps/s or steps/s²). Then what is set for that motor, or for the one of the

@@ -44,6 +44,7 @@ class VirtualAxes:
 
     @property
     def configured(self):
+        """Whether a VIRT_CONFIG has told what rig it is."""
         return self.line.rig is not None
 
     @property
