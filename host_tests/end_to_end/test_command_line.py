@@ -128,7 +128,7 @@ def test_refused_in_words(framestep, board, line, words):
 @pytest.mark.parametrize(
     ("path", "line", "words"),
     [
-        ([0, 0, 300, 300], "run 11 14",
+        ([0, 250, 550, 550], "run 11 14",
          "motor 3 at frame 13 would need 7200 steps/s at 24 frames/s, its "),
         ([0, 0, 0, -1], "run 11 14",
          "motor 3 at frame 14 would be past its lower soft limit, 0 (set by SET_LIMITS"),

@@ -234,7 +234,7 @@ def checked(frames, order=1, batch=None, **motor):
         found = path_check.check(words, array("i", part[::order]), len(part), order)
         if found != path_check.FITS:
             return words, found
-    return words, path_check.FITS
+    return words, path_check.TOO_FAST if words[path_check.FASTEST_AT] else path_check.FITS
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -243,12 +243,36 @@ def test_a_step_of_the_velocity_allowed_fits_and_one_more_does_not(way, order):
     assert checked([0, way * 100], order, fastest=100)[1] == path_check.FITS
     words, found = checked([0, 0, way * 101], order, fastest=100)
     assert found == path_check.TOO_FAST
-    assert words[path_check.FOUND] == 101
-    assert words[path_check.SEEN] == (2 if order > 0 else 1)
+    assert words[path_check.FASTEST] == 101
+    assert words[path_check.FASTEST_AT] == (2 if order > 0 else 1)
 
 
 def test_a_step_from_end_to_end_of_the_range_is_too_fast():
-    assert checked([LOWEST, HIGHEST], fastest=2**28)[1] == path_check.TOO_FAST
+    words, found = checked([0, 2**28 + 1, LOWEST, HIGHEST, LOWEST], fastest=2**28)
+    assert found == path_check.TOO_FAST
+    assert words[path_check.FASTEST_AT] == 2, "nothing is faster"
+
+
+@given(moves, st.integers(1, 5), st.sampled_from((1, -1)))
+def test_the_fastest_of_the_frames_that_are_too_fast_is_found(frames, batch, order):
+    words, found = checked(frames, order, batch, fastest=3000)
+    steps = np.abs(np.diff(frames[::order]))
+    fastest = int(steps.max()) if len(steps) else 0
+    if fastest > 3000:
+        assert found == path_check.TOO_FAST
+        assert words[path_check.FASTEST] == fastest
+        assert words[path_check.FASTEST_AT] == int(steps.argmax()) + 1
+    else:
+        assert found == path_check.FITS
+
+
+def test_what_is_wrong_after_a_frame_that_is_too_fast_does_not_hide_a_faster_one():
+    words, found = checked([0, 11, 21, 20, 80], fastest=10, bounds=(0, 20), hardest=11, steepest=11)
+    assert (found, words[path_check.FASTEST], words[path_check.FASTEST_AT]) == (
+        path_check.TOO_FAST,
+        60,
+        4,
+    )
 
 
 @pytest.mark.parametrize(
@@ -268,9 +292,12 @@ def test_it_is_the_same_check_in_pieces(frames, batch, order, steepest):
     limits = {"fastest": 12_000, "steepest": steepest, "hardest": steepest}
     whole, in_pieces = checked(frames, order, **limits), checked(frames, order, batch, **limits)
     assert whole[1] == in_pieces[1]
+    if whole[1] == path_check.TOO_FAST:
+        told = path_check.FASTEST, path_check.FASTEST_AT
+    else:
+        told = path_check.FOUND, path_check.SEEN
     if whole[1] != path_check.FITS:
-        assert whole[0][path_check.FOUND] == in_pieces[0][path_check.FOUND]
-        assert whole[0][path_check.SEEN] == in_pieces[0][path_check.SEEN]
+        assert [whole[0][word] for word in told] == [in_pieces[0][word] for word in told]
 
 
 @given(moves, st.integers(1, 20_000))
@@ -309,7 +336,9 @@ def test_where_the_path_turns_the_motor_makes_up_for_its_play_as_well(frames, wa
     frame's beside it."""
     most = 70 + 70 // 2 + 60 // 8
     assert checked(frames, order, play=30, way=way, fastest=most)[1] == path_check.FITS
-    assert checked(frames, order, play=30, way=way, fastest=most - 1)[1] == path_check.TOO_FAST
+    words, found = checked(frames, order, play=30, way=way, fastest=most - 1)
+    assert found == path_check.TOO_FAST
+    assert words[path_check.FASTEST] == most, "what it needs, not the mean of the frame"
 
 
 def test_play_taken_up_beforehand_costs_nothing_in_a_path_that_goes_one_way():

@@ -149,6 +149,32 @@ def test_what_was_too_fast_is_told_with_its_motor_its_frame_and_by_how_much():
     }
 
 
+@pytest.mark.parametrize("step", [1, -1])
+def test_of_all_frames_that_are_too_fast_the_fastest_is_told(step):
+    """Whoever gives the motor that velocity is not refused again."""
+    path = [0, 150, 250, 650, 800, 600, 500] + [500] * 40 + [250]
+    player = player_of(path, start=101, velocity=2400)
+    begin = 0 if step > 0 else len(path) - 1
+    assert check(player, 24, frames=len(path), begin=begin, step=step) == m.ERR_RANGE
+    assert exceeded(player) == {
+        "WHAT": m.EXCEEDED_VELOCITY,
+        "MOTOR": 0,
+        "FRAME": 104,
+        "BY": 400 * 24 - 2400,
+    }
+    needed = player_of(path, start=101, velocity=400 * 24)
+    assert check(needed, 24, frames=len(path), begin=begin, step=step) == m.OK
+
+
+def test_a_motor_that_takes_up_its_play_is_told_what_that_needs():
+    player = player_of([0, 100, 0], velocity=2400)
+    player.axes.set_backlash(0, 40)
+    assert check(player, 24) == m.ERR_RANGE
+    told = exceeded(player)
+    assert told["WHAT"] == m.EXCEEDED_VELOCITY
+    assert told["BY"] == (140 + 70 + 100 // 8) * 24 - 2400
+
+
 def test_only_the_frames_played_count():
     player = player_of([0, 100, 200, 350, 450], velocity=2400)
     assert check(player, 24, frames=3) == m.OK

@@ -179,7 +179,7 @@ class MoveCheck:
         taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
         counting that for the backlash where the path turns, or more than the board can make; or the
         code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
-        says what was too much.
+        says what was too much; of frames that are too fast, the fastest of that motor.
 
         ramp: acceleration, in frames/s², used to reach that rate, from rest unless `going`. With a
         ramp the check fails only where no lower rate will do either, on the curve between the
@@ -204,6 +204,7 @@ class MoveCheck:
                 self._allow(axis, fps_milli)
             words[path_check.SHARPEST] = 0
             words[path_check.SEEN] = 0
+            words[path_check.FASTEST_AT] = 0
             words[path_check.BACKLASH] = axis.backlash
             words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
             words[path_check.TAKEN] = 0
@@ -219,12 +220,10 @@ class MoveCheck:
                 self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
                 at += order * batch
                 found = path_check.check(words, values, batch, order)
+                if found == path_check.TOO_FAST:
+                    break
                 if found != path_check.FITS:
-                    if (
-                        found == path_check.TOO_FAST
-                        or found == path_check.TOO_STEEP
-                        or found == path_check.TOO_HARD
-                    ):
+                    if found == path_check.TOO_STEEP or found == path_check.TOO_HARD:
                         self._exceeded(
                             path_check.TOO_HARD if ramp else found,
                             motor,
@@ -243,6 +242,14 @@ class MoveCheck:
                         return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
                     return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
                 done += batch
+            if words[path_check.FASTEST_AT]:
+                self._exceeded(
+                    path_check.TOO_HARD if ramp else path_check.TOO_FAST,
+                    motor,
+                    first + order * words[path_check.FASTEST_AT],
+                    words[path_check.FASTEST],
+                )
+                return ERR_RANGE
             if ramp:
                 self.window[path.MOST] = path.FROM_REST
                 fits = self._slow_down(motor, begin, count, step, directions, ramp, going)

@@ -8,16 +8,17 @@ move_check.py, which calls them with what a motor allows.
 from framestep.moves.path import slope
 from framestep.native import const, micropython, ptr32
 
-# Words of a check: the two frames before, how many of them there are, and what the motor allows
-BEFORE = const(0)
+# Words of a check: the frame before, how many there have been, and what the motor allows
+BEFORE = const(0)  # the load's position there, and the motor's steps to it
 SEEN = const(2)
-FASTEST = const(3)  # steps from frame to frame
+FASTEST = const(3)  # steps from frame to frame; once a frame is too fast, the most of any so far
 STEEPEST = const(4)  # change of that
 LOWEST = const(5)  # how far the load may go
 HIGHEST = const(6)
 BACKLASH = const(7)  # steps of backlash
-LAST = const(8)  # the last frame's position, the motor's step for it less that
-OFFSET = const(9)
+# the frame that is too fast and the fastest so far, counted from 0; 0 for none
+FASTEST_AT = const(8)
+OFFSET = const(9)  # from the load's position to the motor's
 RAMP = const(10)  # see bends()
 # 1: from the frame before the last one to the last one the motor has taken up its play
 TAKEN = const(11)
@@ -45,7 +46,9 @@ TOO_HARD = const(5)  # for the board
 def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     """Check `count` more frames: FITS, TOO_FAST, TOO_HIGH, TOO_LOW, TOO_STEEP or TOO_HARD.
 
-    For all but FITS, SEEN is the frame and FOUND what was too much there.
+    A frame that is too fast is noted in FASTEST_AT, with what it needs in FASTEST. From then on
+    only a faster one matters, and the check goes on to find it. TOO_FAST: nothing can be faster.
+    For TOO_HIGH and on, SEEN is the frame and FOUND what was too much there.
 
     order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0
     at the first one, or -BACKLASH if the play has been taken up for a motion down. Where its motion
@@ -55,13 +58,16 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     than its mean: by up to half of that, and an eighth of a neighbour's mean where that goes the
     other way. That has to be within FASTEST.
     """
-    a = words[BEFORE]
-    b = words[BEFORE + 1]
     seen = words[SEEN]
+    last = words[BEFORE]
+    step = 0
+    if seen:
+        step = words[BEFORE + 1]
     fastest = words[FASTEST]
     steepest = words[STEEPEST]
     play = words[BACKLASH]
     taken = words[TAKEN]
+    too_fast = words[FASTEST_AT]
     i = 0
     if order < 0:
         i = count - 1
@@ -72,57 +78,52 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
         if order < 0:
             i -= 2
         words[SEEN] = seen
-        if p > words[HIGHEST]:
-            return TOO_HIGH
-        if p < words[LOWEST]:
-            return TOO_LOW
-        before = taken
-        if play:
-            # the motor's own steps
-            taken = 0
-            if seen:
-                if p > words[LAST]:
-                    if words[OFFSET]:
-                        taken = 1
-                    words[OFFSET] = 0
-                elif p < words[LAST]:
-                    if words[OFFSET] == 0:
-                        taken = 1
-                    words[OFFSET] = 0 - play
-            words[LAST] = p
-            p = p + words[OFFSET]
+        if too_fast == 0:
+            if p > words[HIGHEST]:
+                return TOO_HIGH
+            if p < words[LOWEST]:
+                return TOO_LOW
         if seen:
+            earlier = step
             # halves first, since the difference of two words may need 33 bits
-            step = (p >> 1) - (b >> 1)
-            if step > fastest or step < 0 - fastest:
-                words[FOUND] = 0x1FFFFFFF
+            step = (p >> 1) - (last >> 1)
+            if step > 0xFFFFFFF or step < -0xFFFFFFF:
+                words[FASTEST] = 0x1FFFFFFF
+                words[FASTEST_AT] = seen
                 return TOO_FAST
-            step = p - b
-            words[FOUND] = step
-            if step < 0:
-                words[FOUND] = 0 - step
-            if step > fastest or step < 0 - fastest:
-                return TOO_FAST
-            if taken | before:
-                last = 0
-                if seen > 1:
-                    last = b - a
-                    if last < 0:
-                        last = 0 - last
-                most = step
-                if most < 0:
-                    most = 0 - most
-                if taken:
-                    if most + (most >> 1) + (last >> 3) > fastest:
-                        return TOO_FAST
-                if before:
-                    if last + (last >> 1) + (most >> 3) > fastest:
-                        return TOO_FAST
-            if seen > 1:
-                change = step - (b - a)
+            step = p - last
+            before = taken
+            if play:
+                # the motor's own steps
+                taken = 0
+                if step > 0 and words[OFFSET]:
+                    taken = 1
+                    step += play
+                    words[OFFSET] = 0
+                elif step < 0 and words[OFFSET] == 0:
+                    taken = 1
+                    step -= play
+                    words[OFFSET] = 0 - play
+            most = step
+            if most < 0:
+                most = 0 - most
+            beside = earlier
+            if beside < 0:
+                beside = 0 - beside
+            needed = most
+            if taken:
+                needed = most + (most >> 1) + (beside >> 3)
+            if before:
+                other = beside + (beside >> 1) + (most >> 3)
+                if other > needed:
+                    needed = other
+            if needed > fastest:
+                fastest = needed
+                too_fast = seen
+            if seen > 1 and too_fast == 0:
+                change = step - earlier
                 if change < 0:
                     change = 0 - change
-                most = words[FOUND]
                 if change > steepest:
                     words[SEEN] = seen - 1
                     if change > words[HARDEST]:
@@ -133,23 +134,21 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                         words[SHARPEST_AT] = seen - 1
                     # How fast the cubics on either side may be: their mean, and no more than that
                     # or the change on top.
-                    last = b - a
-                    if last < 0:
-                        last = 0 - last
-                    if last > most:
-                        most = last
+                    if beside > most:
+                        most = beside
                     if change > most:
                         change = most
                     if most + change > words[PULSED]:
                         words[FOUND] = most + change
                         return TOO_HARD
-        a = b
-        b = p
+        last = p
         seen += 1
-    words[BEFORE] = a
-    words[BEFORE + 1] = b
+    words[BEFORE] = last
+    words[BEFORE + 1] = step
     words[SEEN] = seen
     words[TAKEN] = taken
+    words[FASTEST] = fastest
+    words[FASTEST_AT] = too_fast
     return FITS
 
 
@@ -237,7 +236,7 @@ def bends(
                     before = here
                     here = order * int(slope(window, bounds, n, last - n))
                     i += 1
-                # At rest the slope does not matter: the one that makes least of it is that at the
+                # At rest the slope does not matter: the one that makes beside of it is that at the
                 # other end.
                 if rests & 2 and begin == count:
                     here = before
