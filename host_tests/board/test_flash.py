@@ -137,16 +137,14 @@ def test_refused_while_something_moves(bench, flash):
     assert files(bench) == before
 
 
-def edit(bench, monkeypatch, capsys, old, new, status=0):
+def edit(bench, monkeypatch, capsys, old, new, *file, status=0):
     """`framestep rig edit` with an editor that replaces text, and nothing to answer questions
     with."""
     monkeypatch.setenv("EDITOR", f"sed -i 's/{old}/{new}/'")
     monkeypatch.delenv("VISUAL", raising=False)
     monkeypatch.setattr("builtins.input", lambda question: "n")
-    assert (
-        cli.app.status(["rig", "edit", "--port", bench.repl, "--protocol", bench.protocol])
-        == status
-    )
+    ports = ["--port", bench.repl, "--protocol", bench.protocol]
+    assert cli.app.status(["rig", "edit", *file, *ports]) == status
     return "".join(capsys.readouterr())
 
 
@@ -156,9 +154,10 @@ def test_rig_edit(bench, monkeypatch, capsys):
     assert files(bench)["/rig.json"] == RIG
     said = edit(bench, monkeypatch, capsys, "my crane", 'my crane", "ports": 3, "x": "', status=1)
     assert "rig.json: x: no such setting" in said
-    assert "as it was; the draft is" in said
+    draft = re.search("as it was; framestep rig edit (.*) goes on with the draft", said)[1]
     assert files(bench)["/rig.json"] == RIG
-    said = edit(bench, monkeypatch, capsys, '"my crane"', '"small", "ports": 1')
+    old, new = '"my crane", "ports": 3, "x": ""', '"small", "ports": 1'
+    said = edit(bench, monkeypatch, capsys, old, new, draft)
     assert re.search(f"small on {bench.repl}, firmware", said)
     assert files(bench)["/rig.json"] == b'{"name": "small", "ports": 1}'
 

@@ -275,3 +275,24 @@ def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypat
     said = framestep("run 1 24 --preroll-ms 200", status=7)
     assert "the run ended at frame" in said
     assert "before 24: another program or a soft limit stopped it" in said
+
+
+def test_a_short_e_stop_ends_what_is_repeated(framestep, board, monkeypatch):
+    """buzz and jog repeat their request: without a look at what has come, the motor would go on
+    once the E-stop is released."""
+    pump, taps = Client.pump, [1]
+
+    def tapped(client, seconds=0.0):
+        pump(client, seconds)
+        if taps:
+            taps.pop()
+            for level in (0, 1):
+                board._board.set_input("estop", level)
+                board.run_until(board.now_ns + 400_000_000)
+
+    monkeypatch.setattr(Client, "pump", tapped)
+    said = framestep("buzz 7 --steps 2000", status=7)
+    assert "the E-stop was pressed" in said
+    assert said.startswith("framestep: motor 7 stopped at ")
+    assert framestep("zero 7") == "motor 7: 0"
+    assert framestep("jog 7 -1000 --speed 10000 --seconds 60") == "motor 7: -1000"

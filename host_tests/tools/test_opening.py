@@ -3,6 +3,7 @@ no traceback."""
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -73,11 +74,11 @@ def terminal():
     link.close()
 
 
-def begun(*words):
+def begun(*words, stdout=subprocess.PIPE):
     """A command in a process of its own, with what it says."""
     return subprocess.Popen(
         [sys.executable, "-m", "framestep_tools", *words],
-        stdout=subprocess.PIPE,
+        stdout=stdout,
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
@@ -108,9 +109,32 @@ def test_a_second_program_goes_through_the_first(device, capsys):
     out, err = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == REFUSED
     assert not out
-    assert "short of 200000: another program or a soft limit stopped it" in err
+    assert "short of 200000: another program stopped it" in err
     assert len(err.splitlines()) == 1
     assert positions(device, capsys).err == "", "the port is free again"
+
+
+@pytest.mark.parametrize("between", [(), ("status", "--watch", "--json")], ids=["", "a watcher"])
+def test_a_stop_ends_what_is_repeated(device, between, capsys):
+    """buzz and jog repeat their request, and would begin anew. A program between them that has the
+    port changes nothing."""
+    watcher = begun(*between, device, stdout=subprocess.DEVNULL) if between else None
+    until(lambda: not watcher or door.find(device))
+    first = begun("buzz", device, "2", "--steps", "10000", "--times", "50")
+    until(lambda: "motor 2: 1" in positions(device, capsys).out)
+    assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
+    out, err = first.communicate(timeout=PATIENCE_S)
+    assert first.returncode == REFUSED, err
+    assert not out
+    assert re.fullmatch(r"motor 2 stopped at -?\d+: another program stopped it", said_last(err))
+    if watcher:
+        watcher.send_signal(signal.SIGINT)
+        watcher.communicate(timeout=PATIENCE_S)
+    assert ", moving" not in positions(device, capsys).out
+
+
+def said_last(err):
+    return err.splitlines()[-1].removeprefix("framestep: ")
 
 
 def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkeypatch, capsys):

@@ -124,5 +124,9 @@ def test_notes_are_those_of_the_version():
     )
     assert release.notes(CHANGELOG.format(""), "0.1.0") == "# framestep 0.1.0\n\nFirst.\n"
     assert release.notes(CHANGELOG.format("* New.\n"), "0.3.0") == "# framestep 0.3.0\n\n* New.\n"
+    assert (
+        release.notes(CHANGELOG.format("* New.\n"), "0.1.0")
+        == "# framestep 0.1.0\n\n## Since the first 0.1.0\n\n* New.\n\n## 0.1.0\n\nFirst.\n"
+    ), "what is unreleased is in the files as well"
     with pytest.raises(BuildError, match=r"CHANGELOG\.md says nothing of 0\.3\.0"):
         release.notes(CHANGELOG.format(""), "0.3.0")

@@ -149,6 +149,47 @@ def test_a_draft_with_comments(content):
         assert all(f'//   "{key}": ' in draft for key in settings)
 
 
+def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):
+    file = tmp_path / "rig.json"
+    file.write_text(rig_file.commented('{"name": "http://draft"}'), encoding="utf-8-sig")
+    assert cli.app.status(["rig", "check", str(file)]) == 0
+    assert capsys.readouterr().out == (
+        f"{file} is right for Raspberry Pi Pico: 'http://draft', 0 motors set; "
+        f"it has // comments, which a board does not read: framestep rig edit {file} "
+        "sends it without them\n"
+    )
+    file.write_text(rig_file.commented('{\n"ports": 3}'))
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    assert f"{file}: ports: found 3" in capsys.readouterr().err
+    file.write_text(rig_file.commented('{\n"ports" 3}'))
+    assert cli.app.status(["rig", "check", str(file)]) == 1
+    assert f"{file}: not valid JSON in line 4, column 9" in capsys.readouterr().err
+
+
+def test_what_goes_onto_a_board_has_no_comments(tmp_path):
+    assert rig_file.for_board(b'{"name": "a"}\n') == b'{"name": "a"}\n', "as it is"
+    assert rig_file.for_board(b'\xef\xbb\xbf{ // b\n"name": "// c"}') == b'{\n"name": "// c"}'
+
+
+@pytest.mark.parametrize("content", [b'{"ports": 1} // one', b'\xef\xbb\xbf{"ports": 1}'])
+def test_a_boards_file_with_comments_is_told_as_such(content):
+    with pytest.raises(RigFileError, match="a board reads neither // comments nor a byte order"):
+        rig_file.parse(content, "/rig.json")
+
+
+def test_a_draft_goes_on_from_what_the_board_has(tmp_path):
+    file = tmp_path / "rig.json"
+
+    def saved(draft, board):
+        file.write_bytes(draft)
+        return rig_file.edit_until_right(file, board_data("pico"), lambda p: None, print, board)
+
+    assert saved(b'{"ports": 1} // mine', b'{"ports": 2}') == b'{"ports": 1}'
+    assert saved(b'{"ports": 1} // mine', b'{"ports": 1}\n') is None
+    assert saved(b"{} // mine", b"{} // mine") == b"{}", "the board cannot read what it has"
+    assert saved('{"name": "a\u2028b"} // '.encode(), b"{}") == '{"name": "a\u2028b"}'.encode()
+
+
 def test_what_is_copied_out_of_the_comments(tmp_path):
     draft = rig_file.commented("{}")
     told = []

@@ -1,4 +1,4 @@
-"""The command `framestep`: talk to a motion controller from a shell.
+"""Talk to a motion controller from a shell.
 
 The device is the only board on USB, or --device: a port's path (/dev/ttyACM1, COM5) or
 socket://HOST:PORT, which may also come first after the command. The controller stops its motors

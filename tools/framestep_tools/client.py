@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from framestep.protocol import messages
 
-from .door import LOOK_S, Door
+from .door import LOOK_S, STOPS, Door
 from .errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, USAGE, ToolError
 from .opening import close_port, open_port
 from .payloads import (
@@ -137,6 +137,7 @@ class Client:
         self.stray = 0
         self.info: DeviceInfo | None = None  # who the device is, once it has been greeted
         self.door: Door | None = None  # for other programs
+        self.stopped = False  # another one of these has asked for a stop
         self._heard = False  # a message has come
         self._noise = b""  # what came before the first message
         self.clock: Callable[[], float] = getattr(port, "clock", time.monotonic)
@@ -419,6 +420,7 @@ class Client:
             if request is not None and frame.request_type == request.TYPE:
                 self._answers[frame.id] = frame
             elif frame.id == 0 and not frame.is_ack:
+                self.stopped |= frame.type in STOPS  # the program between passes it on
                 event = Event(self.clock(), _report(frame))
                 self.events.append(event)
                 if self.on_event:

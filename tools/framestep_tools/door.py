@@ -4,7 +4,8 @@
 The first program listens on this computer alone, and puts where, with a secret, into a file that
 only its user can read. The second sends the secret and then frames. They go to the device with IDs
 of the first one's; the answers go back with the IDs that they came with, and what the device sends
-unasked goes to both.
+unasked goes to both. So does a request to stop motors, with ID 0: whoever repeats a jog has to
+know.
 """
 
 import contextlib
@@ -17,12 +18,15 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from framestep.protocol.messages import MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP
+
 from .tcp_port import SCHEME, TcpPort
 from .wire import Frame, FrameDecoder, encode
 
 if TYPE_CHECKING:
     from .client import Client
 
+STOPS = (MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP)
 LOOK_S = 0.05  # how often the first program looks for the second
 _SECRET_BYTES = 32
 
@@ -126,6 +130,9 @@ class Door:
         if not self._secret.encode().startswith(guest.secret):
             return False
         for frame in guest.decoder.feed(data[missing:]) if missing < len(data) else []:
+            if frame.type in STOPS:
+                self._client.stopped = True
+                self.tell(frame, guest)
             self._asked[self._client.forward(frame.type, frame.payload)] = guest, frame.id
         return True
 
@@ -136,8 +143,8 @@ class Door:
             guest.send(frame, id)
         return guest is not None
 
-    def tell(self, frame: Frame) -> None:
-        """Pass on what the device has sent unasked."""
+    def tell(self, frame: Frame, but: _Guest | None = None) -> None:
+        """Pass on to all guests but one what the device has sent unasked, or a stop."""
         for guest in self._guests:
-            if len(guest.secret) == _SECRET_BYTES:
+            if guest is not but and len(guest.secret) == _SECRET_BYTES:
                 guest.send(frame, 0)

@@ -50,13 +50,19 @@ def epoch() -> int:
 
 
 def notes(changelog: str, wanted: str) -> str:
-    """What CHANGELOG.md says of a version; of what is unreleased, if the version has no heading
-    yet."""
+    """What CHANGELOG.md says of a version, and before it of what is unreleased: that is in the
+    files, too."""
     parts = dict(re.findall(r"^## (\S+).*\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE))
-    said = (parts.get(wanted) or parts.get("Unreleased", "")).strip()
-    if not said:
+    new, said = parts.get("Unreleased", "").strip(), parts.get(wanted, "").strip()
+    if not new and not said:
         raise BuildError(f"CHANGELOG.md says nothing of {wanted}")
-    return f"# framestep {wanted}\n\n{said}\n"
+    if new and said:
+        new = f"## Since the first {wanted}\n\n{new}\n\n## {wanted}\n"
+    return (
+        f"# framestep {wanted}\n\n"
+        + "\n\n".join(part.strip() for part in (new, said) if part)
+        + "\n"
+    )
 
 
 def index(packages: Mapping[str, bytes]) -> dict[str, bytes]:

@@ -33,7 +33,8 @@ class _Doubled(Exception):
 
 
 def parse(content: bytes, name: str) -> dict[str, Any]:
-    """The settings in a rig file's content; RigFileError with the line if it is no JSON object."""
+    """The settings in a rig file's content, read as strictly as on a board; RigFileError with the
+    line if it is no JSON object."""
 
     def constant(word: str) -> None:
         raise ValueError(f"{word} is no JSON")
@@ -53,6 +54,11 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
             f'{name}: "{error}" is there twice in one {{…}}: the board would take the last one'
         ) from None
     except json.JSONDecodeError as error:
+        if _bare(content) != content:
+            raise RigFileError(
+                f"{name}: a board reads neither // comments nor a byte order mark; "
+                "framestep rig edit sends a file without them"
+            ) from None
         where = f"line {error.lineno}, column {error.colno}"
         raise RigFileError(f"{name}: not valid JSON in {where} ({error.msg})") from None
     except UnicodeDecodeError as error:
@@ -70,12 +76,23 @@ def parse(content: bytes, name: str) -> dict[str, Any]:
 
 
 def read(path: str | Path) -> dict[str, Any]:
-    """The settings in a file, not checked; RigFileError if it cannot be read."""
+    """The settings in a file, its comments left out, not checked; RigFileError if it cannot be
+    read."""
+    return parse(_bare(content_of(path)), str(path))
+
+
+def content_of(path: str | Path) -> bytes:
+    """A file's content; RigFileError if it cannot be read."""
     try:
-        content = Path(path).read_bytes()
+        return Path(path).read_bytes()
     except OSError as error:
         raise RigFileError(f"cannot read the rig file {path}: {error.strerror}") from None
-    return parse(content, str(path))
+
+
+def for_board(content: bytes) -> bytes:
+    """A rig file's content as a board can read it: without // comments and byte order mark."""
+    bare = _bare(content)
+    return content if bare == content else _tidy(bare)
 
 
 def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
@@ -155,23 +172,31 @@ def commented(content: str) -> str:
     return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
 
 
+def _with_comments(content: bytes) -> bytes:
+    """A draft; one that has comments stays as it is."""
+    try:
+        bare = _bare(content) == content
+        return commented(content.decode()).encode() if bare else content
+    except UnicodeDecodeError:  # the editor shows where
+        return content
+
+
 def without_comments(text: str) -> str:
     """JSON with each // comment outside of its strings made empty; lines keep their numbers."""
     return re.sub(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*', lambda found: found[1] or "", text)
 
 
-def _bare(path: Path) -> bytes:
-    """What a draft holds beside its comments; lines keep their numbers."""
+def _bare(content: bytes) -> bytes:
+    """What a rig file holds beside its comments; lines keep their numbers."""
     try:
-        return without_comments(path.read_bytes().decode("utf-8-sig")).encode()
+        return without_comments(content.decode("utf-8-sig")).encode()
     except UnicodeDecodeError:
-        return path.read_bytes()
+        return content
 
 
 def _tidy(content: bytes) -> bytes:
     """The same without the lines that comments have left empty."""
-    kept = [line.rstrip() for line in content.decode().splitlines() if line.strip()]
-    return "\n".join(kept).encode()
+    return b"\n".join(line.rstrip() for line in content.splitlines() if line.strip())
 
 
 def edit_until_right(
@@ -179,17 +204,19 @@ def edit_until_right(
     board: Mapping[str, Any],
     editor: Callable[[Path], None],
     again: Callable[[str], bool],
+    before: bytes | None = None,
 ) -> bytes | None:
-    """Let `editor` change a file until it is right, and give back its new content; None if it stays
-    as it was.
+    """Let `editor` change a file until it is right, and give back its new content; None if that is
+    what it was before.
 
-    A mistake is given to `again`, which says whether to edit once more; RigFileError if not.
+    before: what the board has, if not this. A mistake is given to `again`, which says whether to
+    edit once more; RigFileError if not.
     """
-    before = _bare(path)
+    before = _tidy(path.read_bytes() if before is None else before)
     while True:
         editor(path)
-        new = _bare(path)
-        if new.strip() == before.strip():
+        new = _bare(path.read_bytes())
+        if _tidy(new) == before:
             return None
         try:
             check(parse(new, path.name), board, path.name)
@@ -199,14 +226,17 @@ def edit_until_right(
                 raise
 
 
-def edit(device: "Device", protocol: str | None) -> None:
+def edit(device: "Device", protocol: str | None, file: Path | None = None) -> None:
     """Fetch the rig file of a board (not connected yet), let the user edit it, put it back,
     restart.
 
-    When it does not get there the board's file is as it was, and the draft stays.
+    file: what the user begins with instead, such as an earlier draft; it stays as it is. When what
+    comes of it does not get there the board's file is as it was, and the draft stays.
     """
     from .device import RIG_FILE
     from .restart import greeting, hello
+
+    begin = None if file is None else content_of(file)
 
     with device:
         board = device.board()
@@ -218,12 +248,10 @@ def edit(device: "Device", protocol: str | None) -> None:
         hello(device.path, protocol, 1)
     folder = Path(tempfile.mkdtemp(prefix="framestep-"))
     draft = folder / "rig.json"
+    there = b"{}" if content is None else content
+    draft.write_bytes(_with_comments(there if begin is None else begin))
     try:
-        draft.write_text(commented("{}" if content is None else content.decode()), encoding="utf-8")
-    except UnicodeDecodeError:  # the editor shows where
-        draft.write_bytes(content or b"")
-    try:
-        new = edit_until_right(draft, board, run_editor, ask_again)
+        new = edit_until_right(draft, board, run_editor, ask_again, there)
         if new is None:
             print("nothing has been changed")
             shutil.rmtree(folder)
@@ -234,7 +262,10 @@ def edit(device: "Device", protocol: str | None) -> None:
             device.restart()
     except (ToolError, KeyboardInterrupt) as error:
         said = f"{error}\n" if isinstance(error, ToolError) else ""
-        raise ToolError(f"{said}the board's rig file is as it was; the draft is {draft}") from None
+        raise ToolError(
+            f"{said}the board's rig file is as it was; "
+            f"framestep rig edit {draft} goes on with the draft"
+        ) from None
     shutil.rmtree(folder)
     print(
         greeting(*hello(device.path, protocol, check(parse(new, RIG_FILE), board, RIG_FILE).ports))

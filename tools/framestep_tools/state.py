@@ -93,7 +93,14 @@ def why_stopped(client: Client) -> str:
         return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(
             told.motor
         )
+    if client.stopped:
+        return "another program stopped it"
     return "another program or a soft limit stopped it"
+
+
+def is_stopped(client: Client) -> bool:
+    """Whether something has stopped motors, such that nothing may be repeated."""
+    return client.stopped or any(isinstance(event.message, HardStop) for event in client.events)
 
 
 def _trust(state: State) -> list[str]:
@@ -121,7 +128,7 @@ def _conditions(state: State) -> list[str]:
             state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by
         )
     if any(each.state == LOST for each in state.condition.positions):
-        found.append(texts.LIMITS_COUNT)
+        found.append(f"{texts.LIMITS_COUNT} (framestep zero)")
     return found
 
 

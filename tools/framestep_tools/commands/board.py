@@ -32,7 +32,10 @@ def install(
         Path | None, typer.Option(help="another UF2 file than framestep's own", metavar="FILE")
     ] = None,
 ) -> None:
-    """Put framestep on a board that is plugged in with BOOTSEL held, and ask it who it is."""
+    """Put framestep on a board that is plugged in with BOOTSEL held.
+
+    Then ask it who it is.
+    """
     from .. import drives, install
     from ..drives import DriveError
 
@@ -63,8 +66,10 @@ def flash(
         ),
     ] = None,
 ) -> None:
-    """Copy framestep beside the MicroPython that is on a board; rig.json and other files of yours
-    stay."""
+    """Copy framestep beside the MicroPython that is on a board.
+
+    rig.json and other files of yours stay.
+    """
     from ..flash import flash_board
 
     flash_board(board, port, protocol, _say)
@@ -79,7 +84,7 @@ def uf2(
     board: Board = None,
     rig: Annotated[Path | None, typer.Option(help="a rig file to put in", metavar="FILE")] = None,
 ) -> None:
-    """Join MicroPython's UF2 file with framestep's files: one file to drop onto a board's drive.
+    """Join MicroPython's UF2 file with framestep: one file to drop.
 
     It writes the board's file system as a whole: files that are on the board go, rig.json too.
     """
@@ -88,7 +93,7 @@ def uf2(
     from ..files import board_data
     from ..install import joined, read
 
-    content = read(rig) if rig else None
+    content = rig_file.for_board(read(rig)) if rig else None
     name, made = joined(read(micropython), str(micropython), board, content)
     if content is not None:
         rig_file.check(rig_file.parse(content, str(rig)), board_data(name), str(rig))

@@ -17,7 +17,7 @@ def demo(
         "framestep-demo"
     ),
 ) -> int:
-    """Play a camera move on a simulated board, check every edge, draw it."""
+    """Play a camera move on a simulated board and check every edge."""
     from ..errors import ToolError
     from ..move_file import CAMERA_MOVE
 

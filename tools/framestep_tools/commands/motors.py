@@ -38,7 +38,7 @@ def switches(
         bool, typer.Option("--watch", "-w", help="go on as a live table, until Ctrl-C")
     ] = False,
 ) -> None:
-    """Show the E-stop, the limit switches and the general inputs as the board sees them."""
+    """Show E-stop, limit switches and inputs as the board sees them."""
     from .. import switches
 
     with talking(device) as client:
@@ -124,25 +124,43 @@ def jog(
     ] = 1000,
     seconds: Annotated[float, typer.Option(help="how long", min=0)] = 1.0,
 ) -> None:
-    """Jog a motor toward a position for some time, as if a key were held."""
+    """Jog a motor toward a position for a time, as a held key does."""
     from ..payloads import MotorStop
 
     with moving(device) as client:
+        _stands(client, motor)
         _jog(client, motor, destination, speed, seconds)
         client.request(MotorStop(motor))
         client.wait_idle(STOP_TIME_S)
         _arrived(client, motor)
 
 
-def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: float) -> None:
-    """Jog until a motor is there, at most for so long."""
+def _stands(client: "Client", motor: int) -> int:
+    """Where a motor is. What has stopped motors before counts no more."""
     from .. import state
-    from ..payloads import MotorJog
+
+    found = state.position(client, motor)
+    client.events.clear()
+    return found
+
+
+def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: float) -> None:
+    """Jog until a motor is there, at most for so long; Stopped if anything else has stopped it."""
+    from .. import state
+    from ..payloads import MotorJog, MotorStop
 
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0 and state.position(client, motor) != destination:
-        client.request(MotorJog(motor, speed, destination))
-        client.pump(min(left, JOG_REPEAT_S))
+        if not state.is_stopped(client):
+            client.request(MotorJog(motor, speed, destination))
+            client.pump(min(left, JOG_REPEAT_S))
+        if state.is_stopped(client):
+            client.request(MotorStop(motor))  # the last jog may have come after the stop
+            client.wait_idle(STOP_TIME_S)
+            raise state.Stopped(
+                f"motor {motor} stopped at {state.position(client, motor)}: "
+                f"{state.why_stopped(client)}"
+            )
 
 
 def zero(
@@ -152,7 +170,7 @@ def zero(
     ] = 0,
     device: Url = None,
 ) -> None:
-    """Call the place where a motor stands 0, or another position; nothing moves."""
+    """Call where a motor stands 0, or another position. Nothing moves."""
     from ..payloads import MotorResetPosition
 
     with talking(device) as client:
@@ -169,7 +187,7 @@ def stop(
         bool, typer.Option("--hard", help="all motors with the hard stop's deceleration")
     ] = False,
 ) -> None:
-    """Stop one motor or all of them, also while another framestep command moves them."""
+    """Stop one motor or all, also while another command moves them."""
     from ..client import BrokenOff
     from ..payloads import MotorStop, MotorStopAll
 
@@ -187,6 +205,7 @@ def stop(
         if not asked:
             raise
         _wait_idle_after_the_other(device)
+    print("nothing moves")
 
 
 def _wait_idle_after_the_other(device: str | None) -> None:
@@ -216,11 +235,9 @@ def buzz(
         int, typer.Option(help="1 (inching) to 10000 (the motor's maximum)", min=1, max=10_000)
     ] = 1000,
 ) -> None:
-    """Move a motor to and fro by a few steps, to see which it is and whether it turns."""
-    from .. import state
-
+    """Move a motor a few steps to and fro, to see whether it turns."""
     with moving(device) as client:
-        home = state.position(client, motor)
+        home = _stands(client, motor)
         for k in range(2 * times + 1):
             target = home if k == 2 * times else home + (steps if k % 2 == 0 else -steps)
             _jog(client, motor, target, speed, STOP_TIME_S)

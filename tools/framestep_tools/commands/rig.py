@@ -22,6 +22,8 @@ def rig_check(
     from .. import rig_file
     from ..files import board_data
 
+    content = rig_file.content_of(file)
+    comments = rig_file.for_board(content) != content
     found = rig_file.check(rig_file.read(file), board_data(board), str(file))
     if json:
         say_json(
@@ -30,17 +32,33 @@ def rig_check(
                 "board": board,
                 "name": found.name.decode(),
                 "settings": found.settings,
+                "comments": comments,
             }
         )
         return
     print(
         f"{file} is right for {board_data(board)['name']}: "
         f"{found.name.decode()!r}, {len(found.motors)} motors set"
+        + (
+            "; it has // comments, which a board does not read: "
+            f"framestep rig edit {file} sends it without them"
+            if comments
+            else ""
+        )
     )
 
 
 @rig.command("edit")
 def rig_edit(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="a file to begin with instead of the board's, such as a draft that was left; "
+            "it stays as it is",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
     port: Annotated[
         str | None, typer.Option(help="port of the REPL; without it the only board on USB")
     ] = None,
@@ -48,11 +66,14 @@ def rig_edit(
         str | None, typer.Option(help="port that Dragonframe uses, where it cannot be told")
     ] = None,
 ) -> None:
-    """Fetch a board's rig file, edit it with $EDITOR, check it, put it back and restart."""
+    """Edit a board's rig file with $EDITOR, check it and put it back.
+
+    Then the board restarts.
+    """
     from .. import rig_file
     from ..device import Device
 
-    rig_file.edit(Device(port), protocol)
+    rig_file.edit(Device(port), protocol, file)
 
 
 @rig.command("example")
@@ -69,7 +90,7 @@ def rig_example(
 
 @rig.command("schema")
 def rig_schema() -> None:
-    """Print the rig file's JSON Schema, with which an editor completes and checks a file."""
+    """Print the rig file's JSON Schema, for an editor that checks it."""
     from .. import rig_schema
 
     print(rig_schema.text(), end="")

@@ -29,16 +29,23 @@ def virtual(
     device: Url = None,
     json: Json = False,
 ) -> None:
-    """Say where the virtual axes are, or move one of them; the host has configured them."""
+    """Say where the virtual axes are, or move one of them.
+
+    The host has configured them.
+    """
+    from .. import state
     from ..payloads import VirtGetPosition, VirtMove
 
     if axis is not None and position is None:
         raise typer.BadParameter("an axis needs a position as well")
     with moving(device) as client:
+        client.events.clear()
         if axis is not None and position is not None:
             number = list(VirtualAxisName).index(axis) + 1
             client.request(VirtMove(number, round(position * 100_000)))
             client.wait_idle(timeout_s=float("inf"))
+            if state.is_stopped(client):
+                raise state.Stopped(f"{axis.value} stopped on its way: {state.why_stopped(client)}")
         found = client.request(VirtGetPosition())
     values = found.track, found.east_west, found.north_south, found.pan, found.tilt, found.roll
     places = {
