@@ -120,17 +120,20 @@ def test_a_stop_ends_what_is_repeated(device, between, capsys):
     port changes nothing."""
     watcher = begun(*between, device, stdout=subprocess.DEVNULL) if between else None
     until(lambda: not watcher or door.find(device))
-    first = begun("buzz", device, "2", "--steps", "10000", "--times", "50")
-    until(lambda: "motor 2: 1" in positions(device, capsys).out)
-    assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
-    out, err = first.communicate(timeout=PATIENCE_S)
-    assert first.returncode == REFUSED, err
-    assert not out
-    assert re.fullmatch(r"motor 2 stopped at -?\d+: another program stopped it", said_last(err))
-    if watcher:
-        watcher.send_signal(signal.SIGINT)
-        watcher.communicate(timeout=PATIENCE_S)
-    assert ", moving" not in positions(device, capsys).out
+    first = begun("buzz", device, "2", "--steps", "10000", "--times", "1000")
+    try:
+        until(lambda: (found := door.find(device)) and (watcher or str(first.pid) in found.who))
+        until(lambda: ", moving" in positions(device, capsys).out)
+        assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
+        out, err = first.communicate(timeout=PATIENCE_S)
+        assert first.returncode == REFUSED, err
+        assert not out
+        assert re.fullmatch(r"motor 2 stopped at -?\d+: another program stopped it", said_last(err))
+        assert ", moving" not in positions(device, capsys).out
+    finally:
+        for process in filter(None, (first, watcher)):
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE_S)
 
 
 def said_last(err):

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from ..client import Client
 
 STOP_TIME_S = 60.0
+_OFFER_S = 0.5  # for a program that has just opened the port to let others through
 
 Url = Annotated[
     str | None,
@@ -112,10 +114,11 @@ def talking(device: str | None) -> "Iterator[Client]":
     try:
         client = Client.open(url)
     except PortBusy:
-        found = door.find(url)
-        port = found and door.enter(found, DEFAULT_TIMEOUT_S)
-        if not found or not port:
-            raise
+        end = time.monotonic() + _OFFER_S
+        while not ((found := door.find(url)) and (port := door.enter(found, DEFAULT_TIMEOUT_S))):
+            if time.monotonic() > end:
+                raise
+            time.sleep(door.LOOK_S)
         print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
         client = Client(port, name=f"{url}, through {found.who}")
     else:
