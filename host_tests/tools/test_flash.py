@@ -240,7 +240,7 @@ def test_firmware_that_fits():
             {"mpy": 7 << 10 | 3 << 8 | 6, "machine": "Pico 2"},
             "is for armv7emsp, Raspberry Pi Pico needs armv6m",
         ),
-        ({"platform": "esp32"}, "this one says esp32: name its PORT"),
+        ({"platform": "esp32"}, "this one says esp32: name its port with --port"),
         ({"mpy": 4 << 10 | 7}, "does not know this form of .mpy files"),
         ({"second_port": False}, "does not know a second USB port"),
         ({"framestep": "framestep/__init__.py"}, "framestep is part of this board's firmware"),

@@ -105,6 +105,17 @@ def test_it_is_this_package_that_runs_and_no_other(installed):
     ] * 2
 
 
+def test_what_is_blocked_cannot_be_imported(installed):
+    found = installed.python(
+        "import importlib, sys\n"
+        "for name in sys.argv[1:]:\n"
+        "    try: importlib.import_module(name); print(name)\n"
+        "    except ImportError: pass",
+        *BLOCKED,
+    )
+    assert not found.split()
+
+
 def test_a_start_loads_nothing_that_only_some_command_needs(installed):
     """`framestep --help` takes 0.2 s of a processor so; with rich it would be 0.35 s, with numpy
     0.5 s."""

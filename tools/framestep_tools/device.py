@@ -280,7 +280,7 @@ class Device:
         found = self.run(_BOARD)
         if not found.strip():
             raise DeviceError(
-                f"framestep is not on the board on {self.path}: make flash puts it there"
+                f"framestep is not on the board on {self.path}: framestep flash puts it there"
             )
         return literal_eval(found)
 

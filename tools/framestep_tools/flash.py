@@ -49,12 +49,12 @@ def check_firmware(who: Who, board: str) -> None:
     if who.platform != chip.platform:
         raise DeviceError(
             f"{data['name']} is a board of the {chip.platform} port, "
-            f"this one says {who.platform}: name its PORT"
+            f"this one says {who.platform}: name its port with --port"
         )
     if who.march != chip.processor:
         raise DeviceError(
             f"the MicroPython on this board ({who.machine}) is for {who.march}, "
-            f"{data['name']} needs {chip.processor}: name the right BOARD, or {get}"
+            f"{data['name']} needs {chip.processor}: name the right one with --board, or {get}"
         )
     if who.version[:2] < OLDEST:
         raise DeviceError(f"the board has MicroPython {version}: {get}")
@@ -64,7 +64,8 @@ def check_firmware(who: Who, board: str) -> None:
     if who.frozen:
         raise DeviceError(
             "framestep is part of this board's firmware, and copied files would not be looked at: "
-            f"put a new image on it (make image BOARD={board}); or, for copied files, {get}"
+            f"put a new image on it (framestep install --board {board}); "
+            f"or, for copied files, {get}"
         )
 
 
