@@ -236,7 +236,7 @@ def bends(
                     before = here
                     here = order * int(slope(window, bounds, n, last - n))
                     i += 1
-                # At rest the slope does not matter: the one that makes beside of it is that at the
+                # At rest the slope does not matter: the one that asks for least is that at the
                 # other end.
                 if rests & 2 and begin == count:
                     here = before
