@@ -122,13 +122,21 @@ def test_a_bus_reset_in_motion(rig, late):
         assert rig.steps(7)[0][-1] * 1e9 < begun + 9e6, after_ms
 
 
-def test_a_pin_that_something_else_takes(rig):
-    """It is given back before the motor moves again; its position is lost, as pulses may have
-    been."""
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_pin_that_something_else_takes(rig, asked):
+    """It is given back before the motor moves again, when it is asked to move or, without that, a
+    moment later; its position is lost, as pulses may have been."""
     emulator = rig.board.emulator
     rig.accept(MotorResetPosition(1, 0), MotorResetPosition(7, 0))
-    emulator.repl().exec("from machine import Pin\nPin(15, Pin.IN)")
-    rig.refuse(m.ERR_GENERAL, MotorMove(7, 50))
+    rig.forget()
+    repl = emulator.repl()
+    if asked:
+        # The call in C after it holds the main loop up until the request is there
+        repl.start("from machine import Pin\nPin(15, Pin.IN), sum(range(60000))")
+        rig.refuse(m.ERR_GENERAL, MotorMove(7, 50))
+        repl.finish()
+    else:
+        repl.exec("from machine import Pin\nPin(15, Pin.IN)")
     rig.run(0.2)
     assert [message for _, message in rig.events(HardStop)] == [HardStop(100)]
     assert trust(rig)[6] == (LOST, STEPS)
