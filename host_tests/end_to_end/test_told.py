@@ -82,10 +82,11 @@ def test_in_a_run(fps, way, ask):
     assert_of_one_moment(session, pins, messages)
     # Every frame is told once exactly
     told = [(time, m) for time, m in messages if m.move_time % 1000 == 0]
-    for index in range(FRAMES)[1:-1]:
+    for index in range(FRAMES)[1:]:
         exact = [m for _, m in told if m.move_time == (index + 1) * 1000]
-        assert exact
-        assert all(m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact)
+        at_it = [m.steps[:2] == (PATH[1][index], PATH[2][index]) for m in exact]
+        assert any(at_it)
+        assert all(at_it) or index == FRAMES - 1  # in the post-roll it is still MOVE TIME
     # between frames MOVE TIME is the play head: motor 1 has a constant speed
     parts = [m for _, m in messages if m.move_time % 1000]
     # each frame is told, and comes before the next report is due

@@ -71,6 +71,16 @@ def test_shift(cubic, fraction, powers, back):
     assert 0 <= cubic[segments.P] < 2**16
 
 
+@pytest.mark.parametrize("above", [0, 1, 8])
+def test_shifted_a_hair_past_the_end_of_the_range(above):
+    """From as many steps above the lowest position to it and 2^-24 of a step further."""
+    cubic = array("i", [0] * segments.CUBIC_WORDS)
+    cubic[segments.WHOLE] = above - 2**31
+    cubic[segments.G1], cubic[segments.G1 + 1] = -(above << 14) - 1, 2**30 - 2**20
+    segments.shift(cubic, 2**30 - 1, 2, 0)
+    assert coefficients(cubic)[0] == -(2**31)
+
+
 @given(cubics(), st.integers(0, 2**30 - 1))
 def test_there_and_back(cubic, fraction):
     before = coefficients(cubic)

@@ -267,7 +267,7 @@ def numbers(seed, count, write):
     block = rig.kernel.blocks[0]
     queue = rig.kernel.queues[0]
     cubic = array("i", [0] * segments.CUBIC_WORDS)
-    state = array("i", [0] * 5)
+    state = array("i", [0] * segments.OPEN_WORDS)
     for _ in range(count):
         number(random, r, 0)
         number(random, r, 2)
@@ -278,7 +278,9 @@ def numbers(seed, count, write):
         )
         write(r)
         write(out)
-        cubic[segments.WHOLE] = random.word() >> 1
+        # anywhere, just below 0, or where the range ends
+        near = random.bits(4)
+        cubic[segments.WHOLE] = (random.word() >> 1, -near, near - 2**31)[random.bits(8) % 3]
         cubic[segments.P] = random.bits(16)
         # at most 500 steps within shift()
         for k, bits in (segments.G1, 22), (segments.G2, 17), (segments.G3, 25):

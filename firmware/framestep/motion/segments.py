@@ -88,12 +88,15 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
             high = cubic[k + 0] + high + (low >> 30 & 1)
         cubic[k + 1] = low & _MASK
         cubic[k] = high
-    if cubic[P] < 0:
-        low = -0x40000000
-        if cubic[WHOLE] == low + low:
-            cubic[P] = 0  # by rounding a hair past the end of the range
-    cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 16)
-    cubic[P] = cubic[P] & 0xFFFF
+    steps = cubic[P] >> 16
+    low = -0x40000000
+    if cubic[WHOLE] < 0 and steps < 0 and cubic[WHOLE] - (low + low) + steps < 0:
+        cubic[WHOLE] = low + low  # by rounding a hair past the end of the range
+        cubic[P] = 0
+        cubic[P + 1] = 0
+    else:
+        cubic[WHOLE] = cubic[WHOLE] + steps
+        cubic[P] = cubic[P] & 0xFFFF
 
 
 @micropython.viper

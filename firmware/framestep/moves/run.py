@@ -172,14 +172,17 @@ class RunMove(PreparedRun):
         ahead = elapsed(clock.tick, tick + 1 + kernel[stepper.LEAD])
         last = reported > self.plan.frames
         if ahead >= HALF or ahead == 0 and clock.us == 0:
-            if last:
+            if not last:
+                # it has been reached in this pass: before it is reported, nothing beyond it is
+                here += self.step
+                left = clock.quotient
+            elif frame:
+                left = 0
+            else:
                 return here * 1000
-            # it has been reached in this pass: before it is reported, nothing beyond it is
-            here += self.step
-            left = clock.quotient
         else:
             left = ahead * 1000 + clock.us
-            if last and left < clock.quotient:
+            if last and left < clock.quotient and not frame:
                 return here * 1000
         if frame or left >= clock.quotient:
             self.operations.reported_frame = here - self.store.start
