@@ -90,6 +90,7 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
         cubic[k] = high
     steps = cubic[P] >> 16
     low = -0x40000000
+    # only downward: upward the sum would wrap
     if cubic[WHOLE] < 0 and steps < 0 and cubic[WHOLE] - (low + low) + steps < 0:
         cubic[WHOLE] = low + low  # by rounding a hair past the end of the range
         cubic[P] = 0
