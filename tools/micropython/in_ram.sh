@@ -3,7 +3,7 @@
 #
 # The functions named here run from RAM. The flash cache of an RP2040 (16 kB) is too small for MicroPython's interpreter
 # and framestep's own code together. What calls and looks up most, and what leads to the tick, is copied to RAM at the
-# start: pico-sdk's linker script does it with sections called .time_critical. They take 13 kB; `make bench` shows what
+# start: pico-sdk's linker script does it with sections called .time_critical. They take 13.5 kB; `make bench` shows what
 # they are worth.
 set -euo pipefail
 
@@ -18,6 +18,7 @@ FUNCTIONS=(
     mp_obj_instance_attr mp_obj_class_lookup find_qstr qstr_hash
     # arrays
     array_get_buffer array_subscr mp_get_buffer mp_binary_get_size mp_get_index mp_obj_subscr
+    mp_obj_equal_not_equal nlr_push nlr_push_tail mp_native_swap_globals fun_builtin_0_call mp_iternext_allow_raise
     # from the timer's interrupt to the tick
     alarm_pool_irq_handler alarm_callback mp_sched_schedule mp_irq_dispatch
     # refuses at once while the heap is locked, as it is in a pass
