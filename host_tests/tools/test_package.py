@@ -202,9 +202,10 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
-def test_what_an_extra_brings_is_named_when_it_is_missing(installed):
+@pytest.mark.parametrize("command", [["demo"], ["vcd", "edges.csv"], ["plot", "edges.csv"]])
+def test_what_an_extra_brings_is_named_when_it_is_missing(command, installed):
     result = installed.start(
-        [sys.executable, "-c", "from framestep_tools.cli import app; app()", "demo"]
+        [sys.executable, "-c", "from framestep_tools.cli import app; app()", *command]
     )
     assert result.returncode == 1
     assert "pip install framestep[plots]" in result.stderr

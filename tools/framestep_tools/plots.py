@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from .judge import Verdict, frame_times_ns
+from .trace import Trace
 
 _VELOCITY_BINS = 1000
+_HIGH = 0.8  # how high a level is drawn; its neighbour's low is at 1
 
 
 def plot_move(
@@ -60,6 +62,61 @@ def plot_move(
     for axis in axes.flat:
         axis.grid(alpha=0.3)
     figure.suptitle(f"{verdict.summary()}, {verdict.fps_milli / 1000:g} fps")
+    figure.tight_layout()
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def plot_trace(trace: Trace, path: str | os.PathLike) -> None:
+    """Each motor's position and velocity and the levels of all other pins, over the whole trace.
+
+    Positions count from the trace's begin. The file's ending says what it becomes: png, svg, pdf.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    levels = sorted(name for name in trace.signals if not name.removeprefix("m").isdecimal())
+    times = np.concatenate([np.zeros(1), *(times for times, _ in trace.signals.values())]) * 1e-9
+    begin, end = times[1:].min(initial=times.max()), times.max()
+    figure, (position, velocity, level) = plt.subplots(
+        3,
+        figsize=(12, 7 + 0.2 * len(levels)),
+        sharex=True,
+        height_ratios=(3, 3, 0.4 + 0.25 * len(levels)),
+    )
+    for motor in trace.motors:
+        stepped, reached = trace.positions(motor)
+        stepped = stepped * 1e-9
+        position.step(
+            np.concatenate(([begin], stepped, [end])),
+            np.concatenate(([0], reached, reached[-1:])),
+            where="post",
+            linewidth=1.2,
+            label=f"motor {motor}",
+        )
+        # on time from the first edge on, where it stood at 0
+        at, rate = _velocity(stepped - begin, reached, end - begin)
+        velocity.plot(at + begin, rate, linewidth=0.9)
+    for row, name in enumerate(reversed(levels)):
+        changed, values = trace.signals[name]
+        level.step(
+            np.append(changed * 1e-9, end),
+            row + _HIGH * np.append(values, values[-1:]),
+            where="post",
+            linewidth=1,
+            color="black",
+        )
+    position.set_ylabel("position, steps")
+    velocity.set_ylabel("velocity, steps/s")
+    level.set_yticks(np.arange(len(levels)) + _HIGH / 2, list(reversed(levels)))
+    level.set_xlabel("time of the board's clock, s")
+    if trace.motors:
+        position.legend(loc="best", fontsize="small")
+    for axis in (position, velocity, level):
+        axis.grid(alpha=0.3)
     figure.tight_layout()
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
