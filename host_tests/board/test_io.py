@@ -17,7 +17,7 @@ EIGHT = tuple(range(1, 9))
 
 
 def session(rig=None):
-    board = EmulatedBoard(rig)
+    board = EmulatedBoard(rig, frozen=True)
     return Session(board), board
 
 
