@@ -2,6 +2,7 @@
 positions in steps."""
 
 import csv
+import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,31 +57,11 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     What spreadsheets make of such a file is read as well: a byte order mark, ; or tabs between the
     columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME for frame.
     """
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            text = file.read()
-    except OSError as error:
-        raise MoveFileError(f"cannot read the move {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise MoveFileError(
-            f"cannot read the move {path}: it is no text, see byte {error.start}"
-        ) from None
-    first = text.split("\n", 1)[0]
-    between = max("\t;,", key=first.count)
-    reader = csv.reader(text.splitlines(), delimiter=between)
-    try:
-        rows = [[cell.strip() for cell in row] for row in reader]
-    except csv.Error as error:
-        raise MoveFileError(f"{path}, line {reader.line_num}: {error}") from None
-    while rows and not any(rows[-1]):
-        rows.pop()
+    rows = rows_of(text_of(path), path)
     header = rows[0] if rows else []
-    while header and not header[-1]:
-        header.pop()
     if len(header) < 2 or header[0].lower() != "frame":
         raise MoveFileError(
-            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, "
-            f"found {_shown(header)}"
+            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, found {shown(header)}"
         )
     values: list[list[int]] = []
     for line, row in enumerate(rows[1:], 2):
@@ -96,7 +77,67 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     return Move(columns[0][0], dict(enumerate(header[1:], 1)), dict(enumerate(columns[1:], 1)))
 
 
-def _shown(row: list[str]) -> str:
+def text_of(path: str | os.PathLike) -> str:
+    """The text of a move's file; MoveFileError if there is none."""
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            return file.read()
+    except OSError as error:
+        raise MoveFileError(f"cannot read the move {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise MoveFileError(
+            f"cannot read the move {path}: it is no text, see byte {error.start}"
+        ) from None
+
+
+def separator_of(text: str) -> str:
+    """What stands between the columns of a table: of tab, ; and , what its header has most of."""
+    first = text.split("\n", 1)[0]
+    return max("\t;,", key=first.count)
+
+
+def rows_of(text: str, path: str | os.PathLike) -> list[list[str]]:
+    """The rows of a table, without blank lines at the end and without empty columns behind those
+    of the header; MoveFileError, with the line, if its quotes are not as they should be."""
+    reader = csv.reader(text.splitlines(), delimiter=separator_of(text))
+    try:
+        rows = [[cell.strip() for cell in row] for row in reader]
+    except csv.Error as error:
+        raise MoveFileError(f"{path}, line {reader.line_num}: {error}") from None
+    while rows and not any(rows[-1]):
+        rows.pop()
+    while rows and rows[0] and not rows[0][-1]:
+        rows[0].pop()
+    for row in rows[1:]:
+        while len(row) > len(rows[0]) and not row[-1]:
+            row.pop()
+    return rows
+
+
+def write_move(path: str | os.PathLike, move: Move) -> None:
+    """Write a move for `read_move`; MoveFileError if it cannot be written."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["frame", *(move.names[motor] for motor in move.positions)])
+    frames = range(move.start_frame, move.end_frame + 1)
+    writer.writerows(zip(frames, *move.positions.values(), strict=True))
+    write_text(path, out.getvalue())
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """Write a move's file as a whole or not at all; MoveFileError if it cannot be written."""
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with open(beside, "w", newline="", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise MoveFileError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def shown(row: list[str]) -> str:
     """A row as it is told: one line, of a bearable length."""
     text = ",".join(row)
     return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
@@ -104,10 +145,8 @@ def _shown(row: list[str]) -> str:
 
 def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
     """A row's whole numbers, one a column; MoveFileError for anything else."""
-    while len(row) > len(header) and not row[-1]:
-        row = row[:-1]
     if len(row) != len(header):
-        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {_shown(row)}")
+        raise MoveFileError(f"{where}: expected {len(header)} whole numbers, found {shown(row)}")
     numbers = []
     for cell, name in zip(row, header, strict=True):
         whole, _, fraction = cell.partition(".")
@@ -117,7 +156,7 @@ def _numbers(row: list[str], header: list[str], where: str) -> list[int]:
             number = int(whole)
         except ValueError:
             raise MoveFileError(
-                f"{where}: expected a whole number for {name}, found {_shown([cell])}"
+                f"{where}: expected a whole number for {name}, found {shown([cell])}"
             ) from None
         if not -(2**31) <= number < 2**31:
             raise MoveFileError(

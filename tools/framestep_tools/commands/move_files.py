@@ -1,0 +1,106 @@
+"""Files of moves: from other programs' formats to steps, and back."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import SpokenCommand
+
+_FORMATS = "arc, kuper, csv, raw"  # spelled out, so that --help loads none of them
+
+Axes = Annotated[
+    Path, typer.Option("--axes", help="TOML: motor, steps per unit and limits of each axis")
+]
+
+
+def _format(name: str | None) -> str | None:
+    from ..move_formats import FORMATS
+
+    if name is not None and name not in FORMATS:
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(FORMATS)}")
+    return name
+
+
+Format = Annotated[
+    str | None,
+    typer.Option("--format", "-f", help=_FORMATS, metavar="FORMAT", callback=_format),
+]
+
+
+def import_move(
+    file: Annotated[Path, typer.Argument(help="the move of another program", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="CSV in steps, for upload", show_default=False)
+    ],
+    axes: Axes = Path("axes.toml"),
+    file_format: Format = None,
+    fps: Annotated[
+        float | None, typer.Option(help="frames per second, for a file in seconds", min=0.001)
+    ] = None,
+    start: Annotated[
+        int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
+    ] = None,
+) -> None:
+    """Make a move in steps of another program's file."""
+    from ..axes_file import read_axes
+    from ..move_conversion import to_move
+    from ..move_file import text_of, write_move
+    from ..move_formats import FORMATS, of_content
+
+    _not_itself(file, output)
+    known = read_axes(axes)
+    text = text_of(file)
+    chosen = FORMATS[file_format] if file_format else of_content(text, str(file))
+    move, left = to_move(chosen.read(text, str(file)), known, str(file), fps, start)
+    write_move(output, move)
+    if left:
+        print(f"left out, as no axis has them: {', '.join(left)}", file=sys.stderr)
+    print(
+        f"{output}: frames {move.start_frame} to {move.end_frame} for {len(known)} motors, "
+        f"from {chosen.NAME}"
+    )
+
+
+def export_move(
+    move: Annotated[
+        Path, typer.Argument(help="CSV in steps, as for upload", metavar="CSV", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="the file to write", show_default=False)
+    ],
+    axes: Axes = Path("axes.toml"),
+    file_format: Format = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="csv: seconds at so many frames per second, not frames", min=0.001),
+    ] = None,
+) -> None:
+    """Write a move in steps as another program's file."""
+    from ..axes_file import read_axes
+    from ..move_conversion import to_table
+    from ..move_file import or_example, read_move, write_text
+    from ..move_formats import FORMATS, of_name
+
+    _not_itself(move, output)
+    chosen = FORMATS[file_format] if file_format else of_name(output)
+    if fps is not None and chosen.NAME != "csv":
+        raise typer.BadParameter(f"--fps is for csv; {chosen.NAME} has frames")
+    table = to_table(read_move(or_example(move)), read_axes(axes))
+    write_text(output, chosen.write(table, fps))
+    print(
+        f"{output}: frames {table.frames[0]} to {table.frames[-1]} of {len(table.columns)} axes, "
+        f"as {chosen.NAME}"
+    )
+
+
+def _not_itself(source: Path, output: Path) -> None:
+    if output.exists() and source.exists() and output.samefile(source):
+        raise typer.BadParameter(f"{output} is the file that is read; name another one by -o")
+
+
+def add(app: typer.Typer) -> None:
+    """Put these commands into the command line."""
+    app.command("import", cls=SpokenCommand)(import_move)
+    app.command("export", cls=SpokenCommand)(export_move)

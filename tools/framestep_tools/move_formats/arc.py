@@ -1,0 +1,132 @@
+"""Dragonframe's Arc move (.arcm): XML, per axis keyframes and the handles of Bézier curves.
+
+    <scen:scene xmlns:scen="http://caliri.com/motion/scene" endframe="48">
+      <scen:axis name="Pan" units="deg">
+        <scen:points x="1" y="0"/> …                a keyframe: frame and position
+        <scen:controlPoints x="9" y="0"/> …         the handle after each keyframe but the last and
+                                                    the one before each but the first, in order
+
+docs/moves.md says what this rests on.
+"""
+
+import xml.etree.ElementTree as ET
+from itertools import pairwise
+
+from ..move_file import MoveFileError, shown
+from .curves import Keyframes, Point, Samples, Segment, within
+from .recording import Channel, Column, Recording, Table, number
+from .units import UNITS
+
+NAME = "arc"
+MEANING = "Dragonframe's Arc move, XML with keyframes"
+ENDINGS = (".arcm", ".xml")
+
+_NAMESPACE = "http://caliri.com/motion/scene"
+
+
+def recognises(text: str) -> bool:
+    """Whether a file's text looks like this format."""
+    return text.lstrip().startswith("<")
+
+
+def read(text: str, path: str) -> Recording:
+    """The file's axes that have keyframes; MoveFileError, with the axis, if it is not as described
+    above."""
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise MoveFileError(f"{path}: not XML as it should be: {error}") from None
+    if _local(root) != "scene":
+        raise MoveFileError(f"{path}: expected <scene> as the outermost element, found {root.tag}")
+    channels = []
+    for i, axis in enumerate((e for e in root if _local(e) == "axis"), 1):
+        name = axis.get("name", "")
+        channel = _channel(axis, name, f"{path}, axis {name or i}")
+        if channel:
+            channels.append(channel)
+    if not channels:
+        raise MoveFileError(f"{path}: expected an axis with keyframes, found none")
+    return Recording(channels)
+
+
+def _channel(axis: ET.Element, name: str, where: str) -> Channel | None:
+    """An axis, None if it has no keyframes."""
+    unit = axis.get("units", "").strip().lower()
+    if unit and unit not in UNITS:
+        raise MoveFileError(f"{where}: expected units of {', '.join(UNITS)}, found {shown([unit])}")
+    keys = _points(axis, "points", f"{where}, keyframe")
+    if not keys:
+        return None
+    for i, (key, following) in enumerate(pairwise(keys), 1):
+        if following[0] <= key[0]:
+            raise MoveFileError(
+                f"{where}, keyframe {i + 1}: expected a frame after {key[0]:g}, "
+                f"found {following[0]:g}"
+            )
+    handles = _points(axis, "controlPoints", f"{where}, control point")
+    if len(handles) != 2 * (len(keys) - 1):
+        raise MoveFileError(
+            f"{where}: expected {2 * (len(keys) - 1)} control points for {len(keys)} keyframes, "
+            f"found {len(handles)}"
+        )
+    segments = [
+        _segment(keys[i], handles[2 * i], handles[2 * i + 1], keys[i + 1], where)
+        for i in range(len(keys) - 1)
+    ]
+    return Channel(name, Keyframes(keys, segments), unit)
+
+
+def _segment(start: Point, handle: Point, other: Point, end: Point, where: str) -> Segment:
+    if handle[0] < start[0] or other[0] > end[0]:
+        raise MoveFileError(
+            f"{where}: a control point between the keyframes at {start[0]:g} and {end[0]:g} "
+            f"points away from the other keyframe"
+        )
+    return Segment(start, within(handle, start, end[0]), within(other, end, start[0]), end)
+
+
+def _points(axis: ET.Element, kind: str, where: str) -> list[Point]:
+    return [
+        (
+            number(point.get("x", ""), f"{where} {i}, x"),
+            number(point.get("y", ""), f"{where} {i}, y"),
+        )
+        for i, point in enumerate((e for e in axis if _local(e) == kind), 1)
+    ]
+
+
+def _local(element: ET.Element) -> str:
+    return element.tag.rpartition("}")[2]
+
+
+def write(table: Table, fps: float | None) -> str:
+    """The file's text: a keyframe at each frame, with handles that make the path smooth."""
+    ET.register_namespace("scen", _NAMESPACE)
+    root = ET.Element(_tag("scene"), {"endframe": str(table.frames[-1])})
+    for column in table.columns:
+        axis = ET.SubElement(root, _tag("axis"), {"name": column.name})
+        if column.unit in ("mm", "cm", "m", "in", "ft", "deg"):
+            axis.set("units", column.unit)
+        for frame, text in zip(table.frames, column.texts(), strict=True):
+            ET.SubElement(axis, _tag("points"), {"x": str(frame), "y": text})
+        for x, y in _handles(table.frames, column):
+            ET.SubElement(
+                axis, _tag("controlPoints"), {"x": f"{x:.6f}", "y": f"{y:.{column.decimals}f}"}
+            )
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _handles(frames: range, column: Column) -> list[Point]:
+    """The control points of keyframes at every frame: a third of a frame from their keyframe, on
+    its tangent."""
+    curve = Samples([float(frame) for frame in frames], column.values)
+    found = []
+    for i in range(len(frames) - 1):
+        found.append((frames[i] + 1 / 3, column.values[i] + curve.slope(i) / 3))
+        found.append((frames[i + 1] - 1 / 3, column.values[i + 1] - curve.slope(i + 1) / 3))
+    return found
+
+
+def _tag(name: str) -> str:
+    return f"{{{_NAMESPACE}}}{name}"

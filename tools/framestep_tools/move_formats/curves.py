@@ -1,0 +1,150 @@
+"""Curves over frames or seconds: samples, and keyframes with the handles of Bézier curves."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+_SAME = 1e-6  # of the way from sample to sample: seconds are written with some decimals
+_CLOSE = 1e-12  # of a Bézier segment's width: how near the curve's parameter is found
+_ITERATIONS = 60  # halvings that reach _CLOSE from anywhere
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Values at rising places, and between them a cubic whose slope at each sample is that of the
+    parabola through it and its neighbours."""
+
+    places: list[float]
+    values: list[float]
+
+    @property
+    def first(self) -> float:
+        """The place of the first sample."""
+        return self.places[0]
+
+    @property
+    def last(self) -> float:
+        """The place of the last sample."""
+        return self.places[-1]
+
+    def at(self, x: float) -> float:
+        """The value there; before the first sample and after the last the one of that sample."""
+        i = bisect_right(self.places, x) - 1
+        if i < 0:
+            return self.values[0]
+        if i == len(self.places) - 1:
+            return self.values[i]
+        width = self.places[i + 1] - self.places[i]
+        t = (x - self.places[i]) / width
+        if min(t, 1 - t) < _SAME:
+            return self.values[i + round(t)]
+        rise = self.values[i + 1] - self.values[i]
+        here, there = self.slope(i) * width, self.slope(i + 1) * width
+        return self.values[i] + t * (
+            here + t * (3 * rise - 2 * here - there + t * (here + there - 2 * rise))
+        )
+
+    def slope(self, i: int) -> float:
+        """The slope at sample `i`; at the first and the last one that toward its neighbour."""
+        if len(self.places) == 1:
+            return 0.0
+        if i == 0:
+            return self._rise(0)
+        if i == len(self.places) - 1:
+            return self._rise(i - 1)
+        before = self.places[i] - self.places[i - 1]
+        after = self.places[i + 1] - self.places[i]
+        return (self._rise(i - 1) * after + self._rise(i) * before) / (before + after)
+
+    def _rise(self, i: int) -> float:
+        return (self.values[i + 1] - self.values[i]) / (self.places[i + 1] - self.places[i])
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A cubic Bézier curve between two keyframes, whose handles reach no further than from one to
+    the other: so there is one value at each place."""
+
+    start: Point
+    handle: Point
+    other_handle: Point
+    end: Point
+
+    def at(self, x: float) -> float:
+        """The value at a place between the keyframes."""
+        return _bezier(1, self, self._parameter(x))
+
+    def _parameter(self, x: float) -> float:
+        low, high = 0.0, 1.0
+        width = self.end[0] - self.start[0]
+        t = (x - self.start[0]) / width
+        for _ in range(_ITERATIONS):
+            off = _bezier(0, self, t) - x
+            if abs(off) <= _CLOSE * width:
+                break
+            if off > 0:
+                high = t
+            else:
+                low = t
+            slope = _bezier_slope(0, self, t)
+            t = t - off / slope if slope > 0 else low
+            if not low < t < high:  # where Newton's step leads astray
+                t = (low + high) / 2
+        return t
+
+
+@dataclass(frozen=True)
+class Keyframes:
+    """Keyframes at rising places, and a segment between each two of them."""
+
+    keys: list[Point]
+    segments: list[Segment]
+
+    @property
+    def first(self) -> float:
+        """The place of the first keyframe."""
+        return self.keys[0][0]
+
+    @property
+    def last(self) -> float:
+        """The place of the last keyframe."""
+        return self.keys[-1][0]
+
+    def at(self, x: float) -> float:
+        """The value there; before the first keyframe and after the last the one of that
+        keyframe."""
+        i = bisect_right(self.keys, x, key=lambda point: point[0]) - 1
+        if i < 0:
+            return self.keys[0][1]
+        if i == len(self.keys) - 1 or x == self.keys[i][0]:
+            return self.keys[i][1]
+        return self.segments[i].at(x)
+
+
+def within(handle: Point, key: Point, other: float) -> Point:
+    """A keyframe's handle, shortened where it reaches past the neighbour at the place `other`."""
+    reach = handle[0] - key[0]
+    if abs(reach) <= abs(other - key[0]):
+        return handle
+    part = (other - key[0]) / reach
+    return other, key[1] + part * (handle[1] - key[1])
+
+
+def _bezier(axis: int, s: Segment, t: float) -> float:
+    u = 1 - t
+    return (
+        u * u * u * s.start[axis]
+        + 3 * u * u * t * s.handle[axis]
+        + 3 * u * t * t * s.other_handle[axis]
+        + t * t * t * s.end[axis]
+    )
+
+
+def _bezier_slope(axis: int, s: Segment, t: float) -> float:
+    u = 1 - t
+    return 3 * (
+        u * u * (s.handle[axis] - s.start[axis])
+        + 2 * u * t * (s.other_handle[axis] - s.handle[axis])
+        + t * t * (s.end[axis] - s.other_handle[axis])
+    )
