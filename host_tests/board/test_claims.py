@@ -152,7 +152,9 @@ def test_a_pin_that_something_else_takes(rig, asked):
 def test_a_bus_reset_in_motion_with_one_port():
     """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as
     for a lost host."""
-    found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, frozen=True, args=B1), motors=7, reply_s=0.1)
+    found = Session(
+        EmulatedBoard({"ports": 1, "motor_count": 7}, frozen=True, args=B1), motors=7, reply_s=0.1
+    )
     with found.board:
         emulator = found.board.emulator
         found.speed(7, 2000, 20_000)
