@@ -28,6 +28,7 @@ LAYERS = (
     ("rig",),
     ("reports",),
     ("stops",),
+    ("homing",),
     ("controller",),
     ("faults",),
     ("texts",),

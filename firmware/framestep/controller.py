@@ -122,6 +122,12 @@ class Controller:
 
             self.virtuals = NoVirtuals()
         parts.append(self.virtuals)
+        self.homing = None
+        if rig.homing:
+            from framestep.homing import Homing
+
+            self.homing = Homing(self)
+            parts.append(self.homing)
         for part in parts:
             self.handlers.update(part.handlers)
             part.handlers = None  # gives its memory back
@@ -211,6 +217,8 @@ class Controller:
             self.active_passes = _IDLE_EVERY  # for what could not be sent before
         if self.motors.jogging:
             self.motors.end_jogs()
+        if self.homing:
+            self.homing.poll(now)
         if whole:
             self._plan(now)
         else:
@@ -351,7 +359,8 @@ class Controller:
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        writer.u32(stepper.moving(self.header) | self.operations.engaged | self.virtuals.engaged)
+        moving = stepper.moving(self.header) | self.motors.homing
+        writer.u32(moving | self.operations.engaged | self.virtuals.engaged)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0

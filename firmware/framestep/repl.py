@@ -4,6 +4,7 @@
 
     status()       what the controller does, where the motors are, how much can be uploaded
     move(1, 200)   motor 1 to step 200
+    home(1)        motor 1 looks for its home switch; home(): all that have one
     jog()          motors by keys; jog(2, 3000): motor 2 first, at 3000 of 10000
     stop()         all motors come to rest
     io()           outputs, inputs, switches; io(1, True): output 1 on
@@ -21,7 +22,7 @@ import sys
 import framestep
 from framestep.native import CPYTHON
 
-_COMMANDS = "status() move(1, 200) jog() stop() io() timing() rig()"
+_COMMANDS = "status() move(1, 200) home(1) jog() stop() io() timing() rig()"
 
 
 def _call(module, name, *arguments):
@@ -47,6 +48,12 @@ def status():
 def move(motor, step):
     """Move a motor (1 …) to a step at its speed, within its limits. Prints why if it is refused."""
     _call("motion", "move", motor, step)
+
+
+def home(*motors):
+    """Home motors (1 …), one after the other; without a number all that have `home` in the rig
+    file. Prints why if it is refused; how it went is printed in the end."""
+    _call("motion", "home", motors)
 
 
 def jog(motor=1, speed=1000):
@@ -83,6 +90,6 @@ def rig():
 if not CPYTHON:
     import __main__
 
-    for _command in (status, move, jog, stop, io, timing, rig):
+    for _command in (status, move, home, jog, stop, io, timing, rig):
         setattr(__main__, _command.__name__, _command)
     print(_COMMANDS)

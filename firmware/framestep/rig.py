@@ -7,6 +7,7 @@ Runs once at boot, and on a computer to check a file. Allocates.
 from framestep.rig_pins import assign, fitted
 from framestep.rig_settings import (
     DRIVER_SETTINGS,
+    HOME_SETTINGS,
     MOTOR_SETTINGS,
     NO_PIN,
     SETTINGS,
@@ -35,6 +36,8 @@ class Rig:
         self._count_motors(settings, len((board or {}).get("step", ())))
         self.drivers = self._read_drivers() if driven else None
         self.limits, self.outputs, self.inputs = assign(settings, self.board)
+        self.home_input = settings["home_input"]
+        self.homing = self._read_homes()  # whether any motor can be homed
         self.settings = settings
         self.name = settings["name"].encode()
         self.dword_acks = 1 if settings["dialect"] == "dmc-lite" else 0
@@ -101,6 +104,45 @@ class Rig:
                 raise RigError(
                     "%s.run_ma: found %d, allowed is %s" % (where, given["run_ma"], error)
                 )
+        return found
+
+    def _read_homes(self):
+        """Read how motors are homed. Returns whether there is one that can be."""
+        found = False
+        for i, motor in enumerate(self.motors):
+            if motor["home"] is None:
+                continue
+            found = True
+            where = "motors[%d].home." % (i + 1)
+            motor["home"] = home = read(HOME_SETTINGS, motor["home"], where)
+            number = home["limit"]
+            if number > len(self.limits):
+                raise RigError(
+                    "%slimit: found %d, but there are %d limit switch sets"
+                    % (where, number, len(self.limits))
+                )
+            if self.limits[number - 1][home["toward"]] == NO_PIN:
+                raise RigError(
+                    "%slimit: found %d, but limits[%d].%s has no pin"
+                    % (where, number, number, home["toward"])
+                )
+            if home["slow_speed"] > home["speed"]:
+                raise RigError(
+                    "%sslow_speed: found %d, allowed is at most the speed, %d"
+                    % (where, home["slow_speed"], home["speed"])
+                )
+            if home["back_off"] > home["travel"]:
+                raise RigError(
+                    "%sback_off: found %d, allowed is at most the travel, %d"
+                    % (where, home["back_off"], home["travel"])
+                )
+        if self.home_input > len(self.inputs):
+            raise RigError(
+                "home_input: found %d, but there are %d inputs"
+                % (self.home_input, len(self.inputs))
+            )
+        if self.home_input and not found:
+            raise RigError("home_input: found %d, but no motor has `home`" % self.home_input)
         return found
 
     def motor(self, i):

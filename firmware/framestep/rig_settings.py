@@ -17,6 +17,9 @@ SETTINGS = {
     "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),
     "go_input": (int, 0, 16, 0, "",
         "number of the general input that gives GO when it comes on; 0: none"),
+    "home_input": (int, 0, 16, 0, "",
+        "number of the general input that homes motors that are not known when it comes on; 0: "
+        "none"),
     "strict_moves": (bool, None, None, False, "",
         "refuses moves whose corners ask for more than a motor's acceleration; without it "
         "they are played as uploaded"),
@@ -63,6 +66,26 @@ MOTOR_SETTINGS = {
     "jerk": (int, 0, 1000000, 0, "· 1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
     "driver": (dict, None, None, None, "",
         "how to set up a TMC2209 over its UART; without it the driver is left alone"),
+    "home": (dict, None, None, None, "",
+        "how to home the motor (docs/homing.md); without it it cannot be homed"),
+}
+
+HOME_SETTINGS = {
+    "limit": (int, 1, 12, None, "",
+        "the limit switch set (of `limits`) that has the home switch"),
+    "toward": (str, ("low", "high"), None, "low", "",
+        "the end at which it is: where positions become lower or higher"),
+    "position": (int, -1000000000, 1000000000, 0, "steps",
+        "the motor's position where the switch is found"),
+    "speed": (int, 10, 500000, 1000, "steps/s",
+        "toward the switch and off it; never more than the motor is set to"),
+    "slow_speed": (int, 10, 500000, 100, "steps/s", "toward it for the second time"),
+    "back_off": (int, 1, 1000000, 200, "steps",
+        "from the switch back to where it is open for sure"),
+    "travel": (int, 1, 100000000, None, "steps",
+        "how far to look for it at most: a little more than the whole way of the axis"),
+    "order": (int, 0, 12, 0, "",
+        "where several motors are homed, those with lower numbers come first"),
 }
 
 DRIVER_SETTINGS = {

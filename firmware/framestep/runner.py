@@ -25,6 +25,7 @@ from framestep.moves.move_check import UNREPORTED
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
 from framestep.results import FRAME, MOTOR, WHAT
+from framestep.stops import TOLD_HOMING
 
 _PASS_MS = const(1)
 _SAYINGS = const(16)
@@ -232,6 +233,8 @@ class Runner:
                 exceeded[FRAME],
                 "- see status()",
             )
+        if unreported & TOLD_HOMING:
+            self._controller.homing.tell()
         if self._failed:
             self._failed = False
             print(

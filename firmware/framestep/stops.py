@@ -15,6 +15,9 @@ FAULT_ESTOP = const(0x20)
 FAULT_LIMIT = const(0x40)
 FAULT_DRIVER = const(0x80)
 FAULT_TAKEN = const(0x100)
+FAULT_HOMING = const(0x400)  # what the REPL is told about it comes from homing.py
+
+TOLD_HOMING = const(0x400)  # of `unreported`: homing has something to tell
 
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
@@ -60,7 +63,7 @@ class Stops:
         """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
         self.stop_everything()
         controller = self.controller
-        controller.motors.jogging = 0
+        controller.motors.jogging = controller.motors.homing = 0
         controller.reports.hard_stop = m.HARD_STOP_FAULT
 
     def _note_fault(self, fault):
@@ -82,7 +85,7 @@ class Stops:
             controller.axes.stop()
         controller.io.safe()
         controller.run_outputs.abort()
-        controller.motors.jogging = 0
+        controller.motors.jogging = controller.motors.homing = 0
         controller.reports.nobody_listens()
 
     def on_stop_input(self):
@@ -96,7 +99,7 @@ class Stops:
             if controller.rig.estop_cuts_power:
                 controller.positions.power_cut(axes.moving_bits())
             self._note_fault(FAULT_ESTOP)
-            controller.motors.jogging = 0
+            controller.motors.jogging = controller.motors.homing = 0
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
@@ -104,6 +107,8 @@ class Stops:
             controller.run_outputs.abort()
             return
         bits = controller.safety.motors_at_limit()
+        if controller.motors.homing:
+            bits = controller.homing.take_limit(bits)
         if bits:
             self._note_fault(FAULT_LIMIT)
         controller.motors.jogging &= ~bits
@@ -173,7 +178,7 @@ class Stops:
             hard = True
         factor = controller.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
-        controller.motors.jogging = 0
+        controller.motors.jogging = controller.motors.homing = 0
         landing = operations.stop(factor, not hard, True, spared=virtuals.engaged)
         if hard:
             virtuals.halt(factor)

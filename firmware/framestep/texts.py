@@ -8,8 +8,12 @@ from framestep.motors.positions import (
     DRIVER,
     DRIVER_OFF,
     HELD,
+    HOMED,
+    HOMING,
     KNOWN,
     LOST,
+    NOT_FOUND,
+    NOT_OPENED,
     RESTORED,
     SET,
     STEPS,
@@ -46,6 +50,10 @@ REASONS = {
     SET: "set by the host",
     DRIVER: "its driver has failed",
     UNPOWERED: "the E-stop cut the power in motion",
+    HOMED: "set by homing",
+    HOMING: "homing was begun and is not done",
+    NOT_FOUND: "homing did not find its switch",
+    NOT_OPENED: "its home switch did not open",
 }
 CONDITIONS = {
     CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL says which)",

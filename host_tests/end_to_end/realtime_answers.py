@@ -36,6 +36,7 @@ ANSWERS = (
     ("HI", p.Hi(), _ALWAYS),
     ("CONDITION, EXCEEDED (framestep's own)", p.GetCondition(), _ALWAYS),
     ("", p.GetExceeded(), _ALWAYS),
+    ("HOME (framestep's own), where no motor has `home`", p.Home(), _NEVER),
     ("MOTOR_STATUS", p.MotorStatus(), _ALWAYS),
     ("MOTOR_GET_POSITION", p.MotorGetPosition(), _ALWAYS),
     ("DMX", p.Dmx(0, 5, [9]), _ALWAYS),

@@ -69,7 +69,7 @@ LENGTHS = {
 }
 # not tried below: VIRT_CONFIG has a form for each type (test_virtual_moves.py), framestep's own
 # take any length
-APART = {0x0200, 0x4600, 0x4601}
+APART = {0x0200, 0x4600, 0x4601, 0x4602}
 TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
 
 

@@ -39,6 +39,34 @@ def test_the_simulated_board_is_a_pico():
         ({"outputs": None}, "outputs: found None, allowed is a list of at most 16 objects"),
         ({"inputs": [{"pin": 22, "safe": "on"}]}, "inputs[1].safe: no such setting"),
         ({"estop": True}, "estop: found True"),
+        ({"home_input": 1}, "home_input: found 1, but no motor has `home`"),
+        (
+            {"home_input": 5, "motors": [{}]},
+            "home_input: found 5, but there are 2 inputs",
+        ),
+        (
+            {"motors": [{}, {"home": {"limit": 1, "travel": 1000}}]},
+            "motors[2].home.limit: found 1, but there are 0 limit switch sets",
+        ),
+        (
+            {"limits": [{"high": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]},
+            "motors[1].home.limit: found 1, but limits[1].low has no pin",
+        ),
+        (
+            {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1}}]},
+            "motors[1].home.travel: is missing, expected is a whole number from 1 to 100000000",
+        ),
+        (
+            {
+                "limits": [{"low": 22}],
+                "motors": [{"home": {"limit": 1, "travel": 1000, "speed": 99}}],
+            },
+            "motors[1].home.slow_speed: found 100, allowed is at most the speed, 99",
+        ),
+        (
+            {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 199}}]},
+            "motors[1].home.back_off: found 200, allowed is at most the travel, 199",
+        ),
         (
             {"dmx_break_us": 91},
             "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs",

@@ -57,6 +57,7 @@ LENGTHS = {
     0x0207: set(range(13, 200)),
     0x4600: set(range(0, 200)),  # framestep's own
     0x4601: set(range(0, 200)),
+    0x4602: set(range(0, 200)),
 }
 
 
@@ -88,6 +89,7 @@ PLANNED_ANEW = {
     messages.MSG_VIRT_JOG,
     messages.MSG_VIRT_JOG_ON_LINE,
     messages.MSG_VIRT_AIM_POINT,
+    messages.MSG_HOME,
 }
 
 
@@ -122,7 +124,8 @@ def test_every_request_has_a_name():
 
 
 def test_every_request_has_a_handler():
-    unhandled = set(messages.REQUESTS) - set(HostBoard({}).controller.handlers)
+    rig = {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]}
+    unhandled = set(messages.REQUESTS) - set(HostBoard(rig).controller.handlers)
     assert not unhandled, (
         "add a handler to the table of the part it is about (controller.py, or requests.py of "
         f"motors, moves, io or virtuals): {named(unhandled)}"

@@ -35,6 +35,7 @@ _SETTINGS = (
     rig_settings.SETTINGS,
     rig_settings.MOTOR_SETTINGS,
     rig_settings.DRIVER_SETTINGS,
+    rig_settings.HOME_SETTINGS,
     rig_settings.OUTPUT_SETTINGS,
     rig_settings.INPUT_SETTINGS,
     rig_settings.LIMIT_SETTINGS,

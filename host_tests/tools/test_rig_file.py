@@ -144,6 +144,7 @@ def test_a_draft_with_comments(content):
         rig_settings.SETTINGS,
         rig_settings.MOTOR_SETTINGS,
         rig_settings.DRIVER_SETTINGS,
+        rig_settings.HOME_SETTINGS,
         rig_settings.LIMIT_SETTINGS,
     ):
         assert all(f'//   "{key}": ' in draft for key in settings)

@@ -38,6 +38,7 @@ from .payloads import (
     Exceeded,
     GetCondition,
     GetExceeded,
+    Home,
     MotorJog,
     MotorMove,
     MotorResetPosition,
@@ -97,6 +98,8 @@ def explain(client: Client, error: RequestRefused) -> RequestRefused:
 
 
 def _why(client: Client, request: Payload, code: Ack) -> str | None:
+    if isinstance(request, Home) and code == Ack.ERR_UNSUPPORTED:
+        return "no motor has `home` in the rig file (docs/homing.md), or the firmware is older"
     if code in (Ack.ERR_UNSUPPORTED, Ack.ERR_CHECKSUM):
         return None
     info = client.info or client.greet()
@@ -113,6 +116,8 @@ def _why(client: Client, request: Payload, code: Ack) -> str | None:
         return _frames(request, info.upload_frames)
     if code == Ack.ERR_GENERAL:
         return _general(client, request)
+    if isinstance(request, Home):
+        return _home(client, request, code)
     if code in (Ack.ERR_HARD_UP, Ack.ERR_HARD_LOW):
         return _at_switch(client, _motors(request) or range(1, info.motors + 1), code)
     if isinstance(request, _PLAY):
@@ -128,7 +133,7 @@ def _motors(request: Payload) -> list[int]:
     if isinstance(motor, int):
         return [motor]
     listed: Any = getattr(request, "motors", ())
-    return [each.motor for each in listed]
+    return [each if isinstance(each, int) else each.motor for each in listed]
 
 
 def _named(motors: list[int]) -> str:
@@ -230,6 +235,16 @@ def _set_limits(client: Client, request: MotorSetLimits) -> str:
     return (
         f"motor {request.motor} cannot have limit switch set {request.limit_set & 0x7F}: "
         f"the rig file {there} (limits)"
+    )
+
+
+def _home(client: Client, request: Home, code: Ack) -> str | None:
+    if code == Ack.ERR_RANGE:
+        return f"{_named(_motors(request))}: not each has `home` in the rig file (docs/homing.md)"
+    side = {Ack.ERR_SOFT_UP: "upper", Ack.ERR_SOFT_LOW: "lower"}.get(code)
+    return side and (
+        f"the position of a home switch is past the {side} soft limit of its motor ({_LIMITS}); "
+        "soft limits count, as the position is known"
     )
 
 

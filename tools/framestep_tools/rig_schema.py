@@ -20,6 +20,7 @@ _TYPES = {
 _WITHIN: dict[str, dict[str, Any]] = {
     "motors": rig_settings.MOTOR_SETTINGS,
     "driver": rig_settings.DRIVER_SETTINGS,
+    "home": rig_settings.HOME_SETTINGS,
     "outputs": rig_settings.OUTPUT_SETTINGS,
     "inputs": rig_settings.INPUT_SETTINGS,
     "limits": rig_settings.LIMIT_SETTINGS,

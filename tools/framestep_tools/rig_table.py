@@ -46,6 +46,7 @@ def table() -> str:
     rows = _rows(rig_settings.SETTINGS)
     rows += _rows(rig_settings.MOTOR_SETTINGS, "motors[].")
     rows += _rows(rig_settings.DRIVER_SETTINGS, "motors[].driver.")
+    rows += _rows(rig_settings.HOME_SETTINGS, "motors[].home.")
     rows += _rows(rig_settings.OUTPUT_SETTINGS, "outputs[].")
     rows += _rows(rig_settings.INPUT_SETTINGS, "inputs[].")
     rows += _rows(rig_settings.LIMIT_SETTINGS, "limits[].")

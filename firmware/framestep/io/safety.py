@@ -37,11 +37,11 @@ _SINCE = const(4)  # when _SEEN changed
 CAUGHT = const(5)  # switches that an interrupt has found active
 _AT_LIMIT = const(6)  # motors that it has stopped at a limit, as _approaching() returns them
 _COUNT = const(7)  # motors; for each of them three words follow:
-_MOTORS = const(8)
+MOTORS = const(8)
 _BLOCK = const(0)  # address of its state block
-_UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
+UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
 _LOWER_PIN = const(2)
-_MOTOR_WORDS = const(3)
+MOTOR_WORDS = const(3)
 
 _MOVES = const(RUN | STOP)  # modes
 
@@ -80,20 +80,20 @@ def _approaching(w: ptr32, active: int) -> int:
     """
     bits = 0
     i = 0
-    at = _MOTORS
+    at = MOTORS
     while i < w[_COUNT]:
-        if (w[at + _UPPER_PIN] | w[at + _LOWER_PIN]) & active:
+        if (w[at + UPPER_PIN] | w[at + _LOWER_PIN]) & active:
             block = ptr32(w[at + _BLOCK])
             if block[MODE] & _MOVES:
                 # Velocity and pulses both: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
                 if v > _STANDSTILL:
-                    if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
+                    if w[at + UPPER_PIN] & active and block[DOWN] == 0:
                         bits |= 1 << i
                 elif v < 0 - _STANDSTILL:
                     if w[at + _LOWER_PIN] & active and block[DOWN]:
                         bits |= 1 << (i + LOWER)
-        at += _MOTOR_WORDS
+        at += MOTOR_WORDS
         i += 1
     return bits
 
@@ -101,10 +101,10 @@ def _approaching(w: ptr32, active: int) -> int:
 @micropython.viper
 def _ends(w: ptr32, motor: int) -> int:
     """The active limits of a motor: 1 the upper one, 2 the lower one."""
-    at = _MOTORS + motor * _MOTOR_WORDS
+    at = MOTORS + motor * MOTOR_WORDS
     active = w[ACTIVE]
     ends = 0
-    if w[at + _UPPER_PIN] & active:
+    if w[at + UPPER_PIN] & active:
         ends = 1
     if w[at + _LOWER_PIN] & active:
         ends |= 2
@@ -128,10 +128,10 @@ class Safety:
         self.hal = hal
         self.axes = axes
         self.factor = rig.hard_stop_factor
-        self.words = words = array("i", [0] * (_MOTORS + _MOTOR_WORDS * axes.count))
+        self.words = words = array("i", [0] * (MOTORS + MOTOR_WORDS * axes.count))
         words[_COUNT] = axes.count
         for i in range(axes.count):
-            words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
+            words[MOTORS + i * MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.blocks = [axes[i].block for i in range(axes.count)]
         self.sets = [
             (
@@ -184,8 +184,8 @@ class Safety:
             high, low = self.sets[number - 1]
             if swapped:
                 high, low = low, high
-        at = _MOTORS + motor * _MOTOR_WORDS
-        self.words[at + _UPPER_PIN] = high
+        at = MOTORS + motor * MOTOR_WORDS
+        self.words[at + UPPER_PIN] = high
         self.words[at + _LOWER_PIN] = low
 
     def limit_blocking(self, motor, target, i):

@@ -1,13 +1,13 @@
 """How far the position of each motor can be trusted.
 
-KNOWN   The host has set it since power-up (RESET_POSITION), and every step since has been made
-        with the driver on.
+KNOWN   The host has set it since power-up (RESET_POSITION), or homing has, and every step since
+        has been made with the driver on.
 HELD    Probably right, but not confirmed: it was restored from the journal at power-up, or the
         driver has been off since, so that the motor may have been turned.
 LOST    Wrong or unknown: nobody has set it since power-up, steps were not made, or power or
         firmware failed in motion. Soft limits still count from the number, so they do not protect.
 
-Only RESET_POSITION takes a motor out of LOST. Each state has a reason, for people
+Only RESET_POSITION and homing take a motor out of LOST. Each state has a reason, for people
 (framestep.texts has the texts).
 Nothing allocates after construction.
 """
@@ -28,6 +28,10 @@ DRIVER_OFF = const(5)  # HELD
 SET = const(6)  # KNOWN
 DRIVER = const(7)  # LOST: its driver has failed
 UNPOWERED = const(8)  # LOST: the E-stop has cut its power in motion
+HOMED = const(9)  # KNOWN: homing has found its switch
+HOMING = const(10)  # LOST or, if it was known, HELD: homing has begun and is not done
+NOT_FOUND = const(11)  # LOST: homing has not found its switch
+NOT_OPENED = const(12)  # LOST: its home switch has not opened on the way back
 
 
 class Positions:

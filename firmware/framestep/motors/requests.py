@@ -44,6 +44,7 @@ class Motors:
         self.powered = 0  # whose driver is on
         self.pending_acceleration = 0  # for which a lower acceleration waits
         self.jogging = 0
+        self.homing = 0  # that are being homed, or wait for it (homing.py)
         self.jogged_at = array("i", [0] * self.count)  # when the last JOG came, ms
         self.words = array("i", [0] * 2)  # of the request: a target, or two limits
         for i in range(self.count):
@@ -80,6 +81,8 @@ class Motors:
         virtuals = controller.virtuals
         if controller.operations.running and controller.operations.takes(motor):
             return m.ERR_MOVING
+        if (self.homing >> motor) & 1:
+            return m.ERR_MOVING  # field note 4.9
         if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
             return m.ERR_MOVING
         if not self.enabled(motor):
@@ -96,7 +99,7 @@ class Motors:
             self._bits(m.MOTOR_ENABLED)
         ):
             return m.ERR_GENERAL
-        return m.OK
+        return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
 
     def motors_sent(self, bits):
         """Motors of these bits have been sent somewhere by an operation or a virtual axis."""
@@ -249,6 +252,8 @@ class Motors:
         controller = self.controller
         motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
+        if (self.homing >> motor) & 1:
+            self.homing = 0
         engaged = controller.virtuals.engaged
         taken = controller.operations.busy and controller.operations.takes(motor)
         if taken:
@@ -269,7 +274,7 @@ class Motors:
             return m.ERR_RANGE
         controller = self.controller
         axis = self.axes[motor]
-        engaged = controller.operations.engaged | controller.virtuals.engaged
+        engaged = controller.operations.engaged | controller.virtuals.engaged | self.homing
         if axis.moving or (engaged >> self._leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
         self.reader.copy_i32_to(f.MOTOR_RESET_POSITION_POSITION, self.words, 0)
@@ -292,7 +297,7 @@ class Motors:
         enabled = flags & m.MOTOR_ENABLED
         coupling = (flags ^ self.flags[motor]) & _COUPLING
         if flags != self.flags[motor]:
-            engaged = self._coupled(controller.operations.engaged)
+            engaged = self._coupled(controller.operations.engaged | self.homing)
             virtual = self._coupled(controller.virtuals.engaged)
             if coupling:
                 engaged |= engaged >> 1  # the next motor is concerned as well
@@ -390,6 +395,8 @@ class Motors:
         switches = hw_set & m.HW_SET_MASK
         if motor < 0 or lower_enable > 1 or upper_enable > 1 or not controller.safety.has(switches):
             return m.ERR_RANGE
+        if (self.homing >> self._leading(motor)) & 1:
+            return m.ERR_MOVING  # field note 4.9
         reader.copy_i32_to(f.MOTOR_SET_LIMITS_LOWER, self.words, 0)
         reader.copy_i32_to(f.MOTOR_SET_LIMITS_UPPER, self.words, 1)
         if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):

@@ -58,10 +58,11 @@ MSG_VIRT_GET_POSITION = const(0x0205)
 MSG_VIRT_JOG_ON_LINE = const(0x0206)
 MSG_VIRT_AIM_POINT = const(0x0207)
 
-# framestep's own, for `framestep status`; Dragonframe never sends them, and other devices answer
+# framestep's own, for its own commands; Dragonframe never sends them, and other devices answer
 # ERR_UNSUPPORTED
 MSG_CONDITION = const(0x4600)
 MSG_EXCEEDED = const(0x4601)  # what the last move asked too much of (field note 5.5)
+MSG_HOME = const(0x4602)  # homes motors (field note 4.9)
 
 # -- Response codes (spec: MSG_FLAG_ACK); those that are results of the core have their numbers
 # there
@@ -215,6 +216,7 @@ REQUESTS = {
     MSG_VIRT_AIM_POINT: (13, 0),
     MSG_CONDITION: (0, 0),
     MSG_EXCEEDED: (0, 0),
+    MSG_HOME: (0, 1),
 }
 
 

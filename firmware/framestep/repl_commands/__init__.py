@@ -13,7 +13,7 @@ if not CPYTHON:
     from micropython import heap_lock, heap_unlock
 
 REFUSALS = {
-    m.ERR_MOVING: "an operation of Dragonframe has the motor",
+    m.ERR_MOVING: "it moves, is being homed, or an operation of Dragonframe has it",
     m.ERR_GENERAL: (
         "the rig may not move it: E-stop held, rig file wrong, driver failed, motor disabled or led"
     ),

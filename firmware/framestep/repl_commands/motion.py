@@ -1,4 +1,4 @@
-"""move(), jog(), stop(): motors by hand."""
+"""move(), home(), jog(), stop(): motors by hand."""
 
 import sys
 
@@ -27,6 +27,27 @@ def _send(motor, target, speed):
 def move(motor, step):
     """Move a motor (1 …) to a step, with its speed and inside its limits. Whether it was taken."""
     return refusal(between(_send, motor, step, None))
+
+
+def _home(motors):
+    """A code, or why not as text."""
+    controller = boot.controller
+    held = dead() or operation(controller)
+    if held:
+        return held
+    if not controller.homing:
+        return "no motor has `home` in the rig file"
+    bits = 0
+    for motor in motors:
+        if not 1 <= motor <= controller.count:
+            return m.ERR_RANGE
+        bits |= 1 << (motor - 1)
+    return locked(controller.homing.start, bits or controller.homing.usable())
+
+
+def home(motors):
+    """Home these motors (1 …), or all that have `home` in the rig file."""
+    refusal(between(_home, motors))
 
 
 def stop():

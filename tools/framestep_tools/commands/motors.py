@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .common import STOP_TIME_S, Json, Motor, Steps, Url, moving, put, say_json, talking
+from .homing import home
 
 if TYPE_CHECKING:
     from ..client import Client
@@ -247,4 +248,4 @@ def buzz(
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    put(app, status, move, jog, zero, stop, buzz, switches)
+    put(app, status, move, jog, zero, home, stop, buzz, switches)

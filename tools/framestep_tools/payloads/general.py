@@ -73,6 +73,15 @@ class GetExceeded(Request[Exceeded]):
 
 
 @dataclass(frozen=True)
+class Home(Request[Ack]):
+    """Home motors; none: all that the rig file has set up for it. Only framestep answers (field
+    note 4.9)."""
+
+    TYPE = messages.MSG_HOME
+    motors: Levels = b""
+
+
+@dataclass(frozen=True)
 class MotorMove(Request[Moving]):
     """Move a motor to a position in steps."""
 

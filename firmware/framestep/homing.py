@@ -1,0 +1,374 @@
+"""Homing: a motor looks for a switch, and its position is known from then on (field note 4.9).
+
+One motor after the other: fast toward the switch, back off it, toward it again slowly. The place
+where the slow approach has found it is the `position` of the rig file. Then the motor backs off
+once more, so that the switch is free. While a motor looks for its switch, this is a limit of its
+own: Safety makes it slow down from an interrupt, whatever the main loop is busy with.
+
+Loaded only if a motor of the rig file has `home`. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.clock import elapsed
+from framestep.io.safety import ACTIVE, LOWER, MOTOR_WORDS, MOTORS, UPPER_PIN
+from framestep.motion import reals
+from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
+from framestep.motors.bounds import update as update_bounds
+from framestep.motors.motor import MAX_ACCELERATION, TICKS_PER_SECOND
+from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
+from framestep.native import const
+from framestep.protocol import messages as m
+from framestep.stops import FAULT_HOMING, TOLD_HOMING
+
+SETTLE_MS = const(50)  # at rest, before a switch is judged: longer than it bounces
+_PACE = const(1)  # stands for the motion's own rates where Axis.move_to() takes a speed
+_Y = const(14)  # a register of Motor.numbers to work with
+
+# Phases
+_NONE = const(0)
+_SEEK = const(1)  # fast toward the switch
+_BACK = const(2)  # off it
+_AGAIN = const(3)  # slowly toward it
+_LEAVE = const(4)  # off it, the position being known
+
+# Words
+_TARGET = const(0)
+_HERE = const(1)
+_WAY = const(2)
+_FOUND = const(3)  # where the switch was found
+_WORDS = const(4)
+
+
+class Homing:
+    """Homes motors. `Motors.homing` has the bits of those that are not done; whoever stops
+    motors sets it to 0, which ends homing.
+
+    controller: for what is shared with other requests.
+    """
+
+    def __init__(self, controller):
+        self.controller = controller
+        self.motors = controller.motors
+        self.axes = controller.axes
+        self.safety = controller.safety
+        rig = controller.rig
+        self.homes = [rig.motor(i)["home"] for i in range(controller.count)]
+        found = [i for i in range(controller.count) if self.homes[i]]
+        found.sort(key=lambda i: 16 * self.homes[i]["order"] + i)
+        self.order = bytes(found)
+        self.capable = 0
+        for motor in found:
+            self.capable |= 1 << motor
+        self.words = array("i", [0] * _WORDS)
+        self.phase = _NONE
+        self.motor = 0
+        self.axis = self.axes[0]
+        self.home = self.homes[found[0]]
+        self.pin = 0  # of the switch, a bit of Hal.levels()
+        self.away = 0  # 1: downward
+        self.found = False  # in this phase
+        self.rested_at = 0  # ms
+        self.known = 0  # motors whose position was known, so that soft limits count
+        self.limits = 0  # soft limits to bring back: 1 lower, 2 upper; the partner's times 4
+        self.pins = 0  # those of the limit switch at this end, to bring back
+        self.news = 0  # motors about which the REPL is to be told
+        button = rig.home_input
+        self.button = 1 << (button - 1) if button else 0
+        self.was_on = controller.io.gio.inputs.values & self.button
+        self.handlers = {m.MSG_HOME: self._home}
+
+    # ---------------------------------------------------------------- requests
+
+    def _home(self):
+        """MSG_HOME, framestep's own (field note 4.9): motors 0, a byte each; none: all enabled
+        ones that have `home` in the rig file."""
+        reader = self.controller.reader
+        bits = 0
+        for i in range(reader.length):
+            number = reader.u8(i)
+            if number < 1 or number > self.controller.count:
+                return m.ERR_RANGE
+            bits |= 1 << (number - 1)
+        return self.start(bits or self.usable())
+
+    def usable(self):
+        """The motors that have `home` and may be moved, one bit each."""
+        bits = 0
+        for motor in self.order:
+            if self.motors.enabled(motor):
+                bits |= 1 << motor
+        return bits
+
+    def start(self, bits):
+        """Home the motors of these bits. Returns a code; nothing has changed unless it is OK."""
+        if bits & ~self.capable:
+            return m.ERR_RANGE
+        controller = self.controller
+        if not bits or not controller.stops.allow_motion():
+            return m.ERR_GENERAL
+        if controller.operations.busy or controller.virtuals.engaged or self.motors.homing:
+            return m.ERR_MOVING
+        known = 0
+        for motor in self.order:
+            if (bits >> motor) & 1:
+                code = self._refusal(motor)
+                if code != m.OK:
+                    return code
+                if self.axes.positions.states[motor] == KNOWN:
+                    known |= 1 << motor
+        self.known = known
+        positions = self.axes.positions
+        positions.about_to_change()
+        for motor in self.order:
+            if (bits >> motor) & 1:
+                positions.put(motor, HELD if (known >> motor) & 1 else LOST, HOMING)
+        self.motors.jogging &= ~bits
+        self.motors.homing = bits
+        self.news &= ~bits
+        self._next()
+        return m.OK
+
+    def _refusal(self, motor):
+        """OK, or the code that says why this motor may not be homed."""
+        code = self.motors.may_move(motor)
+        if code != m.OK:
+            return code
+        axis = self.axes[motor]
+        if axis.moving or self.controller.virtuals.moves_camera(motor):
+            return m.ERR_MOVING
+        if self.axes.positions.states[motor] == KNOWN:
+            self.words[_TARGET] = self.homes[motor]["position"]
+            side = axis.outside(self.words, _TARGET)
+            if side:
+                return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
+        return m.OK
+
+    def _watch_button(self):
+        """Home motors whose position is not known when the input for it comes on."""
+        on = self.controller.io.gio.inputs.values & self.button
+        if on and not self.was_on:
+            states = self.axes.positions.states
+            bits = self.usable()
+            for motor in self.order:
+                if states[motor] == KNOWN:
+                    bits &= ~(1 << motor)
+            self.start(bits)
+        self.was_on = on
+
+    # ---------------------------------------------------------------- one motor
+
+    def poll(self, now):
+        """One pass. now: milliseconds modulo 2^29."""
+        if self.button:
+            self._watch_button()
+        if not self.phase:
+            return
+        if not self.motors.homing:
+            self._release()  # something has stopped it
+            return
+        axis = self.axis
+        if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._active():
+            self.found = True
+            self.axes.choose_sample()
+            reals.copy_word(self.words, _FOUND, self.axes.reported, self.motor)
+            axis.stop(self.controller.hal, self.controller.rig.hard_stop_factor)
+        if axis.moving:
+            self.rested_at = now
+        elif elapsed(now, self.rested_at) >= SETTLE_MS:
+            self._judge()
+
+    def _active(self):
+        return self.safety.words[ACTIVE] & self.pin != 0
+
+    def _next(self):
+        """Begin with the next motor, if there is one."""
+        for motor in self.order:
+            if (self.motors.homing >> motor) & 1:
+                self.motor = motor
+                self.axis = self.axes[motor]
+                self.home = self.homes[motor]
+                break
+        else:
+            return
+        upward = self.home["toward"] == "high"
+        self.away = 1 if upward else 0
+        self.pin = self.safety.sets[self.home["limit"] - 1][0 if upward else 1]
+        at = self._pin_word()
+        self.pins = self.safety.words[at]
+        self.safety.words[at] |= self.pin
+        self.limits = 0
+        if not (self.known >> self.motor) & 1:
+            self._suspend_limits()
+        if self._active():  # it stands on its switch
+            self.axis.position_to(self.words, _FOUND)
+            self._go(_BACK)
+        else:
+            self._go(_SEEK)
+
+    def _go(self, phase):
+        """Set out on a phase."""
+        self.phase = phase
+        self.found = False
+        self.rested_at = self.controller.now
+        home = self.home
+        words = self.words
+        speed = home["speed"]
+        back = self.away
+        if phase == _SEEK:
+            words[_WAY] = home["travel"]
+            back ^= 1
+        elif phase == _AGAIN:
+            words[_WAY] = 2 * home["back_off"]
+            speed = home["slow_speed"]
+            back ^= 1
+        else:
+            words[_WAY] = home["back_off"]
+        start = _FOUND
+        if back != self.away:
+            self.axis.position_to(words, _HERE)
+            start = _HERE
+        reals.add_words(words, _TARGET, words, start, words, _WAY, back)
+        self._set_pace(speed)
+        self.motors.switch_on(1 << self.motor)
+        self.axis.move_to(self.controller.hal, words, _TARGET, _PACE)
+
+    def _set_pace(self, speed):
+        """The velocity of the next motion, in steps/s, at most what the motor is set to; its
+        acceleration is the motor's own."""
+        axis = self.axis
+        r = axis.numbers
+        axis.speed = _PACE
+        axis.rates_outdated = False
+        reals.put(r, MOTION_VELOCITY, min(speed, axis.velocity), 0)
+        reals.put(r, _Y, TICKS_PER_SECOND, 0)
+        reals.divide(r, MOTION_VELOCITY, MOTION_VELOCITY, _Y)
+        reals.copy(r, MOTION_ACCELERATION, MAX_ACCELERATION)
+
+    def _judge(self):
+        """The motor has come to rest at the end of a phase: go on, or say what is wrong."""
+        phase = self.phase
+        if phase == _SEEK or phase == _AGAIN:
+            # A switch that was found and is open again was a disturbance, if the motor was so slow
+            # that it cannot have passed it.
+            if not self.found or (phase == _AGAIN and not self._active()):
+                self._fail(NOT_FOUND)
+            elif phase == _SEEK:
+                self._go(_BACK)
+            else:
+                self._arrive()
+        elif self._active():
+            self._fail(NOT_OPENED)
+        elif phase == _BACK:
+            self._go(_AGAIN)
+        else:
+            self._done()
+
+    def _arrive(self):
+        """Where the switch was found is its position; the motor has come to rest some steps
+        behind."""
+        words = self.words
+        axis = self.axis
+        axis.position_to(words, _HERE)
+        reals.add_words(words, _WAY, words, _HERE, words, _FOUND, 1)
+        words[_FOUND] = self.home["position"]
+        reals.add_words(words, _HERE, words, _FOUND, words, _WAY, 0)
+        if not axis.set_position(words, _HERE):
+            self._fail(NOT_FOUND)
+            return
+        positions = self.axes.positions
+        positions.about_to_change()
+        positions.put(self.motor, KNOWN, HOMED)
+        self.axes.position_was_set(self.motor)
+        self.controller.operations.settings_changed()
+        self.controller.reports.position = True
+        self._restore_limits()
+        self._go(_LEAVE)
+
+    def _done(self):
+        """This motor is homed; on with the next one."""
+        self._release()
+        self._tell()
+        self.motors.homing &= ~(1 << self.motor)
+        self._next()
+
+    def _fail(self, reason):
+        """This motor's position is lost, and homing ends. reason: of motors/positions.py."""
+        self._release()
+        self.axes.positions.set_lost(1 << self.motor, reason)
+        self.motors.homing = 0
+        self.controller.stops.fault |= FAULT_HOMING
+        self._tell()
+
+    def _release(self):
+        """Give the motor back as it was."""
+        self.phase = _NONE
+        self.safety.words[self._pin_word()] = self.pins
+        self._restore_limits()
+        self.axis.rates_outdated = True
+
+    # ---------------------------------------------------------------- limits
+
+    def _pin_word(self):
+        """Which word of Safety has the limit switch at this end of the motor."""
+        return MOTORS + self.motor * MOTOR_WORDS + UPPER_PIN + 1 - self.away
+
+    def _suspend_limits(self):
+        """Soft limits do not count: the motor's number says nothing about where it is."""
+        axis = self.axis
+        self.limits = (1 if axis.lower_enabled else 0) | (2 if axis.upper_enabled else 0)
+        axis.lower_enabled = axis.upper_enabled = False
+        partner = axis.partner
+        if partner:
+            self.limits |= (4 if partner.lower_enabled else 0) | (8 if partner.upper_enabled else 0)
+            partner.lower_enabled = partner.upper_enabled = False
+        update_bounds(axis)
+
+    def _restore_limits(self):
+        """They count again."""
+        limits = self.limits
+        if limits:
+            self.limits = 0
+            axis = self.axis
+            axis.lower_enabled = limits & 1 != 0
+            axis.upper_enabled = limits & 2 != 0
+            if axis.partner:
+                axis.partner.lower_enabled = limits & 4 != 0
+                axis.partner.upper_enabled = limits & 8 != 0
+            update_bounds(axis)
+
+    def take_limit(self, bits):
+        """Motors are stopped at a limit, one bit each. Returns them without the one that has found
+        its home switch, of which nobody is told; another one that is being homed ends homing."""
+        own = 1 << self.motor
+        if bits & own and (self.phase == _SEEK or self.phase == _AGAIN):
+            safety = self.safety
+            end = self.motor if self.away else self.motor + LOWER
+            both = own | (own << LOWER)
+            others = safety.words[ACTIVE] & self.pins & ~self.pin
+            if safety.at_limit & both == 1 << end and not others:
+                safety.reported(end)
+                bits &= ~own
+        if bits & self.motors.homing:
+            self.motors.homing = 0
+        return bits
+
+    # ---------------------------------------------------------------- people
+
+    def _tell(self):
+        """The REPL is to be told how it went."""
+        self.news |= 1 << self.motor
+        self.controller.stops.unreported |= TOLD_HOMING
+
+    def tell(self):
+        """Print how it went. Allocates nothing."""
+        for motor in self.order:
+            if (self.news >> motor) & 1:
+                reason = self.axes.positions.reasons[motor]
+                text = "is homed"
+                if reason == NOT_FOUND:
+                    text = "has not found its home switch: its position is lost"
+                elif reason == NOT_OPENED:
+                    text = "does not come off its home switch: its position is lost"
+                print("framestep: motor", motor + 1, text)
+        self.news = 0
