@@ -17,7 +17,7 @@ from framestep_tools.move_formats import FORMATS, of_content
 from framestep_tools.move_formats.curves import Samples, Segment
 from framestep_tools.move_formats.units import UNITS, factor
 
-NAMED = {"arc", "csv"}  # formats that number their frames
+NAMED = {"arc", "anim", "csv"}  # formats that number their frames
 
 LINEAR = """
 [[axis]]
@@ -54,6 +54,46 @@ ARC = """<?xml version="1.0"?>
 </scen:scene>
 """
 
+# Comments, a node without curves, what later versions write, and units that differ from the axes'
+MAYA = """animVersion 1.1;
+mayaVersion 2013 x64; // anything
+timeUnit pal; linearUnit m; angularUnit deg; startTime 1; endTime 7;
+anim camera1 0 2 0;
+anim translate.translateX translateX track 0 1 0; # a comment
+animData {
+  input time;
+  output linear;
+  outputUnit cm;
+  weighted 0;
+  preInfinity constant;
+  keys {
+    1 0 auto linear 1 1 0;
+    3 1 linear flat 1 1 0;
+    6 9 flat clamped 1 1 0;
+  }
+}
+anim rotate.rotateY rotateY camera1 0 1 0;
+animData { input time; output angular; weighted 1; tangentAngleUnit deg;
+  keys {
+    1 2 step step 1 1 0;
+    3 3 step linear 1 1 0;
+    4 3 linear fixed 1 1 0 45 1;
+  }
+}
+anim fStop fStop camera1 1 0 0;
+animData {
+  input time; output unitless; weighted 1;
+  keys { 6 0 auto auto 1 1 0; 7 5 spline spline 1 1 0; }
+}
+"""
+MAYA_AXES = """
+[[axis]]
+name = "focus"
+motor = 3
+steps_per_unit = 1
+in_file = {}
+"""
+
 
 @pytest.fixture
 def folder(tmp_path):
@@ -87,7 +127,7 @@ def axes_and_moves(draw) -> tuple[list[Axis], Move]:
                 motor=motor,
                 steps_per_unit=draw(st.floats(0.01, 1e5)),
                 unit=unit,
-                in_file=f"Axis {motor}",
+                in_file=f"camera{motor}.rotateX",
                 zero=draw(st.floats(-1e4, 1e4)),
                 invert=draw(st.booleans()),
                 file_unit=draw(st.sampled_from(same_kind)),
@@ -102,8 +142,8 @@ def axes_and_moves(draw) -> tuple[list[Axis], Move]:
 
 EXTREMES = (
     [
-        Axis("a", 1, 0.01, "mm", "a", 1e4, None, True, "m"),
-        Axis("b", 2, 1e5, "rad", "b", file_unit="deg"),
+        Axis("a", 1, 0.01, "mm", "a.translateX", 1e4, None, True, "m"),
+        Axis("b", 2, 1e5, "rad", "b.focus", file_unit="deg"),
     ],
     Move(-7, {1: "a", 2: "b"}, {1: [-(2**31), 2**31 - 1, 0], 2: [2**31 - 1, -(2**31), 1]}),
 )
@@ -138,7 +178,8 @@ def test_the_example_through_the_commands(name, folder, capsys):
     motors = read_move(CAMERA_MOVE).names
     (folder / "axes.toml").write_text(
         "".join(
-            f'[[axis]]\nname = "{axis}"\nmotor = {motor}\nsteps_per_unit = 222.2222\nunit = "deg"\n'
+            f'[[axis]]\nname = "{axis}"\nmotor = {motor}\nin_file = "rig.{axis}"\n'
+            'steps_per_unit = 222.2222\nunit = "deg"\n'
             for motor, axis in motors.items()
         )
     )
@@ -181,6 +222,39 @@ def test_units_named_in_the_file_are_converted_and_curves_sampled(folder):
     assert move.positions[1][1] == 19
     # A straight line between its keyframes; it stands before and after
     assert move.positions[2] == [0, 0, 0, -50, -100, -100, -100, -100, -100]
+
+
+def test_curves_of_maya(folder):
+    (folder / "axes.toml").write_text(
+        LINEAR.replace('"track"\n', '"track"\nin_file = "track.translateX"\n')
+        + 'in_file = "camera1.rotateY"\n'
+        + MAYA_AXES.format('"camera1.fStop"')
+    )
+    move = imported(folder, MAYA)
+    assert (move.start_frame, move.end_frame) == (1, 7)
+    # Linear, in cm; then flat to flat: 3 t^2 - 2 t^3 at thirds of the way; then it stands
+    assert move.positions[1] == [0, 50, 100, 100 + 207, 100 + 593, 900, 900]
+    # A step at frame 3; pan is inverted, and 2 deg its zero
+    assert move.positions[2] == [0, 0, -100, -100, -100, -100, -100]
+    # No frame between its keys, so it does not matter that nobody knows the tangents
+    assert move.positions[3] == [0, 0, 0, 0, 0, 0, 5]
+    text = MAYA.replace("timeUnit pal", "timeUnit sec")
+    with pytest.raises(ToolError, match="between the keys at 6 and 7 are tangents"):
+        to_move(of_content(text, "f").read(text, "f"), read_axes(folder / "axes.toml"), "f", 2)
+
+
+def test_the_rate_of_an_exported_curve(folder, capsys):
+    (folder / "axes.toml").write_text(LINEAR.replace('"track"', '"a.x"').replace('"pan"', '"a.y"'))
+    imported(folder, "0 2\n1 2\n")
+    command = ["export", str(folder / "move.csv"), "-o", str(folder / "out.anim")]
+    for options, rate in (([], "film"), (["--fps", "25"], "pal"), (["--fps", "60"], "ntscf")):
+        assert run(folder, *command, *options) == 0
+        assert f"timeUnit {rate};\n" in (folder / "out.anim").read_text()
+    assert run(folder, *command, "--fps", "23") == 1
+    assert "expected 15, 24, 25, 30, 48, 50, 60 frames per second" in capsys.readouterr().err
+    (folder / "axes.toml").write_text(LINEAR)
+    assert run(folder, *command) == 1
+    assert "attributes of nodes, like camera1.rotateY; found 'track'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("x", [0.001, 0.25, 0.5, 0.9, 0.999])
@@ -302,8 +376,27 @@ def test_axes_that_nobody_has_are_named(folder, capsys):
             ["--format", "csv"],
             "line 1: expected a header that begins with frame or seconds",
         ),
-        ("bones\n", [], "not recognised as any of arc, kuper, csv, raw"),
+        ("bones\n", [], "not recognised as any of arc, anim, kuper, csv, raw"),
         ("", [], "not recognised as any of"),
+        ("animVersion 1.1;\n", [], "expected a curve with keys over time, found none"),
+        (MAYA.replace("pal", "vhs"), [], "timeUnit: expected one of game, film, pal"),
+        (
+            MAYA.replace("    3 1 lin", "    1 1 lin"),
+            [],
+            "line 6, track.translateX: expected a key after 1",
+        ),
+        (MAYA.replace("3 1 linear flat 1 1 0", "3 1"), [], "line 14: not understood: '3,1'"),
+        (
+            MAYA.replace("3 1 linear", "3 one linear"),
+            [],
+            "line 14, track.translateX: expected a number",
+        ),
+        (MAYA.replace("outputUnit cm", "outputUnit mi"), [], "its linear unit: expected mm, cm, m"),
+        (
+            MAYA.replace("outputUnit cm", "inputUnit sec"),
+            [],
+            "expected the file's timeUnit pal, found sec",
+        ),
         ("<scene>", [], "not XML as it should be: no element found: line 1"),
         ("<svg/>", [], "expected <scene> as the outermost element, found svg"),
         ("<scene/>", [], "expected an axis with keyframes, found none"),
@@ -352,7 +445,11 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(
         (["import", "nothing", "-o", "OUT"], 1, "cannot read the move nothing: No such file"),
         (["import", "SOURCE", "-o", "no/where.csv"], 1, "cannot write no/where.csv: No such file"),
         (["export", "SOURCE", "-o", "OUT"], 1, "no format has the ending (none); name one by"),
-        (["export", "SOURCE", "-o", "x.arcm", "--fps", "9"], 2, "--fps is for csv; arc has frames"),
+        (
+            ["export", "SOURCE", "-o", "x.arcm", "--fps", "9"],
+            2,
+            "--fps is for csv and anim; arc has",
+        ),
         (["export", "MOVE", "-o", "x.csv"], 1, "axis track: 100.1 mm is beyond its limits"),
         (["export", "ONE", "-o", "x.csv"], 1, "the move has 1 motors, and there are 2 axes"),
     ],

@@ -8,7 +8,7 @@ import typer
 
 from .common import SpokenCommand
 
-_FORMATS = "arc, kuper, csv, raw"  # spelled out, so that --help loads none of them
+_FORMATS = "arc, anim, kuper, csv, raw"  # spelled out, so that --help loads none of them
 
 Axes = Annotated[
     Path, typer.Option("--axes", help="TOML: motor, steps per unit and limits of each axis")
@@ -74,7 +74,9 @@ def export_move(
     file_format: Format = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="csv: seconds at so many frames per second, not frames", min=0.001),
+        typer.Option(
+            help="csv: in seconds at so many frames per second; anim: Maya's rate", min=0.001
+        ),
     ] = None,
 ) -> None:
     """Write a move in steps as another program's file."""
@@ -85,8 +87,8 @@ def export_move(
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)
-    if fps is not None and chosen.NAME != "csv":
-        raise typer.BadParameter(f"--fps is for csv; {chosen.NAME} has frames")
+    if fps is not None and chosen.NAME not in ("csv", "anim"):
+        raise typer.BadParameter(f"--fps is for csv and anim; {chosen.NAME} has frames")
     table = to_table(read_move(or_example(move)), read_axes(axes))
     write_text(output, chosen.write(table, fps))
     print(

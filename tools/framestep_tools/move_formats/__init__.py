@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ..move_file import MoveFileError
-from . import arc, csv_table, kuper, raw
+from . import arc, csv_table, kuper, maya_anim, raw
 from .recording import Recording, Table
 
 
@@ -30,7 +30,9 @@ class Format(Protocol):
 
 
 # Those that need more signs to be recognised first
-FORMATS: dict[str, Format] = {module.NAME: module for module in (arc, kuper, csv_table, raw)}
+FORMATS: dict[str, Format] = {
+    module.NAME: module for module in (arc, maya_anim, kuper, csv_table, raw)
+}
 
 
 def of_content(text: str, path: str) -> Format:

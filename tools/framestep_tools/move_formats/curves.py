@@ -1,7 +1,11 @@
 """Curves over frames or seconds: samples, and keyframes with the handles of Bézier curves."""
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
+
+from ..move_file import MoveFileError
 
 _SAME = 1e-6  # of the way from sample to sample: seconds are written with some decimals
 _CLOSE = 1e-12  # of a Bézier segment's width: how near the curve's parameter is found
@@ -61,6 +65,36 @@ class Samples:
         return (self.values[i + 1] - self.values[i]) / (self.places[i + 1] - self.places[i])
 
 
+class Piece(Protocol):
+    """The values between two keyframes."""
+
+    def at(self, x: float) -> float:
+        """The value at a place between the keyframes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Hold:
+    """One value from keyframe to keyframe."""
+
+    value: float
+
+    def at(self, x: float) -> float:
+        """The value, anywhere between the keyframes."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """Values that the file does not tell: no harm where no frame lies between the keyframes."""
+
+    why: str
+
+    def at(self, x: float) -> float:
+        """MoveFileError, with the reason."""
+        raise MoveFileError(self.why)
+
+
 @dataclass(frozen=True)
 class Segment:
     """A cubic Bézier curve between two keyframes, whose handles reach no further than from one to
@@ -96,10 +130,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Keyframes at rising places, and a segment between each two of them."""
+    """Keyframes at rising places, and what is between each two of them."""
 
     keys: list[Point]
-    segments: list[Segment]
+    pieces: Sequence[Piece]
 
     @property
     def first(self) -> float:
@@ -119,7 +153,7 @@ class Keyframes:
             return self.keys[0][1]
         if i == len(self.keys) - 1 or x == self.keys[i][0]:
             return self.keys[i][1]
-        return self.segments[i].at(x)
+        return self.pieces[i].at(x)
 
 
 def within(handle: Point, key: Point, other: float) -> Point:

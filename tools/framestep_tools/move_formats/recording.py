@@ -1,9 +1,11 @@
 """What every format of moves is read into, and what it is written from."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 from ..move_file import MoveFileError, shown
+from .units import factor
 
 GREATEST = 1e15  # of any number in a file: one more would not be another one
 FIRST_FRAME = 1  # of files that do not number their frames
@@ -55,6 +57,13 @@ class Column:
     decimals: int
     values: list[float]
 
+    def converted(self, unit: str) -> "Column":
+        """The same in another unit of the same kind."""
+        times = factor(self.unit, unit)
+        assert times is not None
+        decimals = self.decimals + max(0, math.ceil(-math.log10(times)))
+        return Column(self.name, unit, decimals, [value * times for value in self.values])
+
     def texts(self) -> list[str]:
         """The values as they are written."""
         # Adding 0.0 makes 0.0 of -0.0
@@ -79,7 +88,7 @@ def number(text: str, where: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        value = float("nan")
+        value = math.nan
     if not abs(value) <= GREATEST or "_" in text:
         raise MoveFileError(f"{where}: expected a number, found {shown([text])}")
     return value

@@ -1,0 +1,228 @@
+"""Maya's animation curves (.anim): text, per attribute of a node keys with kinds of tangents.
+
+    anim rotate.rotateY rotateY camera1 0 0 0;
+    animData {
+      input time;
+      output angular;
+      weighted 0;
+      keys {
+        1 0 linear linear 1 1 0;      time, value, tangents before and after, and more
+      }
+    }
+
+An axis's name is the node and its attribute: camera1.rotateY. docs/moves.md says which tangents are
+read.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from ..move_file import MoveFileError, shown
+from .curves import Hold, Keyframes, Piece, Point, Segment, Unreadable
+from .recording import Channel, Column, Recording, Table, number
+from .units import UNITS
+
+NAME = "anim"
+MEANING = "Maya's animation curves"
+ENDINGS = (".anim",)
+
+# Frames per second that Maya has a name for
+_RATES = {"game": 15, "film": 24, "pal": 25, "ntsc": 30, "show": 48, "palf": 50, "ntscf": 60}
+_SECONDS = {"hour": 3600.0, "min": 60.0, "sec": 1.0, "millisec": 0.001}
+_FRAME_RATE = re.compile(r"\d+(\.\d+)?(fps|df)")  # 23.976fps, and drop frames, of later versions
+_COMMENT = re.compile(r"(//|#).*")
+_WORD = re.compile(r"[{};]|[^\s{};]+")
+_ATTRIBUTE = re.compile(r"([\w:|]+)\.([\w.\[\]]+)")
+_LINEAR, _ANGULAR = ("mm", "cm", "m", "in", "ft"), ("deg", "rad")
+_SLOPED = ("linear", "flat")  # tangents whose slope does not depend on Maya's own calculation
+
+
+@dataclass
+class _Data:
+    """An animData as it is read."""
+
+    line: int
+    settings: dict[str, str] = field(default_factory=dict)
+    keys: list[Point] = field(default_factory=list)
+    tangents: list[tuple[str, str]] = field(default_factory=list)
+
+
+def recognises(text: str) -> bool:
+    """Whether a file's text looks like this format."""
+    for _, words in _statements(text):
+        return words[0] == "animVersion"
+    return False
+
+
+def read(text: str, path: str) -> Recording:
+    """The file's curves over time; MoveFileError, with the line, if it is not as described
+    above."""
+    header: dict[str, str] = {}
+    curves: list[tuple[str, _Data]] = []
+    name = ""
+    data: _Data | None = None
+    in_keys = False
+    for line, words in _statements(text):
+        match words:
+            case ["anim", *about]:
+                # Without an attribute it is a node that has no curve
+                name = f"{about[2]}.{about[1]}" if len(about) > 4 else ""
+            case ["animData", "{"]:
+                data = _Data(line)
+                curves.append((name, data))
+            case ["keys", "{"] | ["}"]:
+                in_keys = words[0] == "keys"
+            case [key, value, before, after, *_] if data and in_keys:
+                where = f"{path}, line {line}, {name}"
+                data.keys.append((number(key, where), number(value, where)))
+                data.tangents.append((before, after))
+            case [key, value, *_] if not in_keys:
+                (data.settings if data else header)[key] = value
+            case _:
+                raise MoveFileError(f"{path}, line {line}: not understood: {shown(words)}")
+    if "animVersion" not in header:
+        raise MoveFileError(f"{path}: expected animVersion at the beginning, found none")
+    frames, times = _clock(header.get("timeUnit", "film"), path)
+    channels = [
+        _channel(name, data, header, times, path)
+        for name, data in curves
+        if data.keys and data.settings.get("input", "time") == "time"
+    ]
+    if not channels:
+        raise MoveFileError(f"{path}: expected a curve with keys over time, found none")
+    return Recording(channels, seconds=not frames)
+
+
+def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line and words of each statement; a { ends its own, and a } is one."""
+    words: list[str] = []
+    for line, content in enumerate(text.splitlines(), 1):
+        for word in _WORD.findall(_COMMENT.sub("", content)):
+            if word != ";":
+                words.append(word)
+            if word in "{};" and words:
+                yield line, words
+                words = []
+    if words:
+        yield line, words
+
+
+def _clock(unit: str, path: str) -> tuple[bool, float]:
+    """Whether keys are at frames, and else how many seconds their unit of time has."""
+    if unit in _RATES or _FRAME_RATE.fullmatch(unit):
+        return True, 1.0
+    if unit in _SECONDS:
+        return False, _SECONDS[unit]
+    raise MoveFileError(
+        f"{path}: timeUnit: expected one of {', '.join((*_RATES, *_SECONDS))}, found {unit}"
+    )
+
+
+def _channel(name: str, data: _Data, header: dict[str, str], times: float, path: str) -> Channel:
+    where = f"{path}, line {data.line}, {name}"
+    clock = header.get("timeUnit", "film")
+    if data.settings.get("inputUnit", clock) != clock:
+        raise MoveFileError(
+            f"{where}: inputUnit: expected the file's timeUnit {clock}, "
+            f"found {data.settings['inputUnit']}"
+        )
+    keys = [(x * times, y) for x, y in data.keys]
+    for key, following in pairwise(keys):
+        if following[0] <= key[0]:
+            raise MoveFileError(
+                f"{where}: expected a key after {key[0]:g}, found one at {following[0]:g}"
+            )
+    weighted = data.settings.get("weighted", "0") != "0"
+    pieces = [
+        _piece(keys[i], data.tangents[i][1], keys[i + 1], data.tangents[i + 1][0], weighted, where)
+        for i in range(len(keys) - 1)
+    ]
+    return Channel(name, Keyframes(keys, pieces), _unit(data, header, where))
+
+
+def _unit(data: _Data, header: dict[str, str], where: str) -> str:
+    """The unit of a curve's values; empty where the file does not name it."""
+    kind = data.settings.get("output", "unitless")
+    if kind not in ("linear", "angular"):
+        return ""
+    unit = data.settings.get("outputUnit", header.get(f"{kind}Unit", ""))
+    if unit and unit not in UNITS:
+        known = _LINEAR if kind == "linear" else _ANGULAR
+        raise MoveFileError(f"{where}: its {kind} unit: expected {', '.join(known)}, found {unit}")
+    return unit
+
+
+def _piece(start: Point, out: str, end: Point, into: str, weighted: bool, where: str) -> Piece:
+    """The curve between two keys: of a cubic with the slopes of the tangents, where these are
+    known."""
+    if out == "step":
+        return Hold(start[1])
+    if out not in _SLOPED or into not in _SLOPED or (weighted and {out, into} != {"linear"}):
+        return Unreadable(
+            f"{where}: between the keys at {start[0]:g} and {end[0]:g} are tangents that only Maya "
+            f"can tell ({out}, {into}{', weighted' if weighted else ''}): bake the curve there, "
+            "with a key at each frame"
+        )
+    third, rise = (end[0] - start[0]) / 3, (end[1] - start[1]) / 3
+    return Segment(
+        start,
+        (start[0] + third, start[1] + (rise if out == "linear" else 0)),
+        (end[0] - third, end[1] - (rise if into == "linear" else 0)),
+        end,
+    )
+
+
+def write(table: Table, fps: float | None) -> str:
+    """The file's text: a key at each frame. MoveFileError for an axis whose name is no attribute
+    of a node, and for frames per second that Maya has no name for (None: 24)."""
+    rate = next((name for name, rate in _RATES.items() if rate == (fps or 24)), None)
+    if rate is None:
+        rates = ", ".join(map(str, _RATES.values()))
+        raise MoveFileError(f"anim: expected {rates} frames per second, found {fps:g}")
+    lines = [
+        "animVersion 1.1;",
+        "mayaVersion 2016;",
+        f"timeUnit {rate};",
+        "linearUnit cm;",
+        "angularUnit deg;",
+        f"startTime {table.frames[0]};",
+        f"endTime {table.frames[-1]};",
+    ]
+    for column in table.columns:
+        lines += _curve(column, table.frames)
+    return "\n".join(lines) + "\n"
+
+
+def _curve(column: Column, frames: range) -> list[str]:
+    name = _ATTRIBUTE.fullmatch(column.name)
+    if not name:
+        raise MoveFileError(
+            f"Maya's axes are attributes of nodes, like camera1.rotateY; found {column.name!r}: "
+            'name one by "in_file"'
+        )
+    node, attribute = name.groups()
+    kind = "unitless"
+    if column.unit in _LINEAR:
+        kind, column = "linear", column.converted("cm")
+    elif column.unit in _ANGULAR:
+        kind, column = "angular", column.converted("deg")
+    # translateX is a part of translate, and so on
+    whole = re.sub(r"(translate|rotate|scale)[XYZ]", r"\1.\g<0>", attribute)
+    return [
+        f"anim {whole} {attribute} {node} 0 0 0;",
+        "animData {",
+        "  input time;",
+        f"  output {kind};",
+        "  weighted 0;",
+        "  preInfinity constant;",
+        "  postInfinity constant;",
+        "  keys {",
+        *(
+            f"    {frame} {text} linear linear 1 1 0;"
+            for frame, text in zip(frames, column.texts(), strict=True)
+        ),
+        "  }",
+        "}",
+    ]
