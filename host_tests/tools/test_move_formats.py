@@ -14,7 +14,7 @@ from framestep_tools.files import ROOT
 from framestep_tools.move_conversion import to_move, to_table
 from framestep_tools.move_file import CAMERA_MOVE, Move, read_move
 from framestep_tools.move_formats import FORMATS, of_content
-from framestep_tools.move_formats.curves import Samples, Segment
+from framestep_tools.move_formats.curves import Samples, Segment, within
 from framestep_tools.move_formats.units import UNITS, factor
 
 NAMED = {"arc", "anim", "csv"}  # formats that number their frames
@@ -222,6 +222,14 @@ def test_units_named_in_the_file_are_converted_and_curves_sampled(folder):
     assert move.positions[1][1] == 19
     # A straight line between its keyframes; it stands before and after
     assert move.positions[2] == [0, 0, 0, -50, -100, -100, -100, -100, -100]
+
+
+def test_a_handle_that_reaches_past_its_neighbour_ends_there(folder):
+    assert within((17.0, 8.0), (1.0, 0.0), 9.0) == (9.0, 4.0)
+    assert within((-3.0, 8.0), (9.0, 2.0), 1.0) == (1.0, 6.0)
+    assert within((5.0, 8.0), (1.0, 0.0), 9.0) == (5.0, 8.0)
+    shortened = imported(folder, ARC.replace('y="0" x="5"', 'y="0" x="9"'))
+    assert imported(folder, ARC.replace('y="0" x="5"', 'y="0" x="90"')) == shortened
 
 
 def test_curves_of_maya(folder):
@@ -513,6 +521,14 @@ def test_one_sentence_says_what_is_wrong_with_axes_toml(text, said, folder, caps
     error = capsys.readouterr().err
     assert said in error
     assert len(error.splitlines()) == 1
+
+
+def test_what_cannot_be_written_leaves_nothing_behind(folder, capsys):
+    (folder / "source").write_text("0 2\n")
+    (folder / "out").mkdir()
+    assert run(folder, "import", str(folder / "source"), "-o", str(folder / "out")) == 1
+    assert "cannot write" in capsys.readouterr().err
+    assert sorted(path.name for path in folder.iterdir()) == ["axes.toml", "out", "source"]
 
 
 def test_there_is_no_axes_toml(tmp_path):
