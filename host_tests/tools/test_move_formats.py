@@ -1,6 +1,7 @@
 """Moves into the formats of other programs and back, and what is wrong with a file in a
 sentence."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -202,8 +203,9 @@ def test_the_example_through_the_commands(name, folder, capsys):
         "frame,track,pan,focus\n1,0,2,7\n2,1.25,2.01,7\n3,-5,2,7\n",
         "Axes = Track, Pan\r\n0 2\r\n1.25 2.01\r\n-5 2\r\n",
         "0\t2\n\n1.25  2.01   \n-5 2e0\n",
+        "frame   track pan\n1  0   2 \n2  1.25  2.01\n 3 -5 2\n",
     ],
-    ids=["csv", "csv of a spreadsheet", "an axis more", "kuper", "raw"],
+    ids=["csv", "csv of a spreadsheet", "an axis more", "kuper", "raw", "csv of blanks"],
 )
 def test_units_become_steps(text, folder):
     move = imported(folder, text)
@@ -332,6 +334,39 @@ def test_axes_that_nobody_has_are_named(folder, capsys):
 # What is wrong
 
 
+VALID = [
+    ARC,
+    MAYA,
+    "frame,track,pan\n1,0,2\n2,1.25,2.01\n",
+    "seconds;track;pan\n0;0;2\n0,5;1,25;2,01\n",
+    "Axes = Track, Pan\r\n0 2\r\n1.25 2.01\r\n",
+    "0 2\n1.25 2.01\n",
+]
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.sampled_from(VALID),
+    st.integers(0, 1500),
+    st.integers(0, 30),
+    st.text("0123456789.,;-+eE \n\t\"'<>/={}axn\0\x85", max_size=6) | st.text(max_size=3),
+)
+def test_a_spoilt_file_is_read_or_refused(text, at, length, put):
+    """Nothing but the error that a command tells in a sentence comes out."""
+    at %= len(text)
+    spoilt = text[:at] + put + text[at + length :]
+    axes = [
+        Axis("a", 1, 10.0, in_file="track", file_unit="units"),
+        Axis("b", 2, 10.0, "deg", "pan", file_unit="deg"),
+    ]
+    for module in FORMATS.values():
+        with suppress(ToolError):
+            recording = module.read(spoilt, "f")
+            to_move(recording, axes, "f", 24.0 if recording.seconds else None)
+    with suppress(ToolError):
+        of_content(spoilt, "f")
+
+
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
@@ -458,6 +493,16 @@ def test_one_sentence_says_what_is_wrong_and_nothing_is_written(
             2,
             "--fps is for csv and anim; arc has",
         ),
+        (
+            ["export", "MOVE", "-o", "x.csv", "--fps", "inf"],
+            2,
+            "Input should be less than or equal to 1000",
+        ),
+        (
+            ["import", "SOURCE", "-o", "OUT", "--fps", "nan"],
+            2,
+            "Input should be less than or equal to 1000",
+        ),
         (["export", "MOVE", "-o", "x.csv"], 1, "axis track: 100.1 mm is beyond its limits"),
         (["export", "ONE", "-o", "x.csv"], 1, "the move has 1 motors, and there are 2 axes"),
     ],
@@ -531,7 +576,14 @@ def test_what_cannot_be_written_leaves_nothing_behind(folder, capsys):
     assert sorted(path.name for path in folder.iterdir()) == ["axes.toml", "out", "source"]
 
 
-def test_there_is_no_axes_toml(tmp_path):
+def test_there_is_no_axes_toml(tmp_path, capsys):
+    (tmp_path / "shot.arcm").write_text(ARC)
+    (tmp_path / "raw").write_text("1 2\n")
+    for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
+        assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
+        error = capsys.readouterr().err
+        assert f"are to the motors ({axes}); docs/moves.md shows one" in error
+        assert len(error.splitlines()) == 1
     with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
         read_axes(tmp_path / "axes.toml")
 

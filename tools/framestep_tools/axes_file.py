@@ -45,6 +45,8 @@ class Axis:
     invert: whether steps count down while the position rises
     file_unit: of the numbers in a file that does not name its unit
     hold: the position, in `unit`, of an axis that the file has not
+
+    `read_axes` makes `in_file` the name and `file_unit` the unit where the file has none.
     """
 
     name: str

@@ -54,8 +54,9 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     """Read a move; MoveFileError, with the line, if the file is not there or not as described
     above.
 
-    What spreadsheets make of such a file is read as well: a byte order mark, ; or tabs between the
-    columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME for frame.
+    What spreadsheets make of such a file is read as well: a byte order mark, ;, tabs or blanks
+    between the columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME
+    for frame.
     """
     rows = rows_of(text_of(path), path)
     header = rows[0] if rows else []
@@ -91,15 +92,17 @@ def text_of(path: str | os.PathLike) -> str:
 
 
 def separator_of(text: str) -> str:
-    """What stands between the columns of a table: of tab, ; and , what its header has most of."""
+    """What stands between the columns of a table: of tab, ; and , what its header has most of; a
+    blank if it has none of them."""
     first = text.split("\n", 1)[0]
-    return max("\t;,", key=first.count)
+    most = max("\t;,", key=first.count)
+    return most if most in first else " "
 
 
 def rows_of(text: str, path: str | os.PathLike) -> list[list[str]]:
     """The rows of a table, without blank lines at the end and without empty columns behind those
     of the header; MoveFileError, with the line, if its quotes are not as they should be."""
-    reader = csv.reader(text.splitlines(), delimiter=separator_of(text))
+    reader = csv.reader(text.splitlines(), delimiter=separator_of(text), skipinitialspace=True)
     try:
         rows = [[cell.strip() for cell in row] for row in reader]
     except csv.Error as error:

@@ -37,7 +37,8 @@ def import_move(
     axes: Axes = Path("axes.toml"),
     file_format: Format = None,
     fps: Annotated[
-        float | None, typer.Option(help="frames per second, for a file in seconds", min=0.001)
+        float | None,
+        typer.Option(help="frames per second, for a file in seconds", min=0.001, max=1000),
     ] = None,
     start: Annotated[
         int | None, typer.Option(help="number of the first frame", min=-(10**9), max=10**9)
@@ -45,15 +46,22 @@ def import_move(
 ) -> None:
     """Make a move in steps of another program's file."""
     from ..axes_file import read_axes
+    from ..errors import ToolError
     from ..move_conversion import to_move
     from ..move_file import text_of, write_move
     from ..move_formats import FORMATS, of_content
 
     _not_itself(file, output)
-    known = read_axes(axes)
     text = text_of(file)
     chosen = FORMATS[file_format] if file_format else of_content(text, str(file))
-    move, left = to_move(chosen.read(text, str(file)), known, str(file), fps, start)
+    recording = chosen.read(text, str(file))
+    if not axes.exists():
+        raise ToolError(
+            f"there is no {axes}, which says what the axes of {file} are to the motors "
+            f"({', '.join(recording.names)}); docs/moves.md shows one"
+        )
+    known = read_axes(axes)
+    move, left = to_move(recording, known, str(file), fps, start)
     write_move(output, move)
     if left:
         print(f"left out, as no axis has them: {', '.join(left)}", file=sys.stderr)
@@ -75,7 +83,9 @@ def export_move(
     fps: Annotated[
         float | None,
         typer.Option(
-            help="csv: in seconds at so many frames per second; anim: Maya's rate", min=0.001
+            help="csv: in seconds at so many frames per second; anim: Maya's rate",
+            min=0.001,
+            max=1000,
         ),
     ] = None,
 ) -> None:

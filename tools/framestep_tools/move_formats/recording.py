@@ -46,6 +46,14 @@ class Recording:
     channels: list[Channel]
     seconds: bool = False
 
+    @property
+    def names(self) -> list[str]:
+        """Its axes, with their units where it names them; without names by their order."""
+        return [
+            f"{channel.name or f'column {i}'}{f' in {channel.unit}' if channel.unit else ''}"
+            for i, channel in enumerate(self.channels, 1)
+        ]
+
 
 @dataclass(frozen=True)
 class Column:
