@@ -1,0 +1,97 @@
+"""Homing on the emulated board, its switch opened by the edges on the motor's pins."""
+
+import pytest
+
+from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST
+from framestep_tools import payloads as p
+from framestep_tools.boards import EmulatedBoard
+from host_tests.end_to_end.home_switches import trust
+from host_tests.end_to_end.session import Session
+
+SWITCH, SPEED, BACK = 22, 3000, 150
+RIG = {
+    "limits": [{"low": SWITCH}],
+    "motors": [
+        {
+            "home": {
+                "limit": 1,
+                "travel": 3000,
+                "speed": SPEED,
+                "slow_speed": 500,
+                "back_off": BACK,
+                "position": 1000,
+            }
+        }
+    ],
+}
+RUN_ON = SPEED**2 / (2 * 4 * 20000)  # steps of the hard stop
+
+
+class Rail:
+    """Motor 1 moves it by its edges; at a step and below it opens the switch."""
+
+    def __init__(self, session, at):
+        self.session = session
+        self.emulator = session.board.emulator
+        self.at = at
+        self.steps = self.lowest = 0
+        self._switch()
+
+    def _switch(self):
+        self.emulator.set_pin(SWITCH, int(self.steps <= self.at))
+
+    def run(self, ms):
+        for _ in range(ms):
+            self.session.run(0.001)
+            for _, signal, value in sorted(self.session.board.edges()):
+                if signal == "m1":
+                    self.steps += value
+                    self.lowest = min(self.lowest, self.steps)
+            self._switch()
+
+    def run_until_at_rest(self):
+        while self.session.moving:
+            self.run(20)
+        self.run(20)
+
+
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard(RIG) as board:
+        board.wire_switches()
+        yield Session(board, reply_s=0.1)
+
+
+def test_home(session):
+    """While a call in C on the REPL holds the main loop up for more than a second, the motor comes
+    to its switch: it stops by the hard stop nevertheless, and homing goes on. The REPL is told."""
+    repl = session.board.emulator.repl()
+    repl.exec("import time")
+    rail = Rail(session, -700)
+    session.accept(p.Home())
+    rail.run(100)
+    repl.start("x = sum(range(60000))\ntime.sleep_ms(1500)")
+    rail.run(500)
+    assert rail.steps < -700, "it has not come to its switch"
+    assert rail.lowest >= -700 - RUN_ON - 0.004 * SPEED
+    rail.run_until_at_rest()
+    assert repl.finish(2).splitlines() == ["framestep: motor 1 is homed"]
+    assert trust(session) == (KNOWN, HOMED)
+    assert session.position(1) == 1000 + BACK
+    assert abs(rail.steps - (-700 + BACK)) <= 1
+    assert session.events(p.HardStop) == []
+
+
+def test_stop(session):
+    """Within the fast approach, with soft limits that do not count as the position is lost."""
+    session.board.emulator.repl().exec(
+        "import framestep.boot as b; b.controller.positions.put(0, 0, 0)"
+    )
+    rail = Rail(session, -2000)
+    session.accept(p.MotorSetLimits(1, 1, 900, 1, 5000), p.Home(b"\1"))
+    rail.run(200)
+    session.accept(p.MotorStop(1))
+    rail.run_until_at_rest()
+    assert rail.steps < -160
+    assert trust(session) == (LOST, HOMING)
+    session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, 300))
