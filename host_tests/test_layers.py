@@ -24,6 +24,7 @@ LAYERS = (
     ("motors",),
     ("io", "moves", "virtuals"),
     ("rig_settings",),
+    ("rig_home",),
     ("rig_pins",),
     ("rig",),
     ("reports",),

@@ -7,7 +7,6 @@ Runs once at boot, and on a computer to check a file. Allocates.
 from framestep.rig_pins import assign, fitted
 from framestep.rig_settings import (
     DRIVER_SETTINGS,
-    HOME_SETTINGS,
     MOTOR_SETTINGS,
     NO_PIN,
     SETTINGS,
@@ -108,34 +107,13 @@ class Rig:
 
     def _read_homes(self):
         """Read how motors are homed. Returns whether there is one that can be."""
-        found = False
-        for i, motor in enumerate(self.motors):
-            if motor["home"] is None:
-                continue
+        if [motor for motor in self.motors if motor["home"] is not None]:
+            from framestep.rig_home import read_homes
+
+            read_homes(self.motors, self.limits)
             found = True
-            where = "motors[%d].home." % (i + 1)
-            motor["home"] = home = read(HOME_SETTINGS, motor["home"], where)
-            number = home["limit"]
-            if number > len(self.limits):
-                raise RigError(
-                    "%slimit: found %d, but there are %d limit switch sets"
-                    % (where, number, len(self.limits))
-                )
-            if self.limits[number - 1][home["toward"]] == NO_PIN:
-                raise RigError(
-                    "%slimit: found %d, but limits[%d].%s has no pin"
-                    % (where, number, number, home["toward"])
-                )
-            if home["slow_speed"] > home["speed"]:
-                raise RigError(
-                    "%sslow_speed: found %d, allowed is at most the speed, %d"
-                    % (where, home["slow_speed"], home["speed"])
-                )
-            if home["back_off"] > home["travel"]:
-                raise RigError(
-                    "%sback_off: found %d, allowed is at most the travel, %d"
-                    % (where, home["back_off"], home["travel"])
-                )
+        else:
+            found = False
         if self.home_input > len(self.inputs):
             raise RigError(
                 "home_input: found %d, but there are %d inputs"

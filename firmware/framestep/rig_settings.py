@@ -70,24 +70,6 @@ MOTOR_SETTINGS = {
         "how to home the motor (docs/homing.md); without it it cannot be homed"),
 }
 
-HOME_SETTINGS = {
-    "limit": (int, 1, 12, None, "",
-        "the limit switch set (of `limits`) that has the home switch"),
-    "toward": (str, ("low", "high"), None, "low", "",
-        "the end at which it is: where positions become lower or higher"),
-    "position": (int, -1000000000, 1000000000, 0, "steps",
-        "the motor's position where the switch is found"),
-    "speed": (int, 10, 500000, 1000, "steps/s",
-        "toward the switch and off it; never more than the motor is set to"),
-    "slow_speed": (int, 10, 500000, 100, "steps/s", "toward it for the second time"),
-    "back_off": (int, 1, 1000000, 200, "steps",
-        "from the switch back to where it is open for sure"),
-    "travel": (int, 1, 100000000, None, "steps",
-        "how far to look for it at most: a little more than the whole way of the axis"),
-    "order": (int, 0, 12, 0, "",
-        "where several motors are homed, those with lower numbers come first"),
-}
-
 DRIVER_SETTINGS = {
     "run_ma": (int, 10, 2000, None, "mA",
         "current in motion, root mean square; rounded down to 1/32 of what is possible"),

@@ -1,0 +1,57 @@
+"""How the rig file says that motors are homed. Loaded to read it, where a motor has `home`;
+allocates."""
+
+from framestep.rig_settings import NO_PIN, RigError, read
+
+# fmt: off
+# as the tables of rig_settings.py
+HOME_SETTINGS = {
+    "limit": (int, 1, 12, None, "",
+        "the limit switch set (of `limits`) that has the home switch"),
+    "toward": (str, ("low", "high"), None, "low", "",
+        "the end at which it is: where positions become lower or higher"),
+    "position": (int, -1000000000, 1000000000, 0, "steps",
+        "the motor's position where the switch is found"),
+    "speed": (int, 10, 500000, 1000, "steps/s",
+        "toward the switch and off it; never more than the motor is set to"),
+    "slow_speed": (int, 10, 500000, 100, "steps/s", "toward it for the second time"),
+    "back_off": (int, 1, 1000000, 200, "steps",
+        "from the switch back to where it is open for sure"),
+    "travel": (int, 1, 100000000, None, "steps",
+        "how far to look for it at most: a little more than the whole way of the axis"),
+    "order": (int, 0, 12, 0, "",
+        "where several motors are homed, those with lower numbers come first"),
+}
+# fmt: on
+
+
+def read_homes(motors, limits):
+    """Read each motor's `home`.
+
+    motors: dictionaries of MOTOR_SETTINGS, in which `home` is put anew with all its keys. limits:
+    Rig.limits. RigError for a mistake.
+    """
+    for i, motor in enumerate(motors):
+        if motor["home"] is not None:
+            motor["home"] = _read(motor["home"], "motors[%d].home." % (i + 1), limits)
+
+
+def _read(found, where, limits):
+    home = read(HOME_SETTINGS, found, where)
+    number = home["limit"]
+    if number > len(limits):
+        raise RigError(
+            "%slimit: found %d, but there are %d limit switch sets" % (where, number, len(limits))
+        )
+    if limits[number - 1][home["toward"]] == NO_PIN:
+        raise RigError(
+            "%slimit: found %d, but limits[%d].%s has no pin"
+            % (where, number, number, home["toward"])
+        )
+    for key, most in (("slow_speed", "speed"), ("back_off", "travel")):
+        if home[key] > home[most]:
+            raise RigError(
+                "%s%s: found %d, allowed is at most the %s, %d"
+                % (where, key, home[key], most, home[most])
+            )
+    return home
