@@ -57,7 +57,7 @@ class Rail:
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard(RIG) as board:
+    with EmulatedBoard(RIG, frozen=True) as board:
         board.wire_switches()
         yield Session(board, reply_s=0.1)
 
