@@ -114,7 +114,6 @@ def test_for_programs(framestep, board):
         ("move 6 5", "motor 6 does what motor 5 does (they are coupled): move that one"),
         ("move 1 5 --velocity 4000000 --acceleration 5", "motor 1 cannot do 4000000 steps/s"),
         ("virtual", "no virtual axes are configured"),
-        ("run 1 3", "no move has been uploaded since the board's start: framestep upload FILE"),
     ],
 )
 def test_refused_in_words(framestep, board, line, words):
@@ -128,33 +127,32 @@ def test_refused_in_words(framestep, board, line, words):
 @pytest.mark.parametrize(
     ("path", "line", "words"),
     [
-        ([0, 250, 550, 550], "run 11 14",
+        ([0, 250, 550, 550], "play FILE",
          "motor 3 at frame 13 would need 7200 steps/s at 24 frames/s, its "),
-        ([0, 0, 0, -1], "run 11 14",
+        ([0, 0, 0, -1], "play FILE",
          "motor 3 at frame 14 would be past its lower soft limit, 0 (set by SET_LIMITS"),
-        ([49_990, 49_999, 50_001, 50_003], "run 11 14",
+        ([49_990, 49_999, 50_001, 50_003], "play FILE",
          "motor 3 at frame 13 would be past its upper soft limit"),
-        ([100, 200, 300, 400], "run 11 14",
+        ([100, 200, 300, 400], "play FILE",
          "in its pre-roll of 1000 ms motor 3 would pass its soft limit, 0 or 50000 (set by "
          "SET_LIMITS: Dragonframe's axis set-up): give it a shorter one"),
-        ([100, 200, 300, 400], "run 11 14 --preroll-ms 20",
+        ([100, 200, 300, 400], "play FILE --preroll 0.02",
          "in its pre-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
-        ([2000, 2100, 2200, 2300], "run 11 14 --postroll-ms 20",
+        ([2000, 2100, 2200, 2300], "play FILE --postroll 0.02",
          "in its post-roll of 20 ms motor 3 would need 120000 steps/s², its acceleration is 20000"),
-        ([100, 101, 102, 103], "run 11 20",
-         "frames 11 to 20 at 24 frames/s are not all in the upload"),
-        ([100, 101, 102, 103], "run 11 14 --fps 300",
+        ([100, 101, 102, 103], "play FILE --fps 300",
          "300 frames/s: expected more than 0, at most 200"),
-        ([100, 101, 102, 103], "run 11 14 --preroll-ms 700000",
+        ([100, 101, 102, 103], "play FILE --preroll 700",
          "the pre-roll has 600 s at most"),
     ],
 )  # fmt: skip
-def test_a_run_refused_in_words(framestep, board, path, line, words):
-    tell(
-        board, MotorSetLimits(3, 1, 0, 1, 50_000, 0), RtUploadMoveBegin(11, 14),
-        RtUploadMoveAxis(3, 1 << 31, path), RtUploadMoveEnd(),
-    )  # fmt: skip
-    assert words in framestep(line, status=7)
+def test_a_run_refused_in_words(framestep, board, tmp_path, path, line, words):
+    tell(board, MotorSetLimits(3, 1, 0, 1, 50_000, 0))
+    move = tmp_path / "move.csv"
+    move.write_text(
+        "frame,a,b,c\n" + "".join(f"{11 + i},0,0,{steps}\n" for i, steps in enumerate(path))
+    )
+    assert words in framestep(line.replace("FILE", str(move)), status=7)
 
 
 def refused(client, request):
@@ -245,19 +243,21 @@ def test_a_run_against_a_limit_switch_names_the_motor():
             assert words in refused(client, request)
 
 
-@pytest.mark.parametrize("line", ["virtual roll -1e9", "run 1 2 --fps 1e9", "run 1 99999999999"])
+@pytest.mark.parametrize(
+    "line",
+    ["virtual roll -1e9", "play camera_move.csv --fps 1e9", "play camera_move.csv --postroll 1e9"],
+)
 def test_values_that_fit_no_message(framestep, line):
     said = framestep(line, status=2)
     assert "does not fit" in said
     assert len(said.splitlines()) == 1
 
 
-def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypatch):
-    tell(
-        board, MotorSetLimits(3, 0, 0, 0, 0, 0), RtUploadMoveBegin(1, 24),
-        RtUploadMoveAxis(3, 1 << 31, range(0, 2400, 100)), RtUploadMoveEnd(),
-    )  # fmt: skip
-    assert framestep("run 1 4 --preroll-ms 200") == "frames 1 to 4 played"
+def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypatch, tmp_path):
+    tell(board, MotorSetLimits(3, 0, 0, 0, 0, 0), MotorSetSpeed(3, 20_000, 50_000))
+    move = tmp_path / "move.csv"
+    move.write_text("frame,a,b,c\n" + "".join(f"{i + 1},0,0,{i * 100}\n" for i in range(24)))
+    assert framestep(f"play {move} --to 4 --preroll 0.2") == "frames 1 to 4 played"
     take = Client._take
     stops = [MotorStopAll()]
 
@@ -272,7 +272,7 @@ def test_a_run_that_is_stopped_is_not_told_as_played(framestep, board, monkeypat
             client.send(stops.pop())
 
     monkeypatch.setattr(Client, "_take", stopping)
-    said = framestep("run 1 24 --preroll-ms 200", status=7)
+    said = framestep(f"play {move} --preroll 0.2", status=7)
     assert "the run ended at frame" in said
     assert "before 24: another program or a soft limit stopped it" in said
 

@@ -351,15 +351,18 @@ class Client:
         positions: Mapping[int, Numbers],
         window: int = 1,
         section_bytes: int = messages.LARGEST_PAYLOAD,
+        lights: Iterable[Request[Ack]] = (),
     ) -> None:
         """Upload motors' positions in steps, one for each scene frame from the first to the last;
         {motor: positions}.
 
         Fewer positions than frames: the device repeats the last one. A section's payload has at
         most `section_bytes` bytes; `window` is how many sections may be on their way unanswered.
+        lights: requests that bring light levels and triggers of these frames (light_file.py).
         RequestRefused at the first section that the device does not take.
         """
-        self.stream(upload_requests(start_frame, end_frame, positions, section_bytes), window)
+        requests = upload_requests(start_frame, end_frame, positions, section_bytes, lights)
+        self.stream(requests, window)
 
     # ---- the line
 
@@ -443,6 +446,7 @@ def upload_requests(
     end_frame: int,
     positions: Mapping[int, Numbers],
     section_bytes: int = messages.LARGEST_PAYLOAD,
+    lights: Iterable[Request[Ack]] = (),
 ) -> Iterable[Request[Ack]]:
     """The requests that upload a move; see Client.upload_move."""
     per_section = (section_bytes - _MOTOR_AND_INDEX) // 4
@@ -463,4 +467,5 @@ def upload_requests(
         for index in range(0, len(steps), per_section):
             last = LAST_SECTION if index + per_section >= len(steps) else 0
             yield RtUploadMoveAxis(motor, index | last, steps[index : index + per_section])
+    yield from lights
     yield RtUploadMoveEnd()

@@ -8,30 +8,26 @@ exit status is 1 if the move was not played as uploaded.
 
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.live import Live
-from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from .boards import Board, EmulatedBoard, LockstepPort, SimulatedBoard
-from .client import Client, Event
+from .client import Client
 from .errors import Command, ToolError
 from .files import ROOT
 from .judge import Verdict, judge
+from .move_display import MoveDisplay
 from .move_file import CAMERA_MOVE, Move, read_move
 from .payloads import (
     Hi,
     MotorGetPosition,
     MotorSetSpeed,
     MotorStatus,
-    Positions,
     RtEnd,
     RtGo,
     RtRunMove,
@@ -44,7 +40,6 @@ VELOCITY = 20_000  # steps/s
 ACCELERATION = 100_000  # steps/s²
 ROLL_MS = 1000
 UPLOAD_WINDOW = 4
-LINE_EVERY_S = 1.0  # of board time, where there is no terminal to draw on
 SETTLE_S = 0.2  # of board time after the run, so that its last edges are in the trace
 _RESULT_FOLDER = ROOT / "build" / "demo"
 
@@ -80,67 +75,11 @@ class Recorder:
         return Trace.from_edges(self.edges)
 
 
-class Display:
-    """Progress and positions, live on a terminal, a line now and then elsewhere."""
-
-    def __init__(self, move: Move, console: Console):
-        self.move, self.console = move, console
-        self.live: Live | None = None
-        self.progress = Progress(
-            TextColumn("{task.description:<10}"),
-            BarColumn(),
-            TextColumn("frame {task.completed:.1f} of {task.total}"),
-        )
-        self.task = self.progress.add_task("", total=move.end_frame, completed=0)
-        self._last_line_s = float("-inf")
-
-    @contextmanager
-    def running(self) -> Iterator[None]:
-        """Draw while this lasts."""
-        if not self.console.is_terminal:
-            yield
-            return
-        with Live(console=self.console, refresh_per_second=12) as self.live:
-            yield
-        self.live = None
-
-    def phase(self, text: str) -> None:
-        """Say what happens now."""
-        if self.live:
-            self.progress.update(self.task, description=text)
-        else:
-            self.console.print(text)
-
-    def show(self, event: Event) -> None:
-        """An event from the board; positions are drawn."""
-        report = event.message
-        if not isinstance(report, Positions):
-            return
-        frame = report.move_time / 1000
-        if self.live:
-            self.progress.update(self.task, completed=min(frame, self.move.end_frame))
-            table = Table.grid(padding=(0, 2))
-            table.add_row(self.progress)
-            motors = Table(box=None)
-            for name in ("motor", "axis", "steps"):
-                motors.add_column(name, justify="right")
-            for motor, name in self.move.names.items():
-                motors.add_row(str(motor), name, str(report.steps[motor - 1]))
-            table.add_row(motors)
-            self.live.update(table)
-        elif event.time_s - self._last_line_s >= LINE_EVERY_S:
-            self._last_line_s = event.time_s
-            steps = "  ".join(
-                f"{name} {report.steps[motor - 1]}" for motor, name in self.move.names.items()
-            )
-            self.console.print(f"  frame {frame:6.1f}  {steps}")
-
-
 Standing = dict[int, int]  # motor -> position in steps
 
 
 def play(
-    client: Client, move: Move, fps_milli: int, recorder: Recorder, display: Display
+    client: Client, move: Move, fps_milli: int, recorder: Recorder, display: MoveDisplay
 ) -> tuple[Standing, Standing]:
     """Upload a move and play it once; returns where the motors say they are before anything moved,
     and at the end."""
@@ -235,7 +174,7 @@ def main(
     began = time.monotonic()
     try:
         recorder = Recorder(device, out / "trace.csv")
-        display = Display(move, console)
+        display = MoveDisplay(move.names, move.start_frame, move.end_frame, console)
         with Client(LockstepPort(device)) as client, display.running():
             client.on_event = display.show
             start, end = play(client, move, fps_milli, recorder, display)

@@ -1,5 +1,5 @@
 """Lets a second program reach a device through the one that has its port: `framestep stop` while
-`framestep run` plays.
+`framestep play` plays.
 
 The first program listens on this computer alone, and puts where, with a secret, into a file that
 only its user can read. The second sends the secret and then frames. They go to the device with IDs

@@ -52,17 +52,30 @@ def or_example(path: Path) -> Path:
 
 def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
     """Read a move; MoveFileError, with the line, if the file is not there or not as described
-    above.
+    above. What spreadsheets make of such a file is read as well: see read_frames()."""
+    (_, frames), *motors = read_frames(path, "the move", "<motor 1>,<motor 2>…")
+    return Move(
+        frames[0],
+        {motor: name for motor, (name, _) in enumerate(motors, 1)},
+        {motor: steps for motor, (_, steps) in enumerate(motors, 1)},
+    )
+
+
+def read_frames(path: str | os.PathLike, what: str, columns: str) -> list[tuple[str, list[int]]]:
+    """The columns of a table that has a line for each frame: their names and whole numbers, the
+    frames first. MoveFileError, with the line, for anything else.
+
+    what, columns: what the file is and which columns follow the frames, for error texts.
 
     What spreadsheets make of such a file is read as well: a byte order mark, ;, tabs or blanks
     between the columns, 12.0 for 12, blank lines at the end, empty columns behind the last, FRAME
     for frame.
     """
-    rows = rows_of(text_of(path), path)
+    rows = rows_of(text_of(path, what), path)
     header = rows[0] if rows else []
     if len(header) < 2 or header[0].lower() != "frame":
         raise MoveFileError(
-            f"{path}, line 1: expected the header frame,<motor 1>,<motor 2>…, found {shown(header)}"
+            f"{path}, line 1: expected the header frame,{columns}, found {shown(header)}"
         )
     values: list[list[int]] = []
     for line, row in enumerate(rows[1:], 2):
@@ -74,20 +87,21 @@ def read_move(path: str | os.PathLike = CAMERA_MOVE) -> Move:
         values.append(numbers)
     if not values:
         raise MoveFileError(f"{path}: expected a line for each frame, found none")
-    columns = [list(column) for column in zip(*values, strict=True)]
-    return Move(columns[0][0], dict(enumerate(header[1:], 1)), dict(enumerate(columns[1:], 1)))
+    return [
+        (name, list(column)) for name, column in zip(header, zip(*values, strict=True), strict=True)
+    ]
 
 
-def text_of(path: str | os.PathLike) -> str:
-    """The text of a move's file; MoveFileError if there is none."""
+def text_of(path: str | os.PathLike, what: str = "the move") -> str:
+    """The text of a move's file; MoveFileError if there is none. what: as for read_frames()."""
     try:
         with open(path, encoding="utf-8-sig") as file:
             return file.read()
     except OSError as error:
-        raise MoveFileError(f"cannot read the move {path}: {error.strerror or error}") from None
+        raise MoveFileError(f"cannot read {what} {path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
         raise MoveFileError(
-            f"cannot read the move {path}: it is no text, see byte {error.start}"
+            f"cannot read {what} {path}: it is no text, see byte {error.start}"
         ) from None
 
 

@@ -153,10 +153,10 @@ def moving(device: str | None) -> "Iterator[Client]":
 
 
 def _stop(client: "Client") -> None:
-    """All motors come to rest. A further Ctrl-C: harder; one more leaves it to the controller,
-    which stops them."""
+    """All motors come to rest, and it is said where. A further Ctrl-C: harder; one more leaves it
+    to the controller, which stops them."""
     from ..client import NoAnswer
-    from ..payloads import MotorStopAll
+    from ..payloads import MotorGetPosition, MotorStatus, MotorStopAll
 
     for text, times in (("stopping; Ctrl-C once more stops harder", 1), ("stopping harder", 2)):
         print(text, file=sys.stderr, flush=True)
@@ -166,7 +166,15 @@ def _stop(client: "Client") -> None:
                     client.request(MotorStopAll())
                 except NoAnswer:  # what Ctrl-C cut short on its way was completed with these bytes
                     client.request(MotorStopAll())
+            moved = client.request(MotorStatus()).moving
             client.wait_idle(STOP_TIME_S)
+            steps = client.request(MotorGetPosition()).steps
+            print(
+                "; ".join(f"motor {motor} stands at {steps[motor - 1]}" for motor in moved)
+                or "nothing moves",
+                file=sys.stderr,
+                flush=True,
+            )
             return
         except KeyboardInterrupt:
             continue

@@ -1,6 +1,6 @@
-"""Whole moves: upload and play."""
+"""Whole moves: upload, play."""
 
-import sys
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,74 +9,233 @@ import typer
 from .common import Url, moving, put, talking
 
 if TYPE_CHECKING:
-    from ..client import Event
+    from ..client import Client
+    from ..light_file import Lights
+    from ..move_file import Move
+    from ..payloads import Request, RtRunMove
 
 UPLOAD_WINDOW = 4
 
+MoveFile = Annotated[
+    Path,
+    typer.Argument(
+        help="CSV: frame, then a column per motor; camera_move.csv is an example to try",
+        metavar="CSV",
+        show_default=False,
+    ),
+]
+LightFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--dmx",
+        help="light levels and triggers to play with it, as CSV: frame, then a column per DMX "
+        "channel (5) or output (output 2)",
+        metavar="FILE",
+    ),
+]
+Fps = Annotated[float, typer.Option(help="frames per second", min=0.001)]
+FirstFrame = Annotated[
+    int | None, typer.Option("--from", help="first scene frame played, else the move's first")
+]
+LastFrame = Annotated[
+    int | None, typer.Option("--to", help="last scene frame played, else the move's last")
+]
+Reverse = Annotated[bool, typer.Option("--reverse", help="backward")]
+Preroll = Annotated[
+    float,
+    typer.Option(help="seconds to get up to speed; 0: the shortest that each motor can", min=0),
+]
+Postroll = Annotated[
+    float, typer.Option(help="seconds to slow down; 0: the shortest that each motor can", min=0)
+]
+Velocity = Annotated[
+    int | None,
+    typer.Option(help="steps/s for all motors of the move, with --acceleration", min=1),
+]
+Acceleration = Annotated[
+    int | None, typer.Option(help="steps/s² for all motors of the move, with --velocity", min=1)
+]
 
-def upload(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="CSV: frame, then a column per motor; camera_move.csv is an example to try",
-            metavar="CSV",
-            show_default=False,
-        ),
-    ],
-    device: Url = None,
-) -> None:
-    """Upload a move."""
-    from ..move_file import or_example, read_move
 
-    content = read_move(or_example(file))
+class Camera(str, Enum):
+    """When the shutter output releases a camera."""
+
+    VIDEO = "video"
+    STILLS = "stills"
+
+
+def upload(file: MoveFile, device: Url = None, dmx: LightFile = None) -> None:
+    """Upload a move, for `framestep shoot` or another program to use."""
+    content, lights = read_files(file, dmx)
     with talking(device) as client:
-        client.upload_move(content.start_frame, content.end_frame, content.positions, UPLOAD_WINDOW)
+        send(client, content, lights)
     print(
         f"frames {content.start_frame} to {content.end_frame} for {len(content.positions)} motors"
     )
 
 
-def run(
-    start: Annotated[int, typer.Argument(help="first scene frame", show_default=False)],
-    end: Annotated[
-        int, typer.Argument(help="last scene frame; before the first: backward", show_default=False)
-    ],
-    device: Url = None,
-    fps: Annotated[float, typer.Option(help="frames per second", min=0.001)] = 24,
-    preroll_ms: Annotated[int, typer.Option(help="time to get up to speed", min=0)] = 1000,
-    postroll_ms: Annotated[int, typer.Option(help="time to slow down", min=0)] = 1000,
+def read_files(file: Path, dmx: Path | None) -> "tuple[Move, Lights | None]":
+    """A move, or the example of that name, and its lights; MoveFileError."""
+    from ..light_file import read_lights
+    from ..move_file import or_example, read_move
+
+    return read_move(or_example(file)), read_lights(dmx) if dmx else None
+
+
+def send(client: "Client", content: "Move", lights: "Lights | None") -> None:
+    """Upload a move with its lights; MoveFileError if they do not belong together."""
+    first, last = content.start_frame, content.end_frame
+    if lights:
+        lights.check(first, last, client.info or client.greet())
+    client.upload_move(
+        first, last, content.positions, UPLOAD_WINDOW, lights=lights.requests() if lights else ()
+    )
+
+
+def set_speeds(
+    client: "Client", content: "Move", velocity: int | None, acceleration: int | None
 ) -> None:
-    """Play the uploaded move, from the pre-roll to rest."""
-    from ..payloads import Positions, RtEnd, RtGo, RtRunMove
-    from ..state import Stopped, why_stopped
+    """Set the speed of all motors of a move, if one is given."""
+    from ..payloads import MotorSetSpeed
 
-    live = sys.stdout.isatty()
-    reached = start * 1000
+    if velocity is not None and acceleration is not None:
+        for motor in content.positions:
+            client.request(MotorSetSpeed(motor, velocity, acceleration))
 
-    def show(event: "Event") -> None:
-        nonlocal reached
-        if isinstance(event.message, Positions):
-            reached = event.message.move_time
-            if live:
-                print(f"\rframe {reached / 1000:9.3f}", end="", flush=True)
 
-    with moving(device) as client:
-        client.request(RtRunMove(round(fps * 1000), start, end, preroll_ms, postroll_ms))
-        client.wait_idle(timeout_s=float("inf"))
-        client.on_event = show
-        client.request(RtGo())
-        client.wait_event(RtEnd, timeout_s=float("inf"))
-        client.on_event = None
-        client.wait_idle(timeout_s=float("inf"))  # on the end frame again
-        if reached != end * 1000:
-            before = "\n" if live else ""
-            raise Stopped(
-                f"{before}the run ended at frame {reached / 1000:.3f}, before {end}: "
-                f"{why_stopped(client)}"
+def both_or_neither(velocity: int | None, acceleration: int | None) -> None:
+    """BadParameter for one without the other."""
+    if (velocity is None) != (acceleration is None):
+        raise typer.BadParameter("--velocity and --acceleration go together, give both or neither")
+
+
+def fits(request: "Request") -> None:
+    """BadRequest if a value does not fit into its message; before anything is sent."""
+    from ..client import BadRequest
+
+    try:
+        request.pack()
+    except ValueError as error:
+        raise BadRequest(str(error)) from None
+
+
+def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
+    """The first and the last scene frame of a play; MoveFileError for one outside of the move."""
+    from ..move_file import MoveFileError
+
+    begin = content.start_frame if first is None else first
+    end = content.end_frame if last is None else last
+    for frame in (begin, end):
+        if not content.start_frame <= frame <= content.end_frame:
+            raise MoveFileError(
+                f"the move has frames {content.start_frame} to {content.end_frame}, not {frame}"
             )
-    print(f"{chr(13) if live else ''}frames {start} to {end} played")
+    return (end, begin) if reverse else (begin, end)
+
+
+def play(
+    file: MoveFile,
+    device: Url = None,
+    fps: Fps = 24,
+    first: FirstFrame = None,
+    last: LastFrame = None,
+    reverse: Reverse = False,
+    preroll: Preroll = 1,
+    postroll: Postroll = 1,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="again and again, until Ctrl-C or framestep stop")
+    ] = False,
+    ping_pong: Annotated[
+        bool, typer.Option("--ping-pong", help="there and back, until Ctrl-C or framestep stop")
+    ] = False,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    camera: Annotated[
+        Camera | None,
+        typer.Option(help="shutter output: at begin and end (video) or at each frame (stills)"),
+    ] = None,
+    shutter_angle: Annotated[
+        int | None,
+        typer.Option(
+            help="of stills: degrees of a frame in which the shutter is open, from its begin on",
+            min=1,
+            max=360,
+        ),
+    ] = None,
+    dmx: LightFile = None,
+    bloop: Annotated[
+        int, typer.Option(help="output that is on for a moment at the first frame", min=0, max=32)
+    ] = 0,
+    bloop_channel: Annotated[
+        int, typer.Option(help="DMX channel that is on for that moment", min=0, max=512)
+    ] = 0,
+    bloop_ms: Annotated[
+        int, typer.Option(help="how long that moment lasts", min=1, max=65535)
+    ] = 100,
+) -> None:
+    """Upload a move and play it, from the pre-roll to rest on its last frame. Ctrl-C brings the
+    motors to rest softly, a second one harder."""
+    from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG, RUN_STILLS, RUN_VIDEO
+
+    from ..payloads import RtRunMove
+
+    both_or_neither(velocity, acceleration)
+    if loop and ping_pong:
+        raise typer.BadParameter("--loop and --ping-pong do not go together")
+    if shutter_angle is not None and camera is not Camera.STILLS:
+        raise typer.BadParameter("--shutter-angle needs --camera stills")
+    content, lights = read_files(file, dmx)
+    begin, end = section(content, first, last, reverse)
+    run = RtRunMove(
+        fps_milli=round(fps * 1000),
+        start_frame=begin,
+        end_frame=end,
+        preroll_ms=round(preroll * 1000),
+        postroll_ms=round(postroll * 1000),
+        sync_dmx=1 if lights else 0,
+        bloop_outputs=1 << (bloop - 1) if bloop else 0,
+        bloop_channel=bloop_channel,
+        bloop_ms=bloop_ms if bloop or bloop_channel else 0,
+        flags=(
+            (RUN_LOOP if loop else 0)
+            | (RUN_PING_PONG if ping_pong else 0)
+            | (RUN_VIDEO if camera is Camera.VIDEO else 0)
+            | (RUN_STILLS if camera is Camera.STILLS else 0)
+        ),
+        open_angle=0,  # with no angle to close at: 90 to 180 degrees (field note 6.9)
+        close_angle=shutter_angle or 0,
+    )
+    fits(run)
+    with moving(device) as client:
+        _has_output(client, bloop)
+        set_speeds(client, content, velocity, acceleration)
+        send(client, content, lights)
+        _run(client, content, run)
+    print(f"frames {begin} to {end} played")
+
+
+def _has_output(client: "Client", output: int) -> None:
+    """ToolError if the device has no such general output; 0 is none."""
+    from ..errors import ToolError
+
+    there = (client.info or client.greet()).outputs
+    if output > there:
+        has = f"outputs 1 to {there}" if there else "no outputs"
+        raise ToolError(f"there is no output {output}: the device has {has} (set in its rig file)")
+
+
+def _run(client: "Client", content: "Move", run: "RtRunMove") -> None:
+    from rich.console import Console
+
+    from ..move_display import MoveDisplay
+    from ..play import play
+
+    console = Console(highlight=False)
+    display = MoveDisplay(content.names, run.start_frame, run.end_frame, console, quiet=True)
+    with display.running():
+        play(client, run, display)
 
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    put(app, upload, run)
+    put(app, upload, play)
