@@ -301,6 +301,14 @@ def test_a_refused_section_ends_the_upload():
     assert not client._waiting  # nothing is left behind
 
 
+def test_of_several_refusals_the_first_one_counts():
+    """Those behind it follow from it: "no upload has begun" does not help."""
+    device = FakeDevice(lambda frame, request: [(0.01, ack(frame, p.Ack.ERR_RANGE))])
+    with pytest.raises(RequestRefused) as refused:
+        Client(device).upload_move(1, 1000, {1: range(1000)}, window=4, section_bytes=205)
+    assert isinstance(refused.value.request, p.RtUploadMoveBegin)
+
+
 @pytest.mark.parametrize(
     ("positions", "section_bytes"), [({1: [1, 2, 3]}, 1036), ({1: []}, 1036), ({1: [1]}, 8)]
 )

@@ -86,6 +86,7 @@ class SimulatedBoard:
     """The controller on the host HAL, with the pins of a board in boards/. motors: how many,
     whatever the board has.
 
+    upload_bytes: memory for the uploaded move, 0 for as much as is usual.
     `chips`: simulated TMC2209 drivers of motor 1, 2, …, where the board has a UART for them.
     """
 
@@ -94,7 +95,11 @@ class SimulatedBoard:
     repl: Channel | None = None
 
     def __init__(
-        self, rig: Mapping[str, Any] | None = None, motors: int | None = None, board: str = "pico"
+        self,
+        rig: Mapping[str, Any] | None = None,
+        motors: int | None = None,
+        board: str = "pico",
+        upload_bytes: int = 0,
     ):
         from framestep.host_board import HostBoard
 
@@ -106,13 +111,24 @@ class SimulatedBoard:
                 self.chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {})
             )
 
-        self._board = HostBoard(dict(rig) if rig else None, motors, board_data(board), wire=wire)
+        self._board = HostBoard(
+            dict(rig) if rig else None,
+            motors,
+            board_data(board),
+            wire=wire,
+            upload_bytes=upload_bytes,
+        )
         self._edges: list[Edge] = []
         self._board.on_edge = lambda time_ns, signal, value: self._edges.append(
             (time_ns, signal, value)
         )
         self._out = bytearray()
         self.protocol = self
+
+    def upload_bytes_for(self, frames: int) -> int:
+        """How much memory for the uploaded move holds so many frames of all motors, about."""
+        moves, hal = self._board.controller.moves, self._board.hal
+        return -(-hal.upload_bytes * frames // moves.upload_frames)
 
     def wire_switches(self) -> None:
         """Connect the stop switches that the rig has; nobody touches them."""

@@ -250,7 +250,8 @@ class Client:
             if refused:
                 break
         while unanswered:
-            refused = self._refusal(unanswered.popleft(), timeout_s) or refused
+            later = self._refusal(unanswered.popleft(), timeout_s)
+            refused = refused or later  # the first one says why
         if refused:
             raise refused
         return count

@@ -51,6 +51,7 @@ class Reference:
                     would need a roll that the device chooses: ValueError
     first, last     indices of the frames played, the whole upload if not given
     limits          soft limits (lower, upper) of motors that have them, in steps
+    velocities      what is set for motors, steps/s: at a frame they are no faster
 
     Times are seconds after the first frame played. Outside the rolls a motor is at rest.
     """
@@ -59,11 +60,12 @@ class Reference:
         self,
         positions: Mapping[int, Sequence[int] | np.ndarray],
         fps_milli: int,
-        pre_ms: int,
-        post_ms: int,
+        pre_ms: float,
+        post_ms: float,
         first: int = 0,
         last: int | None = None,
         limits: Mapping[int, Limits] | None = None,
+        velocities: Mapping[int, int] | None = None,
     ):
         self._pieces: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for motor, steps in positions.items():
@@ -76,6 +78,8 @@ class Reference:
                 * fps_milli
                 / 1000
             )
+            if velocities and motor in velocities:
+                v = np.clip(v, -velocities[motor], velocities[motor])
             t = frame_times_ns(len(frames), fps_milli) * 1e-9
             if len(frames) == 1:
                 v = np.zeros(1)
@@ -109,6 +113,11 @@ class Reference:
     def acceleration(self, motor: int, seconds: np.ndarray) -> np.ndarray:
         """Steps per second squared; at a frame, that of the piece behind it."""
         return self._value(motor, seconds, 2)
+
+    def pieces(self, motor: int) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the knots, and the coefficients of the cubics, constant first: the rest before
+        the first knot, from knot to knot, the rest behind the last one."""
+        return self._pieces[motor]
 
     def _value(self, motor: int, seconds: np.ndarray, derivative: int) -> np.ndarray:
         t, cubics = self._pieces[motor]

@@ -1,0 +1,174 @@
+"""A move judged before anything moves."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .common import Json, put, say_json, talking
+from .moves import FirstFrame, Fps, LastFrame, MoveFile, Postroll, Preroll, Reverse, fits, section
+
+if TYPE_CHECKING:
+    from ..move_check import Device, Setting
+
+_LIMITS = re.compile(r"(?P<motor>\d+)=(?P<lower>-?\d+)?:(?P<upper>-?\d+)?")
+_VALUE = re.compile(r"(?:(?P<motor>\d+)=)?(?P<value>\d+)")
+_ENDINGS = (".png", ".svg", ".pdf")
+
+
+def check(
+    file: MoveFile,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device", "-d", envvar="FRAMESTEP_DEVICE", metavar="DEVICE", show_default=False,
+            help="ask this board what is set; without it no board is needed",
+        ),
+    ] = None,
+    fps: Fps = 24,
+    first: FirstFrame = None,
+    last: LastFrame = None,
+    reverse: Reverse = False,
+    preroll: Preroll = 1,
+    postroll: Postroll = 1,
+    loop: Annotated[bool, typer.Option("--loop", help="as for play")] = False,
+    ping_pong: Annotated[bool, typer.Option("--ping-pong", help="as for play")] = False,
+    rig: Annotated[
+        Path | None, typer.Option(help="the rig file of the board", metavar="FILE")
+    ] = None,
+    board: Annotated[str, typer.Option(help="the kind of board", metavar="NAME")] = "pico",
+    velocity: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[MOTOR=]N", help="steps/s of all motors, or of one: 2=8000"),
+    ] = None,
+    acceleration: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[MOTOR=]N", help="steps/s² of all motors, or of one: 2=40000"),
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="MOTOR=LOWER:UPPER",
+            help="soft limits of a motor in steps; either may be left out",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="draw the path: a png, svg or pdf", metavar="FILE")
+    ] = None,
+    json: Json = False,
+) -> int:  # fmt: skip
+    """Say what a move asks of each motor, beside what is set, and whether the board would play it.
+    Nothing moves. Exit status: 0 if all fits, 7 if the board would refuse it, 1 if it would play it
+    though a motor needs more than its acceleration."""
+    from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
+    from framestep.rig import RigError
+
+    from ..boards import read_rig
+    from ..errors import DONE, FAILED, REFUSED, ToolError
+    from ..files import board_data
+    from ..move_file import or_example, read_move
+    from ..payloads import RtRunMove
+
+    if loop and ping_pong:
+        raise typer.BadParameter("--loop and --ping-pong do not go together")
+    if plot and plot.suffix.lower() not in _ENDINGS:
+        raise ToolError(f"{plot}: a picture is one of {', '.join(_ENDINGS)}")
+    try:
+        from .. import check_plot, move_check
+    except ModuleNotFoundError as error:
+        raise ToolError(
+            f"a check needs {error.name}, which an extra brings: pip install framestep[plots]"
+        ) from None
+    content = read_move(or_example(file))
+    begin, end = section(content, first, last, reverse)
+    run = RtRunMove(
+        fps_milli=round(fps * 1000), start_frame=begin, end_frame=end,
+        preroll_ms=round(preroll * 1000), postroll_ms=round(postroll * 1000),
+        flags=(RUN_LOOP if loop else 0) | (RUN_PING_PONG if ping_pong else 0),
+    )  # fmt: skip
+    fits(run)
+    board_data(board)
+    asked = move_check.Device(read_rig(rig), board)
+    motors = list(content.positions)
+    settings = {motor: move_check.Setting() for motor in motors}
+    if device:
+        settings, asked = _of_device(device, motors, settings, asked)
+    _take(settings, "velocity", velocity)
+    _take(settings, "acceleration", acceleration)
+    _take_limits(settings, limits)
+    try:
+        found = move_check.check(content, run, settings, asked)
+    except RigError as error:
+        raise ToolError(f"{rig}: {error}") from None
+    if json:
+        say_json(move_check.for_programs(found))
+    else:
+        print(*move_check.lines(found), sep="\n")
+    if plot:
+        try:
+            check_plot.plot(found, plot)
+        except OSError as error:
+            raise ToolError(f"cannot write {plot}: {error.strerror}") from None
+    return REFUSED if found.refused else DONE if found.fits else FAILED
+
+
+def _of_device(
+    url: str, motors: list[int], settings: "dict[int, Setting]", asked: "Device"
+) -> "tuple[dict[int, Setting], Device]":
+    """What a device has set for its motors, and how many motors and frames it has."""
+    from ..move_check import settings_of
+
+    with talking(url) as client:
+        info = client.info or client.greet()
+        told = settings_of(client, motors)
+    return settings | told, replace(asked, motors=info.motors, frames=info.upload_frames)
+
+
+def _take(settings: "dict[int, Setting]", name: str, given: list[str] | None) -> None:
+    """Put velocities or accelerations from the command line into the settings: first those of all
+    motors, then single ones."""
+    for text in sorted(given or [], key=lambda text: "=" in text):
+        found = _VALUE.fullmatch(text)
+        if not found or not 0 < int(found["value"]) < 2**30:
+            raise typer.BadParameter(
+                f"--{name}: expected a whole number above 0, or a motor's such as 2=8000, "
+                f"found {text!r}"
+            )
+        for motor in [int(found["motor"])] if found["motor"] else list(settings):
+            _has(settings, motor, name)
+            settings[motor] = replace(settings[motor], **{name: int(found["value"])})
+
+
+def _take_limits(settings: "dict[int, Setting]", given: list[str] | None) -> None:
+    for text in given or []:
+        found = _LIMITS.fullmatch(text)
+        if not found:
+            raise typer.BadParameter(
+                "--limits: expected MOTOR=LOWER:UPPER in steps such as 2=-500:9000, or "
+                f"2=:9000 for no lower one, found {text!r}"
+            )
+        motor = int(found["motor"])
+        _has(settings, motor, "limits")
+        lower, upper = (
+            None if found[end] is None else int(found[end]) for end in ("lower", "upper")
+        )
+        if lower is not None and upper is not None and lower > upper:
+            raise typer.BadParameter(f"--limits: {lower} is above {upper}, found {text!r}")
+        for limit in (lower, upper):
+            if limit is not None and not -(2**31) <= limit < 2**31:
+                raise typer.BadParameter(f"--limits: positions fit 32 bits signed, found {text!r}")
+        settings[motor] = replace(settings[motor], lower=lower, upper=upper)
+
+
+def _has(settings: "dict[int, Setting]", motor: int, name: str) -> None:
+    if motor not in settings:
+        raise typer.BadParameter(
+            f"--{name}: the move has no motor {motor}, it has motors 1 to {max(settings)}"
+        )
+
+
+def add(app: typer.Typer) -> None:
+    """Put this command into the command line."""
+    put(app, check)
