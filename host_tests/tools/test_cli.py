@@ -14,7 +14,8 @@ from framestep_tools.files import ROOT
 from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
 from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
 from framestep_tools.serve import PtyLink
-from framestep_tools.sniffer import capture_bytes, read_capture, relay
+from framestep_tools.sniffer import Relay, capture_bytes, read_capture, timed
+from framestep_tools.traffic_log import Recorder
 from framestep_tools.wire import encode
 
 
@@ -174,10 +175,11 @@ def test_a_capture_is_read(tmp_path, capsys):
     assert lines == [
         "1 HI",
         "305419896 MOTOR_MOVE motor=2 position=-500",
-        "305419896 MOTOR_MOVE ACK ERR_RANGE (0x0014)",
+        "305419896 MOTOR_MOVE ACK ERR_RANGE (0x0014) (there is no such motor, frame or value, "
+        "or it needs more velocity or acceleration than is set)",
         "9 0x7777 3 bytes: 00 00 00",
         "10 RT_UPLOAD_MOVE_AXIS motor=1 start_index=0 "
-        "positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values]",
+        "positions=[0, 1, 2, 3, 4, 5, 6, 7, … 99; 100 values] (from frame 0 of the move)",
         "5 frames; 5 bytes in no frame, 0 frames with a wrong checksum, "
         "0 bytes of an unfinished frame at the end",
     ]
@@ -215,7 +217,9 @@ class LoopDevice:
 
 def test_traffic_between_a_terminal_and_a_device():
     link, device, said, ends = PtyLink(), LoopDevice(), [], []
-    thread = threading.Thread(target=relay, args=(device, link, said.append, lambda: bool(ends)))
+    recorder = Recorder(lambda entry: said.append(timed(entry)))
+    relay = Relay(device, lambda: device, link, recorder)
+    thread = threading.Thread(target=relay.run, args=(lambda: bool(ends),))
     fd = os.open(link.path, os.O_RDWR | os.O_NOCTTY)
     thread.start()
     try:
@@ -227,16 +231,27 @@ def test_traffic_between_a_terminal_and_a_device():
         assert got == answer
         assert device.got == encode(Hi.TYPE, b"", 7)
         end = time.monotonic() + 100
-        while len(said) < 2 and time.monotonic() < end:
+        while len(said) < 3 and time.monotonic() < end:
             time.sleep(0.005)
     finally:
         ends.append(True)
         thread.join()
         os.close(fd)
         link.close()
-    assert [line.split()[1:] for line in said] == [
+    assert said[0].endswith("the host opens its port")
+    assert [line.split()[1:] for line in said[1:]] == [
         [">", "7", "HI"],
-        ["<", "0", "MOTOR_GET_POSITION", "move_time=1000", "steps=[5,", "-5]"],
+        [
+            "<",
+            "0",
+            "MOTOR_GET_POSITION",
+            "move_time=1000",
+            "steps=[5,",
+            "-5]",
+            "(at",
+            "frame",
+            "1)",
+        ],
     ]
 
 

@@ -76,39 +76,49 @@ class FrameDecoder:
         """Bytes of a frame that has begun and not ended."""
         return len(self._bytes)
 
-    def reset(self) -> None:
-        """Forget a frame that has begun."""
+    def reset(self) -> bytes:
+        """Forget a frame that has begun; its bytes."""
+        begun = bytes(self._bytes)
         self._bytes.clear()
+        return begun
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that these bytes complete."""
-        self._bytes += data
-        return list(self._frames())
+        return [frame for _, frame in self.pieces(data) if frame]
 
-    def _frames(self) -> Iterator[Frame]:
+    def pieces(self, data: bytes) -> list[tuple[bytes, Frame | None]]:
+        """What these bytes complete, in the order of the stream: a frame with its bytes, or None
+        with bytes that belong to no frame."""
+        self._bytes += data
+        return list(self._pieces())
+
+    def _pieces(self) -> Iterator[tuple[bytes, Frame | None]]:
         waiting = self._bytes
         while True:
             start = waiting.find(MARKER)
             if start < 0:
                 start = len(waiting) - waiting.endswith(MARKER[:1])
-            self._skip(start)
+            if start:
+                yield self._skip(start), None
             if len(waiting) < _HEADER.size:
                 return
             _, id, type, length = _HEADER.unpack_from(waiting)
             if length > self.max_payload:
-                self._skip(len(MARKER))
+                yield self._skip(len(MARKER)), None
                 continue
             size = length + OVERHEAD
             if len(waiting) < size:
                 return
             if checksum(waiting[:size]):
                 self.damaged += 1
-                self._skip(len(MARKER))
+                yield self._skip(len(MARKER)), None
                 continue
-            payload = bytes(waiting[_HEADER.size : _HEADER.size + length])
+            whole = bytes(waiting[:size])
             del waiting[:size]
-            yield Frame(id, type, payload)
+            yield whole, Frame(id, type, whole[_HEADER.size : -CHECK_SIZE])
 
-    def _skip(self, count: int) -> None:
+    def _skip(self, count: int) -> bytes:
         self.skipped += count
+        gone = bytes(self._bytes[:count])
         del self._bytes[:count]
+        return gone

@@ -1,30 +1,40 @@
-"""Protocol traffic in words, and which ports there are."""
+"""Protocol traffic in words, logs of it, and which ports there are."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from .common import Json, put, say_json
+from .common import Json, Url, put, say_json
 
 
 def sniff(
     capture: Annotated[
-        Path | None, typer.Argument(help="a capture: hexadecimal digits or the bytes themselves")
+        Path | None,
+        typer.Argument(help="a log, or a capture: hexadecimal digits or the bytes themselves"),
     ] = None,
     device: Annotated[
         str | None,
         typer.Option("--device", "-d", help="listen between a new pseudo-terminal and this device"),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            help="write all of it into this file as well: for a report, and for replay",
+            metavar="FILE",
+        ),
+    ] = None,
 ) -> None:
-    """Show protocol traffic frame by frame, from a capture or live."""
-    from ..client import Client
+    """Show protocol traffic frame by frame, from a capture or a log or live."""
     from ..errors import ToolError
-    from ..sniffer import read_capture, relay
+    from ..sniffer import read_capture
 
     if (capture is None) == (device is None):
         raise typer.BadParameter("name either a capture file or a --device to listen to")
     if capture:
+        if log:
+            raise typer.BadParameter("--log is for listening to a --device")
         try:
             content = capture.read_bytes()
         except OSError as error:
@@ -32,15 +42,122 @@ def sniff(
         for line in read_capture(content):
             print(line)
     elif device:
-        from ..pty_link import PtyLink
+        _listen(device, log)
 
-        with Client.open(device) as client:
-            link = PtyLink()
-            try:
-                print(link.path, "ready", sep="\n", flush=True)
-                relay(client.port, link, lambda line: print(line, flush=True), until=lambda: False)
-            finally:
-                link.close()
+
+def _listen(device: str, log: Path | None) -> None:
+    from ..client import DEFAULT_TIMEOUT_S, BrokenOff
+    from ..opening import close_port, open_port
+    from ..pty_link import PtyLink
+    from ..sniffer import Relay, Tally, timed
+    from ..traffic_log import Entry, Recorder
+
+    def open_device() -> Any:
+        return open_port(device, DEFAULT_TIMEOUT_S)
+
+    tally = Tally()
+    tellers: list[Callable[[Entry], None]] = [
+        tally.add,
+        lambda entry: print(timed(entry), flush=True),
+    ]
+    port = open_device()
+    try:
+        link = PtyLink()
+        if log:
+            tellers.append(_log_writer(log, f"between a host and {device}").add)
+    except BaseException:
+        close_port(port)
+        raise
+    recorder = Recorder(lambda entry: [tell(entry) for tell in tellers] and None)
+    relay = Relay(port, open_device, link, recorder)
+    try:
+        print(link.path, "ready", sep="\n", flush=True)
+        relay.run(until=lambda: False)
+    except OSError as error:
+        raise BrokenOff(f"the connection to {device} broke off: {error}") from None
+    finally:
+        relay.close()
+        link.close()
+        print(tally)
+
+
+def _log_writer(path: Path, subject: str) -> Any:
+    from ..errors import ToolError
+    from ..sniffer import describe_entry
+    from ..traffic_log import LogWriter
+
+    try:
+        file = open(path, "w")  # noqa: SIM115 - written to until the program ends
+    except OSError as error:
+        raise ToolError(f"cannot write the log {path}: {error.strerror}") from None
+    return LogWriter(file, subject, describe_entry)
+
+
+def replay(
+    log: Annotated[
+        Path, typer.Argument(help="what framestep sniff --log has written", show_default=False)
+    ],
+    device: Url = None,
+    speed: Annotated[
+        float, typer.Option(help="times the log's own speed: for a simulator", min=0.01, max=1000)
+    ] = 1.0,
+    steps: Annotated[
+        int, typer.Option(help="by how many steps positions at rest may differ", min=0)
+    ] = 0,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="do not compare the answers to this message, such as HI; may be repeated",
+            metavar="NAME",
+        ),
+    ] = None,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="compare by value what depends on time as well")
+    ] = False,
+    patience: Annotated[
+        float, typer.Option(help="seconds to wait for a motion to end", min=0)
+    ] = 10.0,
+    record: Annotated[
+        Path | None,
+        typer.Option("--log", help="write what happens into a log of its own", metavar="FILE"),
+    ] = None,
+) -> None:
+    """Play a log's host side against a device and compare what it answers. Motors move!
+
+    Compared by kind only: positions under way, MOTOR_STATUS, inputs, a device's name, version and
+    memory. Ctrl-C closes the port, which stops what moves.
+    """
+    from .. import ports
+    from ..client import DEFAULT_TIMEOUT_S, BrokenOff, Client
+    from ..errors import ToolError
+    from ..opening import open_port
+    from ..replay import Replay
+    from ..traffic_compare import Rules, differences, names_known
+    from ..traffic_log import HOST, read
+
+    entries = read(str(log))
+    if not any(entry.who == HOST for entry in entries):
+        raise ToolError(f"the log {log} has nothing that a host has sent")
+    ignored = names_known(ignore or [])
+    url = device or ports.protocol_port()
+    with Client.open(url) as client:  # somebody who speaks this protocol, before bytes are sent
+        client.greet()
+    writer = _log_writer(record, f"a replay of {log.name} on {url}") if record else None
+    player = Replay(entries, lambda: open_port(url, DEFAULT_TIMEOUT_S), speed, patience)
+    try:
+        now = player.play()
+    except OSError as error:
+        raise BrokenOff(f"the connection to {url} broke off: {error}") from None
+    finally:
+        if writer:
+            for entry in player.entries:
+                writer.add(entry)
+    found = list(differences(entries, now, Rules(steps, ignored, exact)))
+    print(*found, sep="\n", end="\n" if found else "")
+    count = sum(entry.who == HOST for entry in entries)
+    if found:
+        raise ToolError(f"{count} requests replayed: {len(found)} differences")
+    print(f"{count} requests replayed: no difference")
 
 
 _USES = {
@@ -79,4 +196,4 @@ def ports(
 
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    put(app, ports, sniff)
+    put(app, ports, sniff, replay)
