@@ -2,6 +2,8 @@
 
 import io
 import os
+import threading
+from dataclasses import replace as replaced
 
 import pytest
 
@@ -11,7 +13,7 @@ from framestep_tools import payloads as p
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client, NoAnswer
 from framestep_tools.errors import ToolError
-from framestep_tools.serve import PtyLink
+from framestep_tools.serve import PtyLink, Server
 from framestep_tools.sniffer import Relay, Tally, describe, describe_entry
 from framestep_tools.traffic_compare import Rules, differences, names_known
 from framestep_tools.traffic_log import (
@@ -199,7 +201,7 @@ def test_what_is_left_of_a_frame_is_in_the_log():
         (p.Status(0, 0), "(nothing moves)"),
         (p.Moving(0), "(it is there)"),
         (p.Positions(12500, (1,)), "(at frame 12.5)"),
-        (p.Condition(2, (p.PositionTrust(2, 1),)), "motor 1 "),
+        (p.Condition(2, (p.PositionTrust(2, 1),)), "positions=[2/1]  ("),
     ],
 )
 def test_what_a_device_says_is_told_in_words(said, words):
@@ -401,3 +403,43 @@ def test_the_line_at_the_end(log):
     text = str(tally)
     assert f"{len(DAMAGED)} bytes in no frame" in text
     assert "the slowest answer after" in text
+
+
+def test_the_command_plays_a_log_against_a_device(log, tmp_path, capsys):
+    """The greeting and a question alone: what takes motion is played in virtual time above."""
+    greeting, question = encode(p.Hi.TYPE, b"", 5), encode(p.MotorGetPosition.TYPE, b"", 6)
+    with SimulatedBoard({}, 2) as board:
+        server = Server(board, None, "127.0.0.1:0")
+        thread = threading.Thread(target=serve_until_stopped, args=(server,))
+        thread.start()
+        try:
+            url = "socket://" + server.announcements[-1].split()[1]
+            answers = []
+            with Client.open(url, 100) as client:
+                info = client.request(p.Hi())
+            for motors, status in ((2, 0), (3, 1)):
+                told = encode(p.DeviceInfo.TYPE, replaced(info, motors=motors).pack(), 5)
+                lines = ["# framestep sniff 1", "0 open"]
+                lines += [line_of(Entry(0.0, HOST, greeting)), line_of(Entry(0.0, DEVICE, told))]
+                lines += [line_of(Entry(0.0, HOST, question)), "0 close"]
+                path = tmp_path / "log"
+                path.write_text("\n".join(lines))
+                record = tmp_path / "record"
+                args = ["replay", str(path), url, "--log", str(record)]
+                args += ["--ignore", "motor_get_position"]
+                assert cli.app.status(args) == status
+                answers.append(capsys.readouterr())
+                answer = encode(p.DeviceInfo.TYPE, info.pack(), 5)
+                assert answer in [entry.data for entry in read(str(record))]
+        finally:
+            server.stop()
+            thread.join()
+            server.close()
+    assert answers[0].out == "2 requests replayed: no difference\n"
+    assert "HI (ID 5): name=" in answers[1].out
+    assert "2 requests replayed: 1 differences" in answers[1].err
+
+
+def serve_until_stopped(server):
+    while not server.stopping:
+        server.step()

@@ -94,9 +94,14 @@ def _fields(payload: Payload) -> str:
 
 
 def _short(value: Any) -> str:
-    if isinstance(value, tuple) and len(value) > 16:
-        return f"[{', '.join(map(str, value[:8]))}, … {value[-1]}; {len(value)} values]"
-    return str(list(value)) if isinstance(value, tuple) else repr(value)
+    if isinstance(value, Payload):  # one of several: its values
+        return "/".join(str(field) for field in vars(value).values())
+    if not isinstance(value, tuple):
+        return repr(value)
+    texts = [_short(each) for each in value]
+    if len(texts) > 16:
+        return f"[{', '.join(texts[:8])}, … {texts[-1]}; {len(texts)} values]"
+    return f"[{', '.join(texts)}]"
 
 
 def read_capture(content: bytes) -> Iterator[str]:

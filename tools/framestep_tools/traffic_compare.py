@@ -37,7 +37,6 @@ _MOVES = {
 }
 _TURNS = {p.HardStop.TYPE, p.RtEnd.TYPE, p.RtGo.TYPE}  # unasked, and no matter of time
 _OF_THE_MOMENT = (p.Status, p.InputLevels, p.Condition, p.Exceeded)
-_OF_THE_DEVICE = {"name": "", "major": 0, "minor": 0, "revision": 0, "upload_frames": 0}
 
 
 @dataclass(frozen=True)
@@ -174,12 +173,14 @@ def _same(one: Frame, other: Frame, rests: bool, rules: Rules) -> bool:
 
 
 def _accepted(said: Any) -> bool:
-    return said == Ack.OK if isinstance(said, Ack) else isinstance(said, p.Moving) and said.moving
+    if isinstance(said, Ack):
+        return said == Ack.OK
+    return isinstance(said, p.Moving) and bool(said.moving)
 
 
 def _same_values(old: Any, new: Any, rests: bool, rules: Rules) -> bool:
     if isinstance(old, p.DeviceInfo):
-        return replace(old, **_OF_THE_DEVICE) == replace(new, **_OF_THE_DEVICE)
+        return _kind(old) == _kind(new)
     if isinstance(old, p.Positions):
         if not rests:
             return len(old.steps) == len(new.steps)
@@ -187,6 +188,11 @@ def _same_values(old: Any, new: Any, rests: bool, rules: Rules) -> bool:
     if isinstance(old, p.VirtPositions) and not rests:
         return True
     return bool(old == new)
+
+
+def _kind(info: p.DeviceInfo) -> p.DeviceInfo:
+    """Without what differs between devices of one kind."""
+    return replace(info, name="", major=0, minor=0, revision=0, upload_frames=0)
 
 
 def _near(old: tuple[int, ...], new: tuple[int, ...] | None, rules: Rules) -> bool:

@@ -68,7 +68,12 @@ def _listen(device: str, log: Path | None) -> None:
     except BaseException:
         close_port(port)
         raise
-    recorder = Recorder(lambda entry: [tell(entry) for tell in tellers] and None)
+
+    def tell(entry: Entry) -> None:
+        for each in tellers:
+            each(entry)
+
+    recorder = Recorder(tell)
     relay = Relay(port, open_device, link, recorder)
     try:
         print(link.path, "ready", sep="\n", flush=True)
@@ -97,6 +102,10 @@ def replay(
     log: Annotated[
         Path, typer.Argument(help="what framestep sniff --log has written", show_default=False)
     ],
+    target: Annotated[
+        str | None,
+        typer.Argument(help="the device, if not --device", metavar="[DEVICE]", show_default=False),
+    ] = None,
     device: Url = None,
     speed: Annotated[
         float, typer.Option(help="times the log's own speed: for a simulator", min=0.01, max=1000)
@@ -139,7 +148,7 @@ def replay(
     if not any(entry.who == HOST for entry in entries):
         raise ToolError(f"the log {log} has nothing that a host has sent")
     ignored = names_known(ignore or [])
-    url = device or ports.protocol_port()
+    url = target or device or ports.protocol_port()
     with Client.open(url) as client:  # somebody who speaks this protocol, before bytes are sent
         client.greet()
     writer = _log_writer(record, f"a replay of {log.name} on {url}") if record else None
