@@ -23,6 +23,8 @@ from .trace import Edge, PinDecoder, load_board
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from framestep.host_board import HostBoard
+
 _LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
 
@@ -129,6 +131,11 @@ class SimulatedBoard:
         """How much memory for the uploaded move holds so many frames of all motors, about."""
         moves, hal = self._board.controller.moves, self._board.hal
         return -(-hal.upload_bytes * frames // moves.upload_frames)
+
+    @property
+    def host_board(self) -> "HostBoard":
+        """The controller itself, to look inside."""
+        return self._board
 
     def wire_switches(self) -> None:
         """Connect the stop switches that the rig has; nobody touches them."""

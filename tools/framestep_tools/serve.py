@@ -271,13 +271,17 @@ class Server:
             number: signal.signal(number, self.stop) for number in (signal.SIGINT, signal.SIGTERM)
         }
         try:
-            print(*self.announcements, "ready", sep="\n", flush=True)
+            self.announce()
             while not self.stopping:
                 self.step()
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
             self.close()
+
+    def announce(self) -> None:
+        """Print the ports' paths, then `ready`."""
+        print(*self.announcements, "ready", sep="\n", flush=True)
 
     def step(self) -> None:
         """One slice: bytes in, time passes, bytes and edges out; then a short wait if there is

@@ -1,5 +1,7 @@
 """The controller in the foreground, on this computer: `make sim`."""
 
+import os
+import sys
 from typing import Annotated
 
 import typer
@@ -27,6 +29,17 @@ Board = Annotated[
 ]
 
 
+def _takes_a_view() -> bool:
+    """Whether standard input and output are a terminal that takes keys and a picture."""
+    if os.environ.get("TERM", "dumb") in ("", "dumb"):
+        return False
+    try:
+        import termios  # noqa: F401 - not on Windows
+    except ImportError:
+        return False
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
 @app.command()
 def main(
     tcp: Tcp = None,
@@ -40,12 +53,21 @@ def main(
             help="how many motors, whatever the board has; without it as many", min=1, max=12
         ),
     ] = None,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="no live view, even in a terminal")
+    ] = False,
 ) -> None:
-    """Run the controller on the host HAL; prints the path of its pseudo-terminal, then `ready`."""
+    """Run the controller on the host HAL. In a terminal it shows what the board does, and keys
+    press switches; elsewhere it prints the path of its pseudo-terminal, then `ready`."""
     pace = parse_speed(speed)
     simulated = SimulatedBoard(read_rig(rig), motors, board)
     simulated.wire_switches()
-    Server(simulated, pace, tcp, trace).run()
+    if not plain and _takes_a_view():
+        from .live import LiveServer
+
+        LiveServer(simulated, pace, tcp, trace).run()
+    else:
+        Server(simulated, pace, tcp, trace).run()
 
 
 if __name__ == "__main__":
