@@ -74,14 +74,21 @@ class Axis:
 
     def check(self, steps: int, frame: int) -> None:
         """ToolError, with frame and axis, for a step beyond the limits or beyond 32 bits."""
-        where = f"frame {frame}, axis {self.name}: {self.position(steps):.10g} {self.unit}"
         if self.limits:
             low, high = self.limits
             ends = sorted((self.steps(low), self.steps(high)))
             if not ends[0] <= steps <= ends[1]:
-                raise ToolError(f"{where} is beyond its limits of {low:g} to {high:g} {self.unit}")
+                raise ToolError(
+                    f"{self._at(steps, frame)} is beyond its limits of {low:g} to {high:g} "
+                    f"{self.unit}"
+                )
         if not -(2**31) <= steps < 2**31:
-            raise ToolError(f"{where} is step {steps}, which does not fit 32 bits signed")
+            raise ToolError(
+                f"{self._at(steps, frame)} is step {steps}, which does not fit 32 bits signed"
+            )
+
+    def _at(self, steps: int, frame: int) -> str:
+        return f"frame {frame}, axis {self.name}: {self.position(steps):.10g} {self.unit}"
 
 
 def _number(value: Any) -> bool:
@@ -159,7 +166,7 @@ def read_axes(path: str | os.PathLike) -> list[Axis]:
         if axis.motor != number:
             raise AxesFileError(
                 f"{path}: there is no axis for motor {number}, but one for motor {axis.motor}; "
-                f"a move has a column for each motor from 1 on"
+                'a move has a column for each motor from 1 on, and one that stands has "hold"'
             )
     return axes
 

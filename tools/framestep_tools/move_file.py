@@ -142,15 +142,21 @@ def write_move(path: str | os.PathLike, move: Move) -> None:
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write a move's file as a whole or not at all; MoveFileError if it cannot be written."""
-    path = Path(path)
-    beside = path.with_name(f".{path.name}.part")
+    """Write a move's file as a whole or not at all; MoveFileError if it cannot be written.
+
+    What is no file, /dev/stdout for example, is written to and not replaced.
+    """
+    target = Path(path).resolve()
+    plain = target.is_file() or not target.exists()
+    written = target.with_name(f".{target.name}.part") if plain else target
     try:
-        with open(beside, "w", newline="", encoding="utf-8") as file:
+        with open(written, "w", newline="", encoding="utf-8") as file:
             file.write(text)
-        os.replace(beside, path)
+        if plain:
+            os.replace(written, target)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        if plain:
+            written.unlink(missing_ok=True)
         raise MoveFileError(f"cannot write {path}: {error.strerror or error}") from None
 
 

@@ -1,0 +1,12 @@
+"""Fixtures of several files here."""
+
+import pytest
+
+from host_tests.tools.move_samples import LINEAR
+
+
+@pytest.fixture
+def shot(tmp_path):
+    """A folder with an axes.toml in it."""
+    (tmp_path / "axes.toml").write_text(LINEAR)
+    return tmp_path
