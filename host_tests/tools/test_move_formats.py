@@ -198,6 +198,8 @@ def test_samples_in_seconds_are_resampled(shot):
     assert len(move.positions[1]) == 11
     millis = imported(shot, "ms,track,pan\n0,0,2\n100,1,2\n200,4,2\n", "--fps", "10")
     assert millis.positions[1] == [0, 10, 40]
+    late = "seconds,track,pan\n1000000000000000,1,2\n"  # where a thousandth more is no other number
+    assert imported(shot, late, "--fps", "1000").positions[1] == [10]
 
 
 def test_slopes_at_the_ends():

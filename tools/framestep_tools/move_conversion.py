@@ -40,7 +40,7 @@ def to_move(
     places = _places(begin, end, fps, path)
     first = FIRST_FRAME if recording.seconds else round(places(0))
     number = first if start is None else start
-    count = _count(places, end)
+    count = max(1, math.floor((end - places(0)) * (fps or 1) + _CLOSE) + 1)
     for frame in (number, number + count - 1):
         if not -(2**31) <= frame < 2**31:
             raise ToolError(f"{path}: frame numbers have to fit 32 bits signed, found {frame}")
@@ -66,11 +66,6 @@ def _places(begin: float, end: float, fps: float | None, path: str) -> Callable[
         return lambda i: begin + i / fps
     whole = math.ceil(begin - _CLOSE)
     return lambda i: float(whole + i)
-
-
-def _count(places: Callable[[int], float], end: float) -> int:
-    apart = places(1) - places(0)
-    return max(1, math.floor((end - places(0)) / apart + _CLOSE) + 1)
 
 
 def _assigned(channels: list[Channel], axes: list[Axis], path: str) -> list[Channel | None]:
