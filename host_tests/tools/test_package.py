@@ -202,7 +202,9 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
-@pytest.mark.parametrize("command", [["demo"], ["vcd", "edges.csv"], ["plot", "edges.csv"]])
+@pytest.mark.parametrize(
+    "command", [["demo"], ["check", "camera_move.csv"], ["vcd", "edges.csv"], ["plot", "edges.csv"]]
+)
 def test_what_an_extra_brings_is_named_when_it_is_missing(command, installed):
     result = installed.start(
         [sys.executable, "-c", "from framestep_tools.cli import app; app()", *command]

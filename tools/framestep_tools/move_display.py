@@ -66,12 +66,7 @@ class MoveDisplay:
             return
         frame = report.move_time / 1000
         if self.live:
-            way = (frame - self.first) * (1 if self.last >= self.first else -1)
-            self.progress.update(
-                self.task,
-                completed=min(max(way, 0), abs(self.last - self.first)),
-                text=f"frame {frame:.1f} of {self.first} to {self.last}",
-            )
+            self.advance(frame)
             self.live.update(self._table(report))
         elif not self.quiet and event.time_s - self._last_line_s >= LINE_EVERY_S:
             self._last_line_s = event.time_s
@@ -80,11 +75,40 @@ class MoveDisplay:
             )
             self.console.print(f"  frame {frame:6.1f}  {steps}")
 
+    def advance(self, frame: float) -> None:
+        """The play head is there."""
+        way = (frame - self.first) * (1 if self.last >= self.first else -1)
+        self.progress.update(
+            self.task,
+            completed=min(max(way, 0), abs(self.last - self.first)),
+            text=f"frame {frame:.1f} of {self.first} to {self.last}",
+        )
+
     def _table(self, report: Positions) -> Any:
         table = Table.grid(padding=(0, 2))
         table.add_row(self.progress)
         table.add_row(motor_table(self.names, report))
         return table
+
+
+class ShotDisplay(MoveDisplay):
+    """Frames that are shot one by one: how many of `count` are done. names: as above."""
+
+    def __init__(self, names: Mapping[int, str], count: int, console: Console):
+        super().__init__(names, 0, count, console, quiet=True)
+        self.progress.update(self.task, text=f"0 of {count} frames")
+
+    def shot(self, done: int, frame: int) -> None:
+        """So many frames are shot; `frame` is the one that is or was at work."""
+        self.progress.update(
+            self.task,
+            completed=done,
+            description=f"frame {frame}",
+            text=f"{done} of {self.last} frames",
+        )
+
+    def advance(self, frame: float) -> None:
+        """The play head does not say how many are shot."""
 
 
 def motor_table(names: Mapping[int, str], report: Positions) -> Table:

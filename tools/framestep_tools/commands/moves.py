@@ -1,5 +1,6 @@
-"""Whole moves: upload, play."""
+"""Whole moves: upload, play, shoot."""
 
+import sys
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from ..light_file import Lights
     from ..move_file import Move
     from ..payloads import Request, RtRunMove
+    from ..shoot import Shots
 
 UPLOAD_WINDOW = 4
 
@@ -236,6 +238,115 @@ def _run(client: "Client", content: "Move", run: "RtRunMove") -> None:
         play(client, run, display)
 
 
+def shoot(
+    frames: Annotated[
+        list[str],
+        typer.Argument(
+            help="scene frames: 7, 1-48, 48-1 (backward), 1-5,9",
+            metavar="FRAMES...",
+            show_default=False,
+        ),
+    ],
+    device: Url = None,
+    move: Annotated[
+        Path | None,
+        typer.Option(
+            help="upload this move first; without it, what has been uploaded is shot, and those "
+            "motors blur that Dragonframe has set so",
+            metavar="CSV",
+        ),
+    ] = None,
+    motors: Annotated[
+        str | None,
+        typer.Option(
+            help="motors in motion while the shutter is open, such as 1,3, else all of the move; "
+            "none: all stand. Needs --move",
+            metavar="MOTORS",
+        ),
+    ] = None,
+    exposure: Annotated[
+        float, typer.Option(help="seconds that the shutter is open", min=0.001, max=3600)
+    ] = 1,
+    shutter_angle: Annotated[
+        int,
+        typer.Option(
+            help="degrees of the frame's motion, about its middle, that are exposed", min=1, max=360
+        ),
+    ] = 180,
+    settle: Annotated[
+        float, typer.Option(help="seconds to wait before each shot", min=0, max=3600)
+    ] = 0,
+    pause: Annotated[
+        float, typer.Option(help="seconds to wait after each shot", min=0, max=3600)
+    ] = 0,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    dmx: LightFile = None,
+) -> None:
+    """Shoot frames one by one with the motors in motion (go-motion), shutter and meter outputs with
+    them. Ctrl-C brings the motors to rest softly, a second one harder, and tells what is shot."""
+    from ..shoot import Shots, frames_of, spans
+
+    both_or_neither(velocity, acceleration)
+    for option, given in (
+        ("--motors", motors is not None),
+        ("--dmx", dmx is not None),
+        ("--velocity", velocity is not None),
+    ):
+        if given and move is None:
+            raise typer.BadParameter(f"{option} needs --move")
+    wanted = frames_of(frames)
+    content, lights = read_files(move, dmx) if move else (None, None)
+    blurred: list[int] = []
+    if content:
+        section(content, min(wanted), max(wanted), False)
+        blurred = _motors(content, motors)
+    shots = Shots(round(exposure * 1000), shutter_angle, content, blurred, settle, pause)
+    done: list[int] = []
+    try:
+        with moving(device) as client:
+            if content:
+                set_speeds(client, content, velocity, acceleration)
+                send(client, content, lights)
+            _shoot(client, wanted, shots, done)
+    except BaseException:
+        if done:
+            left = spans(wanted[len(done) :])
+            print(f"{spans(done)} shot, {left} not", file=sys.stderr, flush=True)
+        raise
+    print(f"{len(done)} frames shot: {spans(done)}")
+
+
+def _motors(content: "Move", text: str | None) -> list[int]:
+    """Motors of a move by their numbers; BadParameter for others."""
+    if text is None:
+        return list(content.positions)
+    if text == "none":
+        return []
+    found = []
+    for word in text.split(","):
+        if not word.strip().isdecimal() or int(word) not in content.positions:
+            raise typer.BadParameter(
+                f"--motors: expected motors of the move, 1 to {max(content.positions)}, "
+                f"such as 1,3, or none, found {text[:40]!r}"
+            )
+        found.append(int(word))
+    return found
+
+
+def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int]) -> None:
+    from rich.console import Console
+
+    from ..move_display import ShotDisplay
+    from ..shoot import shoot
+
+    info = client.info or client.greet()
+    names = shots.move.names if shots.move else {i: "" for i in range(1, info.motors + 1)}
+    display = ShotDisplay(names, len(wanted), Console(highlight=False))
+    with display.running():
+        shoot(client, wanted, shots, display, done.append)
+
+
 def add(app: typer.Typer) -> None:
     """Put these commands into the command line."""
-    put(app, upload, play)
+    put(app, upload, play, shoot)

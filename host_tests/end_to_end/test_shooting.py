@@ -1,0 +1,213 @@
+"""`framestep shoot` against the whole controller, on virtual time."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from framestep_tools import cli
+from framestep_tools.blur import ends
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client
+from framestep_tools.errors import INTERRUPTED, REFUSED
+from framestep_tools.move_display import ShotDisplay
+from framestep_tools.payloads import (
+    MotorConfigure,
+    MotorGetPosition,
+    MotorResetPosition,
+    MotorSetSpeed,
+    Positions,
+    RtEnd,
+    RtGo,
+    RtShootFrame2,
+)
+from framestep_tools.shoot import FramesError, frames_of, spans
+from framestep_tools.trace import Trace
+
+PAN = [0, 0, 40, 120, 260, 420, 560, 640, 660, 640]
+FOCUS = [5 * i for i in range(10)]
+FAST = "--velocity 20000 --acceleration 100000"
+
+
+@pytest.fixture
+def board():
+    found = SimulatedBoard({"estop": "no"})
+    found._board.set_input("estop", 1)
+    found.run_until(50_000_000)
+    found.edges()
+    return found
+
+
+@pytest.fixture
+def move(tmp_path):
+    path = tmp_path / "move.csv"
+    lines = [f"{5 + i},{a},{b}\n" for i, (a, b) in enumerate(zip(PAN, FOCUS, strict=True))]
+    path.write_text("frame,pan,focus\n" + "".join(lines))
+    return path
+
+
+@pytest.fixture
+def framestep(board, monkeypatch, capsys):
+    """A command line, run: its status, what it prints, what it complains."""
+    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
+
+    def run(line):
+        command, *words = line.split()
+        status = cli.app.status([command, "socket://x", *words])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+def exposures(edges):
+    """When the shutter was open: begin and end."""
+    times = [time for time, name, _ in sorted(edges) if name == "shutter"]
+    return list(zip(times[::2], times[1::2], strict=True))
+
+
+def test_frames_are_shot_in_motion(framestep, board, move):
+    """The shutter is open for the exposure, in the middle of the way from half a frame before to
+    half a frame after; the meter with it; a motor that does not blur stands on its frame."""
+    status, out, err = framestep(f"shoot 8-10 --move {move} --motors 1 --exposure 0.5 {FAST}")
+    assert (status, out, err) == (0, "3 frames shot: 8-10\n", "")
+    edges = board.edges()
+    trace = Trace.from_edges(edges)
+    opened = exposures(edges)
+    assert len(opened) == 3
+    assert len([1 for _, name, value in edges if name == "meter" and value]) == 3
+    for frame, (begin, end) in zip((8, 9, 10), opened, strict=True):
+        assert end - begin == pytest.approx(500e6, abs=1e6)
+        a, b = ends(PAN, frame - 5)
+        there = trace.position_at(1, np.array([begin, end]))
+        # 180 of 360 degrees, at constant velocity but for ramps in the first and the last eighth
+        way = (b - a) * 180 / 315
+        assert there == pytest.approx([(a + b - way) / 2, (a + b + way) / 2], abs=1.5)
+        assert set(trace.position_at(2, np.array([begin, end]))) == {FOCUS[frame - 5]}
+
+
+@pytest.mark.parametrize("index", range(10))
+def test_the_ends_of_the_blur_are_those_of_the_firmware(index, board):
+    """Which takes them from the path where no list comes."""
+    with Client(LockstepPort(board)) as client:
+        client.request(MotorSetSpeed(1, 20_000, 100_000))
+        client.request(MotorConfigure(1, 3))
+        client.upload_move(5, 14, {1: PAN})
+        client.request(RtShootFrame2(5 + index, 500, 0, 360))
+        client.wait_idle()
+        waits = client.request(MotorGetPosition()).steps[0]
+        client.request(RtGo())
+        client.wait_event(RtEnd, 10)
+        client.wait_idle()
+        assert (waits, client.request(MotorGetPosition()).steps[0]) == ends(PAN, index)
+
+
+def test_what_is_there_is_shot(framestep, board, move):
+    """An upload of before; motors that are not to blur stand on the frame. Frames in any order."""
+    assert framestep(f"upload {move}")[0] == 0
+    status, out, _ = framestep("shoot 9 7,6 --exposure 0.1")
+    assert (status, out) == (0, "3 frames shot: 9, 7-6\n")
+    edges = board.edges()
+    trace = Trace.from_edges(edges)
+    for frame, times in zip((9, 7, 6), exposures(edges), strict=True):
+        assert set(trace.position_at(1, np.array(times))) == {PAN[frame - 5]}
+
+
+def test_pauses_are_of_the_boards_time(framestep, board, move):
+    framestep(f"shoot 8,8 --move {move} --motors none --exposure 0.1")
+    (_, closed), (opened, _) = exposures(board.edges())
+    framestep(f"shoot 8,8 --move {move} --motors none --exposure 0.1 --settle 2 --pause 3")
+    (_, closed_2), (opened_2, _) = exposures(board.edges())
+    assert (opened_2 - closed_2) - (opened - closed) == pytest.approx(5e9, abs=50e6)
+
+
+def test_ctrl_c_tells_what_is_shot(framestep, board, move, monkeypatch):
+    def shot(display, done, frame):
+        if done == 2:
+            display.armed = True
+
+    def show(display, event):
+        if isinstance(event.message, Positions) and getattr(display, "armed", False):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(ShotDisplay, "shot", shot)
+    monkeypatch.setattr(ShotDisplay, "show", show)
+    status, out, err = framestep(f"shoot 8-12 --move {move} {FAST} --exposure 0.5")
+    assert (status, out) == (INTERRUPTED, "")
+    lines = err.splitlines()
+    assert lines[0] == "stopping; Ctrl-C once more stops harder"
+    assert "stands at" in lines[1] or lines[1] == "nothing moves"
+    assert lines[2] == "8-9 shot, 10-12 not"
+    assert len(exposures(board.edges())) in (2, 3)
+
+
+def test_a_stop_ends_the_sequence(framestep, board, move, monkeypatch):
+    def show(display, event):
+        if isinstance(event.message, Positions) and any(
+            name == "shutter" for _, name, _ in board._edges
+        ):
+            board._board.set_input("estop", 0)
+
+    monkeypatch.setattr(ShotDisplay, "show", show)
+    status, out, err = framestep(f"shoot 8-12 --move {move} {FAST} --exposure 0.5")
+    assert (status, out) == (REFUSED, "")
+    assert err == "framestep: frame 8 was not shot: the E-stop was pressed\n"
+
+
+def test_on_a_terminal(framestep, move, monkeypatch):
+    shown = Console(file=io.StringIO(), force_terminal=True, width=90, highlight=False)
+    monkeypatch.setattr("rich.console.Console", lambda **_: shown)
+    assert framestep(f"shoot 8-9 --move {move} {FAST} --exposure 0.1")[0] == 0
+    text = shown.file.getvalue()
+    assert "2 of 2 frames" in text
+    assert "focus" in text
+
+
+# ---- what is typed
+
+
+@pytest.mark.parametrize(
+    ("texts", "frames"),
+    [
+        (["7"], [7]),
+        (["1-3", "9"], [1, 2, 3, 9]),
+        (["3-1,5, 6"], [3, 2, 1, 5, 6]),
+        (["-2-1"], [-2, -1, 0, 1]),
+        (["-1--3"], [-1, -2, -3]),
+    ],
+)
+def test_frames_as_they_are_typed(texts, frames):
+    assert frames_of(texts) == frames
+    assert frames_of([spans(frames).replace(" ", "")]) == frames
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a", "1-", "1..3", "1-2-3", "99999999999", "1-600000000", "1-60000,1-60000"]
+)
+def test_what_are_no_frames(text):
+    with pytest.raises(FramesError, match=r"expected frames|frames have numbers|100000 frames"):
+        frames_of([text])
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "words"),
+    [
+        ("shoot 1", REFUSED, "no move has been uploaded since the board's start"),
+        ("shoot 4-6 --move MOVE", 1, "the move has frames 5 to 14, not 4"),
+        ("shoot 8 --motors 1", 2, "--motors needs --move"),
+        ("shoot 8 --velocity 5 --acceleration 5", 2, "--velocity needs --move"),
+        ("shoot 8 --move MOVE --motors 1,3", 2, "expected motors of the move, 1 to 2"),
+        ("shoot x --move MOVE", 2, "expected frames such as 7, 1-48 or 1-5,9, found 'x'"),
+        ("shoot 8 --move MOVE --exposure 0.01", REFUSED,
+         "motor 1 at frame 8 would need"),
+    ],
+)  # fmt: skip
+def test_one_sentence_says_what_is_wrong(framestep, board, move, line, status, words):
+    with Client(LockstepPort(board)) as client:
+        client.request(MotorResetPosition(1, 0))
+    found, out, err = framestep(line.replace("MOVE", str(move)))
+    assert (found, out) == (status, "")
+    assert words in err
+    assert len(err.splitlines()) == 1
+    assert not exposures(board.edges())
