@@ -65,7 +65,6 @@ def check(
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
     from framestep.rig import RigError
 
-    from ..boards import read_rig
     from ..errors import DONE, FAILED, REFUSED, ToolError
     from ..files import board_data
     from ..move_file import or_example, read_move
@@ -77,6 +76,7 @@ def check(
         raise ToolError(f"{plot}: a picture is one of {', '.join(_ENDINGS)}")
     try:
         from .. import check_plot, move_check
+        from ..boards import read_rig
     except ModuleNotFoundError as error:
         raise ToolError(
             f"a check needs {error.name}, which an extra brings: pip install framestep[plots]"
