@@ -148,7 +148,7 @@ def test_what_is_refused_is_so_in_the_controllers_words(steps, setting, words):
         assert found.refused
     else:
         assert verdicts(found) == [FITS, STEEP]
-        assert "at frame 3 it would need" in found.motors[1].reason
+        assert "motor 2 at frame 3 would need" in found.motors[1].reason
         assert "its acceleration is 100000 steps/s²" in found.motors[1].reason
         assert not found.refused
         assert not found.fits
@@ -204,7 +204,7 @@ def test_exit_status_is_for_scripts(framestep):
     assert framestep(f"{fits} --velocity 3=100")[0] == 7
     status, out, _ = framestep(f"{fits} --acceleration 1=6000")
     assert status == 1
-    assert "motor 1, track: too steep: at frame " in out
+    assert "motor 1, track: too steep: motor 1 at frame " in out
     assert "steps/s² at frame 149, set 6000; above it\n" in out
     assert "motor 3, swing: fits" in out
 

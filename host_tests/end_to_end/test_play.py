@@ -85,6 +85,17 @@ def test_a_move_is_played(framestep, board, move, options, begin, end):
     assert standing(board) == [STEPS[end - FIRST], -STEPS[end - FIRST]]
 
 
+def test_what_is_too_steep_is_played_and_told(framestep, board, tmp_path):
+    path = tmp_path / "jump.csv"
+    path.write_text("frame,pan\n1,0\n2,0\n3,300\n4,300\n5,300\n")
+    status, out, err = framestep(f"play {path} --velocity 20000 --acceleration 50000")
+    assert (status, out) == (0, "frames 1 to 5 played\n")
+    assert err == (
+        "motor 1 at frame 2 would need 172800 steps/s², its acceleration is 50000 steps/s²: "
+        "it is played as uploaded and may lose steps\n"
+    )
+
+
 def test_lights_and_outputs_play_with_it(framestep, board, move, tmp_path):
     """Each level and output changes at its frame, to a tick and what a pass takes."""
     levels = [5 * i for i in range(FRAMES)]

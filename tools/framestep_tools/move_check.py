@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
-from framestep.protocol.messages import EXCEEDED_ACCELERATION, SET_LOWER, SET_UPPER
+from framestep.protocol.messages import SET_LOWER, SET_UPPER
 
 from .boards import LockstepPort, SimulatedBoard
 from .client import Client, RequestRefused
@@ -27,6 +27,7 @@ from .payloads import (
 )
 from .reference import Reference, slopes
 from .refusals import explain
+from .state import too_steep
 
 FITS, STEEP, REFUSED = "fits", "too steep", "refused"
 _SHORTEST_ROLL_S = 0.002  # of a motor that moves (framestep.moves.run_plan)
@@ -146,16 +147,10 @@ def _ask(
                 )  # fmt: skip
             client.upload_move(move.start_frame, move.end_frame, move.positions, _WINDOW)
             client.request(run)
-            found = client.request(GetExceeded())
+            steep = too_steep(client)
         except RequestRefused as error:
             return REFUSED, _told(str(explain(client, error)))
-    if found.what != EXCEEDED_ACCELERATION:
-        return FITS, ""
-    return STEEP, (
-        f"at frame {found.frame} it would need {(found.acceleration or 0) + found.by} steps/s², "
-        f"its acceleration is {found.acceleration} steps/s²: "
-        "it is played as uploaded and may lose steps"
-    )
+    return (STEEP, steep) if steep else (FITS, "")
 
 
 def _told(refusal: str) -> str:

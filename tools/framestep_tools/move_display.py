@@ -1,5 +1,6 @@
 """A move under way as it is shown: a progress bar and where the motors are, live on a terminal."""
 
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -58,6 +59,13 @@ class MoveDisplay:
             self.progress.update(self.task, description=text)
         elif not self.quiet:
             self.console.print(text)
+
+    def warn(self, text: str) -> None:
+        """Say something that is not as it should be, above what is drawn or on standard error."""
+        if self.live:
+            self.console.print(text)
+        else:
+            print(text, file=sys.stderr, flush=True)
 
     def show(self, event: Event) -> None:
         """An event from the device; positions are drawn."""

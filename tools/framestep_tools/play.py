@@ -3,7 +3,7 @@
 from .client import Client, Event
 from .move_display import MoveDisplay
 from .payloads import Positions, RtEnd, RtGo, RtRunMove
-from .state import Stopped, is_stopped, why_stopped
+from .state import Stopped, is_stopped, too_steep, why_stopped
 
 _ENDLESS = float("inf")
 
@@ -27,6 +27,8 @@ def play(client: Client, run: RtRunMove, display: MoveDisplay) -> None:
         client.on_event = display.show
         display.phase("to the pre-roll")
         client.request(run)
+        if steep := too_steep(client):
+            display.warn(steep)
         client.wait_idle(timeout_s=_ENDLESS)
         display.phase("running")
         client.on_event = show

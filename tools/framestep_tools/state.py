@@ -6,6 +6,7 @@ from framestep import texts
 from framestep.motors.positions import LOST
 from framestep.protocol.messages import (
     CONDITION_EXCEEDED,
+    EXCEEDED_ACCELERATION,
     HARD_STOP_FAULT,
     HARD_STOP_GENERAL,
     HARD_STOP_LOWER,
@@ -101,6 +102,22 @@ def why_stopped(client: Client) -> str:
 def is_stopped(client: Client) -> bool:
     """Whether something has stopped motors, such that nothing may be repeated."""
     return client.stopped or any(isinstance(event.message, HardStop) for event in client.events)
+
+
+def too_steep(client: Client) -> str | None:
+    """What the move prepared last asks of a motor beyond its acceleration, though it is played.
+    None if nothing, or where the device does not tell."""
+    try:
+        told = client.request(GetExceeded())
+    except ClientError:
+        return None
+    if told.what != EXCEEDED_ACCELERATION:
+        return None
+    return (
+        f"motor {told.motor} at frame {told.frame} would need "
+        f"{(told.acceleration or 0) + told.by} steps/s², its acceleration is "
+        f"{told.acceleration} steps/s²: it is played as uploaded and may lose steps"
+    )
 
 
 def _trust(state: State) -> list[str]:
