@@ -31,6 +31,7 @@ _SEEK = const(1)  # fast toward the switch
 _BACK = const(2)  # off it
 _AGAIN = const(3)  # slowly toward it
 _LEAVE = const(4)  # off it, the position being known
+_ENDED = const(5)  # somebody has stopped it: the switch is its limit until it stands
 
 # Words
 _TARGET = const(0)
@@ -41,8 +42,8 @@ _WORDS = const(4)
 
 
 class Homing:
-    """Homes motors. `Motors.homing` has the bits of those that are not done; whoever stops
-    motors sets it to 0, which ends homing.
+    """Homes motors. `Motors.homing` has the bits of those that are not done; whoever stops motors
+    ends homing (Motors.end_homing()).
 
     controller: for what is shared with other requests.
     """
@@ -107,7 +108,9 @@ class Homing:
         controller = self.controller
         if not bits or not controller.stops.allow_motion():
             return m.ERR_GENERAL
-        if controller.operations.busy or controller.virtuals.engaged or self.motors.homing:
+        if self.phase == _ENDED and not self.axis.moving:
+            self.let_go()
+        if controller.operations.busy or controller.virtuals.engaged or self.phase:
             return m.ERR_MOVING
         known = 0
         for motor in self.order:
@@ -164,10 +167,11 @@ class Homing:
             self._watch_button()
         if not self.phase:
             return
-        if not self.motors.homing:
-            self._release()  # something has stopped it
-            return
         axis = self.axis
+        if self.phase == _ENDED:
+            if not axis.moving:
+                self.let_go()
+            return
         if (self.phase == _SEEK or self.phase == _AGAIN) and not self.found and self._active():
             self.found = True
             self.axes.choose_sample()
@@ -248,7 +252,9 @@ class Homing:
     def _judge(self):
         """The motor has come to rest at the end of a phase: go on, or say what is wrong."""
         phase = self.phase
-        if phase == _SEEK or phase == _AGAIN:
+        if not self.controller.stops.allow_motion():
+            self.motors.end_homing()
+        elif phase == _SEEK or phase == _AGAIN:
             # A switch that was found and is open again was a disturbance, if the motor was so slow
             # that it cannot have passed it.
             if not self.found or (phase == _AGAIN and not self._active()):
@@ -287,25 +293,31 @@ class Homing:
 
     def _done(self):
         """This motor is homed; on with the next one."""
-        self._release()
+        self.release()
         self._tell()
         self.motors.homing &= ~(1 << self.motor)
         self._next()
 
     def _fail(self, reason):
         """This motor's position is lost, and homing ends. reason: of motors/positions.py."""
-        self._release()
+        self.motors.end_homing()
         self.axes.positions.set_lost(1 << self.motor, reason)
-        self.motors.homing = 0
         self.controller.stops.fault |= FAULT_HOMING
         self._tell()
 
-    def _release(self):
-        """Give the motor back as it was."""
-        self.phase = _NONE
-        self.safety.words[self._pin_word()] = self.pins
+    def release(self):
+        """Give the motor back as it was; its switch remains its limit until it stands."""
+        self.phase = _ENDED
         self._restore_limits()
         self.axis.rates_outdated = True
+        if not self.axis.moving:
+            self.let_go()
+
+    def let_go(self):
+        """After release(): the limit switches are those of SET_LIMITS again."""
+        if self.phase == _ENDED:
+            self.phase = _NONE
+            self.safety.words[self._pin_word()] = self.pins
 
     # ---------------------------------------------------------------- limits
 
@@ -350,7 +362,7 @@ class Homing:
                 safety.reported(end)
                 bits &= ~own
         if bits & self.motors.homing:
-            self.motors.homing = 0
+            self.motors.end_homing()
         return bits
 
     # ---------------------------------------------------------------- people

@@ -63,7 +63,8 @@ class Stops:
         """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
         self.stop_everything()
         controller = self.controller
-        controller.motors.jogging = controller.motors.homing = 0
+        controller.motors.jogging = 0
+        controller.motors.end_homing()
         controller.reports.hard_stop = m.HARD_STOP_FAULT
 
     def _note_fault(self, fault):
@@ -85,7 +86,8 @@ class Stops:
             controller.axes.stop()
         controller.io.safe()
         controller.run_outputs.abort()
-        controller.motors.jogging = controller.motors.homing = 0
+        controller.motors.jogging = 0
+        controller.motors.end_homing()
         controller.reports.nobody_listens()
 
     def on_stop_input(self):
@@ -99,7 +101,8 @@ class Stops:
             if controller.rig.estop_cuts_power:
                 controller.positions.power_cut(axes.moving_bits())
             self._note_fault(FAULT_ESTOP)
-            controller.motors.jogging = controller.motors.homing = 0
+            controller.motors.jogging = 0
+            controller.motors.end_homing()
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
@@ -178,7 +181,8 @@ class Stops:
             hard = True
         factor = controller.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
-        controller.motors.jogging = controller.motors.homing = 0
+        controller.motors.jogging = 0
+        controller.motors.end_homing()
         landing = operations.stop(factor, not hard, True, spared=virtuals.engaged)
         if hard:
             virtuals.halt(factor)

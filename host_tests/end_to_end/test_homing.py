@@ -10,6 +10,7 @@ from framestep_tools import payloads as p
 from framestep_tools.boards import LockstepPort
 from framestep_tools.client import Client
 from framestep_tools.errors import REFUSED
+from framestep_tools.wire import encode
 from host_tests.end_to_end.home_switches import (
     HIGH,
     LOW,
@@ -36,6 +37,14 @@ def test_position_is_counted_from_the_switch(toward, pin, at):
     assert session.position(1) == -50 + 200 * away
     assert abs(rail.steps[1] - (at + 200 * away)) <= 1
     assert session.events(p.HardStop) == []
+
+
+def test_run_on_behind_the_switch_does_not_count():
+    """Where it was found is its position, not where the motor has come to rest."""
+    session, rail = rails(Switch(1, LOW, -1700), slow_speed=2000)
+    home(session, 1)
+    assert session.steps(1)[1].cumsum().min() < -1700 - 20  # 25 steps by the hard stop
+    assert session.position(1) - rail.steps[1] == pytest.approx(-50 + 1700, abs=3)
 
 
 def test_speeds():
@@ -323,6 +332,54 @@ def test_stopped(stop, after, known):
     assert trust(session) == (HELD if known else LOST, HOMING)
     reasons = [message.reason for _, message in session.events(p.HardStop)]
     assert reasons == {_estop: [0], _other_limit: [2]}.get(stop, [])
+
+
+def test_what_comes_in_one_packet_with_a_stop():
+    """Soft limits count at once, and another motor's homing does not touch what was the first
+    one's."""
+    session, _ = rails(Switch(1, LOW, -1700), Switch(3, LOW_2, -200), rig=THREE)
+    session.accept(p.MotorSetLimits(1, 1, -500, 1, 500), p.Home(b"\1"))
+    session.run(0.3)
+    requests = (p.MotorStop(1), p.MotorMove(1, -900), p.Home(b"\1"), p.Home(b"\3"))
+    data = b"".join(encode(r.TYPE, r.pack(), 50 + i) for i, r in enumerate(requests))
+    answers = {f.id: p.Ack.unpack(f.payload) for f in session.bytes_for(data)}
+    ack = p.Ack
+    assert answers == {50: ack.OK, 51: ack.ERR_SOFT_LOW, 52: ack.ERR_MOVING, 53: ack.ERR_MOVING}
+    session.wait_idle()
+    home(session, 3)
+    assert trust(session, 3) == (KNOWN, HOMED)
+    session.refuse(ack.ERR_SOFT_LOW, p.MotorMove(1, -900))
+
+
+def test_switch_on_the_way_to_rest():
+    """After a STOP the switch is a limit until the motor stands, and what SET_LIMITS says after
+    that."""
+    session, rail = rails(Switch(1, LOW, -700))
+    session.accept(p.Home(b"\1"))
+    while rail.steps.get(1, 0) > -650:
+        session.run(0.001)
+    session.accept(p.MotorStop(1))
+    session.wait_idle()
+    assert rail.steps[1] < -700
+    assert rail.steps[1] > -700 - 2000**2 / (2 * 4 * 20000) - 8
+    session.accept(p.MotorMove(1, 0))
+    session.wait_idle()
+    session.forget()
+    session.accept(p.MotorMove(1, -750))
+    session.wait_idle()
+    assert session.events(p.HardStop) == []
+    assert rail.steps[1] == -750
+
+
+def test_limits_set_on_the_way_to_rest():
+    session, _ = rails(Switch(1, LOW, -700))
+    session.accept(p.Home(b"\1"))
+    session.run(0.2)
+    session.accept(p.MotorStop(1), p.MotorSetLimits(1, 0, 0, 0, 0, 1))
+    session.wait_idle()
+    session.accept(p.MotorMove(1, -750))
+    session.wait_idle()
+    assert [(e.reason, e.motor) for _, e in session.events(p.HardStop)] == [(2, 1)]
 
 
 def test_stop_of_another_motor_ends_nothing():

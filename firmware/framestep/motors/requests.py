@@ -253,7 +253,7 @@ class Motors:
         motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
         if (self.homing >> motor) & 1:
-            self.homing = 0
+            self.end_homing()
         engaged = controller.virtuals.engaged
         taken = controller.operations.busy and controller.operations.takes(motor)
         if taken:
@@ -263,6 +263,12 @@ class Motors:
         elif not taken:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
+
+    def end_homing(self):
+        """Homing is over, if it is on: what moves is about to be stopped."""
+        if self.homing:
+            self.homing = 0
+            self.controller.homing.release()
 
     # ---------------------------------------------------------------- settings
 
@@ -401,6 +407,8 @@ class Motors:
         reader.copy_i32_to(f.MOTOR_SET_LIMITS_UPPER, self.words, 1)
         if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):
             return m.ERR_RANGE
+        if controller.homing:
+            controller.homing.let_go()
         controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
         controller.operations.settings_changed()
         motor = self._leading(motor)
