@@ -68,7 +68,13 @@ def test_slower_than_a_motor_is_set_to():
     times, signs = session.steps(1)
     assert_within(times, signs, 500, 4 * 20000)
     assert trust(session) == (KNOWN, HOMED)
-    # and a move goes at its own speed again
+    # and what follows goes at its own speed again: the slowest jog, a move
+    session.forget()
+    session.accept(p.MotorJog(1, 1, 3000))
+    session.run(0.4)
+    session.accept(p.MotorStop(1))
+    session.wait_idle()
+    assert 0 < len(session.steps(1)[0]) < 10
     session.speed(1, 5000, 20000)
     session.forget()
     session.accept(p.MotorMove(1, 3000))
@@ -295,6 +301,13 @@ def _estop(session):
     session.board._board.set_input("estop", 1)
 
 
+def _short_estop(session):
+    """Shorter than the motor waits at rest between two of its ways."""
+    session.board._board.set_input("estop", 1)
+    session.run(0.03)
+    session.board._board.set_input("estop", 0)
+
+
 def _lost_host(session):
     session.leave()
     session.run(0.5)
@@ -307,7 +320,7 @@ def _other_limit(session):
 
 
 @pytest.mark.parametrize("after, known", [(0.3, True), (0.98, False), (1.1, True), (1.3, False)])
-@pytest.mark.parametrize("stop", [_stop, _stop_all, _estop, _lost_host, _other_limit])
+@pytest.mark.parametrize("stop", [_stop, _stop_all, _estop, _short_estop, _lost_host, _other_limit])
 def test_stopped(stop, after, known):
     """In any phase, and between two of them: the motor comes to rest and stays there."""
     session, rail = rails(Switch(1, LOW, -1700), rig={"estop": "nc"})
@@ -331,7 +344,7 @@ def test_stopped(stop, after, known):
     assert rail.steps == before
     assert trust(session) == (HELD if known else LOST, HOMING)
     reasons = [message.reason for _, message in session.events(p.HardStop)]
-    assert reasons == {_estop: [0], _other_limit: [2]}.get(stop, [])
+    assert reasons == {_estop: [0], _short_estop: [0], _other_limit: [2]}.get(stop, [])
 
 
 def test_what_comes_in_one_packet_with_a_stop():
