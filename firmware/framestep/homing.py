@@ -43,7 +43,7 @@ _WORDS = const(4)
 
 class Homing:
     """Homes motors. `Motors.homing` has the bits of those that are not done; whoever stops motors
-    ends homing (Motors.end_homing()).
+    ends homing (Stops.end_homing()).
 
     controller: for what is shared with other requests.
     """
@@ -253,7 +253,7 @@ class Homing:
         """The motor has come to rest at the end of a phase: go on, or say what is wrong."""
         phase = self.phase
         if not self.controller.stops.allow_motion():
-            self.motors.end_homing()
+            self.controller.stops.end_homing()
         elif phase == _SEEK or phase == _AGAIN:
             # A switch that was found and is open again was a disturbance, if the motor was so slow
             # that it cannot have passed it.
@@ -300,7 +300,7 @@ class Homing:
 
     def _fail(self, reason):
         """This motor's position is lost, and homing ends. reason: of motors/positions.py."""
-        self.motors.end_homing()
+        self.controller.stops.end_homing()
         self.axes.positions.set_lost(1 << self.motor, reason)
         self.controller.stops.fault |= FAULT_HOMING
         self._tell()
@@ -361,8 +361,7 @@ class Homing:
             if safety.at_limit & both == 1 << end and not others:
                 safety.reported(end)
                 bits &= ~own
-        if bits & self.motors.homing:
-            self.motors.end_homing()
+        self.controller.stops.end_homing(bits)
         return bits
 
     # ---------------------------------------------------------------- people

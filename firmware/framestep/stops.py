@@ -64,7 +64,7 @@ class Stops:
         self.stop_everything()
         controller = self.controller
         controller.motors.jogging = 0
-        controller.motors.end_homing()
+        self.end_homing()
         controller.reports.hard_stop = m.HARD_STOP_FAULT
 
     def _note_fault(self, fault):
@@ -87,7 +87,7 @@ class Stops:
         controller.io.safe()
         controller.run_outputs.abort()
         controller.motors.jogging = 0
-        controller.motors.end_homing()
+        self.end_homing()
         controller.reports.nobody_listens()
 
     def on_stop_input(self):
@@ -102,7 +102,7 @@ class Stops:
                 controller.positions.power_cut(axes.moving_bits())
             self._note_fault(FAULT_ESTOP)
             controller.motors.jogging = 0
-            controller.motors.end_homing()
+            self.end_homing()
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
@@ -122,6 +122,13 @@ class Stops:
                 if operations.takes(motor):
                     operations.stop(spared=virtuals.engaged)
                 axes[motor].stop(controller.hal, factor)
+
+    def end_homing(self, bits=-1):
+        """Homing is over if any of these motors is homed: they are about to be stopped."""
+        controller = self.controller
+        if controller.motors.homing & bits:
+            controller.motors.homing = 0
+            controller.homing.release()
 
     def on_fault(self, lost):
         """The kernel has found a fault, or the engine has lost commands of the motors `lost`."""
@@ -182,7 +189,7 @@ class Stops:
         factor = controller.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
         controller.motors.jogging = 0
-        controller.motors.end_homing()
+        self.end_homing()
         landing = operations.stop(factor, not hard, True, spared=virtuals.engaged)
         if hard:
             virtuals.halt(factor)

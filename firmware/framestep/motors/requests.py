@@ -79,9 +79,8 @@ class Motors:
         if not controller.stops.allow_motion():
             return m.ERR_GENERAL
         virtuals = controller.virtuals
-        if controller.operations.running and controller.operations.takes(motor):
-            return m.ERR_MOVING
-        if (self.homing >> motor) & 1:
+        operations = controller.operations
+        if operations.running and operations.takes(motor) or (self.homing >> motor) & 1:
             return m.ERR_MOVING  # field note 4.9
         if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
             return m.ERR_MOVING
@@ -252,8 +251,7 @@ class Motors:
         controller = self.controller
         motor = self._leading(motor)
         self.jogging &= ~(1 << motor)
-        if (self.homing >> motor) & 1:
-            self.end_homing()
+        controller.stops.end_homing(1 << motor)
         engaged = controller.virtuals.engaged
         taken = controller.operations.busy and controller.operations.takes(motor)
         if taken:
@@ -263,12 +261,6 @@ class Motors:
         elif not taken:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
-
-    def end_homing(self):
-        """Homing is over, if it is on: what moves is about to be stopped."""
-        if self.homing:
-            self.homing = 0
-            self.controller.homing.release()
 
     # ---------------------------------------------------------------- settings
 
