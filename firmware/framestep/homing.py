@@ -224,7 +224,8 @@ class Homing:
             back ^= 1
         elif phase == _AGAIN:
             words[_WAY] = 2 * home["back_off"]
-            speed = home["slow_speed"]
+            if not home["stall"]:
+                speed = home["slow_speed"]
             back ^= 1
         else:
             words[_WAY] = home["back_off"]
@@ -256,8 +257,10 @@ class Homing:
             self.controller.stops.end_homing()
         elif phase == _SEEK or phase == _AGAIN:
             # A switch that was found and is open again was a disturbance, if the motor was so slow
-            # that it cannot have passed it.
-            if not self.found or (phase == _AGAIN and not self._active()):
+            # that it cannot have passed it. A stall is over as soon as the motor stands.
+            if not self.found or (
+                phase == _AGAIN and not self._active() and not self.home["stall"]
+            ):
                 self._fail(NOT_FOUND)
             elif phase == _SEEK:
                 self._go(_BACK)

@@ -110,7 +110,7 @@ class Rig:
         if [motor for motor in self.motors if motor["home"] is not None]:
             from framestep.rig_home import read_homes
 
-            read_homes(self.motors, self.limits)
+            self.drivers = read_homes(self.motors, self.limits, self.drivers)
             found = True
         else:
             found = False

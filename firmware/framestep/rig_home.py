@@ -19,21 +19,37 @@ HOME_SETTINGS = {
         "from the switch back to where it is open for sure"),
     "travel": (int, 1, 100000000, None, "steps",
         "how far to look for it at most: a little more than the whole way of the axis"),
+    "stall": (int, 0, 255, 0, "",
+        "StallGuard threshold of the motor's TMC2209, whose DIAG is the switch; 0: a real switch"),
     "order": (int, 0, 12, 0, "",
         "where several motors are homed, those with lower numbers come first"),
 }
 # fmt: on
 
 
-def read_homes(motors, limits):
-    """Read each motor's `home`.
+def read_homes(motors, limits, drivers):
+    """Read each motor's `home`. Returns Rig.drivers, with StallGuard set up where it is wanted.
 
     motors: dictionaries of MOTOR_SETTINGS, in which `home` is put anew with all its keys. limits:
-    Rig.limits. RigError for a mistake.
+    Rig.limits. drivers: Rig.drivers, or None. RigError for a mistake.
     """
     for i, motor in enumerate(motors):
         if motor["home"] is not None:
-            motor["home"] = _read(motor["home"], "motors[%d].home." % (i + 1), limits)
+            where = "motors[%d].home." % (i + 1)
+            motor["home"] = home = _read(motor["home"], where, limits)
+            driver = motor["driver"]
+            if not home["stall"]:
+                continue
+            if driver is None or driver["mode"] != "stealth":
+                raise RigError(
+                    '%sstall: found %d, allowed is 0 without a `driver` in mode "stealth"'
+                    % (where, home["stall"])
+                )
+            from framestep.io.tmc2209_setup import with_stall
+
+            table = with_stall(drivers[i], home["stall"], home["speed"], driver["microsteps"])
+            drivers = drivers[:i] + [table] + drivers[i + 1 :]
+    return drivers
 
 
 def _read(found, where, limits):

@@ -490,6 +490,49 @@ def test_button():
     assert rail.steps == before  # it is known now
 
 
+# ---- StallGuard
+
+
+class End(Switch):
+    """No switch but a TMC2209's DIAG: it is high while the motor is driven on against the end of
+    its rail, and low as soon as it stands."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.last = 0
+        self.still = 0
+
+    def levels(self, steps):
+        self.still = 0 if steps != self.last else self.still + 1
+        self.last = steps
+        return [int(steps <= self.at and self.still < 5)]
+
+
+def test_stall():
+    """The end of a rail is found twice, at the same speed."""
+    rig = {
+        "limits": [{"low": 22}],
+        "motors": [
+            {
+                "driver": {"run_ma": 500, "microsteps": 32},
+                "home": {"limit": 1, "travel": 3000, "stall": 60, "back_off": 300},
+            }
+        ],
+    }
+    session, rail = rails(End(1, 22, -700), rig=rig)
+    session.run(1)
+    chip = session.board.chips[0]
+    # 12 MHz · 32 microsteps / (256 · 1000 steps/s) = 1500 clocks for a 256th of a step
+    assert (chip.registers[0x14], chip.registers[0x40]) == (2250, 60)
+    home(session, 1)
+    assert trust(session) == (KNOWN, HOMED)
+    assert session.position(1) == 300
+    times, signs = session.steps(1)
+    turns = [i for i in range(1, len(signs)) if signs[i] != signs[i - 1]]
+    assert np.diff(times[turns[1] : turns[2]]).min() < 1.05 / 1000
+    assert rail.steps[1] == pytest.approx(-700 + 300, abs=3)
+
+
 # ---- the command, the REPL
 
 

@@ -68,6 +68,13 @@ def test_the_simulated_board_is_a_pico():
             "motors[1].home.back_off: found 200, allowed is at most the travel, 199",
         ),
         (
+            {
+                "limits": [{"low": 22}],
+                "motors": [{"home": {"limit": 1, "travel": 1000, "stall": 9}}],
+            },
+            'motors[1].home.stall: found 9, allowed is 0 without a `driver` in mode "stealth"',
+        ),
+        (
             {"dmx_break_us": 91},
             "dmx_break_us: found 91, allowed is a whole number from 92 to 1000 µs",
         ),

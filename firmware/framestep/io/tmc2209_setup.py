@@ -22,6 +22,8 @@ _IHOLD_IRUN, _TPOWERDOWN, _TPWMTHRS, _TCOOLTHRS, _VACTUAL, _COOLCONF = (
     0x42,
 )
 _CHOPCONF, _PWMCONF = 0x6C, 0x70
+_SGTHRS = 0x40
+_LONGEST = (1 << 20) - 1  # TCOOLTHRS
 
 _SPREAD = 1 << 2  # GCONF
 # pdn_disable, mstep_reg_select, multistep_filt; current not by VREF
@@ -101,3 +103,25 @@ def registers(driver):
         table.append(register)
         table.extend(value.to_bytes(4, "big"))
     return bytes(table)
+
+
+def with_stall(table, threshold, speed, microsteps):
+    """The same registers, with StallGuard on.
+
+    DIAG then tells of a stall, SG_RESULT at most twice the threshold (1 … 255), while the motor is
+    faster than two thirds of `speed` (steps/s): slower, and so at the beginning of a motion, the
+    chip cannot tell. SGTHRS takes the place of COOLCONF, which has its value from a reset.
+    """
+    # TSTEP: clocks from one 256th of a full step to the next, the longer the slower
+    longest = _CLOCK_HZ * microsteps * 3 // (256 * speed * 2)
+    found = bytearray(table)
+    for at in range(0, len(found), 5):
+        value = None
+        if found[at] == _TCOOLTHRS:
+            value = min(max(longest, 1), _LONGEST)
+        elif found[at] == _COOLCONF:
+            found[at] = _SGTHRS
+            value = threshold
+        if value is not None:
+            found[at + 1 : at + 5] = value.to_bytes(4, "big")
+    return bytes(found)
