@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator fuzz lint types format \
-	plots bench profile flash image install dist release emulator-measure strain clean
+	plots bench profile soak flash image install dist release emulator-measure strain clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -96,6 +96,10 @@ bench: setup node micropython ## measure the firmware on the emulated board besi
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play or go
 	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
+
+soak: setup ## two emulated hours of a host's work: heap flat, positions exact, counters wrap; ARGS="--hours 2 --minutes 30 --seed 1"
+	@tools/micropython/build.sh unix32f
+	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
 
 strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(ARGS)

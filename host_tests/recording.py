@@ -12,6 +12,7 @@ of, then
     R 4446…        bytes from the host
     O, C           the port is opened, closed
     L 19 0         an input's level
+    G              the replay prints how many bytes of the heap are taken: `heap 12345`
     F 1, F 0       the host takes no more bytes, takes them again
     W - 05ff…      what the drivers' wire gives in the next pass, call by call
     X 2            what take_lost_commands() says in the next pass, call by call
@@ -142,6 +143,10 @@ class Recorder:
             notes.append("<" + self.sent.hex())
         self.notes, self.wire, self.sent, self.lights = [], bytearray(), bytearray(), None
         return notes
+
+    def weigh(self):
+        """Let the replay tell here how much of the heap is taken."""
+        self._line("G")
 
     # ---- the board
 

@@ -1,0 +1,57 @@
+"""Hours of a host's work in emulated time, held to what may never happen.
+
+    python -m host_tests.soak.soak [--hours 2] [--minutes 30] [--seed 1]          (make soak)
+
+Stretches of rounds (rounds.py) are played with the host simulation and again on 32-bit MicroPython
+(stretch.py). It prints a line for each stretch, and ends with 1 where anything was wrong.
+"""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from framestep import native_cpython
+from framestep_tools import builds
+from host_tests.conftest import Runtime
+from host_tests.soak.stretch import play
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="a soak of the controller in emulated time")
+    parser.add_argument("--hours", type=float, default=2, help="emulated hours in all")
+    parser.add_argument("--minutes", type=float, default=30, help="of a stretch on one heap")
+    parser.add_argument("--seed", type=int, default=1, help="of the first stretch")
+    options = parser.parse_args()
+    left, seed = options.hours * 3600, options.seed
+    rounds = motions = 0
+    seconds = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        runtime = Runtime(builds.micropython("unix32f"), Path(folder))
+        while left > 0:
+            path = Path(folder) / "soak.recording"
+            try:
+                found = play(runtime, min(left, options.minutes * 60), seed, path)
+            except AssertionError as error:
+                print(f"seed {seed}: {error}", flush=True)
+                return 1
+            print(
+                f"seed {seed}: {found.seconds:.0f} s, {found.rounds} rounds, {found.motions} "
+                f"positions of all motors exact, heap {found.heap[-1]} bytes: "
+                f"{found.wrong or 'nothing wrong'}",
+                flush=True,
+            )
+            if found.wrong:
+                return 1
+            left -= found.seconds
+            seconds += found.seconds
+            rounds += found.rounds
+            motions += found.motions
+            seed += 1
+            native_cpython.forget()
+    print(f"{seconds / 3600:.2f} emulated hours, {rounds} rounds, {motions} checks: nothing wrong")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
