@@ -1,6 +1,6 @@
 """Hours of a host's work in emulated time, held to what may never happen.
 
-    python -m host_tests.soak.soak [--hours 2] [--minutes 30] [--seed 1]          (make soak)
+    python -m host_tests.soak.soak [--hours 2] [--minutes 15] [--seed 1]          (make soak)
 
 Stretches of rounds (rounds.py) are played with the host simulation and again on 32-bit MicroPython
 (stretch.py). It prints a line for each stretch, and ends with 1 where anything was wrong.
@@ -20,7 +20,7 @@ from host_tests.soak.stretch import play
 def main() -> int:
     parser = argparse.ArgumentParser(description="a soak of the controller in emulated time")
     parser.add_argument("--hours", type=float, default=2, help="emulated hours in all")
-    parser.add_argument("--minutes", type=float, default=30, help="of a stretch on one heap")
+    parser.add_argument("--minutes", type=float, default=15, help="of a stretch on one heap")
     parser.add_argument("--seed", type=int, default=1, help="of the first stretch")
     options = parser.parse_args()
     left, seed = options.hours * 3600, options.seed
