@@ -40,6 +40,9 @@ class Motor:
         self.quiets: list[tuple[int, int]] = []
         self.rest_by: int | None = None  # when it stands that has been asked to stop alone, ms
         self.let_go_by: int | None = None  # or that jogs, and has not been asked to go on
+        self.home = settings["home"]  # None: it cannot be homed
+        self.homing = False
+        self.renumbered = False  # homing is over, and may have given it another position
 
     def allow(self, ms, velocity=0.0, acceleration=0.0):
         if velocity > self.top[-1][1]:
@@ -58,13 +61,31 @@ class Motor:
         self.top = [(ms, self.velocity)]
         self.steep = [(ms, self.acceleration)]
         self.least = self.acceleration
-        self.jerky = self.free = False
+        self.jerky = False
+        self.free = self.renumbered
         self.fresh = True
         self.sent = 0
         self.low = self.high = self.at
         self.bound()
 
+    def homes(self, factor):
+        """It is homed from here: no further toward the switch than its travel and what it needs to
+        stop, and back off it twice at most. factor: of the hard stop."""
+        ahead = self.home["travel"] + self.home["back_off"] + self.backlash
+        ahead += self.velocity**2 // (2 * self.acceleration * factor) + 2 + self.velocity // 50
+        behind = 2 * self.home["back_off"] + self.backlash
+        if self.home["toward"] == "low":
+            self.low, self.high = self.at - ahead, self.at + behind
+        else:
+            self.low, self.high = self.at - behind, self.at + ahead
+        self.homing = self.jerky = True
+        self.soft = None
+        self.sent += 1
+
     def bound(self):
+        if self.renumbered:
+            self.soft = None
+            return
         lower, upper = self.limits
         self.soft = (
             None if lower is None else min(lower, self.load) - self.backlash,

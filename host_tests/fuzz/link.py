@@ -14,6 +14,7 @@ MOTIONS = frozenset(
     (
         m.MSG_MOTOR_MOVE,
         m.MSG_MOTOR_JOG,
+        m.MSG_HOME,
         m.MSG_RT_POSITION_FRAME,
         m.MSG_RT_RUN_MOVE,
         m.MSG_RT_SHOOT_FRAME,

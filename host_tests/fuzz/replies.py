@@ -29,6 +29,7 @@ class Replies(Part):
             m.MSG_MOTOR_GET_POSITION: self._positions,
             m.MSG_MOTOR_MOVE: self._moved,
             m.MSG_MOTOR_JOG: self._moved,
+            m.MSG_HOME: self._homes,
             m.MSG_MOTOR_STOP: self._stopped,
             m.MSG_MOTOR_STOP_ALL: self._stop_all,
             m.MSG_MOTOR_SET_SPEED: self._set_speed,
@@ -149,6 +150,8 @@ class Replies(Part):
                 self.trial.edges.together(motor, pair)
             if motor.edges or motor.quiets:
                 self.trial.edges.judge(motor)
+            if motor.homing:
+                motor.homing, motor.renumbered = False, True
             motor.stands(ms)
             motor.rest(ms)
 
@@ -175,11 +178,22 @@ class Replies(Part):
             told = struct.unpack_from("<i", payload, 4 + 4 * motor.index)[0]
             if motor.edges:
                 self.trial.edges.judge(motor)
+            if motor.renumbered:
+                self._renumber(motor, told)
             if told != motor.load:
                 self.fail(
                     "positions",
                     f"motor {motor.index + 1} is told to be at {told}, its edges say {motor.load}",
                 )
+
+    def _renumber(self, motor, told):
+        """Homing has given the motor this position, or left it as it was."""
+        motor.renumbered = False
+        if told != motor.load and motor.sent == 0 and not motor.edges:
+            self.counts["homed"] += 1
+        motor.at += told - motor.load
+        motor.load = told
+        motor.stands(self.ms)
 
     def _pins(self, payload):
         """Positions in motion are those of the pins, to what may come in a tick or two (field note
@@ -189,7 +203,7 @@ class Replies(Part):
         limit = (self.hal.cycle() << 1) + 1
         for motor in self.motors:
             edges = motor.edges
-            if not edges:
+            if not edges or motor.homing or motor.renumbered:
                 continue
             n = motor.seen
             while n < len(edges) and edges[n] <= limit:
@@ -222,6 +236,16 @@ class Replies(Part):
         self.led(motor)
         if self.trial.virtual:
             self.anywhere()
+
+    def _homes(self, request, payload):
+        for motor in self.motors:
+            asked = motor.index + 1 in request.payload if request.payload else motor.home
+            if asked and motor.flags & m.MOTOR_ENABLED and motor.leader is None:
+                if motor.edges:
+                    self.trial.edges.judge(motor)
+                motor.stands(self.ms)
+                motor.homes(self.rig.hard_stop_factor)
+                self.led(motor)
 
     def _set_speed(self, request, payload):
         i, velocity, acceleration = request.words("BII")
@@ -271,6 +295,7 @@ class Replies(Part):
                 self.trial.edges.judge(each)
                 each.stands(self.ms)
         self.trial.edges.judge(motor)
+        motor.renumbered = False
         motor.at += value - motor.load
         motor.load = value
         motor.stands(self.ms)

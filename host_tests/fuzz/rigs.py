@@ -68,6 +68,9 @@ def draw_rig(dice: Random, board: str) -> dict:
             )
         if sets:
             rig["limits"] = sets
+            for motor in motors:
+                if some() < 0.5:
+                    motor["home"] = draw_home(dice, sets)
     if some() < 0.15:
         rig["outputs"] = [
             {
@@ -85,6 +88,23 @@ def draw_rig(dice: Random, board: str) -> dict:
             for key in ("go_input", "limits", "outputs", "estop", "motors"):
                 if rig.pop(key, None) is not None:
                     break
+
+
+def draw_home(dice: Random, sets: list) -> dict:
+    """How a motor is homed at one of these sets of limit switches."""
+    number = dice.randrange(len(sets))
+    back_off = dice.choice((1, 20, 200, 1000))
+    slow = dice.choice((10, 100, 1000))
+    return {
+        "limit": number + 1,
+        "toward": "high" if sets[number]["low"] < 0 else dice.choice(("low", "high")),
+        "position": dice.choice((0, 0, -200, 5000, -(10**9), 10**9)),
+        "speed": slow * dice.choice((1, 5, 20)),
+        "slow_speed": slow,
+        "back_off": back_off,
+        "travel": back_off * dice.choice((1, 3, 20)),
+        "order": dice.choice((0, 0, 1, 2)),
+    }
 
 
 def draw_script(dice: Random) -> Script:

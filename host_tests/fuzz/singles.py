@@ -85,6 +85,66 @@ class Singles(Deeds):
             elif x < 0.4:
                 self.world.surroundings.side()
 
+    def home(self):
+        """Motors are homed, their switches where they would be, or touched and let go at any
+        time."""
+        dice, trial = self.dice, self.trial
+        there = [motor for motor in trial.motors if motor.home]
+        self.settle(1500) or self.halt()
+        if dice.random() < 0.8:
+            self.world.surroundings.release()
+            self.tick(30)
+        asked = dice.sample(there, dice.randint(1, len(there))) if dice.random() < 0.6 else []
+        self.send(m.MSG_HOME, bytes(motor.index + 1 for motor in asked))
+        if dice.random() < 0.7:
+            self.switches_follow(asked or there)
+        else:
+            self.switches_anyhow(asked or there)
+        self.settle(dice.choice((100, 3000))) or self.halt()
+        self.send(m.MSG_MOTOR_GET_POSITION)
+        self.tick(5)
+
+    def switches_follow(self, motors):
+        """Each motor's home switch is somewhere on its way, and bounces."""
+        dice, trial = self.dice, self.trial
+        switches = {}
+        for motor in motors:
+            limit = self.rig.limits[motor.home["limit"] - 1]
+            downward = motor.home["toward"] == "low"
+            way = int(dice.uniform(-0.1, 1.1) * motor.home["travel"])
+            at = motor.at - way if downward else motor.at + way
+            switches[limit[motor.home["toward"]]] = motor, at, downward, limit["contact"] == "nc"
+        levels = {}
+        for _ in range(dice.choice((300, 3000, 12_000))):
+            for pin, (motor, at, downward, closed) in switches.items():
+                place = motor.at + sum(1 if edge & 1 else -1 for edge in motor.edges)
+                hit = place <= at if downward else place >= at
+                level = int(hit == closed)
+                if levels.get(pin) != level:
+                    levels[pin] = level
+                    for bounce in (level, *dice.choice(((), (1 - level, level)))):
+                        trial.do("pin", (pin, bounce))
+            self.tick()
+            if dice.random() < 0.0005:
+                self.world.anything()
+            if trial.ms % 200 == 0:
+                self.send(m.MSG_MOTOR_STATUS)
+                self.tick(2)
+                if trial.last_status == 0:
+                    return
+
+    def switches_anyhow(self, motors):
+        """Somebody plays with the switches."""
+        dice = self.dice
+        self.pause(20)
+        for _ in range(dice.choice((0, 2, 4, 4, 8))):
+            self.tick(dice.choice((1, 5, 60, 300, 800)))
+            home = dice.choice(motors).home
+            pin = self.rig.limits[home["limit"] - 1][home["toward"]]
+            self.trial.do("pin", (pin, dice.randint(0, 1)))
+            if dice.random() < 0.1:
+                self.world.anything()
+
     def moves(self):
         self.move()
         if self.dice.random() < 0.7 and not self.settle(self.dice.choice((500, 3000))):

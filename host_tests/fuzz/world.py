@@ -86,6 +86,8 @@ class World:
             ]
             if self.surroundings.switches:
                 deeds.append((self.surroundings.switch, 1))
+            if any(motor.home for motor in trial.motors):
+                deeds.append((self.singles.home, 2))
             if self.rig.remember_positions:
                 deeds.append((self.surroundings.lull, 0.7))
             if self.wild:
