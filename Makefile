@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
-LAYERS := runtime board emulator
+LAYERS := runtime board emulator console
 ARGS ?=
 BOARD ?= pico
 
@@ -12,7 +12,7 @@ MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator fuzz lint types format \
+.PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console fuzz lint types format \
 	plots bench profile soak flash image install dist release emulator-measure strain clean
 
 help: ## show this list
@@ -23,6 +23,9 @@ setup: ## Python packages in .cache/venv; nothing to do the second time
 
 node: ## the emulator's node package
 	@tools/setup.sh node
+
+chromium: ## a browser for the tests of the console, where none is installed
+	@tools/setup.sh chromium
 
 micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (two minutes, once)
 	@tools/micropython/build.sh all
@@ -54,7 +57,7 @@ release: setup ## all that a release has (build/release): the package for pip, i
 dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)
 	@"$(PYTHON_VENV)" -m framestep_tools.dist
 
-test: lint types node micropython ## everything: style, types, and every layer of tests
+test: lint types node micropython chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
 
 test-core: setup ## the core on CPython
@@ -74,6 +77,9 @@ test-board: setup node ## the firmware on the emulated board, end to end
 
 test-emulator: setup node micropython ## the emulator itself
 	@$(PYTEST) host_tests/emulator $(ARGS)
+
+test-console: setup node micropython chromium ## the page of `framestep console` in a real browser
+	@$(PYTEST) host_tests/console $(ARGS)
 
 fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7; what fails is kept as a script in build/fuzz
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)

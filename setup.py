@@ -38,6 +38,9 @@ class BuildPackage(build_py):
         folder = package / "data"
         for path in sorted((ROOT / "tools/framestep_tools/moves").glob("*.csv")):
             self.put(path, package / "moves" / path.name)
+        page = ROOT / "tools/framestep_tools/console/page"
+        for path in sorted(path for path in page.rglob("*") if path.is_file()):
+            self.put(path, package / "console/page" / path.relative_to(page))
         for path in sorted((ROOT / "boards").glob("*.json")):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):

@@ -52,7 +52,15 @@ def pytest_addoption(parser):
 
 # What takes long begins first, so that at the end no processor waits for another one. Of the rest
 # files go by name.
-_FIRST = ("board/test_flash.py", "board/test_image.py", "board/", "runtime/", "fuzz/", "emulator/")
+_FIRST = (
+    "board/test_flash.py",
+    "board/test_image.py",
+    "board/",
+    "runtime/",
+    "fuzz/",
+    "emulator/",
+    "console/",
+)
 
 
 def pytest_collection_modifyitems(items):

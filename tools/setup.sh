@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Python packages in a virtual environment of their own (.cache/venv), MicroPython's type stubs beside it, and the
-# node package of the emulator. Does only what is missing.
+# node package of the emulator, or a browser for the tests of the console. Does only what is missing.
 #
-# usage: tools/setup.sh [python|node]      (default: python)
+# usage: tools/setup.sh [python|node|chromium]      (default: python)
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/steps.sh"
 
@@ -60,7 +60,18 @@ node_packages() {
         npm --prefix "$board" install --no-package-lock --no-audit --no-fund
 }
 
-case ${1:-python} in python | node) ;; *) die "usage: tools/setup.sh [python|node]" ;; esac
+# Any of them does; Debian's is installed where there is none.
+chromium_is_there() {
+    local browser
+    for browser in chromium chromium-browser google-chrome google-chrome-stable; do
+        ! command -v "$browser" >/dev/null || return 0
+    done
+    return 1
+}
+
+chromium_packages() { need_packages "test the console in a browser" chromium; }
+
+case ${1:-python} in python | node | chromium) ;; *) die "usage: tools/setup.sh [python|node|chromium]" ;; esac
 "${1:-python}_is_there" && exit # without waiting for a build that is under way
 lock
 "${1:-python}_is_there" || "${1:-python}_packages"

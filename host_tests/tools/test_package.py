@@ -29,7 +29,7 @@ BLOCKED = (
     "framestep_emulator",
 )
 # what only some commands need
-_LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller")
+_LATE = ("rich", "serial", "mpremote", "littlefs", "framestep.controller", "websockets")
 
 
 class Installed:
@@ -125,6 +125,17 @@ def test_a_start_loads_nothing_that_only_some_command_needs(installed):
     )
     assert "Commands:" in found
     assert found.splitlines()[-1].strip() == "loaded:"
+
+
+def test_the_page_of_the_console_is_in_the_package(installed):
+    """What a browser would be given, numbers of the protocol among it."""
+    folder = installed.home / "page"
+    assert installed.run("console", "--save", folder).endswith(f"files are in {folder}\n")
+    page = ROOT / "tools/framestep_tools/console/page"
+    ours = {path.relative_to(page) for path in page.rglob("*") if path.is_file()}
+    there = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
+    assert {str(path) for path in there - ours} == {"protocol.js", "rig.schema.json"}
+    assert not ours - there
 
 
 def test_help_of_every_command(installed):

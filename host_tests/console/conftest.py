@@ -1,0 +1,180 @@
+"""A console in a real browser: Chromium without a window, the page's own server, and a device
+behind it, simulated or emulated."""
+
+import asyncio
+import contextlib
+import shutil
+import threading
+import time
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from framestep_tools.boards import SimulatedBoard
+from framestep_tools.client import BrokenOff, Client
+from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.server import ConsoleServer
+from framestep_tools.opening import open_port
+from framestep_tools.serve import Server
+
+_LOOK_S = 0.02
+PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may take its time
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+_FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def browser_program() -> str:
+    """The browser that is installed; the test fails and says what to install where none is."""
+    found = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.fail("no Chromium is installed: make chromium does it", pytrace=False)
+    return found
+
+
+@pytest.fixture(scope="session")
+def browser():
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=browser_program(), args=_FLAGS)
+        yield started
+        started.close()
+
+
+class Device:
+    """A board that runs in a thread, its protocol's port on TCP; `at_board(f)` calls f(board)
+    there."""
+
+    def __init__(self, board, speed):
+        self._server = Server(board, speed=speed, tcp="127.0.0.1:0")
+        line = next(each for each in self._server.announcements if each.startswith("tcp "))
+        self.url = "socket://" + line.split()[1]
+        self._calls = []
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while not self._server.stopping:
+            while self._calls:
+                call, done = self._calls.pop(0)
+                call(self._server.board)
+                done.set()
+            self._server.step()
+        self._server.close()
+
+    def at_board(self, call):
+        done = threading.Event()
+        self._calls.append((call, done))
+        assert done.wait(PATIENCE_MS / 1000)
+
+    def set_pin(self, pin, level):
+        self.at_board(lambda board: board._board.set_input(pin, level))
+
+    @contextlib.contextmanager
+    def client(self):
+        """A client, once nobody else has the port."""
+        end = time.monotonic() + PATIENCE_MS / 1000
+        while True:
+            try:
+                with Client.open(self.url, PATIENCE_MS / 1000) as client:
+                    client.greet()
+                    yield client
+                return
+            except BrokenOff:  # closed at once: the page's server is about to let go
+                assert time.monotonic() < end
+                time.sleep(_LOOK_S)
+
+    def close(self):
+        self._server.stop()
+        self._thread.join()
+
+
+class Console:
+    """The page's server in a thread of its own."""
+
+    def __init__(self, url, work=None):
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread.start()
+        self.server = self.call(self._make(url, work))
+
+    async def _make(self, url, work):
+        server = ConsoleServer(lambda: open_port(url, 1.0), url, work or BoardWork(None, url))
+        await server.start()
+        return server
+
+    def call(self, coroutine):
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE_MS / 1000)
+
+    @property
+    def url(self):
+        return self.server.url
+
+    def close(self):
+        self.call(self.server.stop())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
+class Stage:
+    """Starts what tests need, and closes it all in reverse order."""
+
+    def __init__(self, browser):
+        self._browser = browser
+        self._started = contextlib.ExitStack()
+
+    def simulated(self, rig=None, motors=None, speed=1.0, board="pico"):
+        """A simulated board."""
+        device = Device(SimulatedBoard(rig, motors, board), speed)
+        self._started.callback(device.close)
+        return device
+
+    def console(self, url, work=None):
+        """The page's server for a device."""
+        served = Console(url, work)
+        self._started.callback(served.close)
+        return served
+
+    def page(self, url, **options):
+        """A page; options are those of a browser's context. `errors` has what went wrong in it,
+        `asked` what it has asked for."""
+        context = self._browser.new_context(
+            **{"viewport": {"width": 1280, "height": 900}, **options}
+        )
+        self._started.callback(context.close)
+        context.set_default_timeout(PATIENCE_MS)
+        page = context.new_page()
+        page.errors, page.asked = [], []
+        page.on("pageerror", lambda error: page.errors.append(str(error)))
+        page.on(
+            "console",
+            lambda said: page.errors.append(said.text) if said.type == "error" else None,
+        )
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.goto(url)
+        return page
+
+    def close(self):
+        self._started.close()
+
+
+@pytest.fixture
+def stage(browser):
+    started = Stage(browser)
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="module")
+def shared_stage(browser):
+    """The same for all tests of a file: what is started here costs once."""
+    started = Stage(browser)
+    yield started
+    started.close()

@@ -1,0 +1,51 @@
+"""What tests of the console look at on the page."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from host_tests.console.conftest import PATIENCE_MS
+
+LOOK_MS = 20
+
+expect.set_options(timeout=PATIENCE_MS)
+
+
+def position(page, motor=1):
+    return page.get_by_label(f"Position of motor {motor} in steps")
+
+
+def steps(page, motor=1):
+    """Where the page says a motor is."""
+    return int(position(page, motor).text_content())
+
+
+def wait_far(page, motor, begin, distance):
+    """Wait until a motor is farther than that from where it began."""
+    for _ in range(PATIENCE_MS // LOOK_MS):
+        if abs(steps(page, motor) - begin) > distance:
+            return
+        page.wait_for_timeout(LOOK_MS)
+    pytest.fail(f"motor {motor} is still at {steps(page, motor)}")
+
+
+def wait_moving(page):
+    expect(page.locator("#moving")).to_contain_text(re.compile("Motor .* moves?"))
+
+
+def wait_rest(page):
+    expect(page.locator("#moving")).to_contain_text("Nothing moves")
+
+
+def wait_connected(page):
+    expect(page.locator("#who")).to_contain_text("framestep")
+    expect(position(page)).to_have_text(re.compile(r"\d"))
+
+
+def log(page):
+    return page.get_by_role("log")
+
+
+def go_to(page, view):
+    page.get_by_role("navigation").get_by_role("button", name=view, exact=True).click()

@@ -1,0 +1,166 @@
+"""The page's codec, in the browser, beside the tools' own: frames, checksum, payloads."""
+
+import pytest
+
+from framestep.protocol import messages
+from framestep_tools.payloads import (
+    BlurMotor,
+    Condition,
+    DeviceInfo,
+    Dmx,
+    Exceeded,
+    HardStop,
+    InputLevels,
+    MotorJog,
+    MotorMove,
+    MotorSetLimits,
+    MotorStopAll,
+    Positions,
+    PositionTrust,
+    RtRunMove,
+    RtShootFrame2,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveTriggers,
+    Status,
+    Trigger,
+    VirtJogOnLine,
+    VirtPositions,
+)
+from framestep_tools.wire import FrameDecoder, encode
+
+REQUESTS = [
+    MotorMove(7, -500),
+    MotorMove(1, -(2**31)),
+    MotorJog(2, 10_000, 2**31 - 1),
+    MotorSetLimits(3, 1, -5, 0, 99, 0x81),
+    MotorStopAll(),
+    MotorStopAll(1),
+    Dmx(1, 512, (0, 128, 255)),
+    RtUploadMoveBegin(-3, 1_000_000),
+    RtUploadMoveAxis(4, 0x8000_0000, (1, -2, 2**31 - 1)),
+    RtUploadMoveTriggers(5, (Trigger(0, 1), Trigger(9, 4))),
+    RtRunMove(24_000, 1, 240, 1000, 1500),
+    RtRunMove(23_976, 240, 1, 0, 0, 1, 2, 3, 4, 3, 90, 180),
+    RtShootFrame2(12, 500, -90, 270, (BlurMotor(1, -5, 5), BlurMotor(2, 0, 7))),
+    VirtJogOnLine(4, -10_000),
+]
+REPORTS = [
+    DeviceInfo("Größe", 1, 2, 3, 8, 512, 4, 4, 2, 10_000, 0x07FF, 2),
+    Status(0x8000_0001, 1),
+    Positions(-1500, (0, -7, 2**31 - 1)),
+    HardStop(0),
+    HardStop(1, 3),
+    InputLevels(0x8000_0000),
+    Condition(6, (PositionTrust(0, 1), PositionTrust(2, 3))),
+    Exceeded(1, 2, 30, 400, 2, 5000, 20_000, -9, 9, 7, 1, 2),
+    Exceeded(0, 0, 0, 0),
+    VirtPositions(1, -2, 3, -4, 5, -6),
+    VirtPositions(1, 2, 3, 4, 5, 6, 1, -7, 8, 9),
+]
+VECTORS = [  # docs/protocol-notes.md, 10
+    "44 46 01 00 00 00 01 00 00 00 44 2F",
+    "44 46 01 00 00 00 31 80 02 00 10 00 9C 14",
+    "44 46 78 56 34 12 01 02 05 00 02 A0 86 01 00 DA 53",
+]
+
+
+@pytest.fixture(scope="module")
+def page(shared_stage):
+    """A page of the server without a device behind it: only its modules are wanted."""
+    served = shared_stage.console("socket://127.0.0.1:1")
+    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
+
+
+def in_page(page, body, argument):
+    """What a function's body with the codec as `codec` gives for an argument."""
+    return page.evaluate(
+        f"async (given) => {{ const codec = await import('/codec.js'); {body} }}", argument
+    )
+
+
+def plain(value):
+    """A payload's fields as JSON has them; what is left out is not there."""
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: plain(field) for name, field in vars(value).items() if field is not None}
+    return value
+
+
+def test_requests_are_packed_as_the_tools_pack_them(page):
+    given = [[type(each).__name__, plain(each)] for each in REQUESTS]
+    packed = in_page(page, "return given.map((one) => [...codec.pack(...one)]);", given)
+    for request, found in zip(REQUESTS, packed, strict=True):
+        assert bytes(found) == request.pack(), request
+
+
+def test_reports_are_read_as_the_tools_read_them(page):
+    given = [[each.TYPE, list(each.pack())] for each in REPORTS]
+    read = in_page(
+        page, "return given.map(([type, b]) => codec.unpack(type, Uint8Array.from(b)));", given
+    )
+    for report, found in zip(REPORTS, read, strict=True):
+        assert found == {"kind": type(report).__name__, **plain(report)}
+
+
+@pytest.mark.parametrize(
+    ("request_name", "values", "said"),
+    [
+        ("MotorMove", {"motor": 256, "position": 0}, "0 to 255 is allowed, found 256"),
+        ("MotorMove", {"motor": 1, "position": 2**31}, "found 2147483648"),
+        ("MotorMove", {"motor": 1, "position": 0.5}, "found 0.5"),
+        ("RtUploadMoveAxis", {"motor": 1, "start_index": 0, "positions": [-(2**31) - 1]}, "found"),
+    ],
+)
+def test_what_does_not_fit_is_refused(page, request_name, values, said):
+    found = in_page(
+        page,
+        "try { codec.pack(...given); return ''; } catch (error) { return String(error); }",
+        [request_name, values],
+    )
+    assert found.startswith("RangeError")
+    assert said in found
+
+
+def test_a_report_that_is_cut_short_is_none(page):
+    found = in_page(page, "return codec.unpack(given[0], Uint8Array.from(given[1]));", [0x34, [1]])
+    assert found is None
+
+
+def test_frames_are_those_of_the_tools(page):
+    given = [[messages.MSG_HI, [], 1], [0x31, [1, 12, 254, 255, 255], 0xFFFF_FFFF]]
+    found = in_page(
+        page,
+        "return given.map(([type, b, id]) => [...codec.encode(type, Uint8Array.from(b), id)]);",
+        given,
+    )
+    assert [bytes(each) for each in found] == [
+        encode(type, bytes(payload), id) for type, payload, id in given
+    ]
+
+
+def test_frames_are_found_however_the_stream_is_cut(page):
+    good = [bytes.fromhex(each) for each in VECTORS]
+    damaged = bytearray(good[2])
+    damaged[12] ^= 1
+    inside = encode(0x31, good[0], 5)  # a good frame inside a damaged one is found
+    stream = b"DDx" + good[0] + bytes(damaged) + good[1] + inside[:-1] + b"\0" + good[2] + b"D"
+    expected = [
+        [frame.id, frame.request_type, frame.is_ack, list(frame.payload)]
+        for frame in FrameDecoder().feed(stream)
+    ]
+    assert len(expected) == 4
+    found = in_page(
+        page,
+        """return [1, 2, 7, 1000].map((size) => {
+            const decoder = new codec.Decoder();
+            const frames = [];
+            for (let at = 0; at < given.length; at += size) {
+                frames.push(...decoder.feed(Uint8Array.from(given.slice(at, at + size))));
+            }
+            return frames.map((f) => [f.id, f.type, f.ack, [...f.payload]]);
+        });""",
+        list(stream),
+    )
+    assert found == [expected] * 4

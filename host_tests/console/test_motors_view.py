@@ -1,0 +1,167 @@
+"""Motors in the console: positions, jogs that end with the hand, stop, zero, limits."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetSpeed
+from host_tests.console.looking import (
+    log,
+    position,
+    steps,
+    wait_connected,
+    wait_far,
+    wait_moving,
+    wait_rest,
+)
+
+# Without a time limit a jog ends only when the page or its server says so
+ENDLESS_JOGS = {"jog_timeout_ms": 0}
+HIDE = """hidden => {
+    Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
+    document.dispatchEvent(new Event('visibilitychange'));
+}"""
+
+
+@pytest.fixture(scope="module")
+def opened(shared_stage):
+    device = shared_stage.simulated(ENDLESS_JOGS, motors=2)
+    page = shared_stage.page(shared_stage.console(device.url).url)
+    wait_connected(page)
+    return page
+
+
+@pytest.fixture
+def page(opened):
+    """The page, all at rest; each test leaves it so."""
+    yield opened
+    wait_rest(opened)
+    assert opened.errors == []
+
+
+def card_of(page, motor):
+    return page.get_by_role("article", name=f"Motor {motor}")
+
+
+def settings_of(page, motor):
+    card = card_of(page, motor)
+    card.locator("summary").click()
+    expect(card.get_by_label("Velocity, steps/s")).to_be_visible()
+    return card
+
+
+def test_a_move_and_its_position(page):
+    before = steps(page, 1)
+    card = card_of(page, 2)
+    card.get_by_label("Move to step").fill("-700")
+    card.get_by_role("button", name="Move", exact=True).click()
+    expect(position(page, 2)).to_have_text("-700")
+    assert steps(page, 1) == before
+
+
+def test_a_jog_lasts_as_long_as_its_button_is_held(page):
+    before = steps(page)
+    page.get_by_role("button", name="Jog motor 1 up").hover()
+    page.mouse.down()
+    wait_moving(page)
+    wait_far(page, 1, before, 300)
+    page.mouse.up()
+    wait_rest(page)
+    assert steps(page) > before + 300
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        pytest.param(lambda page: page.keyboard.press("Escape"), id="escape"),
+        pytest.param(lambda page: page.keyboard.up("ArrowLeft"), id="key up"),
+        pytest.param(
+            lambda page: page.evaluate("window.dispatchEvent(new Event('blur'))"), id="blur"
+        ),
+        pytest.param(lambda page: page.evaluate(HIDE, True), id="hidden"),
+        pytest.param(lambda page: page.locator("#stop").click(), id="stop"),
+    ],
+)
+def test_a_jog_by_key_ends_and_a_key_that_is_still_held_begins_no_other(page, ends):
+    other, before = steps(page, 1), steps(page, 2)
+    page.keyboard.press("2")
+    page.keyboard.down("ArrowLeft")
+    wait_far(page, 2, before, 200)
+    ends(page)
+    wait_rest(page)
+    stood = steps(page, 2)
+    assert stood < before - 200
+    page.keyboard.down("ArrowLeft")  # as a held key repeats
+    page.keyboard.up("ArrowLeft")
+    page.evaluate(HIDE, False)
+    assert steps(page, 1) == other
+
+
+def test_zero(page):
+    card = settings_of(page, 1)
+    card.get_by_label("Call this position").fill("4321")
+    card.get_by_role("button", name="Set position").click()
+    expect(position(page)).to_have_text("4321")
+    expect(card).to_contain_text("known: set by the host")
+    card.locator("summary").click()
+
+
+def test_a_refusal_is_told_and_changes_nothing(page):
+    card = settings_of(page, 1)
+    before = steps(page)
+    card.get_by_label("Upper, steps").fill(str(before))
+    card.get_by_label("Upper soft limit").check()
+    card.get_by_role("button", name="Set limits").click()
+    expect(log(page)).to_contain_text("Motor 1: limits are set.")
+    card.get_by_label("Move to step").fill(str(before + 1))
+    card.get_by_role("button", name="Move", exact=True).click()
+    expect(log(page)).to_contain_text("MOTOR_MOVE was refused with ERR_SOFT_UP")
+    assert steps(page) == before
+    card.locator("summary").click()
+
+
+def test_what_does_not_fit_is_not_sent(page):
+    before = steps(page, 2)
+    card = card_of(page, 2)
+    card.get_by_label("Move to step").fill("2147483648")
+    card.get_by_role("button", name="Move", exact=True).click()
+    assert card.get_by_label("Move to step").evaluate("field => !field.validity.valid")
+    assert steps(page, 2) == before
+
+
+def test_nothing_is_asked_of_other_hosts(page):
+    hosts = {re.sub(r"^\w+://([^/]*)/.*", r"\1", url) for url in page.asked}
+    assert len(hosts) == 1, hosts
+
+
+def test_settings_come_from_the_device_and_reach_it(stage):
+    device = stage.simulated(motors=1)
+    with device.client() as client:
+        client.request(MotorSetSpeed(1, 1234, 5678))
+    page = stage.page(stage.console(device.url).url)
+    card = settings_of(page, 1)
+    expect(card.get_by_label("Velocity, steps/s")).to_have_value("1234")
+    card.get_by_label("Acceleration, steps/s²").fill("9999")
+    card.get_by_label("Lower soft limit").check()
+    card.get_by_label("Lower, steps").fill("-50")
+    card.get_by_role("button", name="Set limits").click()
+    card.get_by_role("button", name="Set speed").click()
+    expect(log(page)).to_contain_text("Motor 1: speed is set.")
+    page.close()
+    with device.client() as client:  # the port is free when no page has it
+        found = client.request(GetExceeded(1))
+        assert list(client.request(MotorGetPosition()).steps) == [0]
+    assert (found.velocity, found.acceleration, found.lower, found.upper) == (1234, 9999, -50, 0)
+
+
+def test_the_page_that_leaves_stops_its_jog(stage):
+    device = stage.simulated(ENDLESS_JOGS, motors=1)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    page.keyboard.down("ArrowRight")
+    wait_far(page, 1, 0, 200)
+    page.reload()
+    wait_connected(page)
+    wait_rest(page)
+    assert steps(page) > 200

@@ -1,0 +1,340 @@
+"""The server of the console, without a browser: who gets through, one page at a time, and what
+stops when a page goes."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+import socket
+import threading
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from framestep.protocol import messages
+from framestep_tools.boards import SimulatedBoard
+from framestep_tools.client import BrokenOff, Client
+from framestep_tools.console import page_files
+from framestep_tools.console.board_work import BoardWork
+from framestep_tools.console.bridge import Jogs
+from framestep_tools.console.server import ConsoleServer
+from framestep_tools.errors import ToolError
+from framestep_tools.opening import open_port
+from framestep_tools.payloads import (
+    Hi,
+    MotorGetPosition,
+    MotorJog,
+    MotorMove,
+    MotorStatus,
+    MotorStop,
+    MotorStopAll,
+    VirtJog,
+    VirtJogOnLine,
+    VirtStop,
+)
+from framestep_tools.rig_file import RigFileError
+from framestep_tools.serve import Server
+from framestep_tools.wire import encode
+
+PATIENCE_S = 100
+FAR = 2_000_000_000
+
+
+class SocketPort:
+    """A WebSocket of the console with the face of a port, as Client takes it."""
+
+    def __init__(self, link):
+        self.link = link
+        self.timeout = 1.0
+        self.hello = json.loads(link.recv(PATIENCE_S))
+        self._bytes = bytearray()
+
+    def read(self, size=1):
+        if not self._bytes:
+            with contextlib.suppress(TimeoutError):
+                received = self.link.recv(self.timeout)
+                if not isinstance(received, bytes):
+                    raise OSError(received)
+                self._bytes += received
+        data = bytes(self._bytes[:size])
+        del self._bytes[:size]
+        return data
+
+    def write(self, data):
+        self.link.send(bytes(data))
+
+    def close(self):
+        self.link.close()
+
+
+class Stage:
+    """A simulated board, and the console's server before it."""
+
+    def __init__(self, work=None):
+        self._board = Server(SimulatedBoard({"jog_timeout_ms": 0}, 2), speed=1.0, tcp="127.0.0.1:0")
+        line = next(each for each in self._board.announcements if each.startswith("tcp "))
+        self.device = "socket://" + line.split()[1]
+        self._loop = asyncio.new_event_loop()
+        self._threads = [
+            threading.Thread(target=self._run_board),
+            threading.Thread(target=self._loop.run_forever),
+        ]
+        for thread in self._threads:
+            thread.start()
+        self.server = self._call(self._start(work))
+        self.parts = urlsplit(self.server.url)
+
+    def _run_board(self):
+        while not self._board.stopping:
+            self._board.step()
+        self._board.close()
+
+    async def _start(self, work):
+        server = ConsoleServer(
+            lambda: open_port(self.device, 1.0), self.device, work or BoardWork(None, self.device)
+        )
+        await server.start()
+        return server
+
+    def _call(self, coroutine):
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE_S)
+
+    def link(self, token=None, origin=None, host=None, headers=None):
+        token = self.parts.query.removeprefix("token=") if token is None else token
+        return connect(
+            f"ws://{host or self.parts.netloc}/link?token={token}",
+            sock=socket.create_connection((self.parts.hostname, self.parts.port)),
+            origin=origin or f"http://{self.parts.netloc}",
+            additional_headers=headers,
+            open_timeout=PATIENCE_S,
+            legacy=True,
+        )
+
+    def client(self):
+        """The page's end, once the board has noticed that its port was closed before."""
+        while True:
+            client = Client(SocketPort(self.link()), PATIENCE_S)
+            try:
+                client.greet()
+                return client
+            except BrokenOff:
+                client.close()
+
+    def get(self, path, host=None):
+        connection = http.client.HTTPConnection(self.parts.netloc, timeout=PATIENCE_S)
+        connection.request("GET", path, headers={"Host": host or self.parts.netloc})
+        answer = connection.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+
+    def close(self):
+        self._call(self.server.stop())
+        self._board.stop()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        for thread in self._threads:
+            thread.join()
+        self._loop.close()
+
+
+@pytest.fixture(scope="module")
+def shared():
+    stage = Stage()
+    yield stage
+    stage.close()
+
+
+def test_the_page_and_nothing_else(shared):
+    status, headers, body = shared.get("/")
+    assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")
+    assert b"framestep" in body
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert shared.get("/views/motors.js")[0] == 200
+    for path in ("/server.py", "/../server.py", "/..%2fserver.py", "//etc/passwd", "/views"):
+        assert shared.get(path)[0] == 404, path
+
+
+def test_a_foreign_name_that_leads_here_is_refused(shared):
+    assert shared.get("/", host="evil.example")[0] == 403
+    assert shared.get("/", host=f"evil.example:{shared.parts.port}")[0] == 403
+    assert shared.get("/", host=f"localhost:{shared.parts.port}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"token": ""},
+        {"token": "guessed"},
+        {"token": "ü"},
+        {"origin": "http://evil.example"},
+        {"origin": "https://127.0.0.1"},
+        {"origin": "null"},
+        {"host": "evil.example"},
+        {"headers": {"Host": "evil.example"}},
+        {"headers": {"Origin": "http://evil.example"}},
+    ],
+    ids=str,
+)
+def test_only_the_page_itself_connects(shared, wrong):
+    with pytest.raises(InvalidStatus) as error, shared.link(**wrong):
+        pass
+    assert error.value.response.status_code == 403
+
+
+def test_each_server_has_a_token_of_its_own(shared):
+    other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+    assert other._token != shared.server._token
+    assert len(other._token) >= 32
+
+
+def test_bytes_go_through_and_the_second_page_is_turned_away(shared):
+    with shared.client() as client:
+        assert client.port.hello == {"device": shared.device, "repl": False, "kept": False}
+        assert client.request(Hi()).motors == 2
+        with shared.link() as second:
+            said = json.loads(second.recv(PATIENCE_S))
+            assert "another page" in said["ended"]
+            with pytest.raises(ConnectionClosed):
+                second.recv(PATIENCE_S)
+        client.request(MotorMove(1, 300))
+        client.wait_idle(PATIENCE_S)
+        assert client.request(MotorGetPosition()).steps[0] == 300
+
+
+@pytest.mark.parametrize("text", ["x", "[]", '"x"', '{"do": "stop", "id": 1}', '{"do": "load"}'])
+def test_texts_that_mean_nothing(shared, text):
+    with shared.link() as page:
+        page.recv(PATIENCE_S)
+        page.send(text)
+        while not isinstance(said := page.recv(PATIENCE_S), str):
+            pass
+        assert "does not know" in json.loads(said)["error"]
+
+
+def test_what_needs_the_repl_says_that_there_is_none(shared):
+    with shared.link() as page:
+        page.recv(PATIENCE_S)
+        page.send('{"do": "read_rig", "id": 7}')
+        while not isinstance(said := page.recv(PATIENCE_S), str):
+            pass
+        assert json.loads(said)["id"] == 7
+        assert "no second port" in json.loads(said)["error"]
+
+
+def wait_far(client, motor, steps):
+    while abs(client.request(MotorGetPosition()).steps[motor - 1]) < steps:
+        client.pump(0.02)
+
+
+def test_a_page_that_goes_ends_its_jog_and_its_move(shared):
+    with shared.client() as client:
+        client.request(MotorJog(1, 10_000, FAR))
+        client.request(MotorMove(2, 1_000_000))
+        wait_far(client, 2, 500)
+    with shared.client() as client:  # it comes when the port has been closed
+        client.wait_idle(PATIENCE_S)
+        assert 500 <= client.request(MotorGetPosition()).steps[1] < 1_000_000
+
+
+def test_a_move_goes_on_where_the_page_has_said_so_and_a_jog_does_not(shared):
+    with shared.client() as client:
+        target = client.request(MotorGetPosition()).steps[1] + 9000
+        client.port.link.send('{"keep": true}')
+        client.request(MotorJog(1, 10_000, FAR))
+        client.request(MotorMove(2, target))
+        client.pump(0.05)
+    with shared.client() as client:
+        assert client.port.hello["kept"]
+        while 1 in client.request(MotorStatus()).moving:
+            client.pump(0.02)
+        client.wait_idle(PATIENCE_S)
+        assert client.request(MotorGetPosition()).steps[1] == target
+
+
+def test_the_port_is_let_go_when_what_went_on_has_come_to_rest(shared):
+    with shared.client() as client:
+        before = client.request(MotorGetPosition()).steps[1]
+        client.port.link.send('{"keep": true}')
+        client.request(MotorMove(2, before - 700))
+    while shared.server.bridge:
+        threading.Event().wait(0.02)
+    with shared.client() as client:
+        assert not client.port.hello["kept"]
+        assert client.request(MotorGetPosition()).steps[1] == before - 700
+
+
+def test_a_device_that_is_not_there_is_told(shared, monkeypatch):
+    monkeypatch.setattr(shared.server, "_open_port", lambda: open_port("socket://127.0.0.1:1", 1.0))
+    with shared.link() as page:
+        assert "cannot open socket://127.0.0.1:1" in json.loads(page.recv(PATIENCE_S))["ended"]
+
+
+def test_a_port_that_is_taken(shared):
+    other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+    with pytest.raises(ToolError, match="cannot serve the console on port"):
+        shared._call(other.start(shared.parts.port))
+
+
+# ---- its parts
+
+
+def test_jogs_that_have_begun_and_not_ended():
+    jogs = Jogs()
+    for request in (
+        MotorJog(1, 100, FAR),
+        MotorJog(2, 100, FAR),
+        MotorStop(1),
+        VirtJog(5, 100, 0),
+        VirtJogOnLine(messages.LINE_X, 100),
+        VirtJogOnLine(messages.LINE_Z, 100),
+        VirtStop(messages.VIRT_MOTOR_TRACK),
+    ):
+        jogs.note(encode(request.TYPE, request.pack(), 1))
+    assert jogs.stops() == [MotorStop(2), VirtStop(messages.VIRT_MOTOR_EW), VirtStop(5)]
+    assert jogs.stops() == []
+    for request in (MotorJog(3, 1, 0), MotorStopAll()):
+        jogs.note(encode(request.TYPE, request.pack(), 1))
+    assert jogs.stops() == []
+
+
+def test_numbers_and_texts_of_the_page_are_those_of_the_firmware():
+    script = page_files.protocol_js()
+    lines = {}
+    for part in script.split("export const ")[1:]:
+        name, _, value = part.partition(" = ")
+        lines[name] = json.loads(value.rstrip().rstrip(";"))
+    numbers = {name: v for name, v in vars(messages).items() if name.startswith(("MSG_", "ERR_"))}
+    assert lines["M"] | numbers == lines["M"]
+    types = {each["type"] for each in lines["REQUESTS"].values()}
+    assert set(messages.REQUESTS) - types == {messages.MSG_VIRT_CONFIG}
+    assert lines["SECTION_POSITIONS"] * 4 + 5 <= messages.LARGEST_PAYLOAD
+
+
+def test_a_page_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ToolError, match="cannot write the page"):
+        page_files.save(tmp_path / "file")
+
+
+def test_a_rig_file_with_comments_and_a_mistake(monkeypatch):
+    class Board:
+        """A board on whose REPL only its name is asked."""
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def board(self):
+            from framestep_tools.files import board_data
+
+            return board_data("pico")
+
+    work = BoardWork("/dev/none", "x")
+    monkeypatch.setattr(work, "_device", Board)
+    assert (
+        "right for Raspberry Pi Pico: 'slider'" in work.check_rig('{"name": "slider"} // x')["text"]
+    )
+    with pytest.raises(RigFileError, match="motor_count"):
+        work.check_rig('{"motor_count": 99}')

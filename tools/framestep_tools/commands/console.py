@@ -1,0 +1,88 @@
+"""The console in the browser."""
+
+import asyncio
+import contextlib
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import Url, put
+
+_PORT = 7878
+_OPEN_S = 1.0
+
+
+def console(
+    device: Url = None,
+    port: Annotated[
+        int, typer.Option(help="where the page is served on this computer; 0 takes a free one")
+    ] = _PORT,
+    repl: Annotated[
+        str | None, typer.Option(help="port of the board's REPL, where it cannot be told")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            help="write the page into a folder instead, for a web server of your own", metavar="DIR"
+        ),
+    ] = None,
+) -> None:
+    """Drive the device from a page in the browser, until Ctrl-C.
+
+    The page is served on this computer alone.
+    """
+    if save:
+        from ..console import page_files
+
+        print(f"{page_files.save(save)} files are in {save}")
+        return
+    from .. import ports
+    from ..client import Client
+
+    url = device or ports.protocol_port()
+    with Client.open(url) as client:
+        client.greet()  # a wrong port is told here, not on the page
+    # a second Ctrl-C while motors ramp down: the controller stops them when its port closes
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(url, repl or _repl_of(url), port, browser))
+
+
+def _repl_of(url: str) -> str | None:
+    """The REPL's port of the board that has this one, if the system knows it."""
+    from .. import ports
+    from ..opening import is_socket
+
+    if is_socket(url):
+        return None
+    return next((each.path for each in ports.siblings(url) if each.use == ports.REPL), None)
+
+
+async def _serve(url: str, repl: str | None, port: int, browser: bool) -> None:
+    from ..console.board_work import BoardWork
+    from ..console.server import ConsoleServer
+    from ..opening import open_port
+
+    server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, BoardWork(repl, url))
+    await server.start(port)
+    ending = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C ends asyncio.run itself
+            loop.add_signal_handler(number, ending.set)
+    print(f"{server.url}\nCtrl-C ends it", flush=True)
+    if browser:
+        import webbrowser
+
+        await asyncio.to_thread(webbrowser.open, server.url)
+    try:
+        await ending.wait()
+    finally:
+        await server.stop()
+
+
+def add(app: typer.Typer) -> None:
+    """Put these commands into the command line."""
+    put(app, console)

@@ -1,0 +1,155 @@
+"""Carries bytes between a page and a device's port, and stops what only a held button may move.
+
+A jog lasts as long as the page repeats it. The page that has gone cannot say stop, so the bridge
+does: it reads in the requests which motors are being jogged. Whether anything else may go on
+without the page, the page has said before.
+"""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from ..client import BrokenOff
+from ..opening import close_port
+from ..payloads import (
+    MotorJog,
+    MotorStatus,
+    MotorStop,
+    MotorStopAll,
+    Payload,
+    Status,
+    VirtJog,
+    VirtJogOnLine,
+    VirtStop,
+)
+from ..wire import Frame, FrameDecoder, encode
+
+_LOOK_S = 0.05  # how long the reader waits for a byte before it looks whether it is to end
+_ANSWER_S = 5.0
+_FIRST_ID = 0xF000_0000  # of requests that the bridge makes; the page counts from 1
+# the virtual motor that VIRT_STOP names for each axis of JOG_ON_LINE (field note 9.6)
+_OF_LINE = {0: 2, 1: 3, 2: 1, 3: 4, 4: 5}
+
+
+class Jogs:
+    """Which motors and virtual motors have been asked to jog, and not to stop since."""
+
+    def __init__(self) -> None:
+        self._decoder = FrameDecoder()
+        self.motors: set[int] = set()
+        self.virtual: set[int] = set()
+
+    def note(self, data: bytes) -> None:
+        """Take in what goes to the device."""
+        for frame in self._decoder.feed(data):
+            self._note(frame)
+
+    def _note(self, frame: Frame) -> None:
+        payload = frame.payload
+        if frame.type == MotorStopAll.TYPE:
+            self.motors.clear()
+            self.virtual.clear()
+        elif not payload:
+            return
+        elif frame.type == MotorJog.TYPE:
+            self.motors.add(payload[0])
+        elif frame.type == MotorStop.TYPE:
+            self.motors.discard(payload[0])
+        elif frame.type == VirtJog.TYPE:
+            self.virtual.add(payload[0])
+        elif frame.type == VirtJogOnLine.TYPE:
+            self.virtual.add(_OF_LINE.get(payload[0], 0))
+        elif frame.type == VirtStop.TYPE:
+            self.virtual.discard(payload[0])
+
+    def stops(self) -> list[Payload]:
+        """The requests that end them all."""
+        found: list[Payload] = [MotorStop(motor) for motor in sorted(self.motors)]
+        found += [VirtStop(motor) for motor in sorted(self.virtual)]
+        self.motors.clear()
+        self.virtual.clear()
+        return found
+
+
+class Bridge:
+    """A port that is open. `on_bytes` is called in the event loop with what the device sends,
+    `on_end` once with the reason where the port has gone."""
+
+    def __init__(self, port: Any, name: str):
+        self.name = name
+        self.on_bytes: Callable[[bytes], None] = lambda data: None
+        self.on_end: Callable[[str], None] = lambda why: None
+        self._port = port
+        self._loop = asyncio.get_running_loop()
+        self._jogs = Jogs()
+        self._writing = asyncio.Lock()
+        self._next_id = _FIRST_ID
+        self._closing = False
+        self._port.timeout = _LOOK_S
+        self._reader = threading.Thread(target=self._read, name="console-reader", daemon=True)
+        self._reader.start()
+
+    async def send(self, data: bytes) -> None:
+        """Hand bytes of the page to the device; OSError where the port has gone."""
+        self._jogs.note(data)
+        await self._write(data)
+
+    async def stop_jogs(self) -> None:
+        """End what only a held button moves; a run goes on."""
+        await self._ask(self._jogs.stops())
+
+    async def moves(self) -> bool:
+        """Ask the device whether any motor moves. What else it sends meanwhile is dropped, so no
+        page may be there. OSError where it does not answer."""
+        decoder = FrameDecoder()
+        number = self._next_id
+        answer: asyncio.Future[Status] = self._loop.create_future()
+
+        def take(data: bytes) -> None:
+            for frame in decoder.feed(data):
+                if frame.id == number and not answer.done():
+                    answer.set_result(Status.unpack(frame.payload))
+
+        self.on_bytes = take
+        await self._ask([MotorStatus()])
+        try:
+            return (await asyncio.wait_for(answer, _ANSWER_S)).motor_bits != 0
+        except (asyncio.TimeoutError, ValueError):
+            raise OSError(f"{self.name} does not say what moves") from None
+
+    async def close(self) -> None:
+        """Stop everything and close the port. A port that has gone is no error."""
+        if self._closing:
+            return
+        with contextlib.suppress(OSError):
+            await self._ask([MotorStopAll()])
+        self._closing = True
+        await asyncio.to_thread(self._reader.join)
+        await asyncio.to_thread(close_port, self._port)
+
+    async def _ask(self, requests: list[Payload]) -> None:
+        for request in requests:
+            await self._write(encode(request.TYPE, request.pack(), self._next_id))
+            self._next_id += 1
+
+    async def _write(self, data: bytes) -> None:
+        async with self._writing:
+            await asyncio.to_thread(self._port.write, data)
+
+    def _read(self) -> None:
+        """Runs in a thread of its own: ports can only be waited for."""
+        try:
+            while not self._closing:
+                data = self._port.read(1)
+                if data:
+                    data += self._port.read(self._port.in_waiting)
+                    self._loop.call_soon_threadsafe(self.on_bytes, data)
+        except Exception as error:
+            # termios.error is of no other class; not every system has a termios to ask
+            if not isinstance(error, OSError) and type(error).__module__ != "termios":
+                raise
+            if not self._closing:
+                why = str(BrokenOff(f"the connection to {self.name} broke off"))
+                self._loop.call_soon_threadsafe(self.on_end, why)

@@ -1,0 +1,184 @@
+// Puts the page together: the link, the views, the stop bar, the keys.
+
+import { Device } from "./device.js";
+import { check, h, setText, takesText } from "./dom.js";
+import { Holds } from "./holds.js";
+import { SerialLink, serialIsThere } from "./serial_link.js";
+import { VERSION } from "./protocol.js";
+import { MotorsView } from "./views/motors.js";
+import { WebSocketLink } from "./websocket_link.js";
+
+const AGAIN_MS = 1000; // from a link that has ended to the next try
+const MESSAGES = 30; // kept in the log
+
+const device = new Device();
+const holds = new Holds();
+const views = [new MotorsView(device, holds)];
+const place = (id) => document.getElementById(id);
+const token = new URLSearchParams(location.search).get("token");
+let tries = true;
+let shown = null;
+
+// ---- the link
+
+async function connect(open) {
+  try {
+    await device.connect(await open());
+    return true;
+  } catch (error) {
+    device.tell(error.message, true);
+    return false;
+  }
+}
+
+function openServed() {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  return WebSocketLink.open(`${scheme}://${location.host}/link?token=${encodeURIComponent(token)}`);
+}
+
+async function serve() {
+  let said = "";
+  while (tries) {
+    try {
+      await device.connect(await openServed());
+      return;
+    } catch (error) {
+      if (error.message !== said) device.tell(error.message, true);
+      said = error.message;
+    }
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+  }
+}
+
+const byCable = h("button", {
+  type: "button",
+  hidden: !serialIsThere(),
+  onclick: async () => {
+    tries = false;
+    device.client?.close();
+    await connect(() => SerialLink.open());
+  },
+}, "Connect over USB…");
+place("connect").append(byCable);
+
+device.addEventListener("connected", () => {
+  const { info } = device.state;
+  setText(place("who"), `${info.name}, firmware ${info.major}.${info.minor}.${info.revision}, on ${device.hello.device}`);
+  byCable.hidden = true;
+  keep.checked = device.hello.kept;
+  keepLine.hidden = !device.client.keeps;
+  for (const view of views) view.connected?.();
+  show(views.includes(shown) ? shown : views[0]);
+});
+device.addEventListener("gone", ({ detail }) => {
+  holds.releaseAll();
+  setText(place("who"), "Not connected");
+  byCable.hidden = !serialIsThere();
+  if (!detail.known) return;
+  device.tell(`The link has ended: ${detail.why}.`, true);
+  if (token && tries) setTimeout(serve, AGAIN_MS);
+});
+
+// ---- stop, and what goes on without this page
+
+function stop() {
+  holds.releaseAll();
+  for (const view of views) view.stopped?.();
+  device.ask("MotorStopAll");
+}
+
+place("stop").addEventListener("click", stop);
+window.addEventListener("keydown", (event) => {
+  if (event.key !== "Escape" || event.repeat) return;
+  event.preventDefault();
+  stop();
+}, { capture: true });
+
+const keep = h("input", { onchange: () => device.client?.keep(keep.checked) });
+const keepLine = check("Runs and moves go on when this page is hidden or closed", keep);
+place("keep-place").append(keepLine);
+
+/** The page can no longer be seen: holds have ended by themselves, all else ends here. */
+function unseen() {
+  if (device.client && device.state.moving && !keep.checked) stop();
+}
+document.addEventListener("visibilitychange", () => document.hidden && unseen());
+window.addEventListener("pagehide", unseen);
+
+// ---- what is under way
+
+function render() {
+  const { state } = device;
+  const moving = [];
+  for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
+  const what = moving.length ? `Motor ${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
+  setText(place("moving"), device.connected ? `${what}${state.lightsMove ? ", lights fade" : ""}. Play head ${(state.playHead / 1000).toFixed(3)}` : "Nothing is connected.");
+  const texts = device.conditionTexts();
+  const list = place("conditions");
+  if ([...list.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) {
+    list.replaceChildren(...texts.map((text) => h("li", {}, text)));
+  }
+  place("stop").disabled = !device.connected;
+  shown?.render();
+}
+
+let due = false;
+device.addEventListener("change", () => {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    render();
+  });
+});
+
+device.addEventListener("told", ({ detail }) => {
+  const log = place("log");
+  log.prepend(h("p", { class: detail.bad ? "bad" : "" }, detail.text));
+  while (log.children.length > MESSAGES) log.lastChild.remove();
+  log.scrollTop = 0;
+});
+
+// ---- views
+
+function show(view) {
+  if (shown !== view) holds.releaseAll();
+  shown = view;
+  for (const each of views) {
+    each.element.hidden = each !== view;
+    if (each === view) each.tab.setAttribute("aria-current", "page");
+    else each.tab.removeAttribute("aria-current");
+  }
+  view.shown?.();
+  render();
+}
+
+for (const view of views) {
+  view.tab = h("button", { type: "button", onclick: () => show(view) }, view.title);
+  view.element.className = "view";
+  view.element.setAttribute("aria-label", view.title);
+  place("tabs").append(view.tab);
+  place("views").append(view.element);
+}
+
+window.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey || takesText(event.target)) return;
+  shown?.keydown?.(event);
+});
+window.addEventListener("keyup", (event) => shown?.keyup?.(event));
+
+// ---- light and dark
+
+const theme = place("theme");
+theme.value = localStorage.getItem("theme") ?? "light dark";
+const setTheme = () => {
+  document.documentElement.style.colorScheme = theme.value;
+  localStorage.setItem("theme", theme.value);
+};
+theme.addEventListener("change", setTheme);
+setTheme();
+
+document.title = `framestep console ${VERSION}`;
+show(views[0]);
+if (token) serve();
+else device.tell(serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.");

@@ -1,0 +1,211 @@
+// What the page knows of the device, kept up to date by asking and by listening.
+
+import { Client, LinkError, Refused } from "./client.js";
+import { CONDITIONS, M, TRUST } from "./protocol.js";
+
+const MOVING_MS = 120; // from one question what moves to the next
+const RESTING_MS = 400;
+const SLOW_MS = 1200; // what hardly changes
+
+const STOPS = {
+  [M.HARD_STOP_GENERAL]: () => "The E-stop was pressed.",
+  [M.HARD_STOP_UPPER]: (motor) => `Motor ${motor} ran into its upper limit switch.`,
+  [M.HARD_STOP_LOWER]: (motor) => `Motor ${motor} ran into its lower limit switch.`,
+  [M.HARD_STOP_FAULT]: () => "A fault in the firmware or a driver has stopped the motors; the REPL tells more.",
+};
+
+const NOTHING = {
+  info: null,
+  positions: [],
+  moving: 0,
+  lightsMove: false,
+  playHead: 0,
+  trust: [],
+  conditions: 0,
+  inputs: 0,
+  virtual: null,
+};
+
+/** Events: "change" whenever something is new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
+ * "connected", "gone". */
+export class Device extends EventTarget {
+  client = null;
+  hello = null;
+  state = structuredClone(NOTHING);
+  #timer = 0;
+  #asking = false;
+  #slowAt = 0;
+  #unknown = new Set(); // requests that this device does not know
+
+  get connected() {
+    return this.state.info !== null;
+  }
+
+  get motors() {
+    return this.state.info?.motors ?? 0;
+  }
+
+  moves(motor) {
+    return ((this.state.moving >>> (motor - 1)) & 1) === 1;
+  }
+
+  /** Whether the device says in HI that it can do this. */
+  can(capability) {
+    return ((this.state.info?.capabilities ?? 0) & capability) !== 0;
+  }
+
+  /** Take a link that is open; resolves once the device has said who it is. */
+  async connect({ link, hello }) {
+    this.hello = hello;
+    this.#unknown.clear();
+    const client = new Client(link, (report) => this.#hear(report), (why) => this.#gone(client, why));
+    this.client = client;
+    this.state = structuredClone(NOTHING);
+    try {
+      this.state.info = await client.request("Hi");
+    } catch (error) {
+      client.close();
+      throw error;
+    }
+    this.dispatchEvent(new Event("connected"));
+    this.#slowAt = 0;
+    this.#poll();
+  }
+
+  /** Send a request for the user; a refusal is told and gives null, so does a link that has gone. */
+  async ask(request, values) {
+    try {
+      return await this.demand(request, values);
+    } catch (error) {
+      this.tell(error.message, true);
+      return null;
+    }
+  }
+
+  /** The same for those who tell the user themselves: throws Refused, LinkError, RangeError. */
+  async demand(request, values) {
+    if (!this.client) throw new LinkError("no device is connected");
+    const answer = await this.client.request(request, values);
+    this.#soon();
+    return answer;
+  }
+
+  /** Put a sentence before the user. */
+  tell(text, bad = false) {
+    this.dispatchEvent(new CustomEvent("told", { detail: { text, bad } }));
+  }
+
+  /** How far a motor's position can be trusted: {state, text}; null where the device does not tell. */
+  trustOf(motor) {
+    const found = this.state.trust[motor - 1];
+    if (!found) return null;
+    const state = TRUST.states[found.state] ?? `state ${found.state}`;
+    return { state, text: `${state}: ${TRUST.reasons[found.reason] ?? `reason ${found.reason}`}` };
+  }
+
+  /** A sentence for each condition of the board. */
+  conditionTexts() {
+    return Object.entries(CONDITIONS).filter(([bit]) => this.state.conditions & bit).map(([, text]) => text);
+  }
+
+  #gone(client, why) {
+    if (this.client !== client) return;
+    clearTimeout(this.#timer);
+    this.client = null;
+    const known = this.connected;
+    this.state = structuredClone(NOTHING);
+    this.dispatchEvent(new CustomEvent("gone", { detail: { why, known } }));
+    this.#changed();
+  }
+
+  #hear(report) {
+    const { state } = this;
+    switch (report.kind) {
+      case "Positions": this.#positions(report); break;
+      case "InputLevels": state.inputs = report.levels; break;
+      case "VirtPositions": state.virtual = report; break;
+      case "HardStop":
+        this.dispatchEvent(new CustomEvent("hardstop", { detail: report }));
+        this.tell((STOPS[report.reason] ?? (() => `The device has stopped, reason ${report.reason}.`))(report.motor), true);
+        this.#slowAt = 0;
+        this.#soon();
+        break;
+      case "RtEnd": this.dispatchEvent(new Event("ended")); break;
+      case "DeviceInfo": state.info = report; break;
+      default: return;
+    }
+    this.#changed();
+  }
+
+  #positions(report) {
+    this.state.positions = report.steps.slice(0, this.motors);
+    this.state.playHead = report.move_time;
+  }
+
+  #changed() {
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /** Ask what moves before it would be due. */
+  #soon() {
+    if (this.#asking || !this.connected) return;
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.#poll(), 30);
+  }
+
+  async #poll() {
+    clearTimeout(this.#timer);
+    const { client } = this;
+    if (!client || this.#asking) return;
+    this.#asking = true;
+    try {
+      await this.#look(client);
+    } catch (error) {
+      if (!(error instanceof LinkError)) throw error;
+    } finally {
+      this.#asking = false;
+    }
+    if (this.client !== client) return;
+    this.#changed();
+    this.#timer = setTimeout(() => this.#poll(), this.state.moving || this.state.lightsMove ? MOVING_MS : RESTING_MS);
+  }
+
+  async #look(client) {
+    const { state } = this;
+    const moved = state.moving;
+    const status = await client.request("MotorStatus");
+    state.moving = status.motor_bits;
+    state.lightsMove = status.dmx !== 0;
+    const now = performance.now();
+    if (!state.moving && (moved || now - this.#slowAt >= SLOW_MS)) {
+      this.#slowAt = now;
+      this.#positions(await client.request("MotorGetPosition"));
+      await this.#lookSlowly(client);
+    }
+  }
+
+  async #lookSlowly(client) {
+    const { state } = this;
+    const condition = await this.#mayAsk(client, "GetCondition");
+    if (condition) {
+      state.conditions = condition.bits;
+      state.trust = condition.positions;
+    }
+    if (state.info?.inputs) state.inputs = (await this.#mayAsk(client, "GioIn"))?.levels ?? state.inputs;
+    if (this.can(M.CAP_VIRTUALS)) {
+      state.virtual = await this.#mayAsk(client, "VirtGetPosition");
+    }
+  }
+
+  /** Ask what not every device knows; null where it is refused, and then not again if it is unknown. */
+  async #mayAsk(client, request) {
+    if (this.#unknown.has(request)) return null;
+    try {
+      return await client.request(request);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      if (error.code === M.ERR_UNSUPPORTED) this.#unknown.add(request);
+      return null;
+    }
+  }
+}

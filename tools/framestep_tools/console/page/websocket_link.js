@@ -1,0 +1,66 @@
+// The link through `framestep console`: bytes of the protocol over a WebSocket, and what the server
+// does beside it (rig file, the board's load).
+
+import { LinkError } from "./client.js";
+
+export class WebSocketLink {
+  onbytes = () => {};
+  onend = () => {};
+  #socket;
+  #why = "the link to framestep console has closed";
+  #nextTask = 1;
+  #tasks = new Map();
+
+  /** Connects; resolves with {link, hello} once the server has the device's port. */
+  static open(address) {
+    return new Promise((resolve, reject) => new WebSocketLink(address, resolve, reject));
+  }
+
+  constructor(address, resolve, reject) {
+    this.#socket = new WebSocket(address);
+    this.#socket.binaryType = "arraybuffer";
+    this.#socket.onmessage = ({ data }) => {
+      if (typeof data !== "string") {
+        this.onbytes(new Uint8Array(data));
+        return;
+      }
+      const said = JSON.parse(data);
+      if (said.device !== undefined) resolve({ link: this, hello: said });
+      else if (said.ended !== undefined) this.#why = said.ended;
+      else this.#answer(said);
+    };
+    this.#socket.onclose = () => {
+      reject(new LinkError(this.#why));
+      for (const { reject: fail } of this.#tasks.values()) fail(new LinkError(this.#why));
+      this.#tasks.clear();
+      this.onend(this.#why);
+    };
+  }
+
+  send(bytes) {
+    if (this.#socket.readyState === WebSocket.OPEN) this.#socket.send(bytes);
+  }
+
+  close() {
+    this.#socket.close();
+  }
+
+  keep(on) {
+    if (this.#socket.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify({ keep: on }));
+  }
+
+  ask(task, values = {}) {
+    const id = this.#nextTask++;
+    return new Promise((resolve, reject) => {
+      this.#tasks.set(id, { resolve, reject });
+      this.#socket.send(JSON.stringify({ ...values, id, do: task }));
+    });
+  }
+
+  #answer({ id, result, error }) {
+    const task = this.#tasks.get(id);
+    this.#tasks.delete(id);
+    if (error !== undefined) task?.reject(new LinkError(error));
+    else task?.resolve(result);
+  }
+}

@@ -1,0 +1,114 @@
+"""The files of the page, as a server gives them to a browser.
+
+Numbers, payloads and texts of the protocol come from the very modules that firmware and tools use:
+`protocol.js` is made of them each time, as is the rig file's schema.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from framestep import texts
+from framestep.protocol import messages
+
+from .. import home, payloads, rig_schema
+from ..errors import ToolError
+from ..payloads import Ack, Payload, RtUploadMoveAxis
+from ..payloads.codec import layout
+
+PAGE = Path(__file__).with_name("page")
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+_HEAD = "// Made by framestep_tools.console.page_files from the modules that the firmware uses.\n"
+_HOLDS_NO_NUMBERS = "VirtConfig"  # each of its types has a layout of its own
+
+
+@cache
+def files() -> dict[str, bytes]:
+    """Every file of the page by its path, such as `views/motors.js`."""
+    found = {
+        path.relative_to(PAGE).as_posix(): path.read_bytes()
+        for path in sorted(PAGE.rglob("*"))
+        if path.suffix in TYPES
+    }
+    found["protocol.js"] = protocol_js().encode()
+    found["rig.schema.json"] = rig_schema.text().encode()
+    return found
+
+
+def save(folder: Path) -> int:
+    """Write the page into a folder, for a web server of one's own; how many files. ToolError where
+    that cannot be."""
+    try:
+        for name, content in files().items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    except OSError as error:
+        raise ToolError(f"cannot write the page into {folder}: {error.strerror}") from None
+    return len(files())
+
+
+def protocol_js() -> str:
+    """The module of numbers, payloads and texts."""
+    parts = {
+        "VERSION": home.version(),
+        "M": _numbers(),
+        "LAST_SECTION": payloads.LAST_SECTION,
+        "REQUESTS": {
+            cls.__name__: {
+                "type": cls.TYPE,
+                "name": payloads.type_name(cls.TYPE),
+                "fields": _fields(cls),
+            }
+            for cls in payloads.REQUESTS.values()
+            if cls.__name__ != _HOLDS_NO_NUMBERS
+        },
+        "REPORTS": {
+            str(type): {"name": cls.__name__, "fields": _fields(cls)}
+            for type, cls in payloads.REPORTS.items()
+        },
+        "CODES": {str(code.value): [code.name, code.description] for code in Ack},
+        "TRUST": {"states": _texts(texts.STATES), "reasons": _texts(texts.REASONS)},
+        "CONDITIONS": _texts(texts.CONDITIONS),
+        "EXCEEDED": _texts(texts.EXCEEDED),
+        "LIMITS_COUNT": texts.LIMITS_COUNT,
+        "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
+    }
+    return _HEAD + "".join(
+        f"export const {name} = {json.dumps(value, ensure_ascii=False, indent=1)};\n"
+        for name, value in parts.items()
+    )
+
+
+def _numbers() -> dict[str, int]:
+    return {
+        name: value
+        for name, value in vars(messages).items()
+        if name.isupper() and isinstance(value, int)
+    }
+
+
+def _fields(cls: type[Payload]) -> list[list[Any]]:
+    """[name, code] of each field as in payloads.codec; where records repeat, a list of theirs
+    instead of the code; true as third where the field may be left out."""
+    found: list[list[Any]] = []
+    for name, code, optional in layout(cls):
+        entry = [name, _fields(code) if isinstance(code, type) else code]
+        found.append([*entry, True] if optional else entry)
+    return found
+
+
+def _texts(table: dict[int, str]) -> dict[str, str]:
+    return {str(number): text for number, text in table.items()}
+
+
+def _bytes_before(cls: type[Payload]) -> int:
+    """Bytes of the fields before the one that repeats."""
+    return len(cls(1, 0, ()).pack())  # type: ignore[call-arg]

@@ -1,0 +1,190 @@
+"""Serves the page on this computer alone, and connects one page at a time with the device.
+
+What comes from elsewhere is turned away: a request whose Host is not this computer (a foreign name
+that leads here: DNS rebinding), a WebSocket whose Origin is not this page, one without the token.
+The token is in the address that the server prints, and new each time.
+"""
+
+import asyncio
+import contextlib
+import hmac
+import http
+import secrets
+from collections.abc import Callable
+from pathlib import PurePosixPath
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from ..errors import ToolError
+from . import page_files
+from .board_work import BoardWork
+from .bridge import Bridge
+from .visit import Visit
+
+ADDRESS = "127.0.0.1"
+_TURN_S = 2.0  # for the page before, when one is loaded again
+_WATCH_S = 0.5  # from one question what still moves to the next
+_LARGEST_MESSAGE = 1 << 20
+_PING_S = 5.0  # a page that does not answer for so long has gone
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class ConsoleServer:
+    """The server. `url` is the page's address once `start` has been called.
+
+    open_port: gives a port as Client takes it, or raises ToolError; name: the device, as it is
+    shown; work: the board's REPL.
+    """
+
+    def __init__(self, open_port: Callable[[], Any], name: str, work: BoardWork):
+        self.name = name
+        self.work = work
+        self.url = ""
+        self.keep = False  # what moves goes on without the page, but for jogs
+        self.bridge: Bridge | None = None
+        self._open_port = open_port
+        self._token = secrets.token_urlsafe(24)
+        self._turn = asyncio.Lock()
+        self._hosts: set[str] = set()
+        self._server: Any = None
+        self._watch: asyncio.Task[None] | None = None
+
+    async def start(self, port: int = 0) -> None:
+        """Listen; 0 takes any free port. ToolError where the port is taken."""
+        try:
+            self._server = await serve(
+                self._connected,
+                ADDRESS,
+                port,
+                process_request=self._answer,
+                max_size=_LARGEST_MESSAGE,
+                ping_interval=_PING_S,
+                ping_timeout=_PING_S,
+                compression=None,
+            )
+        except OSError as error:
+            raise ToolError(
+                f"cannot serve the console on port {port}: {error.strerror}; --port names another"
+            ) from None
+        number = self._server.sockets[0].getsockname()[1]
+        self._hosts = {f"{host}:{number}" for host in (ADDRESS, "localhost")}
+        self.url = f"http://{ADDRESS}:{number}/?token={self._token}"
+
+    async def stop(self) -> None:
+        """Stop what moves, close the port and end."""
+        if self._server:
+            self._server.close()
+            await self._server.wait_closed()
+        await self._back()
+        await self.let_go()
+
+    # ---- the device's port
+
+    async def attach(self) -> Bridge:
+        """The device's port, opened if it is not; ToolError where it cannot be."""
+        if self.bridge is None:
+            self.bridge = Bridge(await asyncio.to_thread(self._open_port), self.name)
+        return self.bridge
+
+    async def let_go(self) -> None:
+        """Stop everything and close the port."""
+        self.keep = False
+        if self.bridge:
+            await self.bridge.close()
+            self.bridge = None
+
+    async def _leave(self) -> None:
+        """The page has gone: jogs end, and so does all else unless it is to go on."""
+        bridge = self.bridge
+        if bridge is None:
+            return
+        bridge.on_bytes = lambda data: None
+        bridge.on_end = lambda why: None
+        if not self.keep:
+            await self.let_go()
+            return
+        try:
+            await bridge.stop_jogs()
+        except OSError:
+            await self.let_go()
+        else:
+            self._watch = asyncio.create_task(self._until_it_stands(bridge))
+
+    async def _until_it_stands(self, bridge: Bridge) -> None:
+        """Keep the port open without a page until nothing moves any more."""
+        with contextlib.suppress(OSError):
+            while await bridge.moves():
+                await asyncio.sleep(_WATCH_S)
+        async with self._turn:  # no page comes while it is being closed
+            await self.let_go()
+
+    async def _back(self) -> None:
+        """A page has come: it has the port."""
+        watch, self._watch = self._watch, None
+        if watch and not watch.done():
+            watch.cancel()
+            await asyncio.wait([watch])
+
+    # ---- what a browser asks for
+
+    async def _connected(self, page: ServerConnection) -> None:
+        visit = Visit(self, page)
+        try:
+            await asyncio.wait_for(self._turn.acquire(), _TURN_S)
+        except (TimeoutError, asyncio.TimeoutError):
+            await visit.end("another page of the console has the device: close that one first")
+            return
+        try:
+            await self._back()
+            await visit.run()
+        finally:
+            try:
+                await self._leave()
+            finally:
+                self._turn.release()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A file of the page; None lets a WebSocket begin."""
+        if not self._hosts.issuperset(hosts := request.headers.get_all("Host")) or len(hosts) != 1:
+            return _refusal(http.HTTPStatus.FORBIDDEN, "The console answers on this computer only.")
+        address = urlsplit(request.path)
+        if address.path == "/link":
+            return self._admit(request, address.query)
+        name = address.path.lstrip("/") or "index.html"
+        content = page_files.files().get(name)
+        if content is None:
+            return _refusal(http.HTTPStatus.NOT_FOUND, "There is no such page.")
+        return _response(http.HTTPStatus.OK, content, page_files.TYPES[PurePosixPath(name).suffix])
+
+    def _admit(self, request: Request, query: str) -> Response | None:
+        origins = request.headers.get_all("Origin")
+        given = parse_qs(query).get("token", [""])[0]
+        if len(origins) != 1 or origins[0] not in {f"http://{host}" for host in self._hosts}:
+            return _refusal(http.HTTPStatus.FORBIDDEN, "Only the console's own page may connect.")
+        if not hmac.compare_digest(given.encode(), self._token.encode()):
+            return _refusal(
+                http.HTTPStatus.FORBIDDEN,
+                "The address lacks its token: take the one that framestep console prints.",
+            )
+        return None
+
+
+def _refusal(status: http.HTTPStatus, text: str) -> Response:
+    return _response(status, f"{text}\n".encode(), "text/plain; charset=utf-8")
+
+
+def _response(status: http.HTTPStatus, body: bytes, kind: str) -> Response:
+    headers = Headers(
+        {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close"}
+    )
+    return Response(status.value, status.phrase, headers, body)

@@ -1,0 +1,120 @@
+"""One page's connection: what goes over its WebSocket.
+
+Binary messages are bytes of the protocol, either way. Texts are JSON: the page asks
+`{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`;
+`{"keep": true}` lets what moves go on without the page, but for jogs. The server sends
+`{"device": …}` first, and `{"ended": "why"}` before it closes.
+"""
+
+import asyncio
+import contextlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from ..errors import ToolError
+
+if TYPE_CHECKING:
+    from .server import ConsoleServer
+
+_WITH_TEXT = ("check_rig", "write_rig")
+_TASKS = ("read_rig", "load", *_WITH_TEXT)
+
+
+class Visit:
+    """A page that is connected, until it leaves."""
+
+    def __init__(self, server: "ConsoleServer", page: ServerConnection):
+        self._server = server
+        self._page = page
+        self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Serve the page until it has gone, or until the device has."""
+        sender = asyncio.create_task(self._send())
+        try:
+            await self._attach()
+            server = self._server
+            hello = {
+                "device": server.name,
+                "repl": server.work.path is not None,
+                "kept": server.keep,
+            }
+            await self._say(hello)
+            await self._listen()
+        except ToolError as error:
+            await self.end(str(error))
+        finally:
+            if self._tasks:  # what the board is doing is not cut short
+                await asyncio.wait(self._tasks)
+            sender.cancel()
+
+    async def end(self, why: str) -> None:
+        """Tell the page why it is over, and close."""
+        await self._say({"ended": why})
+        await self._page.close()
+
+    async def _attach(self) -> None:
+        bridge = await self._server.attach()
+        bridge.on_bytes = self._outbox.put_nowait
+        bridge.on_end = lambda why: self._start(self.end(why))
+
+    async def _listen(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            async for message in self._page:
+                if isinstance(message, str):
+                    self._start(self._told(message))
+                elif self._server.bridge:
+                    try:
+                        await self._server.bridge.send(message)
+                    except OSError as error:
+                        await self.end(f"the connection to {self._server.name} broke off: {error}")
+
+    async def _send(self) -> None:
+        """What the device has sent, in the order in which it came."""
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await self._page.send(await self._outbox.get())
+
+    def _start(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _say(self, found: dict[str, Any]) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            await self._page.send(json.dumps(found))
+
+    # ---- what the page asks beside the protocol
+
+    async def _told(self, text: str) -> None:
+        try:
+            said = json.loads(text)
+            if isinstance(said.get("keep"), bool):
+                self._server.keep = said["keep"]
+                return
+            if said["do"] not in _TASKS:
+                raise ValueError(f"there is no task {said['do']!r}")
+            number = int(said["id"])
+            arguments = [str(said["text"])] if said["do"] in _WITH_TEXT else []
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            await self._say({"error": f"the page has sent what the server does not know: {error}"})
+            return
+        try:
+            await self._say({"id": number, "result": await self._do(said["do"], arguments)})
+        except ToolError as error:
+            await self._say({"id": number, "error": str(error)})
+
+    async def _do(self, task: str, arguments: list[str]) -> Any:
+        work = getattr(self._server.work, task)
+        if task != "write_rig":
+            return await asyncio.to_thread(work, *arguments)
+        await asyncio.to_thread(self._server.work.see_that_all_stands)
+        await self._server.let_go()  # the board restarts, and its ports with it
+        try:
+            return await asyncio.to_thread(work, *arguments)
+        finally:
+            await self._attach()
