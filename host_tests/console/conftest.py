@@ -51,10 +51,11 @@ class Device:
     """A board that runs in a thread, its protocol's port on TCP; `at_board(f)` calls f(board)
     there."""
 
-    def __init__(self, board, speed):
-        self._server = Server(board, speed=speed, tcp="127.0.0.1:0")
-        line = next(each for each in self._server.announcements if each.startswith("tcp "))
-        self.url = "socket://" + line.split()[1]
+    def __init__(self, board, speed, repl=False):
+        self._server = Server(board, speed=speed, tcp="127.0.0.1:0", repl=repl)
+        told = dict(each.split() for each in self._server.announcements if " " in each)
+        self.url = f"socket://{told['tcp']}"
+        self.repl = told.get("repl")
         self._calls = []
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -141,6 +142,10 @@ class Stage:
         served = Console(url, work)
         self._started.callback(served.close)
         return served
+
+    def closing(self, close):
+        """Call this when all is closed."""
+        self._started.callback(close)
 
     def page(self, url, **options):
         """A page; options are those of a browser's context. `errors` has what went wrong in it,

@@ -39,7 +39,7 @@ def wait_rest(page):
 
 
 def wait_connected(page):
-    expect(page.locator("#who")).to_contain_text("framestep")
+    expect(page.locator("#who")).to_contain_text("firmware")
     expect(position(page)).to_have_text(re.compile(r"\d"))
 
 

@@ -30,6 +30,7 @@ from framestep_tools.payloads import (
     MotorStatus,
     MotorStop,
     MotorStopAll,
+    RtJogAll,
     VirtJog,
     VirtJogOnLine,
     VirtStop,
@@ -292,7 +293,9 @@ def test_jogs_that_have_begun_and_not_ended():
         jogs.note(encode(request.TYPE, request.pack(), 1))
     assert jogs.stops() == [MotorStop(2), VirtStop(messages.VIRT_MOTOR_EW), VirtStop(5)]
     assert jogs.stops() == []
-    for request in (MotorJog(3, 1, 0), MotorStopAll()):
+    jogs.note(encode(RtJogAll.TYPE, RtJogAll(24_000, 5).pack(), 1))
+    assert jogs.stops() == [MotorStopAll()]
+    for request in (MotorJog(3, 1, 0), RtJogAll(24_000, 5), MotorStopAll()):
         jogs.note(encode(request.TYPE, request.pack(), 1))
     assert jogs.stops() == []
 

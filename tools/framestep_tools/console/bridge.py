@@ -19,6 +19,7 @@ from ..payloads import (
     MotorStop,
     MotorStopAll,
     Payload,
+    RtJogAll,
     Status,
     VirtJog,
     VirtJogOnLine,
@@ -40,6 +41,7 @@ class Jogs:
         self._decoder = FrameDecoder()
         self.motors: set[int] = set()
         self.virtual: set[int] = set()
+        self.all = False  # along the uploaded move
 
     def note(self, data: bytes) -> None:
         """Take in what goes to the device."""
@@ -49,8 +51,9 @@ class Jogs:
     def _note(self, frame: Frame) -> None:
         payload = frame.payload
         if frame.type == MotorStopAll.TYPE:
-            self.motors.clear()
-            self.virtual.clear()
+            self._forget()
+        elif frame.type == RtJogAll.TYPE:
+            self.all = True
         elif not payload:
             return
         elif frame.type == MotorJog.TYPE:
@@ -68,9 +71,15 @@ class Jogs:
         """The requests that end them all."""
         found: list[Payload] = [MotorStop(motor) for motor in sorted(self.motors)]
         found += [VirtStop(motor) for motor in sorted(self.virtual)]
+        if self.all:
+            found.append(MotorStopAll())
+        self._forget()
+        return found
+
+    def _forget(self) -> None:
         self.motors.clear()
         self.virtual.clear()
-        return found
+        self.all = False
 
 
 class Bridge:

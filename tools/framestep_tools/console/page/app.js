@@ -5,7 +5,12 @@ import { check, h, setText, takesText } from "./dom.js";
 import { Holds } from "./holds.js";
 import { SerialLink, serialIsThere } from "./serial_link.js";
 import { VERSION } from "./protocol.js";
+import { Operation } from "./operation.js";
 import { MotorsView } from "./views/motors.js";
+import { MovesView } from "./views/moves.js";
+import { OutputsView } from "./views/outputs.js";
+import { RigView } from "./views/rig.js";
+import { ShootView } from "./views/shoot.js";
 import { WebSocketLink } from "./websocket_link.js";
 
 const AGAIN_MS = 1000; // from a link that has ended to the next try
@@ -13,7 +18,14 @@ const MESSAGES = 30; // kept in the log
 
 const device = new Device();
 const holds = new Holds();
-const views = [new MotorsView(device, holds)];
+const operation = new Operation(device);
+const views = [
+  new MotorsView(device, holds),
+  new MovesView(device, holds, operation),
+  new ShootView(device, operation),
+  new OutputsView(device),
+  new RigView(device),
+];
 const place = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token");
 let tries = true;
@@ -83,7 +95,7 @@ device.addEventListener("gone", ({ detail }) => {
 
 function stop() {
   holds.releaseAll();
-  for (const view of views) view.stopped?.();
+  operation.stopped();
   device.ask("MotorStopAll");
 }
 
@@ -112,7 +124,8 @@ function render() {
   const moving = [];
   for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
   const what = moving.length ? `Motor ${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
-  setText(place("moving"), device.connected ? `${what}${state.lightsMove ? ", lights fade" : ""}. Play head ${(state.playHead / 1000).toFixed(3)}` : "Nothing is connected.");
+  const silent = device.silent ? "The device does not answer. " : "";
+  setText(place("moving"), device.connected ? `${silent}${what}${state.lightsMove ? ", lights fade" : ""}. Play head ${(state.playHead / 1000).toFixed(3)}` : "Nothing is connected.");
   const texts = device.conditionTexts();
   const list = place("conditions");
   if ([...list.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) {

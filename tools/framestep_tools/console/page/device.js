@@ -1,8 +1,9 @@
 // What the page knows of the device, kept up to date by asking and by listening.
 
 import { Client, LinkError, Refused } from "./client.js";
-import { CONDITIONS, M, TRUST } from "./protocol.js";
+import { CONDITIONS, M, REQUESTS, TRUST } from "./protocol.js";
 
+const NO_MOTOR = 255;
 const MOVING_MS = 120; // from one question what moves to the next
 const RESTING_MS = 400;
 const SLOW_MS = 1200; // what hardly changes
@@ -32,6 +33,10 @@ export class Device extends EventTarget {
   client = null;
   hello = null;
   state = structuredClone(NOTHING);
+  /** The link is there, but nothing has come in time. */
+  silent = false;
+  /** Whether motors can be homed: framestep with a rig file that says how. */
+  homes = false;
   #timer = 0;
   #asking = false;
   #slowAt = 0;
@@ -63,6 +68,7 @@ export class Device extends EventTarget {
     this.state = structuredClone(NOTHING);
     try {
       this.state.info = await client.request("Hi");
+      this.homes = await this.#askWhetherItHomes(client);
     } catch (error) {
       client.close();
       throw error;
@@ -70,6 +76,16 @@ export class Device extends EventTarget {
     this.dispatchEvent(new Event("connected"));
     this.#slowAt = 0;
     this.#poll();
+  }
+
+  /** Ask anew who the device is: it has restarted. */
+  async greet() {
+    const info = await this.demand("Hi");
+    this.homes = await this.#askWhetherItHomes(this.client);
+    this.state = { ...structuredClone(NOTHING), info };
+    this.dispatchEvent(new Event("connected"));
+    this.#slowAt = 0;
+    this.#soon();
   }
 
   /** Send a request for the user; a refusal is told and gives null, so does a link that has gone. */
@@ -90,6 +106,12 @@ export class Device extends EventTarget {
     return answer;
   }
 
+  /** Ask at once what moves, so that `state.moving` is not older than the request before. */
+  async seeWhatMoves() {
+    const status = await this.demand("MotorStatus").catch(() => null);
+    if (status) this.state.moving = status.motor_bits;
+  }
+
   /** Put a sentence before the user. */
   tell(text, bad = false) {
     this.dispatchEvent(new CustomEvent("told", { detail: { text, bad } }));
@@ -106,6 +128,18 @@ export class Device extends EventTarget {
   /** A sentence for each condition of the board. */
   conditionTexts() {
     return Object.entries(CONDITIONS).filter(([bit]) => this.state.conditions & bit).map(([, text]) => text);
+  }
+
+  /** A motor that there is not is refused in another way where there are others to home; nothing moves. */
+  async #askWhetherItHomes(client) {
+    if (!REQUESTS.Home) return false;
+    try {
+      await client.request("Home", { motors: [NO_MOTOR] });
+      return true;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      return error.code !== M.ERR_UNSUPPORTED;
+    }
   }
 
   #gone(client, why) {
@@ -160,8 +194,10 @@ export class Device extends EventTarget {
     this.#asking = true;
     try {
       await this.#look(client);
+      this.silent = false;
     } catch (error) {
       if (!(error instanceof LinkError)) throw error;
+      this.silent = true;
     } finally {
       this.#asking = false;
     }

@@ -15,15 +15,16 @@ export class Holds {
     document.addEventListener("freeze", release);
   }
 
-  /** Begin a hold, if this key has none: `repeat` is called now and again and again until the hold ends; when it
-   * fails the hold ends, too. `end` is called once. */
+  /** Begin a hold, if this key has none: `repeat` is called now and again and again until the hold ends, or until it
+   * gives false (what it has begun goes on by itself until `end`); when it fails the hold ends, too. `end` is called
+   * once. */
   begin(key, repeat, end) {
     if (this.#holds.has(key)) return;
     const hold = { end, timer: 0 };
     this.#holds.set(key, hold);
     const turn = async () => {
       try {
-        await repeat();
+        if ((await repeat()) === false) return;
       } catch {
         this.release(key);
         return;

@@ -1,7 +1,7 @@
 // Motors: where they are, jog, move, zero, home, soft limits, speed.
 
 import { check, field, h, number, read, setText } from "../dom.js";
-import { M, REQUESTS } from "../protocol.js";
+import { M } from "../protocol.js";
 
 const FARTHEST = 2_000_000_000; // where a jog leads: it ends at a soft limit, or when it is let go
 const FULL_SPEED = 10_000;
@@ -16,6 +16,7 @@ export class MotorsView {
   #cards = [];
   #list = h("div", { class: "cards" });
   #speed = h("input", { type: "range", min: "1", max: "100", value: "20" });
+  #homeAll = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#device.ask("Home", { motors: [] }) }, "Home all motors"));
   #chosen = 1;
 
   constructor(device, holds) {
@@ -28,11 +29,13 @@ export class MotorsView {
     this.element.append(
       h("div", { class: "card" }, field("Jog speed", this.#speed), shown,
         h("p", { class: "faint" }, "Hold − or + to jog. Keys: 1 to 9 choose a motor, ← and → jog the chosen one as long as they are held.")),
+      this.#homeAll,
       this.#list,
     );
   }
 
   connected() {
+    this.#homeAll.hidden = !this.#device.homes;
     this.#cards = [];
     for (let motor = 1; motor <= this.#device.motors; motor += 1) {
       this.#cards.push(new MotorCard(this.#device, motor, {
@@ -112,7 +115,8 @@ class MotorCard {
       h("div", { class: "row spread" }, this.#name, this.#state),
       h("div", {}, this.#position, " ", h("span", { class: "unit" }, "steps")),
       this.#trust,
-      h("div", { class: "row" }, down, up),
+      h("div", { class: "row" }, down, up,
+        h("button", { type: "button", hidden: !device.homes, "aria-label": `Home motor ${motor}`, onclick: () => device.ask("Home", { motors: [motor] }) }, "Home")),
       this.#moveForm(),
       this.#settings.element);
   }
@@ -183,7 +187,6 @@ class MotorSettings {
     }, ...parts);
     return h("div", {},
       form(() => this.#sendZero(), field("Call this position", this.#zero, "0 is zero; nothing moves"), h("button", {}, "Set position")),
-      REQUESTS.MotorHome || REQUESTS.Home ? this.#home() : null,
       form(() => this.#sendLimits(),
         check("Lower soft limit", this.#lowerOn), field("Lower, steps", this.#lower), here(this.#lower),
         check("Upper soft limit", this.#upperOn), field("Upper, steps", this.#upper), here(this.#upper),
@@ -191,10 +194,6 @@ class MotorSettings {
         h("button", {}, "Set limits")),
       form(() => this.#sendSpeed(), field("Velocity, steps/s", this.#velocity), field("Acceleration, steps/s²", this.#acceleration), h("button", {}, "Set speed")),
       form(() => this.#sendFlags(), check("Enabled", this.#enabled), check("Moves in a shot with motion blur", this.#blur), h("button", {}, "Set")));
-  }
-
-  #home() {
-    return null;
   }
 
   /** Ask what is set; other devices than framestep do not tell. */

@@ -1,0 +1,250 @@
+"""Moves, shots, inputs, outputs and lights in the console."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.client import RequestRefused
+from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPositionFrame
+from host_tests.console.conftest import PATIENCE_MS
+from host_tests.console.looking import (
+    LOOK_MS,
+    go_to,
+    log,
+    steps,
+    wait_connected,
+    wait_moving,
+    wait_rest,
+)
+
+FRAMES = 60
+SPEED = 3.0  # times real time: nothing is held here but a jog that may end anywhere
+MOVE = "frame,slide,pan\n" + "".join(f"{n},{10 * n},{-7 * n}\n" for n in range(1, FRAMES + 1))
+LONG = 3000
+# It needs several sections for each motor
+LONG_MOVE = "frame;a\r\n" + "".join(f"{n};{n % 50}\r\n" for n in range(LONG)) + ";\r\n"
+
+
+@pytest.fixture(scope="module")
+def device(shared_stage):
+    rig = {"outputs": [{"pin": 22}, {"pin": 26}], "inputs": [{"pin": 27}, {"pin": 28}]}
+    return shared_stage.simulated(rig, motors=2, speed=SPEED)
+
+
+@pytest.fixture(scope="module")
+def opened(shared_stage, device):
+    page = shared_stage.page(shared_stage.console(device.url).url)
+    wait_connected(page)
+    go_to(page, "Moves")
+    return page
+
+
+@pytest.fixture
+def page(opened):
+    yield opened
+    wait_rest(opened)
+    assert opened.errors == []
+
+
+def choose(page, text, name="move.csv"):
+    page.get_by_label("Move", exact=True).set_input_files(
+        {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
+    )
+
+
+def upload(page, text=MOVE):
+    go_to(page, "Moves")
+    choose(page, text)
+    page.get_by_role("button", name="Upload").click()
+    expect(log(page).locator("p").first).to_contain_text("are uploaded")
+
+
+def card(page, name):
+    return page.get_by_role("article", name=name, exact=True)
+
+
+def stand(page):
+    """Where all motors are, by the view of the motors."""
+    go_to(page, "Motors")
+    found = [steps(page, 1), steps(page, 2)]
+    go_to(page, "Moves")
+    return found
+
+
+def get_ready(page, view, **fields):
+    run = card(page, view)
+    for label, value in fields.items():
+        run.get_by_label(label.replace("_", " "), exact=True).fill(str(value))
+    run.get_by_role("button", name="Get ready").click()
+    expect(run.get_by_role("status")).to_contain_text("is ready: GO starts it.")
+    return run
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "bad.csv, line 1: expected the header frame,<motor 1>,<motor 2>…"),
+        ("frames,a\n1,2\n", "line 1: expected the header"),
+        ("frame,a\n", "bad.csv: expected a line for each frame, found none"),
+        ("frame,a\n1,2\n3,4\n", "line 3: expected frame 2, found 3"),
+        ("frame,a\n1,2,3\n", "line 2: expected 2 whole numbers, found “1,2,3”"),
+        ("frame,a\n1,2.5\n", "line 2: expected a whole number for a, found “2.5”"),
+        ("frame,a\n1,2147483648\n", "line 2: positions have to fit 32 bits signed"),
+    ],
+)
+def test_a_file_that_is_no_move(page, text, said):
+    choose(page, text, "bad.csv")
+    expect(log(page).locator("p").first).to_contain_text(said)
+    expect(page.get_by_role("button", name="Upload")).to_be_disabled()
+
+
+def test_what_spreadsheets_make_of_it_is_read_and_long_moves_go_in_sections(page):
+    upload(page, LONG_MOVE)
+    expect(page.locator("main")).to_contain_text(f"frames 0 to {LONG - 1} for 1 motors")
+    frames = card(page, "Frames")
+    frames.get_by_label("Go to frame").fill(str(LONG - 1))
+    frames.get_by_role("button", name="Go there").click()
+    go_to(page, "Motors")
+    expect(page.get_by_label("Position of motor 1 in steps")).to_have_text(str((LONG - 1) % 50))
+    go_to(page, "Moves")
+
+
+def test_a_run_from_upload_to_its_end(page):
+    upload(page)
+    drawing = page.get_by_role("img", name=f"The move from frame 1 to {FRAMES}")
+    expect(drawing.locator("polyline")).to_have_count(2)
+    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=100)
+    head = float(drawing.locator("line").get_attribute("x1"))
+    run.get_by_role("button", name="GO").click()
+    wait_moving(page)
+    expect(log(page).locator("p").first).to_have_text(f"Run 1 to {FRAMES} is over.")
+    wait_rest(page)
+    assert stand(page) == [10 * FRAMES, -7 * FRAMES]
+    assert float(drawing.locator("line").get_attribute("x1")) > head + 100
+    expect(page.locator("#moving")).to_contain_text(f"Play head {FRAMES}.000")
+    expect(run.get_by_role("button", name="GO")).to_be_disabled()
+
+
+def test_a_run_that_is_refused_is_not_prepared(page):
+    upload(page)
+    run = card(page, "Run")
+    run.get_by_label("To frame", exact=True).fill(str(FRAMES + 1))
+    run.get_by_role("button", name="Get ready").click()
+    expect(log(page).locator("p").first).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
+    expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
+
+
+def test_stop_ends_a_loop(page):
+    upload(page)
+    run = card(page, "Run")
+    run.get_by_label("Loop").check()
+    get_ready(page, "Run", From_frame=1, To_frame=20, Frames_per_second=100)
+    run.get_by_role("button", name="GO").click()
+    wait_moving(page)
+    page.keyboard.press("Escape")
+    expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
+    run.get_by_label("Loop").uncheck()
+
+
+def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):
+    upload(page)
+    frames = card(page, "Frames")
+    frames.get_by_label("Go to frame").fill("2")
+    frames.get_by_role("button", name="Go there").click()
+    expect(page.locator("#moving")).to_contain_text("Nothing moves. Play head 2.000")
+    card(page, "Run").get_by_label("To frame", exact=True).fill(str(FRAMES))
+    card(page, "Run").get_by_label("Frames per second").fill("2")
+    frames.get_by_role("button", name="Jog along the move, forward").hover()
+    page.mouse.down()
+    expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([3-9]|[1-5]\d)\."))
+    page.mouse.up()
+    wait_rest(page)
+    at = int(re.search(r"Play head (\d+)\.000", page.locator("#moving").text_content())[1])
+    assert 3 <= at < FRAMES
+    assert stand(page) == [10 * at, -7 * at]
+
+
+def test_a_shot(page):
+    upload(page)
+    go_to(page, "Motors")
+    motor = card(page, "Motor 1")
+    motor.locator("summary").click()
+    motor.get_by_label("Moves in a shot").check()
+    motor.get_by_role("button", name="Set", exact=True).click()
+    expect(log(page).locator("p").first).to_have_text("Motor 1: on.")
+    go_to(page, "Shoot")
+    shot = get_ready(page, "Shoot a frame", Frame=10)
+    shot.get_by_role("button", name="GO").click()
+    expect(log(page).locator("p").first).to_have_text("The shot of frame 10 is over.")
+    wait_rest(page)
+    assert stand(page)[0] == 105  # half a frame behind frame 10
+
+
+def on_board(device, look):
+    """What look(hal) gives, in the board's own thread."""
+    found = []
+    device.at_board(lambda board: found.append(look(board._board.hal)))
+    return found[0]
+
+
+def wait_on_board(page, device, look):
+    for _ in range(PATIENCE_MS // LOOK_MS):
+        if on_board(device, look):
+            return
+        page.wait_for_timeout(LOOK_MS)
+    pytest.fail("the board has not done it")
+
+
+def test_inputs_outputs_and_lights(page, device):
+    go_to(page, "Inputs, outputs, lights")
+    told = card(page, "Inputs").get_by_role("status")
+    before = told.nth(1).text_content()
+    device.set_pin(28, int(on_board(device, lambda hal: not hal._levels >> 28 & 1)))
+    expect(told.nth(1)).to_have_text("off" if before == "on" else "on")
+    card(page, "Outputs").get_by_role("switch", name="Output 2").check()
+    wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and not hal._levels >> 22 & 1)
+    card(page, "Camera").get_by_role("switch", name="Shutter").check()
+    wait_on_board(page, device, lambda hal: hal._levels >> hal.board["shutter"] & 1)
+    lights = card(page, "Lights")
+    lights.get_by_label("From channel").fill("511")
+    lights.get_by_label("From channel").press("Enter")
+    expect(lights.get_by_role("slider")).to_have_count(2)
+    lights.get_by_label("Channel 512").fill("200")
+    wait_on_board(page, device, lambda hal: hal.dmx.shown[512] == 200)
+
+
+def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
+    device = stage.simulated(motors=2, speed=SPEED)
+    served = stage.console(device.url)
+    ends = []
+    for keep in (True, False):
+        page = stage.page(served.url)
+        wait_connected(page)
+        upload(page)
+        get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=60)
+        if keep:
+            page.get_by_label("go on when this page is hidden or closed").check()
+        card(page, "Run").get_by_role("button", name="GO").click()
+        wait_moving(page)
+        page.close()
+        with device.client() as client:  # once the server has let go
+            assert client.request(MotorStatus()).idle
+            ends.append(list(client.request(MotorGetPosition()).steps))
+    assert ends[0] == [10 * FRAMES, -7 * FRAMES]
+    assert ends[1] != ends[0]
+
+
+def test_nothing_of_a_page_is_left_in_the_device(stage):
+    """A run that waits for GO ends with its page."""
+    device = stage.simulated(motors=2, speed=SPEED)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    upload(page)
+    get_ready(page, "Run", From_frame=1, To_frame=FRAMES)
+    page.close()
+    with device.client() as client:
+        client.request(RtPositionFrame(1))
+        client.wait_idle()
+        with pytest.raises(RequestRefused):
+            client.request(RtGo())

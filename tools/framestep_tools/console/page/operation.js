@@ -1,0 +1,71 @@
+// An operation that is made ready, waits for GO and plays: a run or a shot. One for the whole page, as
+// for the device.
+
+const NONE = "none";
+const GOING = "going"; // the motors are on their way to where it begins
+const READY = "ready";
+const PLAYING = "playing";
+
+/** Events: "change". `name` is what it is, such as "Run 1 to 240". */
+export class Operation extends EventTarget {
+  name = "";
+  #device;
+  #state = NONE;
+
+  constructor(device) {
+    super();
+    this.#device = device;
+    device.addEventListener("ended", () => this.#end(`${this.name} is over.`));
+    device.addEventListener("hardstop", () => this.#set(NONE));
+    device.addEventListener("gone", () => this.#set(NONE));
+    device.addEventListener("change", () => this.#state === GOING && !device.state.moving && this.#set(READY));
+  }
+
+  get ready() {
+    return this.#state === READY;
+  }
+
+  get playing() {
+    return this.#state === PLAYING;
+  }
+
+  get text() {
+    return {
+      [NONE]: "Nothing is prepared.",
+      [GOING]: `${this.name}: the motors go to where it begins.`,
+      [READY]: `${this.name} is ready: GO starts it.`,
+      [PLAYING]: `${this.name} plays.`,
+    }[this.#state];
+  }
+
+  /** Make it ready; false where the device refuses. */
+  async prepare(name, request, values) {
+    if (!(await this.#device.ask(request, values))) return false;
+    this.name = name;
+    await this.#device.seeWhatMoves(); // from the answer on the device says so
+    this.#set(GOING);
+    return true;
+  }
+
+  /** Start it. */
+  async go() {
+    if (await this.#device.ask("RtGo")) this.#set(PLAYING);
+  }
+
+  /** Everything has been stopped. */
+  stopped() {
+    if (this.#state !== PLAYING) this.#set(NONE); // a run says itself when it has ended
+  }
+
+  #end(text) {
+    if (this.#state === PLAYING) this.#device.tell(text);
+    this.#set(NONE);
+  }
+
+  #set(state) {
+    if (this.#state === state) return;
+    this.#state = state;
+    this.dispatchEvent(new Event("change"));
+    this.#device.dispatchEvent(new Event("change"));
+  }
+}

@@ -1,0 +1,39 @@
+// Uploads a move: sections of as many positions as a frame holds, some of them on their way at a time.
+
+import { LAST_SECTION, SECTION_POSITIONS } from "./protocol.js";
+
+const WINDOW = 4;
+
+/** The requests that upload a move, [request, values] each. */
+export function* uploadRequests(move) {
+  yield ["RtUploadMoveBegin", { start_frame: move.startFrame, end_frame: move.endFrame }];
+  for (const [index, steps] of move.positions.entries()) {
+    for (let at = 0; at < steps.length; at += SECTION_POSITIONS) {
+      const last = at + SECTION_POSITIONS >= steps.length ? LAST_SECTION : 0;
+      yield ["RtUploadMoveAxis", {
+        motor: index + 1,
+        start_index: at + last,
+        positions: steps.slice(at, at + SECTION_POSITIONS),
+      }];
+    }
+  }
+  yield ["RtUploadMoveEnd", {}];
+}
+
+/** Upload; calls progress(share of 1). Throws at the first section that is refused, and sends nothing after it. */
+export async function upload(device, move, progress) {
+  const requests = [...uploadRequests(move)];
+  let failed = null;
+  let done = 0;
+  const waiting = new Set();
+  for (const [request, values] of requests) {
+    const answer = device.demand(request, values).then(() => progress((done += 1) / requests.length), (error) => {
+      failed ??= error;
+    }).finally(() => waiting.delete(answer));
+    waiting.add(answer);
+    if (waiting.size >= WINDOW) await Promise.race(waiting);
+    if (failed) break;
+  }
+  await Promise.all(waiting);
+  if (failed) throw failed;
+}

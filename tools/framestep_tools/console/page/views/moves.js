@@ -1,0 +1,155 @@
+// Moves: upload one, see its curves, send the rig to a frame, play it, jog along it.
+
+import { Curve } from "../curve.js";
+import { check, field, h, number, read, setText } from "../dom.js";
+import { parseMove } from "../move_csv.js";
+import { M } from "../protocol.js";
+import { upload } from "../upload.js";
+
+const FARTHEST_FRAME = 1_000_000;
+const JOG_ALL_KEY = "along the move";
+
+export class MovesView {
+  title = "Moves";
+  element = h("section");
+  /** The move that was uploaded from this page; null for none. */
+  move = null;
+  #device;
+  #holds;
+  #operation; // what is prepared, for the whole page
+  #curve = new Curve();
+  #file = h("input", { type: "file", accept: ".csv,.txt,text/csv" });
+  #upload = h("button", { class: "main", disabled: true }, "Upload");
+  #progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": "Upload" });
+  #about = h("p", { class: "faint" }, "A CSV file as framestep upload takes it: a column frame, then a column per motor in steps.");
+  #read = null;
+  #start = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
+  #end = number(240, -FARTHEST_FRAME, FARTHEST_FRAME);
+  #fps = number(24, 0.001, 1000, { step: "0.001", inputMode: "decimal" });
+  #preroll = number(1000, 0, 60_000);
+  #postroll = number(1000, 0, 60_000);
+  #loop = h("input");
+  #pingPong = h("input");
+  #lights = h("input");
+  #state = h("p", { role: "status" });
+  #go = h("button", { type: "button", class: "main", disabled: true, onclick: () => this.#operation.go() }, "GO");
+  #frame = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
+
+  constructor(device, holds, operation) {
+    this.#device = device;
+    this.#holds = holds;
+    this.#operation = operation;
+    this.#file.addEventListener("change", () => this.#take());
+    this.element.append(
+      h("form", { class: "card", onsubmit: (event) => this.#send(event) }, field("Move", this.#file), this.#upload, this.#progress, this.#about),
+      this.#curve.element,
+      h("div", { class: "cards" }, this.#runCard(), this.#frameCard()),
+    );
+  }
+
+  connected() {
+    this.move = null;
+    this.#upload.disabled = this.#read === null;
+  }
+
+  render() {
+    const { state } = this.#device;
+    setText(this.#state, this.#operation.text);
+    this.#go.disabled = !this.#operation.ready;
+    if (this.move) this.#curve.at(state.playHead / 1000, state.positions);
+  }
+
+  #runCard() {
+    return h("article", { class: "card", "aria-label": "Run" },
+      h("h2", {}, "Run"),
+      h("form", { onsubmit: (event) => this.#prepare(event) },
+        field("From frame", this.#start), field("To frame", this.#end, "before the first: backward"),
+        field("Frames per second", this.#fps),
+        field("Pre-roll, ms", this.#preroll), field("Post-roll, ms", this.#postroll),
+        check("Loop", this.#loop), check("Ping-pong", this.#pingPong), check("Uploaded lights and triggers", this.#lights),
+        h("button", {}, "Get ready")),
+      h("div", { class: "row" }, this.#go,
+        h("button", { type: "button", onclick: () => this.#device.ask("RtStopLoop") }, "End the loop")),
+      this.#state);
+  }
+
+  #frameCard() {
+    const hold = (text, label, toEnd) => this.#holds.button(
+      h("button", { type: "button", class: "hold", "aria-label": label }, text),
+      JOG_ALL_KEY, this.#jogAll(toEnd), () => this.#device.client && this.#device.ask("MotorStopAll"));
+    return h("article", { class: "card", "aria-label": "Frames" },
+      h("h2", {}, "Frames"),
+      h("form", { onsubmit: (event) => this.#position(event) }, field("Go to frame", this.#frame), h("button", {}, "Go there")),
+      h("p", { class: "faint" }, "Hold to jog all motors along the move, at the frames per second of the run. Let go, and they stop on a frame."),
+      h("div", { class: "row" }, hold("◀", "Jog along the move, backward", false), hold("▶", "Jog along the move, forward", true)));
+  }
+
+  async #take() {
+    const [file] = this.#file.files;
+    this.#read = null;
+    this.#upload.disabled = true;
+    if (!file) return;
+    try {
+      const move = parseMove(await file.text(), file.name);
+      this.#read = move;
+      this.move = null; // what the curve shows is not what the device has
+      this.#curve.show(move);
+      this.#upload.disabled = !this.#device.connected;
+      setText(this.#about, `${file.name}: frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors`);
+      [this.#start.value, this.#end.value, this.#frame.value] = [move.startFrame, move.endFrame, move.startFrame];
+    } catch (error) {
+      this.#device.tell(error.message, true);
+    }
+  }
+
+  async #send(event) {
+    event.preventDefault();
+    const move = this.#read;
+    this.#upload.disabled = true;
+    this.#progress.hidden = false;
+    try {
+      await upload(this.#device, move, (share) => {
+        this.#progress.value = share;
+      });
+      this.move = move;
+      this.#device.tell(`Frames ${move.startFrame} to ${move.endFrame} for ${move.positions.length} motors are uploaded.`);
+    } catch (error) {
+      this.#device.tell(`The upload has ended: ${error.message}`, true);
+    }
+    this.#progress.hidden = true;
+    this.#upload.disabled = !this.#device.connected;
+  }
+
+  async #prepare(event) {
+    event.preventDefault();
+    const [start, end, fps, preroll, postroll] = [this.#start, this.#end, this.#fps, this.#preroll, this.#postroll].map(read);
+    if ([start, end, fps, preroll, postroll].includes(null)) return;
+    const flags = (this.#loop.checked ? M.RUN_LOOP : 0) | (this.#pingPong.checked ? M.RUN_PING_PONG : 0);
+    await this.#operation.prepare(`Run ${start} to ${end}`, "RtRunMove", {
+      fps_milli: Math.round(fps * 1000),
+      start_frame: start,
+      end_frame: end,
+      preroll_ms: preroll,
+      postroll_ms: postroll,
+      sync_dmx: Number(this.#lights.checked),
+      flags: flags || undefined,
+    });
+  }
+
+  async #position(event) {
+    event.preventDefault();
+    const frame = read(this.#frame);
+    if (frame !== null) await this.#device.ask("RtPositionFrame", { frame });
+  }
+
+  /** What a hold sends: once, as the device goes on by itself until it is stopped. */
+  #jogAll(toEnd) {
+    return async () => {
+      const [start, end, fps] = [this.#start, this.#end, this.#fps].map(read);
+      if ([start, end, fps].includes(null)) throw new RangeError("a field is empty");
+      const destination = toEnd ? Math.max(start, end) : Math.min(start, end);
+      if (!(await this.#device.ask("RtJogAll", { fps_milli: Math.round(fps * 1000), destination }))) throw new Error("refused");
+      return false;
+    };
+  }
+}
