@@ -57,7 +57,7 @@ class Device:
         self.url = f"socket://{told['tcp']}"
         self.repl = told.get("repl")
         self._calls = []
-        self._thread = threading.Thread(target=self._run)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def _run(self):
@@ -101,7 +101,7 @@ class Console:
 
     def __init__(self, url, work=None):
         self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever)
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         self.server = self.call(self._make(url, work))
 
@@ -118,10 +118,12 @@ class Console:
         return self.server.url
 
     def close(self):
-        self.call(self.server.stop())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-        self._loop.close()
+        try:
+            self.call(self.server.stop())
+        finally:
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join()
+            self._loop.close()
 
 
 class Stage:

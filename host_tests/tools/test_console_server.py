@@ -79,8 +79,8 @@ class Stage:
         self.device = "socket://" + line.split()[1]
         self._loop = asyncio.new_event_loop()
         self._threads = [
-            threading.Thread(target=self._run_board),
-            threading.Thread(target=self._loop.run_forever),
+            threading.Thread(target=self._run_board, daemon=True),
+            threading.Thread(target=self._loop.run_forever, daemon=True),
         ]
         for thread in self._threads:
             thread.start()
