@@ -165,3 +165,20 @@ def test_the_page_that_leaves_stops_its_jog(stage):
     wait_connected(page)
     wait_rest(page)
     assert steps(page) > 200
+
+
+def test_homing_is_offered_where_the_rig_file_sets_it_up(page, stage):
+    expect(page.get_by_role("button", name=re.compile("Home"))).to_have_count(0)
+    rig = {"limits": [{"low": 26}], "motors": [{"home": {"limit": 1, "travel": 1_000_000}}]}
+    device = stage.simulated(rig, motors=2)
+    device.at_board(lambda board: board.wire_switches())
+    other = stage.page(stage.console(device.url).url)
+    wait_connected(other)
+    expect(other.get_by_role("button", name="Home all motors")).to_be_visible()
+    other.get_by_role("button", name="Home motor 2").click()
+    expect(log(other)).to_contain_text("HOME was refused with ERR_RANGE")
+    other.get_by_role("button", name="Home motor 1").click()
+    wait_far(other, 1, 0, 100)
+    other.keyboard.press("Escape")
+    wait_rest(other)
+    assert steps(other, 1) < -100
