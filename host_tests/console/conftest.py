@@ -18,7 +18,7 @@ from framestep_tools.opening import open_port
 from framestep_tools.serve import Server
 
 _LOOK_S = 0.02
-PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may take its time
+PATIENCE_MS = 8_000  # TEMP
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _FLAGS = (
     "--no-sandbox",

@@ -26,7 +26,8 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 _HEAD = "// Made by framestep_tools.console.page_files from the modules that the firmware uses.\n"
-_HOLDS_NO_NUMBERS = "VirtConfig"  # each of its types has a layout of its own
+_HAS_NO_LAYOUT = "VirtConfig"  # each of its types has one of its own: page/virtual_config.js
+_BYTES = [["bytes", "*B"]]
 
 
 @cache
@@ -65,10 +66,9 @@ def protocol_js() -> str:
             cls.__name__: {
                 "type": cls.TYPE,
                 "name": payloads.type_name(cls.TYPE),
-                "fields": _fields(cls),
+                "fields": _BYTES if cls.__name__ == _HAS_NO_LAYOUT else _fields(cls),
             }
             for cls in payloads.REQUESTS.values()
-            if cls.__name__ != _HOLDS_NO_NUMBERS
         },
         "REPORTS": {
             str(type): {"name": cls.__name__, "fields": _fields(cls)}

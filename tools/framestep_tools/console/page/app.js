@@ -11,6 +11,7 @@ import { MovesView } from "./views/moves.js";
 import { OutputsView } from "./views/outputs.js";
 import { RigView } from "./views/rig.js";
 import { ShootView } from "./views/shoot.js";
+import { VirtualView } from "./views/virtual.js";
 import { WebSocketLink } from "./websocket_link.js";
 
 const AGAIN_MS = 1000; // from a link that has ended to the next try
@@ -19,11 +20,13 @@ const MESSAGES = 30; // kept in the log
 const device = new Device();
 const holds = new Holds();
 const operation = new Operation(device);
+const moves = new MovesView(device, holds, operation);
 const views = [
   new MotorsView(device, holds),
-  new MovesView(device, holds, operation),
+  moves,
   new ShootView(device, operation),
   new OutputsView(device),
+  new VirtualView(device, holds, moves),
   new RigView(device),
 ];
 const place = (id) => document.getElementById(id);

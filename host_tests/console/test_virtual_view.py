@@ -1,0 +1,128 @@
+"""Virtual axes in the console: the sums of the drawing beside the reference, the rig, jogs."""
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.payloads import VirtConfig
+from framestep_tools.virtual_reference import POSE, Axis, Rig, looks
+from host_tests.console.looking import LOOK_MS, go_to, log, wait_connected, wait_moving, wait_rest
+from host_tests.console.test_moves_view import upload
+
+AXES = tuple(
+    Axis(i + 1, n, p) for i, (n, p) in enumerate([(250, 3), (300.5, -10)] + [(80, 0.5)] * 4)
+)
+RIGS = [
+    Rig(1, AXES, length=857.7, extension=78.0, nodal=(20.0, 35.5, -12.0)),
+    Rig(2, (Axis(3, -500.0), Axis(2, 100.0))),
+    Rig(3, AXES, length=600.0, extension=-20.0, nodal=(0.0, 50.0, 10.0)),
+    Rig(4, AXES, nodal=(1.0, -2.0, 3.0), safe=250.0),
+]
+JOINTS = [(0,) * 6, (10, 20, 30, 40, 50, 60), (-59, 170, -1000.5, -200, 89, -7)]
+
+
+def of_page(rig):
+    """A rig as the page has it."""
+    axes = [
+        {"motor": a.motor, "perUnit": a.steps_per_unit, "position": a.position} for a in rig.axes
+    ]
+    return {
+        "type": rig.kind,
+        "axes": axes,
+        "length": rig.length,
+        "extension": rig.extension,
+        "nodal": rig.nodal,
+        "safe": rig.safe,
+    }
+
+
+@pytest.fixture(scope="module")
+def modules(shared_stage):
+    """A page of the server without a device: only its modules are wanted."""
+    served = shared_stage.console("socket://127.0.0.1:1")
+    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
+
+
+@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: str(rig.kind))
+def test_the_configuration_is_packed_as_the_tools_pack_it(modules, rig):
+    found = modules.evaluate(
+        "async (rig) => (await import('/virtual_config.js')).packConfig(rig)", of_page(rig)
+    )
+    assert bytes(found) == rig.payload()
+    assert VirtConfig.unpack(bytes(found)).type == rig.kind
+
+
+@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: str(rig.kind))
+def test_the_camera_is_drawn_where_the_reference_has_it(modules, rig):
+    for joints in JOINTS:
+        joints = joints[: len(rig.axes)]
+        found = modules.evaluate(
+            "async ([rig, joints]) => (await import('/kinematics.js')).pose(rig, joints)",
+            [of_page(rig), joints],
+        )
+        track, east_west, north_south, pan, tilt, _ = rig.forward(joints)
+        np.testing.assert_allclose(found["camera"], (east_west, north_south, track), atol=1e-9)
+        np.testing.assert_allclose(found["looks"], looks(pan, tilt), atol=1e-12)
+        np.testing.assert_allclose((found["pan"], found["tilt"]), (pan, tilt), atol=1e-9)
+
+
+def pose_of(page, axis):
+    return float(page.get_by_role("status", name=axis, exact=True).text_content())
+
+
+def wait_pose(page, axis, least):
+    for _ in range(1000):
+        if pose_of(page, axis) > least:
+            return
+        page.wait_for_timeout(LOOK_MS)
+    pytest.fail(f"{axis} is still at {pose_of(page, axis)}")
+
+
+def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
+    device = stage.simulated({"jog_timeout_ms": 0}, motors=6)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    upload(page)
+    go_to(page, "Virtual axes")
+    page.get_by_label("Type").select_option("X, Y, Z")
+    for group in page.get_by_role("group").filter(has=page.get_by_label("Steps per unit")).all():
+        if group.get_attribute("class") == "row":
+            group.get_by_label("Steps per unit").fill("100")
+    page.get_by_role("button", name="Configure").click()
+    expect(log(page)).to_contain_text("X, Y, Z: configured.")
+    for axis in POSE:
+        expect(page.get_by_role("status", name=axis, exact=True)).to_have_text("0.000")
+
+    card = page.get_by_role("article", name="vTrack")
+    card.get_by_label("Move to").fill("3.5")
+    card.get_by_role("button", name="Move", exact=True).click()
+    expect(page.get_by_role("status", name="vTrack")).to_have_text("3.500")
+    wait_rest(page)
+
+    page.get_by_role("button", name="Jog vNS up").hover()
+    page.mouse.down()
+    wait_pose(page, "vNS", 1.0)
+    page.mouse.up()
+    wait_rest(page)
+
+    before = pose_of(page, "vEW")
+    page.get_by_role("button", name="Camera right").hover()
+    page.mouse.down()
+    wait_moving(page)
+    wait_pose(page, "vEW", before + 1.0)
+    page.keyboard.press("Escape")
+    wait_rest(page)
+    page.mouse.up()
+    assert pose_of(page, "vEW") > before + 1.0
+
+    above = page.get_by_role("img", name="From above")
+    assert len(above.locator(".path").get_attribute("points").split()) == 60
+    assert len(above.locator(".trail").get_attribute("points").split()) > 3
+    expect(page.get_by_role("img", name="From the side").locator(".camera")).to_be_visible()
+
+    page.get_by_role("button", name="No virtual axes").click()
+    expect(page.get_by_role("status", name="vTrack")).to_have_text("–")
+    assert page.errors == []
+    assert re.search("configured", log(page).text_content())

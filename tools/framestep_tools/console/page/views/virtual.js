@@ -1,0 +1,233 @@
+// Virtual axes: the rig's sums, the camera's pose, jogs along straight lines, the rig drawn.
+
+import { check, field, h, number, read, setText } from "../dom.js";
+import { TYPES } from "../kinematics.js";
+import { M } from "../protocol.js";
+import { RigDrawing } from "../rig_drawing.js";
+import { packConfig } from "../virtual_config.js";
+
+const POSITION = 100_000;
+const MILLI = 1000;
+const FULL_SPEED = 10_000;
+const FARTHEST = 2_000_000_000; // a step of the main motor that no jog reaches
+const SAVED = "virtual rig";
+// Virtual motors, the field of VirtPositions, the axes that may be their main motor
+const POSE = [
+  [M.VIRT_MOTOR_TRACK, "vTrack", "track", ["track", "z"]],
+  [M.VIRT_MOTOR_EW, "vEW", "east_west", ["swing", "x"]],
+  [M.VIRT_MOTOR_NS, "vNS", "north_south", ["boom", "y"]],
+  [M.VIRT_MOTOR_PAN, "vPan", "pan", ["pan"]],
+  [M.VIRT_MOTOR_TILT, "vTilt", "tilt", ["tilt"]],
+  [M.VIRT_MOTOR_ROLL, "vRoll", "roll", ["roll"]],
+];
+const LINES = [
+  [M.LINE_X, "right", "left", M.VIRT_MOTOR_EW],
+  [M.LINE_Y, "up", "down", M.VIRT_MOTOR_NS],
+  [M.LINE_Z, "backward", "forward", M.VIRT_MOTOR_TRACK],
+];
+
+export class VirtualView {
+  title = "Virtual axes";
+  element = h("section");
+  #device;
+  #holds;
+  #moves;
+  #rig = null; // as it was configured from here
+  #type = h("select", {}, ...Object.entries(TYPES).map(([type, { name }]) => h("option", { value: type }, name)));
+  #fields = h("div");
+  #axes = [];
+  #lengths = {};
+  #speed = h("input", { type: "range", min: "1", max: "100", value: "20" });
+  #pose = h("div", { class: "cards" });
+  #poses = [];
+  #drawing = new RigDrawing();
+  #without = h("p", { class: "faint" });
+  #able = h("div", { class: "view" });
+
+  /** moves: the view that has the uploaded move. */
+  constructor(device, holds, moves) {
+    this.#device = device;
+    this.#holds = holds;
+    this.#moves = moves;
+    this.#type.addEventListener("change", () => this.#fill({}));
+    this.#able.append(
+      h("details", { class: "card", open: true }, h("summary", {}, "The rig"),
+        h("form", { onsubmit: (event) => this.#configure(event) },
+          field("Type", this.#type), this.#fields,
+          h("button", { class: "main" }, "Configure"),
+          h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes"))),
+      h("div", { class: "card" }, field("Jog speed, % of what the motors allow", this.#speed), this.#lineButtons()),
+      this.#pose, this.#aimCard(), this.#drawing.element);
+    this.element.append(this.#without, this.#able);
+  }
+
+  connected() {
+    const can = this.#device.can(M.CAP_VIRTUALS);
+    setText(this.#without, can ? "" : "This device has no virtual axes.");
+    this.#able.hidden = !can;
+    this.#rig = null;
+    this.#drawing.clear();
+    let saved = {};
+    try {
+      saved = JSON.parse(localStorage.getItem(SAVED) ?? "{}");
+    } catch { /* what an older page has left */ }
+    if (TYPES[saved.type]) this.#type.value = saved.type;
+    this.#fill(saved);
+    this.#showPose();
+  }
+
+  render() {
+    const { virtual, positions } = this.#device.state;
+    for (const { shown, name } of this.#poses) setText(shown, virtual ? (virtual[name] / POSITION).toFixed(3) : "–");
+    this.#drawing.element.hidden = this.#rig === null;
+    if (this.#rig && positions.length) this.#drawing.draw(this.#rig, this.#joints((motor) => positions[motor - 1]));
+  }
+
+  // ---- the rig's sums
+
+  #fill(saved) {
+    const { axes, arm } = TYPES[this.#type.value];
+    const motors = () => h("select", {}, h("option", { value: "0" }, "none"), ...Array.from({ length: this.#device.motors }, (_, i) => h("option", { value: String(i + 1) }, `motor ${i + 1}`)));
+    const real = (value) => number(value, -1_000_000, 1_000_000, { step: "any", inputMode: "decimal" });
+    this.#axes = axes.map((name, i) => {
+      const before = saved.axes?.[i] ?? {};
+      const axis = { name, motor: motors(), perUnit: real(before.perUnit ?? 1000), position: real(before.position ?? 0) };
+      axis.motor.value = String(Math.min(before.motor ?? i + 1, this.#device.motors));
+      return axis;
+    });
+    const length = (name, label) => field(label, (this.#lengths[name] = real(saved[name] ?? 0)));
+    this.#lengths = {};
+    const swingPan = Number(this.#type.value) === M.VIRT_SWING_PAN;
+    const lengths = swingPan ? [] : [
+      ...(arm ? [length("length", "Arm"), length("extension", "Extension")] : []),
+      length("nodalX", "Nodal point to the right"), length("nodalY", "Nodal point forward"), length("nodalZ", "Nodal point up"),
+    ];
+    this.#fields.replaceChildren(
+      ...this.#axes.map((axis) => h("fieldset", { class: "row" }, h("legend", {}, axis.name),
+        field("Motor", axis.motor), field("Steps per unit or degree", axis.perUnit),
+        swingPan ? null : field("Pose now", axis.position))),
+      h("div", { class: "row" }, ...lengths));
+  }
+
+  async #configure(event) {
+    event.preventDefault();
+    const axes = this.#axes.map(({ motor, perUnit, position }) => ({ motor: Number(motor.value), perUnit: read(perUnit), position: position.isConnected ? read(position) : 0 }));
+    const length = (name) => (this.#lengths[name] ? read(this.#lengths[name]) : 0);
+    const saved = { type: Number(this.#type.value), axes, ...Object.fromEntries(["length", "extension", "nodalX", "nodalY", "nodalZ"].map((name) => [name, length(name)])) };
+    if (JSON.stringify(saved).includes("null")) return;
+    const rig = { ...saved, nodal: [saved.nodalX, saved.nodalY, saved.nodalZ], safe: null };
+    const bytes = this.#packed(rig);
+    if (!bytes || !(await this.#device.ask("VirtConfig", { bytes }))) return;
+    this.#rig = rig;
+    localStorage.setItem(SAVED, JSON.stringify(saved));
+    this.#drawing.clear();
+    this.#showPath();
+    this.#device.tell(`${TYPES[rig.type].name}: configured.`);
+    this.render();
+  }
+
+  /** The payload; null, and the user is told, where a number does not fit. */
+  #packed(rig) {
+    try {
+      return packConfig(rig);
+    } catch (error) {
+      this.#device.tell(error.message, true);
+      return null;
+    }
+  }
+
+  async #forget() {
+    if (!(await this.#device.ask("VirtConfig", { bytes: packConfig({ type: M.VIRT_NONE }) }))) return;
+    this.#rig = null;
+    this.render();
+  }
+
+  /** The rig's joints where motors are at these steps. */
+  #joints(steps) {
+    return this.#rig.axes.map(({ motor, perUnit }) => (motor && perUnit ? (steps(motor) ?? 0) / perUnit : 0));
+  }
+
+  /** The camera's way along the uploaded move. */
+  #showPath() {
+    const { move } = this.#moves;
+    if (!move || !this.#rig) return;
+    const { positions } = this.#device.state;
+    const frames = move.positions[0].map((_, frame) => this.#joints((motor) => move.positions[motor - 1]?.[frame] ?? positions[motor - 1]));
+    this.#drawing.showPath(this.#rig, frames);
+  }
+
+  shown() {
+    this.#showPath();
+  }
+
+  // ---- pose and jogs
+
+  #showPose() {
+    this.#poses = POSE.map(([motor, label, name, mains]) => {
+      const shown = h("output", { class: "position", "aria-label": label });
+      const target = number(0, -20_000, 20_000, { step: "any", inputMode: "decimal" });
+      const move = async (event) => {
+        event.preventDefault();
+        const value = read(target);
+        if (value !== null) await this.#device.ask("VirtMove", { motor, position: Math.round(value * POSITION) });
+      };
+      const hold = (text, up) => this.#holds.button(
+        h("button", { type: "button", class: "hold", "aria-label": `Jog ${label} ${up ? "up" : "down"}` }, text),
+        `virtual ${motor}`, () => this.#jog(motor, mains, up), () => this.#stop(motor));
+      const card = h("article", { class: "card", "aria-label": label }, h("h3", {}, label), shown,
+        h("div", { class: "row" }, hold("−", false), hold("+", true)),
+        h("form", { onsubmit: move }, field("Move to", target), h("button", {}, "Move")));
+      return { name, shown, card };
+    });
+    this.#pose.replaceChildren(...this.#poses.map(({ card }) => card));
+  }
+
+  async #jog(motor, mains, up) {
+    const axis = this.#rig?.axes[TYPES[this.#rig.type].axes.findIndex((name) => mains.includes(name))];
+    const steps = up === ((axis?.perUnit ?? 1) > 0) ? FARTHEST : -FARTHEST;
+    await this.#held("VirtJog", { motor, speed: this.#share(), destination: steps });
+  }
+
+  #lineButtons() {
+    const hold = (axis, text, sign, motor) => this.#holds.button(
+      h("button", { type: "button", class: "hold", "aria-label": `Camera ${text}` }, text), `line ${axis}`,
+      async () => {
+        await this.#held("VirtJogOnLine", { axis, speed: sign * this.#share() });
+        return false; // it goes on until VIRT_STOP
+      },
+      () => this.#stop(motor));
+    return h("div", {}, h("h3", {}, "Along the camera's own axes"),
+      ...LINES.map(([axis, plus, minus, motor]) => h("div", { class: "row" }, hold(axis, minus, -1, motor), hold(axis, plus, 1, motor))));
+  }
+
+  #share() {
+    return Math.round((FULL_SPEED * Number(this.#speed.value)) / 100);
+  }
+
+  async #held(request, values) {
+    try {
+      await this.#device.demand(request, values);
+    } catch (error) {
+      this.#device.tell(error.message, true);
+      throw error;
+    }
+  }
+
+  #stop(motor) {
+    if (this.#device.client) this.#device.ask("VirtStop", { motor });
+  }
+
+  #aimCard() {
+    const inputs = ["X", "Y", "Z"].map((name) => [name, number(0, -1_000_000, 1_000_000, { step: "any", inputMode: "decimal" })]);
+    const on = h("input");
+    const send = async (event) => {
+      event.preventDefault();
+      const [x, y, z] = inputs.map(([, input]) => read(input));
+      if ([x, y, z].includes(null)) return;
+      const [a, b, c] = [x, y, z].map((value) => Math.round(value * MILLI));
+      if (await this.#device.ask("SetVirtAimPoint", { enable: Number(on.checked), x: a, y: b, z: c })) this.#device.tell(`The aim point is ${on.checked ? "on" : "off"}.`);
+    };
+    return h("article", { class: "card", "aria-label": "Aim point" }, h("h3", {}, "Aim point"),
+      h("form", { onsubmit: send }, check("Pan and tilt stay on it", on), ...inputs.map(([name, input]) => field(name, input)), h("button", {}, "Set aim point")));
+  }
+}
