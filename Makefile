@@ -12,7 +12,7 @@ MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console fuzz lint types format \
+.PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
 	plots bench profile soak flash image install dist release emulator-measure strain clean
 
 help: ## show this list
@@ -80,6 +80,9 @@ test-emulator: setup node micropython ## the emulator itself
 
 test-console: setup node micropython chromium ## the page of `framestep console` in a real browser
 	@$(PYTEST) host_tests/console $(ARGS)
+
+console-pictures: setup chromium ## draw each view of the console, wide, dark and as on a phone (build/console)
+	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
 fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7; what fails is kept as a script in build/fuzz
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)

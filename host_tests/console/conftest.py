@@ -18,9 +18,9 @@ from framestep_tools.opening import open_port
 from framestep_tools.serve import Server
 
 _LOOK_S = 0.02
-PATIENCE_MS = 8_000  # TEMP
+PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may take its time
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-_FLAGS = (
+FLAGS = (
     "--no-sandbox",
     "--disable-gpu",
     "--disable-quic",
@@ -42,7 +42,7 @@ def browser_program() -> str:
 @pytest.fixture(scope="session")
 def browser():
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=browser_program(), args=_FLAGS)
+        started = playwright.chromium.launch(executable_path=browser_program(), args=FLAGS)
         yield started
         started.close()
 

@@ -57,7 +57,7 @@ export class VirtualView {
           h("button", { class: "main" }, "Configure"),
           h("button", { type: "button", onclick: () => this.#forget() }, "No virtual axes"))),
       h("div", { class: "card" }, field("Jog speed, % of what the motors allow", this.#speed), this.#lineButtons()),
-      this.#pose, this.#aimCard(), this.#drawing.element);
+      this.#drawing.element, this.#pose, this.#aimCard());
     this.element.append(this.#without, this.#able);
   }
 
@@ -103,9 +103,9 @@ export class VirtualView {
       length("nodalX", "Nodal point to the right"), length("nodalY", "Nodal point forward"), length("nodalZ", "Nodal point up"),
     ];
     this.#fields.replaceChildren(
-      ...this.#axes.map((axis) => h("fieldset", { class: "row" }, h("legend", {}, axis.name),
+      h("div", { class: "axes" }, ...this.#axes.map((axis) => h("fieldset", { class: "row" }, h("legend", {}, axis.name),
         field("Motor", axis.motor), field("Steps per unit or degree", axis.perUnit),
-        swingPan ? null : field("Pose now", axis.position))),
+        swingPan ? null : field("Pose now", axis.position)))),
       h("div", { class: "row" }, ...lengths));
   }
 

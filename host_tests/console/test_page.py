@@ -1,0 +1,130 @@
+"""The page as a whole: a phone's width, names for screen readers, light and dark, no server."""
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.payloads import MotorGetPosition
+from host_tests.console.looking import (
+    go_to,
+    log,
+    position,
+    steps,
+    wait_connected,
+    wait_far,
+    wait_rest,
+)
+from host_tests.console.pictures import LOOKS, VIEWS, prepare
+
+# What has no name for a screen reader: fields without a label, buttons and pictures without a text
+NAMELESS = """() => [...document.querySelectorAll('button, input, select, textarea, [role=img]')]
+    .filter((each) => !each.labels?.length && !each.getAttribute('aria-label'))
+    .filter((each) => !each.textContent.trim())
+    .map((each) => each.outerHTML)"""
+# A port of Web Serial whose other end is the console's own server: the page cannot tell
+SERIAL = """address => {
+    class Port {
+        async open() {
+            this.socket = new WebSocket(address);
+            this.socket.binaryType = 'arraybuffer';
+            await new Promise((resolve) => this.socket.addEventListener('open', resolve, {once: true}));
+            this.readable = new ReadableStream({
+                start: (to) => {
+                    this.socket.onmessage = ({data}) => typeof data === 'string' || to.enqueue(new Uint8Array(data));
+                    this.socket.onclose = () => { try { to.close(); } catch { /* cancelled */ } };
+                },
+            });
+            this.writable = new WritableStream({write: (data) => this.socket.send(data)});
+        }
+        async setSignals(signals) { window.signals = signals; }
+        async close() { this.socket.close(); }
+    }
+    window.port = new Port();
+    Object.defineProperty(navigator, 'serial', {configurable: true, value: {
+        requestPort: async () => window.port,
+    }});
+}"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def served(shared_stage):
+    rig = {"inputs": [{"pin": 27}, {"pin": 28}], "outputs": [{"pin": 22}]}
+    return shared_stage.console(shared_stage.simulated(rig, motors=6).url)
+
+
+@pytest.mark.parametrize("look", ["phone", "dark"])
+def test_every_view_fits_and_everything_in_it_has_a_name(served, stage, look):
+    page = stage.page(served.url, **LOOKS[look])
+    prepare(page)
+    width = LOOKS[look]["viewport"]["width"]
+    for view in VIEWS:
+        go_to(page, view)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        stop = page.locator("#stop").bounding_box()
+        assert stop["y"] >= 0, view
+        assert stop["y"] + stop["height"] <= LOOKS[look]["viewport"]["height"], view
+        assert page.evaluate(NAMELESS) == [], view
+    back = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (back == "rgb(21, 24, 27)") == (look == "dark")
+    if look == "dark":
+        page.get_by_label("Theme").select_option("light")
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") != back
+    assert page.errors == []
+
+
+def test_by_keyboard_alone(served, stage):
+    page = stage.page(served.url)
+    wait_connected(page)
+    before = steps(page)
+    page.get_by_role("button", name="Jog motor 1 up").focus()
+    page.keyboard.down(" ")
+    wait_far(page, 1, before, 50)
+    page.keyboard.press("Tab")  # the button is left while it is held
+    wait_rest(page)
+    page.keyboard.up(" ")
+    page.get_by_label("Move to step").first.focus()
+    page.keyboard.press("ArrowUp")  # typed into the field, no jog
+    expect(page.locator("#moving")).to_contain_text("Nothing moves")
+
+
+def test_the_stop_key_works_while_one_types(served, stage):
+    page = stage.page(served.url)
+    wait_connected(page)
+    card = page.get_by_role("article", name="Motor 1", exact=True)
+    target = steps(page) + 1_000_000
+    card.get_by_label("Move to step").fill(str(target))
+    card.get_by_label("Move to step").press("Enter")
+    wait_far(page, 1, target - 1_000_000, 100)
+    card.get_by_label("Move to step").press("Escape")
+    wait_rest(page)
+    assert steps(page) < target
+
+
+def test_a_device_that_goes_and_comes_is_told(stage):
+    device = stage.simulated(motors=1)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    device.close()
+    expect(page.locator("#who")).to_have_text("Not connected")
+    expect(page.locator("#stop")).to_be_disabled()
+    expect(log(page)).to_contain_text("The link has ended: the connection to socket://")
+
+
+def test_without_a_server_over_web_serial(stage):
+    device = stage.simulated({"jog_timeout_ms": 0}, motors=1)
+    served = stage.console(device.url)
+    files, token = served.url.split("?")
+    page = stage.page(files)
+    page.evaluate(SERIAL, f"{files.replace('http', 'ws')}link?{token}")
+    page.get_by_role("button", name="Connect over USB…").click()
+    wait_connected(page)
+    assert page.evaluate("window.signals") == {"dataTerminalReady": True}
+    expect(page.get_by_label("Runs and moves go on")).to_be_hidden()
+    page.keyboard.down("ArrowRight")
+    wait_far(page, 1, 0, 200)
+    page.keyboard.up("ArrowRight")
+    wait_rest(page)
+    stood = steps(page)
+    expect(position(page)).to_have_text(str(stood))
+    page.close()
+    with device.client() as client:
+        assert client.request(MotorGetPosition()).steps[0] == stood
