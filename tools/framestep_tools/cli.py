@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from .commands import board, check, console, demo, motors, move_files, moves, rig, traces, traffic, virtual
+from .commands import (
+    board,
+    check,
+    console,
+    demo,
+    motors,
+    move_files,
+    moves,
+    rig,
+    traces,
+    traffic,
+    virtual,
+)
 from .errors import STATUSES, Command
 
 _EPILOG = "Exit status: " + "; ".join(f"{number} {text}" for number, text in STATUSES.items()) + "."
@@ -42,7 +54,19 @@ def _framestep(
 
 
 _framestep.__doc__ = __doc__
-for _subject in (motors, virtual, moves, check, move_files, traffic, traces, rig, board, demo, console):
+for _subject in (
+    motors,
+    virtual,
+    moves,
+    check,
+    move_files,
+    traffic,
+    traces,
+    rig,
+    board,
+    demo,
+    console,
+):
     _subject.add(app)
 
 if __name__ == "__main__":
