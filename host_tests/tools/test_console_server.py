@@ -7,6 +7,7 @@ import http.client
 import json
 import socket
 import threading
+import time
 from urllib.parse import urlsplit
 
 import pytest
@@ -115,6 +116,7 @@ class Stage:
 
     def client(self):
         """The page's end, once the board has noticed that its port was closed before."""
+        end = time.monotonic() + PATIENCE_S
         while True:
             client = Client(SocketPort(self.link()), PATIENCE_S)
             try:
@@ -122,6 +124,8 @@ class Stage:
                 return client
             except BrokenOff:
                 client.close()
+                if time.monotonic() > end:
+                    raise
 
     def get(self, path, host=None):
         connection = http.client.HTTPConnection(self.parts.netloc, timeout=PATIENCE_S)
@@ -130,12 +134,14 @@ class Stage:
         return answer.status, dict(answer.getheaders()), answer.read()
 
     def close(self):
-        self._call(self.server.stop())
-        self._board.stop()
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        for thread in self._threads:
-            thread.join()
-        self._loop.close()
+        try:
+            self._call(self.server.stop())
+        finally:
+            self._board.stop()
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            for thread in self._threads:
+                thread.join()
+            self._loop.close()
 
 
 @pytest.fixture(scope="module")
