@@ -123,10 +123,11 @@ class Bridge:
 
         self.on_bytes = take
         await self._ask([MotorStatus()])
-        try:
-            return (await asyncio.wait_for(answer, _ANSWER_S)).motor_bits != 0
-        except (asyncio.TimeoutError, ValueError):
-            raise OSError(f"{self.name} does not say what moves") from None
+        # not wait_for, which loses a cancellation that comes together with the answer
+        done, _ = await asyncio.wait([answer], timeout=_ANSWER_S)
+        if not done:
+            raise OSError(f"{self.name} does not say what moves")
+        return answer.result().motor_bits != 0
 
     async def close(self) -> None:
         """Stop everything and close the port. A port that has gone is no error."""

@@ -131,9 +131,9 @@ class ConsoleServer:
     async def _back(self) -> None:
         """A page has come: it has the port."""
         watch, self._watch = self._watch, None
-        if watch and not watch.done():
+        while watch and not watch.done():
             watch.cancel()
-            await asyncio.wait([watch])
+            await asyncio.wait([watch], timeout=_WATCH_S)
 
     # ---- what a browser asks for
 
