@@ -24,7 +24,7 @@ LAYERS = (
     ("motors",),
     ("io", "moves", "virtuals"),
     ("rig_settings",),
-    ("rig_home",),
+    ("rig_home", "rig_servos"),
     ("rig_pins",),
     ("rig",),
     ("reports",),

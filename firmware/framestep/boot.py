@@ -61,7 +61,8 @@ def _settings(board):
 
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
-    _forget("framestep.rig", "framestep.rig_home", "framestep.io.tmc2209_setup", "framestep.board")
+    _forget("framestep.rig", "framestep.rig_home", "framestep.rig_servos", "framestep.board")
+    _forget("framestep.io.tmc2209_setup")
     return settings, mistake
 
 

@@ -74,6 +74,8 @@ class Controller:
         self.reader = FrameReader()
         self.writer = FrameWriter(m.LARGEST_FRAME)
         self.axes = Axes(hal)
+        if rig.servos:
+            self.axes.set_servos(rig)
         self.header = hal.kernel.state  # of the tick
         self.samples = self.axes.samples
         self.positions = self.axes.positions

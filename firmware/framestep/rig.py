@@ -33,8 +33,14 @@ class Rig:
         driven = [motor for motor in self.motors if motor["driver"] is not None]
         self.board = fitted({} if board is None else board, settings["motor_count"], driven)
         self._count_motors(settings, len((board or {}).get("step", ())))
+        servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None
-        self.limits, self.outputs, self.inputs = assign(settings, self.board)
+        self.limits, self.outputs, self.inputs = assign(settings, self.board, servos)
+        self.servos = 0  # the motors that are servos, one bit each
+        for i, pin in servos:
+            self.servos |= 1 << i
+            if "step" in self.board:
+                self.board["step"][i] = self.board["dir"][i] = pin
         self.home_input = settings["home_input"]
         self.homing = self._read_homes()  # whether any motor can be homed
         self.settings = settings
@@ -68,6 +74,14 @@ class Rig:
             raise RigError(
                 "motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count)
             )
+
+    def _read_servos(self):
+        """Read the motors that are servos: a list of (motor from 0, pin)."""
+        if not [motor for motor in self.motors if motor["servo"] is not None]:
+            return []
+        from framestep import rig_servos
+
+        return rig_servos.read_servos(self)
 
     def _read_drivers(self):
         """The registers of each motor's driver (io/tmc2209_setup.py), None for a motor without."""

@@ -64,11 +64,12 @@ def _board_pins(board, dmx):
     return taken
 
 
-def assign(settings, board):
+def assign(settings, board, servos=()):
     """Assign pins to limits, outputs and inputs. Each pin can be used once.
 
-    settings: of the whole file. board: the board's data, see fitted(). Returns (limits, outputs,
-    inputs), each a list of dictionaries. RigError for a mistake.
+    settings: of the whole file. board: the board's data, see fitted(). servos: (motor from 0, pin)
+    of those that are servos. Returns (limits, outputs, inputs), each a list of dictionaries.
+    RigError for a mistake.
     """
     taken = _board_pins(board, settings["dmx"])
 
@@ -98,6 +99,9 @@ def assign(settings, board):
 
     for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
         claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
+    for i, pin in servos:
+        if pin != NO_PIN or board:
+            claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
     limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")
     for i, limit in enumerate(limits):
         for key in ("high", "low"):

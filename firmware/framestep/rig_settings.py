@@ -68,6 +68,8 @@ MOTOR_SETTINGS = {
         "how to set up a TMC2209 over its UART; without it the driver is left alone"),
     "home": (dict, None, None, None, "",
         "how to home the motor (docs/homing.md); without it it cannot be homed"),
+    "servo": (dict, None, None, None, "",
+        "a hobby servo in the place of a step motor (docs/servos.md)"),
 }
 
 DRIVER_SETTINGS = {

@@ -48,6 +48,7 @@ class Stops:
         controller.run_outputs.abort()
         controller.virtuals.halt()
         controller.axes.stop()
+        controller.motors.switch_off(controller.axes.released)
 
     def crash_stop(self):
         """After an exception in a pass: stop_everything(), and tell the host at once (note 8.4)."""
@@ -106,6 +107,7 @@ class Stops:
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
+            controller.motors.switch_off(controller.axes.released)
             controller.io.safe()
             controller.run_outputs.abort()
             return

@@ -15,6 +15,7 @@ from framestep.motors.positions import (
     NOT_FOUND,
     NOT_OPENED,
     RESTORED,
+    SERVO,
     SET,
     STEPS,
     UNPOWERED,
@@ -54,6 +55,7 @@ REASONS = {
     HOMING: "homing was begun and is not done",
     NOT_FOUND: "homing did not find its switch",
     NOT_OPENED: "its home switch did not open",
+    SERVO: "a servo goes where its pulses say",
 }
 CONDITIONS = {
     CONDITION_RIG_FILE_INVALID: "the rig file has a mistake: nothing moves (the REPL says which)",

@@ -39,6 +39,42 @@ def test_the_simulated_board_is_a_pico():
         ({"outputs": None}, "outputs: found None, allowed is a list of at most 16 objects"),
         ({"inputs": [{"pin": 22, "safe": "on"}]}, "inputs[1].safe: no such setting"),
         ({"estop": True}, "estop: found True"),
+        (
+            {"motors": [{"servo": {"pin": 19}}]},
+            "motors[1].servo.pin: found 19, which is the board's estop already",
+        ),
+        (
+            {"motors": [{"servo": {"pin": 22}}, {"servo": {"pin": 22}}]},
+            "motors[2].servo.pin: found 22, which is motors[1].servo.pin already",
+        ),
+        (
+            {"motors": [{"servo": {"pin": 22}}], "outputs": [{"pin": 22}]},
+            "outputs[1].pin: found 22, which is motors[1].servo.pin already",
+        ),
+        (
+            {"motors": [{"servo": {"pin": 4}}]},
+            "motors[1].servo.pin: found 4, which is the board's step 2 already",
+        ),
+        (
+            {"motors": [{"servo": {"low_us": 1500, "high_us": 1400}}]},
+            "motors[1].servo.high_us: found 1400, allowed is 100 µs more than low_us at least",
+        ),
+        (
+            {"motors": [{"servo": {"low": 0, "high": 99}}]},
+            "motors[1].servo.high: found 99, allowed is 100 steps more than `low` at least",
+        ),
+        (
+            {"motors": [{"servo": {"low": 0}, "backlash": 20}]},
+            "motors[1].servo.low: found 0, allowed is -20 at most, for the backlash",
+        ),
+        (
+            {"motors": [{"servo": {}, "driver": {"run_ma": 500}}]},
+            "motors[1].servo: found an object, but the motor has `driver`",
+        ),
+        (
+            {"motors": [{"servo": {}, "home": {"limit": 1, "travel": 10}}]},
+            "motors[1].servo: found an object, but the motor has `home`",
+        ),
         ({"home_input": 1}, "home_input: found 1, but no motor has `home`"),
         (
             {"home_input": 5, "motors": [{}]},
@@ -167,3 +203,13 @@ def test_a_file_with_a_mistake_leaves_the_defaults_of_the_board(tmp_path):
     rig, mistake = load(str(path), BOARD)
     assert "outputs[1].pin: found 99" in mistake
     assert [o["pin"] for o in rig.outputs] == [22, 26]
+
+
+def test_a_servo_frees_its_motors_pins():
+    rig = Rig({"motors": [{}, {"servo": {"pin": 22}}], "outputs": [{"pin": 4}, {"pin": 5}]}, BOARD)
+    assert rig.servos == 2
+    assert (rig.board["step"][:3], rig.board["dir"][:3]) == ([2, 22, 6], [3, 22, 7])
+    assert [item["pin"] for item in rig.inputs] == [27, 28]
+    assert BOARD["step"][1] == 4
+    own = Rig({"motors": [{"servo": {}}]}, BOARD)
+    assert (own.board["step"][0], own.board["dir"][0]) == (2, 2)

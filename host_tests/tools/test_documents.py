@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from framestep import rig_home, rig_settings
+from framestep import rig_home, rig_servos, rig_settings
 from framestep_tools.cli import app
 from framestep_tools.files import ROOT
 
@@ -36,6 +36,7 @@ _SETTINGS = (
     rig_settings.MOTOR_SETTINGS,
     rig_settings.DRIVER_SETTINGS,
     rig_home.HOME_SETTINGS,
+    rig_servos.SERVO_SETTINGS,
     rig_settings.OUTPUT_SETTINGS,
     rig_settings.INPUT_SETTINGS,
     rig_settings.LIMIT_SETTINGS,

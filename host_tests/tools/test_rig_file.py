@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep import rig, rig_home, rig_settings
+from framestep import rig, rig_home, rig_servos, rig_settings
 from framestep_tools import cli, rig_file
 from framestep_tools.files import board_data
 from framestep_tools.rig_file import RigFileError
@@ -145,6 +145,7 @@ def test_a_draft_with_comments(content):
         rig_settings.MOTOR_SETTINGS,
         rig_settings.DRIVER_SETTINGS,
         rig_home.HOME_SETTINGS,
+        rig_servos.SERVO_SETTINGS,
         rig_settings.LIMIT_SETTINGS,
     ):
         assert all(f'//   "{key}": ' in draft for key in settings)

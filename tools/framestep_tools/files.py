@@ -72,6 +72,7 @@ _WHOLE = (
     "framestep/hal/rp2_stack.mpy",  # needed once, when what makes the rest run is gone again
     "framestep/rig.mpy",
     "framestep/rig_home.mpy",
+    "framestep/rig_servos.mpy",
     "framestep/io/tmc2209_setup.mpy",
     "framestep/motion/reals.mpy",  # what fills the queues calls all of it
     # asked for while motors run, when there is no time to look through memory

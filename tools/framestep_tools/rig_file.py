@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from framestep import rig, rig_home, rig_settings
+from framestep import rig, rig_home, rig_servos, rig_settings
 
 from .errors import ToolError
 
@@ -159,6 +159,7 @@ def commented(content: str) -> str:
         ('of "motors": [{…}, {…}], an object for each motor', rig_settings.MOTOR_SETTINGS),
         ('of "driver": {…} of a motor', rig_settings.DRIVER_SETTINGS),
         ('of "home": {…} of a motor', rig_home.HOME_SETTINGS),
+        ('of "servo": {…} of a motor', rig_servos.SERVO_SETTINGS),
         ('of "outputs": [{…}]', rig_settings.OUTPUT_SETTINGS),
         ('of "inputs": [{…}]', rig_settings.INPUT_SETTINGS),
         ('of "limits": [{…}]', rig_settings.LIMIT_SETTINGS),

@@ -7,7 +7,7 @@ python -m framestep_tools.rig_schema          put it into docs/rig.schema.json
 import json
 from typing import Any
 
-from framestep import rig_home, rig_settings
+from framestep import rig_home, rig_servos, rig_settings
 
 _TYPES = {
     str: "string",
@@ -21,6 +21,7 @@ _WITHIN: dict[str, dict[str, Any]] = {
     "motors": rig_settings.MOTOR_SETTINGS,
     "driver": rig_settings.DRIVER_SETTINGS,
     "home": rig_home.HOME_SETTINGS,
+    "servo": rig_servos.SERVO_SETTINGS,
     "outputs": rig_settings.OUTPUT_SETTINGS,
     "inputs": rig_settings.INPUT_SETTINGS,
     "limits": rig_settings.LIMIT_SETTINGS,

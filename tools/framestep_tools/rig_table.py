@@ -5,7 +5,7 @@ python -m framestep_tools.rig_table          put it there
 
 import json
 
-from framestep import rig_home, rig_settings
+from framestep import rig_home, rig_servos, rig_settings
 
 from .files import ROOT
 
@@ -47,6 +47,7 @@ def table() -> str:
     rows += _rows(rig_settings.MOTOR_SETTINGS, "motors[].")
     rows += _rows(rig_settings.DRIVER_SETTINGS, "motors[].driver.")
     rows += _rows(rig_home.HOME_SETTINGS, "motors[].home.")
+    rows += _rows(rig_servos.SERVO_SETTINGS, "motors[].servo.")
     rows += _rows(rig_settings.OUTPUT_SETTINGS, "outputs[].")
     rows += _rows(rig_settings.INPUT_SETTINGS, "inputs[].")
     rows += _rows(rig_settings.LIMIT_SETTINGS, "limits[].")

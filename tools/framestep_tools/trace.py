@@ -6,6 +6,7 @@ time:
     m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting
                    direction
     dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
+    servo1 … servo8    level of a servo's pin, in the place of both
     enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each
                                              motor has its own)
 
@@ -53,7 +54,7 @@ class BoardPins:
     @property
     def pins(self) -> list[int]:
         """Every pin that a trace watches."""
-        return sorted((*self.step, *self.levels))
+        return sorted({*self.step, *self.levels})
 
 
 def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
@@ -74,6 +75,8 @@ def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> Boar
             else {enable: "enable"}
         )
         levels |= pin_names(board)
+        servos = enumerate(zip(board["step"], board["dir"], strict=True), 1)
+        levels |= {step: f"servo{i}" for i, (step, turn) in servos if step == turn}
         return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
     except (KeyError, TypeError) as error:
         raise TraceError(
@@ -93,7 +96,7 @@ class PinDecoder:
         self.board = board
         self.inverted = frozenset(inverted)
         self._level: dict[int, int] = {}  # last known level of each pin
-        self._motor = {pin: i for i, pin in enumerate(board.step, 1)}
+        self._motor = {pin: i for i, pin in enumerate(board.step, 1) if pin != board.dir[i - 1]}
 
     def feed(self, records: np.ndarray) -> list[Edge]:
         """The edges in these records, in their order."""
@@ -187,6 +190,8 @@ class Trace:
             mine = records[records["pin"] == pin]
             signals[name] = mine["t"].astype(np.int64), mine["level"].astype(np.int64)
         for motor, (step, direction) in enumerate(zip(board.step, board.dir, strict=True), 1):
+            if step == direction:
+                continue  # a servo's pin
             mine = records[records["pin"] == step][1:]  # the first one is the level before
             times = mine["t"][mine["level"] == 1].astype(np.int64)
             turns = records[records["pin"] == direction]

@@ -46,8 +46,8 @@ class Hal:
         raise NotImplementedError
 
     def enable(self, motor, on):
-        """Switch a motor's driver on or off. Drivers that share a pin are on while any of them
-        is."""
+        """Switch a motor's driver on or off; of a servo, its pulses. Drivers that share a pin are
+        on while any of them is."""
         raise NotImplementedError
 
     def led(self, colour):

@@ -9,6 +9,7 @@ from array import array
 from framestep.clock import WIDE_WRAP
 from framestep.hal import CHANGED, engine
 from framestep.hal.absent import NoDmx, NoWatchdog
+from framestep.hal.servos import make_servos
 from framestep.motion.kernel import StepKernel
 from framestep.native import addressof
 from framestep.native_cpython import map_device
@@ -246,10 +247,18 @@ class HostHal:
             cycles = settings["pulse_us"] * CLOCK_HZ / 1e6 - engine.HIGH_CYCLES
             width = max(0, min(engine.WIDTHS - 1, round(cycles / engine.WIDTH_CYCLES)))
             up = 0 if settings["invert"] else 1
-            model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i))
+            model = PulseModel(self.cycle, width, self._step(i, up), self._direction(i, rig.servos))
             setup = int(settings["setup_us"] * CLOCK_HZ / 1e6)
             self.kernel.configure(i, map_device(model), width, setup, settings["invert"])
             self.engines.append(model)
+        self._servos = None
+        if rig.servos:
+            self._servos = make_servos(
+                self.kernel,
+                [rig.motor(i) for i in range(motors)],
+                [map_device(model) for model in self.engines],
+                CLOCK_HZ // 1000000,
+            )
 
     def _step(self, motor, up):
         signal = "m%d" % (motor + 1)
@@ -260,8 +269,8 @@ class HostHal:
 
         return step
 
-    def _direction(self, motor):
-        signal = "dir%d" % (motor + 1)
+    def _direction(self, motor, servos):
+        signal = "%s%d" % ("servo" if (servos >> motor) & 1 else "dir", motor + 1)
 
         def direction(cycle, level):
             if self.on_edge:
@@ -290,6 +299,8 @@ class HostHal:
         return (self.now_ns // 1_000_000) & WIDE_WRAP
 
     def enable(self, motor, on):
+        if self._servos and self._servos.enable(motor, on):
+            return
         if self.on_edge:
             self.on_edge(self.now_ns, "enable%d" % (motor + 1), int(on))
 
@@ -354,3 +365,5 @@ class HostHal:
         """One timer interrupt at the present moment."""
         self._clock[0] = (self.now_ns // 1000) & WIDE_WRAP
         self.kernel.tick(None)
+        if self._servos:
+            self._servos.pulse(None)

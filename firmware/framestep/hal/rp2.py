@@ -73,6 +73,7 @@ class Rp2Hal:
             setup = int(settings["setup_us"] * cycles_per_us)
             width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
             self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
+        self._servos = self._make_servos(rig, cycles_per_us) if rig.servos else None
         # Drivers stay off until a motor is to move.
         self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
         self._enabled = 0
@@ -92,6 +93,17 @@ class Rp2Hal:
         self.ticker = None
         self.passes = Timer(-1)  # made now, as there may be no memory for it later
         self.led = self._make_led(board)
+
+    def _make_servos(self, rig, cycles_per_us):
+        from framestep.hal.servos import make_servos
+
+        motors = range(self.motors)
+        return make_servos(
+            self.kernel,
+            [rig.motor(i) for i in motors],
+            [self.engine.fifo(i) for i in motors],
+            cycles_per_us,
+        )
 
     def _make_dmx(self, wiring, rig):
         if wiring is None or not rig.dmx:
@@ -183,9 +195,15 @@ class Rp2Hal:
         called = [type(self.kernel.state).tick, Rp2Hal._bus_guard, WholeStack.call]
         if self._watched:
             called.append(type(self.watchdog)._look)
+        if self._servos:
+            called.append(type(self._servos).pulse)
         self._kinds = unchecked(*called)
         alloc_emergency_exception_buf(_TRACEBACK_BYTES)
         self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        if self._servos:
+            self._pulses = Timer(
+                -1, period=1, mode=Timer.PERIODIC, callback=self._servos.pulse, hard=True
+            )
         if self.floats:
             self._guard = Timer(
                 -1,
@@ -204,6 +222,8 @@ class Rp2Hal:
 
     def enable(self, motor, on):
         """Switch a driver on or off; drivers that share a pin are on while one of them is."""
+        if self._servos and self._servos.enable(motor, on):
+            return
         bit = 1 << motor
         if on:
             self._enabled |= bit

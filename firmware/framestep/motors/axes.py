@@ -30,6 +30,7 @@ class Axes:
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
         self.with_backlash = []
+        self.released = 0  # servos whose pulses end when something goes wrong, one bit each
         self.samples = make_samples(self.count)  # each pass of the main loop begins with another
         self.reported = array(
             "i", [0] * self.count
@@ -37,6 +38,16 @@ class Axes:
 
     def __getitem__(self, motor):
         return self.axes[motor]
+
+    def set_servos(self, rig):
+        """Make servos of the motors that the rig file says are some. At the start."""
+        for motor in range(self.count):
+            servo = rig.motor(motor)["servo"]
+            if servo:
+                self[motor].set_ends(servo["low"], servo["high"])
+                if servo["on_stop"] == "release":
+                    self.released |= 1 << motor
+        self.positions.set_servos(rig.servos)
 
     def set_backlash(self, motor, steps):
         """As Axis.set_backlash()."""

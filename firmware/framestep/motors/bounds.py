@@ -17,14 +17,15 @@ UPPER = const(1)
 EXACT = const(2)
 BOUNDS_WORDS = const(3)
 
-_ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
+ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
 
 
 def update(axis):
     """Set an axis' `bounds`: the lowest and the highest position of the load, and if there is play.
 
-    They are the enabled soft limits and the ends of the range of positions; at the lower end there
-    must be room for the motor's play. For coupled motors the partner's bounds count as well.
+    They are the enabled soft limits and the ends of the range of positions, of a servo its own; at
+    the lower end there must be room for the motor's play. For coupled motors the partner's bounds
+    count as well.
     """
     bounds = axis.bounds
     _own(axis, bounds)
@@ -59,9 +60,9 @@ def _own(axis, bounds, margin=0):
     """Set LOWER and UPPER of `bounds` to what the axis on its own allows."""
     word = axis.word
     word[2] = axis.backlash + margin
-    add_words(bounds, LOWER, _ENDS, 0, word, 2, 0)
-    reals.copy_word(bounds, UPPER, _ENDS, 1)
+    add_words(bounds, LOWER, axis.ends, 0, word, 2, 0)
+    reals.copy_word(bounds, UPPER, axis.ends, 1)
     if axis.lower_enabled and order_words(axis.limits, LOWER, bounds, LOWER) > 0:
         reals.copy_word(bounds, LOWER, axis.limits, LOWER)
-    if axis.upper_enabled:
+    if axis.upper_enabled and order_words(axis.limits, UPPER, bounds, UPPER) < 0:
         reals.copy_word(bounds, UPPER, axis.limits, UPPER)

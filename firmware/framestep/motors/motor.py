@@ -51,6 +51,7 @@ class Motor:
         self.limits = array("i", [0] * 4)  # soft limits, and words of backlash.py and axis.py
         self.lower_enabled = False
         self.upper_enabled = False
+        self.ends = bounds.ENDS  # of the range of positions
         self.bounds = array("i", [0] * 3)  # how far the load may go: see motors/bounds.py
         self.own_velocity = 0  # as set_speed() has set it, steps/s
         self.own_acceleration = 0  # steps/s²
@@ -156,6 +157,11 @@ class Motor:
         bounds.update(self.leader or self)
         return True
 
+    def set_ends(self, lowest, highest):
+        """Make it a servo: positions are pulse widths, of this range in steps. At the start."""
+        self.ends = array("i", [lowest, highest])
+        bounds.update(self)
+
     def set_backlash(self, steps):
         """Set the play in steps, 0 … 10000. Only at rest."""
         self.backlash = steps
@@ -223,9 +229,11 @@ class Motor:
 
         False, and nothing has changed, if the motor's own position, which is off by the play, would
         lie outside the range of positions, or differ from the coupled motor's by more than an int32
-        holds.
+        holds. Nor can that of a servo be another than it is: the servo would have to move.
         """
         self.refresh()
+        if self.ends is not bounds.ENDS:
+            return reals.equal_words(self.load_position, 0, source, i) != 0
         word = self.word
         word[2] = self.backlash
         if not add_words(word, 1, source, i, word, 2, 1):

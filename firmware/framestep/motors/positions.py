@@ -32,6 +32,7 @@ HOMED = const(9)  # KNOWN: homing has found its switch
 HOMING = const(10)  # LOST or, if it was known, HELD: homing has begun and is not done
 NOT_FOUND = const(11)  # LOST: homing has not found its switch
 NOT_OPENED = const(12)  # LOST: its home switch has not opened on the way back
+SERVO = const(13)  # KNOWN: a servo goes where its pulses say
 
 
 class Positions:
@@ -45,13 +46,23 @@ class Positions:
         self.count = count
         self.states = bytearray(count)  # LOST, UNSET
         self.reasons = bytearray(count)
+        self.servos = 0  # bits of motors that are always known: pulses tell them where to be
         self.journal = None
         self.saved = False
 
     def put(self, motor, state, reason):
-        """Set a motor's state, and the reason for it."""
+        """Set a motor's state, and the reason for it. A servo's stays as it is."""
+        if (self.servos >> motor) & 1:
+            return
         self.states[motor] = state
         self.reasons[motor] = reason
+
+    def set_servos(self, bits):
+        """The motors of these bits are servos."""
+        for motor in range(self.count):
+            if (bits >> motor) & 1:
+                self.put(motor, KNOWN, SERVO)
+        self.servos = bits
 
     def about_to_change(self):
         """A position is about to change: invalidate what the journal has."""

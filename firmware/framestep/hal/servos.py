@@ -1,0 +1,118 @@
+"""Hobby servos as motors: the position that the tick has come to, put out as the width of a pulse.
+
+A servo has a motor's words in the kernel and its place in the pulse engine, and no step pin: its
+one pin is what a step motor has for its direction. The tick's commands go nowhere. Instead pulse(),
+which a timer calls each millisecond, hands the engine three commands without steps once in a
+period: raise the direction and wait, wait for the second half, lower it. So the engine's cycles
+make the width, however late the timer is; and where the firmware hangs there are no more pulses.
+
+The width is that of the position to which the tick's commands lead: where a step motor on the same
+path is by the end of the pulse, or up to two milliseconds later. It has 1/64 of a step, and is held
+within the rig file's range.
+
+For engines that take commands by a register (engine.RING 0). Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.hal.engine import DIRECTION, GAP, WAIT_CYCLES
+from framestep.motion.stepper import FRACTION, POSITION
+from framestep.native import addressof, as_word, const, micropython, ptr32
+
+_FINE = const(12)  # fraction bits of the cycles of a step
+_PART = const(6)  # fraction bits of a step that count
+
+# Words: how many servos, and for each of them
+_SERVO = const(1)
+_BLOCK = const(0)  # address of the motor's words
+_FIFO = const(1)  # where its commands go
+_EVERY = const(2)  # ms from pulse to pulse
+_LEFT = const(3)  # ms until the next one
+_ON = const(4)  # 0: no pulses
+_LOW = const(5)  # its lowest position
+_STEPS = const(6)  # from there to its highest one
+_SLOPE = const(7)  # cycles of a step, with _FINE fraction bits
+_MOST = const(8)  # cycles from the shortest pulse to the longest, the same
+_BEGIN = const(9)  # cycles at the lowest position
+_BACK = const(10)  # 1: pulses get shorter where positions rise
+_WORDS = const(11)
+
+
+class Servos(array):
+    """The words of all servos, with pulse() as a method, as motion.tick.Header has its tick."""
+
+    @micropython.viper
+    def pulse(w: ptr32, _timer):
+        """Begin the pulses that are due. A millisecond has passed since the last call."""
+        at = _SERVO
+        servos = w[0]
+        while servos:
+            w[at + _LEFT] = w[at + _LEFT] - 1
+            if w[at + _LEFT] == 0:
+                w[at + _LEFT] = w[at + _EVERY]
+                if w[at + _ON]:
+                    block = ptr32(w[at + _BLOCK])
+                    steps = block[POSITION] - w[at + _LOW]
+                    if steps < 0:
+                        steps = 0
+                    if steps > w[at + _STEPS]:
+                        steps = w[at + _STEPS]
+                    part = (block[FRACTION] >> (22 - _PART)) * w[at + _SLOPE]
+                    cycles = steps * w[at + _SLOPE] + (part >> _PART)
+                    if cycles < 0:
+                        cycles = 0
+                    if cycles > w[at + _MOST]:
+                        cycles = w[at + _MOST]
+                    cycles = cycles >> _FINE
+                    if w[at + _BACK]:
+                        cycles = 0 - cycles
+                    cycles = cycles + w[at + _BEGIN]
+                    half = cycles >> 1
+                    fifo = ptr32(w[at + _FIFO])
+                    fifo[0] = ((half - WAIT_CYCLES) << GAP) + DIRECTION
+                    fifo[0] = ((cycles - half - WAIT_CYCLES) << GAP) + DIRECTION
+                    fifo[0] = 0
+            at += _WORDS
+            servos -= 1
+
+    def enable(self, motor, on):
+        """Begin or end the pulses of a motor. False if it has no servo."""
+        at = self.places.get(motor)
+        if at is None:
+            return False
+        self[at + _ON] = 1 if on else 0
+        return True
+
+
+def make_servos(kernel, settings, fifos, cycles_per_us):
+    """The Servos of a rig. To be called where the kernel's motors have been configured.
+
+    settings: each motor's, as Rig.motor() has them. fifos: where the engine takes each motor's
+    commands. Allocates.
+    """
+    motors = [i for i in range(kernel.motors) if settings[i]["servo"]]
+    servos = Servos("i", [0] * (_SERVO + _WORDS * len(motors)))
+    servos.places = {}
+    servos.nowhere = array("i", [0])  # takes the commands of the tick
+    servos[0] = len(motors)
+    at = _SERVO
+    for i in motors:
+        servo = settings[i]["servo"]
+        kernel.configure(i, addressof(servos.nowhere), 0, 0, False)
+        back = settings[i]["invert"]
+        shortest = int(servo["low_us"] * cycles_per_us)
+        longest = int(servo["high_us"] * cycles_per_us)
+        servos.places[i] = at
+        servos[at + _BLOCK] = as_word(addressof(kernel.blocks[i]))
+        servos[at + _FIFO] = as_word(fifos[i])
+        servos[at + _EVERY] = 1000 // servo["rate_hz"]
+        servos[at + _LEFT] = 1 + i  # not all at once
+        servos[at + _ON] = 1 if servo["at_start"] == "on" else 0
+        servos[at + _LOW] = servo["low"]
+        servos[at + _STEPS] = servo["high"] - servo["low"]
+        servos[at + _MOST] = (longest - shortest) << _FINE
+        servos[at + _SLOPE] = servos[at + _MOST] // servos[at + _STEPS]
+        servos[at + _BEGIN] = longest if back else shortest
+        servos[at + _BACK] = 1 if back else 0
+        at += _WORDS
+    return servos
