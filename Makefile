@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak flash image install dist release emulator-measure strain clean
+	plots bench profile soak flash image install dist release emulator-measure strain conform clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -112,6 +112,9 @@ soak: setup ## two emulated hours of a host's work: heap flat, positions exact, 
 
 strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(ARGS)
+
+conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
+	@"$(PYTHON_VENV)" -m framestep_tools.conform.score
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)

@@ -12,6 +12,7 @@ import typer
 from .commands import (
     board,
     check,
+    conform,
     console,
     demo,
     motors,
@@ -66,6 +67,7 @@ for _subject in (
     board,
     demo,
     console,
+    conform,
 ):
     _subject.add(app)
 

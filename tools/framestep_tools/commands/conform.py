@@ -1,0 +1,83 @@
+"""Whether a device keeps to the protocol."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import Json, Url, put, say_json
+
+
+def conform(
+    device: Url = None,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="also what only a bench should do: far moves, lights, outputs"),
+    ] = False,
+    subject: Annotated[
+        list[str] | None, typer.Option(help="only this subject, such as framing", metavar="NAME")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="do not ask before motors move")] = False,
+    page: Annotated[
+        Path | None, typer.Option("--html", help="write the report as a page", metavar="FILE")
+    ] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help="compare with the --json report of an earlier run", metavar="FILE"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check a device against the protocol's specification. Motors move a little, slowly."""
+    import json as files
+
+    from .. import ports
+    from ..conform import kit, report
+    from ..conform.bench import Bench
+    from ..conform.link import Failed, Link
+    from ..errors import ToolError
+    from ..opening import close_port, open_port
+
+    checks = kit.every_check()
+    names = {check.subject for check in checks}
+    if unknown := set(subject or ()) - names:
+        raise typer.BadParameter(f"{unknown.pop()} is none of {', '.join(sorted(names))}")
+    checks = [check for check in checks if not subject or check.subject in subject]
+    try:
+        before = files.loads(baseline.read_text()) if baseline else None
+        if before is not None and not isinstance(before["checks"], list):
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ToolError(f"{baseline} is no report that --json has written") from None
+    if not yes and not typer.confirm(
+        "Motors move and speeds and limits are set. Is the rig clear?", err=True
+    ):
+        raise typer.Abort
+    url = device or ports.protocol_port()
+    port = open_port(url, 1)
+    try:
+        link = Link(port)
+        link.pump(0.3)
+        bench = Bench(link, full)
+        results = kit.run(bench, checks)
+        bench.recover()
+    except Failed as failed:
+        raise ToolError(f"{url} cannot be checked: {failed}") from None
+    finally:
+        close_port(port)
+    if page:
+        page.write_text(report.as_html(url, results), encoding="utf-8")
+    if json:
+        say_json(report.as_json(url, results))
+    else:
+        for result in results:
+            if result.verdict not in (kit.PASSED, kit.LEFT_OUT):
+                print(report.line(result))
+        print(*(report.changes(before, results) if before else ()), sep="\n")
+        print(f"{len(results)} checks: {report.counts(results)}")
+    if faults := sum(result.verdict == kit.FAULT for result in results):
+        raise ToolError(f"{faults} of {len(results)} checks show a fault")
+
+
+def add(app: typer.Typer) -> None:
+    """Put this command into the command line."""
+    put(app, conform)

@@ -1,0 +1,223 @@
+"""The device under test and what checks do with it: ask, move, upload, play, come back."""
+
+import contextlib
+import math
+import struct
+from typing import NamedTuple
+
+from . import spec
+from .link import Failed, Link, Reply
+from .spec import Request
+
+VELOCITY, ACCELERATION = 1000, 8000  # steps/s, steps/s²: slow for any rig
+_IDLE_S = 20.0
+_LOOK_S = 0.02
+FRAMES = 12
+
+
+class Position(NamedTuple):
+    """A message of positions: when it came (0 for an answer), MOVE TIME in 1/1000 frames,
+    steps."""
+
+    time_s: float
+    move_time: int
+    steps: tuple[int, ...]
+
+
+class Played(NamedTuple):
+    """A run as a host sees it: position messages and the times of RT_END since GO."""
+
+    ready: tuple[int, ...]
+    go_s: float
+    positions: list[Position]
+    ends: list[float]
+
+
+class Hello(NamedTuple):
+    """The fields of HI."""
+
+    name: bytes
+    version: tuple[int, int, int]
+    motors: int
+    lights: int
+    outputs: int
+    inputs: int
+    limits: int
+    frames: int
+    can: int
+    size: int
+
+
+class Bench:
+    """One device. `home` holds the positions found at the start, to which everything is
+    relative."""
+
+    def __init__(self, link: Link, full: bool = False):
+        self.link = link
+        self.full = full
+        self.hello = self._hello()
+        self.home = self.positions().steps if self.hello.motors else ()
+        self._played: dict[Request, Played] = {}
+        self.prepare()
+
+    def _hello(self) -> Hello:
+        data = self.data(spec.HI)
+        if len(data) not in (49, 51):
+            raise Failed(f"HI has {len(data)} bytes, the specification 51 (49 before 2020)")
+        name, *rest = struct.unpack_from("<32s4BH3BII", data)
+        fields = (name, tuple(rest[:3]), *rest[3:], len(data))
+        return Hello._make(fields)
+
+    # ---- asking
+
+    def ask(self, request: Request) -> Reply:
+        """The answer to a request."""
+        return self.link.ask(*request)
+
+    def expect(self, request: Request, *codes: int) -> None:
+        """The answer is an acknowledgement with one of these codes; OK without any. A reply with
+        data counts as OK."""
+        code = self.ask(request).code
+        code = spec.OK if code is None else code
+        if code not in (codes or (spec.OK,)):
+            wanted = " or ".join(f"0x{one:04X}" for one in codes or (spec.OK,))
+            name = spec.NAMES.get(request.type, f"0x{request.type:04X}")
+            raise Failed(
+                f"{name} {request.payload.hex()} is answered with 0x{code:04X}, expected {wanted}"
+            )
+
+    def data(self, type: int, payload: bytes = b"") -> bytes:
+        """The data of an answer that is no acknowledgement."""
+        reply = self.link.ask(type, payload)
+        if reply.code is not None:
+            raise Failed(f"0x{type:04X} is answered with code 0x{reply.code:04X} and no data")
+        return reply.frame.payload
+
+    def positions(self) -> Position:
+        """MSG_MOTOR_GET_POSITION."""
+        return self.unpack(self.data(spec.GET_POSITION), 0)
+
+    def unpack(self, data: bytes, time_s: float) -> Position:
+        """A message of positions; Failed for another length than the number of motors asks."""
+        if len(data) != 4 + 4 * self.hello.motors:
+            raise Failed(f"GET_POSITION has {len(data)} bytes for {self.hello.motors} motors")
+        move_time, *steps = struct.unpack(f"<{1 + self.hello.motors}i", data)
+        return Position(time_s, move_time, tuple(steps))
+
+    def moving(self) -> int:
+        """The bits of MSG_MOTOR_STATUS."""
+        data = self.data(spec.STATUS)
+        if len(data) != 5:
+            raise Failed(f"MOTOR_STATUS has {len(data)} bytes, expected 5")
+        return int.from_bytes(data[:4], "little")
+
+    def idle(self, limit_s: float = _IDLE_S) -> None:
+        """Poll MOTOR_STATUS until nothing moves, as Dragonframe does."""
+        end = self.link.clock() + limit_s
+        while self.moving():
+            if self.link.clock() > end:
+                raise Failed(f"motors still move after {limit_s:g} s")
+            self.link.pump(_LOOK_S)
+
+    # ---- a known state
+
+    def prepare(self) -> None:
+        """Every motor enabled, slow and without limits."""
+        for motor in range(1, self.hello.motors + 1):
+            self.expect(spec.configure(motor, 1))
+            self.expect(spec.speed(motor, VELOCITY, ACCELERATION))
+            self.expect(spec.limits(motor))
+
+    def rest(self) -> None:
+        """Nothing moves; what came unasked is forgotten."""
+        if self.hello.motors:
+            self.idle()
+        self.link.reports.clear()
+        self.link.answers.clear()
+
+    def recover(self) -> None:
+        """The same after a check that failed, as far as the device lets it."""
+        for step in (
+            lambda: self.link.ask(spec.STOP_ALL), self.idle, self.prepare, self.return_home,
+        ):  # fmt: skip
+            with contextlib.suppress(Failed, struct.error):
+                step()
+        self.link.reports.clear()
+        self.link.answers.clear()
+
+    def return_home(self) -> None:
+        """Every motor back to where it stood at the start."""
+        for motor, steps in enumerate(self.home, 1):
+            self.expect(spec.move(motor, steps))
+        self.idle()
+
+    def at(self, motor: int, steps: int, within: int = 0) -> None:
+        """The motor stands there, counted from home."""
+        found = self.positions().steps[motor - 1] - self.home[motor - 1]
+        if abs(found - steps) > within:
+            raise Failed(f"motor {motor} stands {found} steps from its start, expected {steps}")
+
+    def go(self, motor: int, steps: int) -> None:
+        """Move a motor and wait, in steps from home."""
+        self.expect(spec.move(motor, self.home[motor - 1] + steps))
+        self.idle()
+
+    def reports(self, since: float = 0) -> list[Position]:
+        """Position messages that came unasked."""
+        return [
+            self.unpack(report.frame.payload, report.time_s)
+            for report in self.link.reports
+            if report.frame.type == spec.GET_POSITION and report.time_s >= since
+        ]
+
+    # ---- uploaded moves
+
+    def path(self, motor: int) -> list[int]:
+        """The positions uploaded for a motor: there and half back, from standstill; the second
+        motor goes the other way."""
+        sign = 1 if motor % 2 else -1
+        return [
+            self.home[motor - 1] + sign * round(60 * (1 - math.cos(math.pi * i / (FRAMES - 1))))
+            for i in range(FRAMES)
+        ]
+
+    def upload(self) -> None:
+        """Frames 1 to FRAMES for the first two motors, in two sections."""
+        self.expect(spec.begin(1, FRAMES))
+        for motor in range(1, min(2, self.hello.motors) + 1):
+            path = self.path(motor)
+            self.expect(spec.axis(motor, 0, path[:5]))
+            self.expect(spec.axis(motor, 5 | spec.LAST, path[5:]))
+        self.expect(Request(spec.UPLOAD_END))
+
+    def play(self, request: Request, seconds: float, loop_s: float = 0) -> Played:
+        """Upload, run and wait until RT_END or so long; the same request is played once only.
+        loop_s: after so long STOP_LOOP."""
+        if request in self._played:
+            return self._ended(self._played[request], seconds)
+        self.upload()
+        self.expect(request)
+        self.idle()
+        ready = self.positions().steps
+        self.link.reports.clear()
+        self.expect(Request(spec.GO))
+        go = self.link.clock()
+        if loop_s:
+            self.link.pump(loop_s)
+            self.expect(Request(spec.STOP_LOOP))
+        while not self.ends() and self.link.clock() < go + seconds:
+            self.link.pump(0.1)
+        self.link.pump(0.3)
+        played = Played(ready, go, self.reports(), self.ends())
+        self._played[request] = played
+        return self._ended(played, seconds)
+
+    @staticmethod
+    def _ended(played: Played, seconds: float) -> Played:
+        if not played.ends:
+            raise Failed(f"no RT_END within {seconds:g} s of GO")
+        return played
+
+    def ends(self) -> list[float]:
+        """The times of the RT_END messages that have come."""
+        return [r.time_s for r in self.link.reports if r.frame.type == spec.END]

@@ -1,0 +1,369 @@
+"""Moves, jogs, stops, soft limits and positions, judged by position messages."""
+
+from itertools import pairwise
+
+from .. import spec
+from ..bench import ACCELERATION, VELOCITY, Bench
+from ..kit import MUST, SHOULD, Check
+from ..link import Failed
+from ..spec import Request
+
+CHECKS: list[Check] = []
+
+
+def _motors(bench: Bench) -> bool:
+    return bench.hello.motors > 0
+
+
+def _two(bench: Bench) -> bool:
+    return bench.hello.motors > 1
+
+
+def _put(name, source, run, level=MUST, needs=_motors, full=False):
+    CHECKS.append(Check("motors", name, source, run, level, needs, full))
+
+
+def _moved(steps: int, last: bool):
+    def run(bench: Bench):
+        motor = bench.hello.motors if last else 1
+        bench.go(motor, steps)
+        bench.at(motor, steps)
+        bench.go(motor, 0)
+        bench.at(motor, 0)
+
+    return run
+
+
+for _steps in (1, -1, 2, -7, 40, -40, 150, -150):
+    _put(
+        f"the first motor moves {_steps} steps and back, exactly",
+        "MSG_MOTOR_MOVE",
+        _moved(_steps, False),
+    )
+for _steps in (3, -90):
+    _put(
+        f"the last motor moves {_steps} steps and back, exactly",
+        "MSG_MOTOR_MOVE",
+        _moved(_steps, True),
+    )
+for _steps in (3000, -3000):
+    _put(
+        f"the first motor moves {_steps} steps and back",
+        "MSG_MOTOR_MOVE",
+        _moved(_steps, False),
+        full=True,
+    )
+
+
+def _alone(bench: Bench):
+    before = bench.positions().steps[1:]
+    bench.go(1, 30)
+    after = bench.positions().steps[1:]
+    bench.go(1, 0)
+    if before != after:
+        raise Failed("a MOVE of motor 1 moved another motor")
+
+
+_put("a MOVE moves no other motor", "MSG_MOTOR_MOVE", _alone, needs=_two)
+
+
+def _bit(bench: Bench):
+    for motor in (1, bench.hello.motors):
+        bench.expect(spec.move(motor, bench.home[motor - 1] + 60))
+        if (bits := bench.moving()) != 1 << motor - 1:
+            raise Failed(f"motor {motor} alone moves and MOTOR_STATUS says 0x{bits:X}")
+        bench.idle()
+        bench.go(motor, 0)
+
+
+_put(
+    "MOTOR_STATUS has the bit of the motor that moves, from the answer on",
+    "MSG_MOTOR_STATUS; note 4.7",
+    _bit,
+)
+
+
+def _timing(bench: Bench):
+    distance = 400
+    bench.expect(spec.move(1, bench.home[0] + distance))
+    start = bench.link.clock()
+    bench.idle()
+    took = bench.link.clock() - start
+    expected = distance / VELOCITY + VELOCITY / ACCELERATION
+    bench.go(1, 0)
+    if took < expected * 0.9:
+        raise Failed(
+            f"{distance} steps took {took:.3f} s, faster than MAX VELOCITY "
+            f"and MAX ACCEL allow ({expected:.3f} s)"
+        )
+    if took > expected * 2 + 0.5:
+        raise Failed(f"{distance} steps took {took:.3f} s, expected about {expected:.3f} s")
+
+
+_put("a move keeps to its velocity and acceleration", "MSG_MOTOR_SET_SPEED", _timing)
+
+
+def _slower(bench: Bench):
+    bench.expect(spec.speed(1, 200, ACCELERATION))
+    start = bench.link.clock()
+    bench.go(1, 200)
+    took = bench.link.clock() - start
+    bench.expect(spec.speed(1, VELOCITY, ACCELERATION))
+    bench.go(1, 0)
+    if not 0.9 < took < 2:
+        raise Failed(f"200 steps at 200 steps/s took {took:.2f} s")
+
+
+_put("SET_SPEED is acted upon", "MSG_MOTOR_SET_SPEED", _slower)
+
+
+def _told(bench: Bench):
+    bench.link.reports.clear()
+    bench.go(1, 500)
+    bench.link.pump(0.25)
+    reports = bench.reports()
+    bench.go(1, 0)
+    seen = [r.steps[0] - bench.home[0] for r in reports]
+    if len(reports) < 4:
+        raise Failed(
+            f"{len(reports)} positions came during half a second of motion, "
+            "one each 0.1 s is expected"
+        )
+    if seen != sorted(seen) or seen[-1] != 500:
+        raise Failed(f"the positions reported on the way to 500 were {seen}")
+    gaps = [b.time_s - a.time_s for a, b in pairwise(reports)]
+    if max(gaps) > 0.3:
+        raise Failed(f"no position came for {max(gaps):.2f} s of motion")
+
+
+_put(
+    "positions come about every 0.1 s while a motor moves, the last one where it stands",
+    "MSG_MOTOR_GET_POSITION",
+    _told,
+    SHOULD,
+)
+
+
+def _quiet(bench: Bench):
+    bench.link.pump(0.3)
+    bench.link.reports.clear()
+    bench.link.pump(0.6)
+    if bench.reports():
+        raise Failed("positions are reported while nothing moves")
+
+
+_put(
+    "no positions are reported at rest",
+    "MSG_MOTOR_GET_POSITION: if any of the motors are moving",
+    _quiet,
+    SHOULD,
+)
+
+
+def _stopped(request):
+    def run(bench: Bench):
+        bench.expect(spec.move(1, bench.home[0] + 900))
+        bench.link.pump(0.2)
+        bench.expect(request)
+        bench.idle(2)
+        steps = bench.positions().steps[0] - bench.home[0]
+        bench.link.pump(0.2)
+        bench.at(1, steps)
+        bench.go(1, 0)
+        if not 50 < steps < 500:
+            raise Failed(f"stopped after 0.2 s, the motor came to rest at {steps} of 900 steps")
+
+    return run
+
+
+_put("STOP brings a motor to rest on its way", "MSG_MOTOR_STOP", _stopped(spec.stop(1)))
+_put(
+    "STOP_ALL brings a motor to rest on its way",
+    "MSG_MOTOR_STOP_ALL",
+    _stopped(Request(spec.STOP_ALL)),
+)
+_put("STOP of a motor at rest is taken", "MSG_MOTOR_STOP", lambda b: b.expect(spec.stop(1)))
+
+
+def _other_stop(bench: Bench):
+    bench.expect(spec.move(1, bench.home[0] + 200))
+    bench.expect(spec.stop(2))
+    bench.idle()
+    bench.at(1, 200)
+    bench.go(1, 0)
+
+
+_put("STOP of motor 2 does not stop motor 1", "MSG_MOTOR_STOP", _other_stop, needs=_two)
+
+
+def _retarget(bench: Bench):
+    bench.expect(spec.move(1, bench.home[0] + 300))
+    bench.link.pump(0.15)
+    bench.go(1, -50)
+    bench.at(1, -50)
+    bench.go(1, 0)
+
+
+_put("a MOVE under way gets a new target", "note 4.8", _retarget, SHOULD)
+
+
+def _jogged(sign: int, speed: int):
+    def run(bench: Bench):
+        bench.expect(spec.jog(1, speed, bench.home[0] + sign * 5000))
+        bench.link.pump(0.2)
+        bench.expect(spec.stop(1))
+        bench.idle()
+        steps = (bench.positions().steps[0] - bench.home[0]) * sign
+        bench.go(1, 0)
+        most = 0.2 * VELOCITY * speed / 10000 * 1.5 + 60
+        if not 0 < steps < most:
+            raise Failed(
+                f"a jog of 0.2 s at {speed / 100:g} % went {steps} steps, "
+                f"at most {most:.0f} are expected"
+            )
+
+    return run
+
+
+for _speed in (1000, 5000, 10000):
+    for _sign in (1, -1):
+        _put(
+            f"JOG at {_speed} {'up' if _sign > 0 else 'down'}, then STOP",
+            "MSG_MOTOR_JOG",
+            _jogged(_sign, _speed),
+        )
+
+
+def _jog_end(bench: Bench):
+    bench.expect(spec.jog(1, 10000, bench.home[0] + 40))
+    bench.idle()
+    bench.at(1, 40)
+    bench.go(1, 0)
+
+
+_put("a JOG ends at its DESTINATION", "MSG_MOTOR_JOG", _jog_end)
+
+
+def _limited(steps: int, lower, upper, code: int):
+    def run(bench: Bench):
+        home = bench.home[0]
+        at = [None if limit is None else home + limit for limit in (lower, upper)]
+        bench.expect(spec.limits(1, *at))
+        bench.expect(spec.move(1, home + steps), *((code,) if code else ()))
+        bench.idle()
+        bench.at(1, 0 if code else steps)
+        bench.expect(spec.limits(1))
+        bench.go(1, 0)
+
+    return run
+
+
+for _steps, _lower, _upper, _code in (
+    (101, -100, 100, spec.ERR_SOFT_UP),
+    (-101, -100, 100, spec.ERR_SOFT_LOW),
+    (100, -100, 100, 0),
+    (-100, -100, 100, 0),
+    (150, None, 100, spec.ERR_SOFT_UP),
+    (-150, None, 100, 0),
+    (-150, -100, None, spec.ERR_SOFT_LOW),
+    (150, -100, None, 0),
+    (120, None, None, 0),
+    (-120, None, None, 0),
+):
+    _put(
+        f"limits {_lower} and {_upper}: a MOVE to {_steps} is {'refused' if _code else 'made'}",
+        "MSG_MOTOR_SET_LIMITS; ERR_SOFT_UP, ERR_SOFT_LOW; note 4.3",
+        _limited(_steps, _lower, _upper, _code),
+    )
+
+
+def _jog_limit(sign: int):
+    def run(bench: Bench):
+        bench.expect(spec.limits(1, bench.home[0] - 60, bench.home[0] + 60))
+        bench.expect(spec.jog(1, 10000, bench.home[0] + sign * 1000))
+        bench.idle()
+        bench.at(1, sign * 60)
+        bench.expect(spec.limits(1))
+        bench.go(1, 0)
+
+    return run
+
+
+for _sign in (1, -1):
+    _put(
+        f"a JOG {'up' if _sign > 0 else 'down'} ends at the soft limit",
+        "note 4.2",
+        _jog_limit(_sign),
+        SHOULD,
+    )
+
+
+def _renamed(position: int):
+    def run(bench: Bench):
+        home = bench.home[0]
+        bench.link.reports.clear()
+        bench.expect(spec.reset(1, position))
+        bench.link.pump(0.15)
+        found, told, moved = bench.positions().steps[0], bench.reports(), bench.moving()
+        bench.expect(spec.reset(1, home))
+        if found != position or moved:
+            raise Failed(f"RESET_POSITION to {position} gave {found}")
+        if not told or told[-1].steps[0] != position:
+            raise Failed(
+                "RESET_POSITION is not followed by a GET_POSITION message with the new position"
+            )
+
+    return run
+
+
+for _position in (0, 1, -1, 65536, -65536, 1_000_000, -1_000_000, 0x7FFFFF, -0x800000):
+    _put(
+        f"RESET_POSITION to {_position} changes it, moves nothing and is confirmed",
+        "MSG_MOTOR_RESET_POSITION",
+        _renamed(_position),
+        full=_position not in (0, 1, -1),
+    )
+
+
+def _reset_moving(bench: Bench):
+    bench.expect(spec.move(1, bench.home[0] + 200))
+    bench.expect(spec.reset(1, 0), spec.ERR_MOVING)
+    bench.idle()
+    bench.at(1, 200)
+    bench.go(1, 0)
+
+
+_put(
+    "RESET_POSITION of a motor that moves is refused", "ERR_MOVING; note 4.5", _reset_moving, SHOULD
+)
+
+
+def _together(bench: Bench):
+    for motor in (1, 2):
+        bench.expect(spec.move(motor, bench.home[motor - 1] + 100 * motor))
+    if bench.moving() & 3 != 3:
+        raise Failed("two motors move and MOTOR_STATUS has not both bits")
+    bench.idle()
+    for motor in (1, 2):
+        bench.at(motor, 100 * motor)
+        bench.go(motor, 0)
+
+
+_put("two motors move at once", "MSG_MOTOR_MOVE", _together, needs=_two)
+
+
+def _lights(bench: Bench):
+    bench.expect(Request(spec.DMX, b"\0\1\0\0"))
+
+
+CHECKS.append(
+    Check(
+        "motors",
+        "DMX 0 on channel 1 is taken",
+        "MSG_DMX",
+        _lights,
+        MUST,
+        lambda b: b.hello.lights > 0,
+        True,
+    )
+)

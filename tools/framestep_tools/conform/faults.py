@@ -1,0 +1,187 @@
+"""A device with one fault: a port that spoils one behaviour of the one behind it."""
+
+import struct
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from ..wire import Frame, FrameDecoder, encode
+from . import spec
+
+
+class Fault(NamedTuple):
+    """A fault: the subject whose checks should find it, and what it makes of a frame of the
+    device (None: it is lost)."""
+
+    name: str
+    subject: str
+    spoil: Callable[[Frame], Frame | None]
+
+
+class Spoiled:
+    """A port in front of a port."""
+
+    def __init__(self, port: Any, fault: Fault):
+        self.port, self.fault = port, fault
+        self.clock = port.clock
+        self.timeout = 1.0
+        self._decoder = FrameDecoder()
+        self._out = bytearray()
+
+    def write(self, data: bytes) -> int:
+        """As it is."""
+        return self.port.write(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """What the device says, spoiled."""
+        end = self.clock() + self.timeout
+        while len(self._out) < size:
+            self.port.timeout = max(0.0, end - self.clock())
+            data = self.port.read(1)
+            self.port.timeout = 0
+            data += self.port.read(4096)
+            for frame in self._decoder.feed(data):
+                if spoiled := self.fault.spoil(frame):
+                    self._out += encode(spoiled.type, spoiled.payload, spoiled.id)
+            if self.clock() >= end - 1e-6:
+                break
+        taken = bytes(self._out[:size])
+        del self._out[:size]
+        return taken
+
+
+def _code(old: int, new: int, type: int = 0):
+    def spoil(frame: Frame) -> Frame:
+        if (
+            frame.is_ack
+            and frame.payload[:1] == bytes((old,))
+            and (not type or frame.request_type == type)
+        ):
+            return frame._replace(payload=struct.pack("<H", new))
+        return frame
+
+    return spoil
+
+
+def _lost(type: int, report: bool):
+    def spoil(frame: Frame) -> Frame | None:
+        return None if frame.request_type == type and (frame.id == 0) == report else frame
+
+    return spoil
+
+
+def _data(type: int, change: Callable[[bytes], bytes], report: bool | None = None):
+    def spoil(frame: Frame) -> Frame:
+        if frame.type != type or report not in (None, frame.id == 0):
+            return frame
+        return frame._replace(payload=change(frame.payload))
+
+    return spoil
+
+
+def _id(change: Callable[[int], int]):
+    return lambda frame: frame._replace(id=change(frame.id)) if frame.id else frame
+
+
+def _time(change: Callable[[int], int]):
+    return lambda data: struct.pack("<i", change(struct.unpack("<i", data[:4])[0])) + data[4:]
+
+
+def _steps(change: Callable[[int], int]):
+    return lambda data: (
+        data[:4] + struct.pack("<i", change(struct.unpack_from("<i", data, 4)[0])) + data[8:]
+    )
+
+
+_HI = {
+    "HI of 50 bytes": lambda d: d[:50],
+    "protocol version 1": lambda d: d[:49] + b"\1\0",
+    "40 motors": lambda d: d[:35] + b"\x28" + d[36:],
+    "600 lights": lambda d: d[:36] + struct.pack("<H", 600) + d[38:],
+    "40 outputs": lambda d: d[:38] + b"\x28" + d[39:],
+    "40 inputs": lambda d: d[:39] + b"\x28" + d[40:],
+    "a name without text": lambda d: bytes(32) + d[32:],
+    "an unknown capability": lambda d: d[:47] + b"\1" + d[48:],
+}
+
+FAULTS = (
+    *(Fault(f"HI: {name}", "framing", _data(spec.HI, change)) for name, change in _HI.items()),
+    Fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
+    Fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
+    Fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
+    Fault("unknown types are taken", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
+    Fault("unknown types: general error", "framing", _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)),
+    Fault("a wrong checksum is taken", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
+    Fault("a wrong checksum: range", "framing", _code(spec.ERR_CHECKSUM, spec.ERR_RANGE)),
+    Fault("range is told as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
+    Fault("range: general error", "numbers", _code(spec.ERR_RANGE, spec.ERR_GENERAL)),
+    Fault("short messages are taken", "lengths", _code(spec.ERR_RANGE, spec.OK)),
+    *(
+        Fault(
+            f"{spec.NAMES[type]} out of range is taken",
+            "numbers",
+            _code(spec.ERR_RANGE, spec.OK, type),
+        )
+        for type in (
+            spec.MOVE,
+            spec.STOP,
+            spec.RESET,
+            spec.JOG,
+            spec.CONFIGURE,
+            spec.SET_SPEED,
+            spec.SET_LIMITS,
+        )
+    ),
+    *(
+        Fault(f"{spec.NAMES[type]}: OK is told as 0", "numbers", _code(spec.OK, 0, type))
+        for type in (spec.STOP, spec.RESET, spec.CONFIGURE, spec.SET_SPEED, spec.SET_LIMITS)
+    ),
+    *(
+        Fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
+        for type in (spec.STOP, spec.STOP_ALL, spec.RESET, spec.JOG, spec.MOVE)
+    ),
+    Fault("upper limit told as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
+    Fault("lower limit told as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
+    Fault("a limit is told as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
+    Fault("moving is told as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
+    Fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
+    Fault(
+        "moving bits of the next motor",
+        "motors",
+        _data(spec.STATUS, lambda d: bytes((d[0] << 1 & 0xFF,)) + d[1:]),
+    ),
+    Fault("unsigned positions", "motors", _data(spec.GET_POSITION, _steps(abs))),
+    Fault(
+        "positions of 16 bits",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: (p + 0x8000 & 0xFFFF) - 0x8000)),
+    ),
+    Fault(
+        "positions a step off below zero",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: p - (p < 0))),
+    ),
+    Fault("no positions unasked", "motors", _lost(spec.GET_POSITION, True)),
+    Fault(
+        "positions unasked are all zero",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: 0), True),
+    ),
+    Fault(
+        "MOVE TIME a frame early", "uploads", _data(spec.GET_POSITION, _time(lambda t: t - 1000))
+    ),
+    Fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
+    Fault("upload: range told as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
+    Fault("not in position told as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    Fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
+    Fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
+    Fault("no RT_END", "runs", _lost(spec.END, True)),
+    Fault(
+        "reports a frame late", "runs", _data(spec.GET_POSITION, _time(lambda t: t + 1000), True)
+    ),
+    Fault("reports without positions", "runs", _data(spec.GET_POSITION, _steps(lambda p: 0), True)),
+    Fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
+    Fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
+    Fault("GO too early is taken", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    Fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
+    Fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),
+)
