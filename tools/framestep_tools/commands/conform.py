@@ -31,7 +31,8 @@ def conform(
     import json as files
 
     from .. import ports
-    from ..conform import kit, report
+    from ..client import BrokenOff
+    from ..conform import kit, report, spec
     from ..conform.bench import Bench
     from ..conform.link import Failed, Link
     from ..errors import ToolError
@@ -54,14 +55,19 @@ def conform(
         raise typer.Abort
     url = device or ports.protocol_port()
     port = open_port(url, 1)
+    link = Link(port)
     try:
-        link = Link(port)
         link.pump(0.3)
         bench = Bench(link, full)
         results = kit.run(bench, checks)
         bench.recover()
     except Failed as failed:
         raise ToolError(f"{url} cannot be checked: {failed}") from None
+    except OSError as error:
+        raise BrokenOff(f"the connection to {url} broke off: {error}") from None
+    except KeyboardInterrupt:
+        link.send(spec.STOP_ALL)
+        raise
     finally:
         close_port(port)
     if page:
@@ -72,7 +78,8 @@ def conform(
         for result in results:
             if result.verdict not in (kit.PASSED, kit.LEFT_OUT):
                 print(report.line(result))
-        print(*(report.changes(before, results) if before else ()), sep="\n")
+        for change in report.changes(before, results) if before else ():
+            print(change)
         print(f"{len(results)} checks: {report.counts(results)}")
     if faults := sum(result.verdict == kit.FAULT for result in results):
         raise ToolError(f"{faults} of {len(results)} checks show a fault")
