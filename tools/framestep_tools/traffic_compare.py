@@ -24,6 +24,7 @@ _MOVES = {
     for cls in (
         p.MotorMove,
         p.MotorJog,
+        p.Home,
         p.RtPositionFrame,
         p.RtRunMove,
         p.RtShootFrame,
