@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST
+from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
 from host_tests.end_to_end.home_switches import trust
@@ -30,15 +30,26 @@ RUN_ON = SPEED**2 / (2 * 4 * 20000)  # steps of the hard stop
 class Rail:
     """Motor 1 moves it by its edges; at a step and below it opens the switch."""
 
-    def __init__(self, session, at):
+    def __init__(self, session, at, bounce=(), stuck=None):
+        """bounce: levels that the switch has, one each millisecond, whenever it changes. stuck: a
+        level that it does not leave once it has it."""
         self.session = session
         self.emulator = session.board.emulator
         self.at = at
+        self.bounce = bounce
+        self.stuck = stuck
         self.steps = self.lowest = 0
+        self.level = int(self.steps <= at)
+        self.coming = [self.level]
         self._switch()
 
     def _switch(self):
-        self.emulator.set_pin(SWITCH, int(self.steps <= self.at))
+        level = int(self.steps <= self.at)
+        if level != self.level and self.level != self.stuck:
+            self.level = level
+            self.coming = [*self.bounce, level]
+        if self.coming:
+            self.emulator.set_pin(SWITCH, self.coming.pop(0))
 
     def run(self, ms):
         for _ in range(ms):
@@ -95,3 +106,48 @@ def test_stop(session):
     assert rail.steps < -160
     assert trust(session) == (LOST, HOMING)
     session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, 300))
+
+
+def lost(session):
+    """As after power-up: the position is lost, without soft limits."""
+    session.board.emulator.repl().exec(
+        "import framestep.boot as b; b.controller.positions.put(0, 0, 0)"
+    )
+    session.accept(p.MotorSetLimits(1, 0, 0, 0, 0))
+    session.forget()
+
+
+@pytest.mark.parametrize("bounce", [(0, 1, 0), (1, 0, 1, 1, 0, 1, 0, 0, 1)])
+def test_bounce(session, bounce):
+    """The first contact of the slow approach counts, and contacts after the switch has opened do
+    not end homing."""
+    lost(session)
+    rail = Rail(session, -400, bounce)
+    session.accept(p.Home())
+    rail.run_until_at_rest()
+    assert trust(session) == (KNOWN, HOMED)
+    assert session.position(1) == 1000 + BACK
+    # found up to as many milliseconds late as it bounces
+    assert -len(bounce) <= rail.steps - (-400 + BACK) <= 1
+    assert session.events(p.HardStop) == []
+
+
+@pytest.mark.parametrize(
+    ("at", "stuck", "reason", "low", "high"),
+    [
+        pytest.param(-400, 0, NOT_FOUND, -3000, -3000, id="stuck closed"),
+        pytest.param(-400, 1, NOT_OPENED, -400 - RUN_ON - 12, -400 + BACK + 12, id="stuck open"),
+        pytest.param(5000, 1, NOT_OPENED, 0, BACK, id="cable broken"),
+    ],
+)
+def test_switch_that_does_not_work(session, at, stuck, reason, low, high):
+    """The motor comes no further than its travel, or than it backs off; its position is lost."""
+    lost(session)
+    rail = Rail(session, at, stuck=stuck)
+    session.accept(p.Home())
+    rail.run_until_at_rest()
+    assert trust(session) == (LOST, reason)
+    assert low <= rail.lowest <= rail.steps <= high
+    rail.stuck, rail.at = None, -10_000
+    rail.run(50)
+    session.forget()
