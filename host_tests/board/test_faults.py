@@ -261,7 +261,7 @@ def test_an_exception_inside_a_handler(rig):
     assert len(rig.steps(1)[0]) == edges
     assert emulator.pin(ENABLE) == 0
     emulator.cmd("reset")
-    emulator.advance(300)
+    emulator.advance(310)
     assert emulator.pin(ENABLE) == 1  # the drivers are off long before the rest has been loaded
     starts_again(rig)
     rig.accept(p.MotorMove(1, rig.position(1) + 100))

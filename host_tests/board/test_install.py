@@ -66,6 +66,6 @@ def test_from_a_stock_micropython_to_a_move_in_one_file(bare_board, paths, tmp_p
     )
     for motor in range(1, 5):
         framestep("move", port, motor, 0, "--velocity", 20_000, "--acceleration", 100_000)
-    framestep("upload", port, CAMERA_MOVE)
-    assert "frames 1 to 12 played" in framestep("run", port, 1, 12)
+    said = framestep("play", port, CAMERA_MOVE, "--from", 1, "--to", 12)
+    assert "frames 1 to 12 played" in said
     assert "motor 1: " in framestep("status", port)
