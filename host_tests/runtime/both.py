@@ -50,7 +50,7 @@ def said(module):
 def assert_same(unix32f, module):
     """module.replay() says the same on MicroPython."""
     name = module.__name__.rpartition(".")[2]
-    output = unix32f.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="400k")
+    output = unix32f.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="440k")
     assert output.split("\n")[:-1] == said(module)
 
 

@@ -25,7 +25,7 @@ def said(monkeypatch, backlash):
 @pytest.mark.parametrize("backlash", [0, 150])
 def test_both_runtimes_say_the_same(backlash, unix32f, monkeypatch):
     output = unix32f.run(
-        f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="400k"
+        f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="440k"
     )
     lines = said(monkeypatch, backlash)
     assert output.split("\n")[:-1] == lines
