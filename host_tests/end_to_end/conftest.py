@@ -8,6 +8,9 @@ import math
 
 import pytest
 
+from framestep_tools import cli
+from framestep_tools.boards import LockstepPort
+from framestep_tools.client import Client
 from framestep_tools.payloads import RtPositionFrame
 from host_tests.end_to_end import realtime
 from host_tests.end_to_end.frame_jogs import FRAMES, PATH
@@ -87,3 +90,17 @@ def standing():
     session.wait_idle()
     session.forget()
     return session
+
+
+@pytest.fixture
+def framestep(board, monkeypatch, capsys):
+    """A command line on its module's `board`: its status, what it prints, what it complains."""
+    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
+
+    def run(line):
+        command, *words = line.split()
+        status = cli.app.status([command, "socket://x", *words])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run

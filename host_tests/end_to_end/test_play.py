@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools import cli
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client
 from framestep_tools.errors import INTERRUPTED, REFUSED
@@ -46,20 +45,6 @@ def move(tmp_path):
     lines = [f"{FIRST + i},{steps},{-steps}\n" for i, steps in enumerate(STEPS)]
     path.write_text("frame,pan,tilt\n" + "".join(lines))
     return path
-
-
-@pytest.fixture
-def framestep(board, monkeypatch, capsys):
-    """A command line, run: its status, what it prints, what it complains."""
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
-
-    def run(line):
-        command, *words = line.split()
-        status = cli.app.status([command, "socket://x", *words])
-        said = capsys.readouterr()
-        return status, said.out, said.err
-
-    return run
 
 
 def standing(board):

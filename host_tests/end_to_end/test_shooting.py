@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools import cli
 from framestep_tools.blur import ends
 from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.client import Client
@@ -45,20 +44,6 @@ def move(tmp_path):
     lines = [f"{5 + i},{a},{b}\n" for i, (a, b) in enumerate(zip(PAN, FOCUS, strict=True))]
     path.write_text("frame,pan,focus\n" + "".join(lines))
     return path
-
-
-@pytest.fixture
-def framestep(board, monkeypatch, capsys):
-    """A command line, run: its status, what it prints, what it complains."""
-    monkeypatch.setattr(Client, "open", lambda device: Client(LockstepPort(board)))
-
-    def run(line):
-        command, *words = line.split()
-        status = cli.app.status([command, "socket://x", *words])
-        said = capsys.readouterr()
-        return status, said.out, said.err
-
-    return run
 
 
 def exposures(edges):
