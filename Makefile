@@ -103,7 +103,7 @@ plots: setup ## draw the pictures in docs again
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
-profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play or go
+profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
 
 soak: setup ## two emulated hours of a host's work: heap flat, positions exact, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"

@@ -1,4 +1,5 @@
-"""What comes before boot.py in an image: DMA is stopped, then a boot.py on the file system runs.
+"""What comes before boot.py in an image: pulses are ended and DMA is stopped, then a boot.py on the
+file system runs.
 
 That may be framestep's own, from when its files were copied. Its lines do nothing a second time.
 """
@@ -7,6 +8,7 @@ import os
 
 import framestep.leftovers
 
+framestep.leftovers.lower_pins()
 framestep.leftovers.stop_dma()
 try:
     os.stat("/boot.py")

@@ -1,4 +1,5 @@
-"""What a soft reset leaves as it was, as MicroPython does: DMA that runs, and the USB device.
+"""What a soft reset leaves as it was, as MicroPython does: DMA that runs, the USB device, and the
+levels of pins that PIO had.
 
 Small, as it is loaded while DMA may still write into memory that is not its own any more: that of
 before the reset lay behind what framestep.boot keeps for the REPL.
@@ -34,6 +35,20 @@ def stop_dma():
     for channel in range(channels):
         mem32[_CONTROL + _CHANNEL * channel] = 0
     mem32[0x50000464 if rp2350 else 0x50000444] = (1 << channels) - 1  # CHAN_ABORT
+
+
+def lower_pins():
+    """Drive low whatever pin a PIO program had, which a soft reset has ended in the middle of a
+    pulse, maybe: a servo would take what is left for one of some hundred milliseconds. To be called
+    before any program is started anew."""
+    rp2350 = "RP2350" in sys.implementation._machine
+    clear, drive = (0xD0000020, 0xD0000038) if rp2350 else (0xD0000018, 0xD0000024)
+    for pin in range(30):
+        control = (0x40028004 if rp2350 else 0x40014004) + 8 * pin
+        if mem32[control] & 31 in (6, 7, 8):  # PIO0 to PIO2
+            mem32[clear] = 1 << pin
+            mem32[drive] = 1 << pin
+            mem32[control] = 5  # SIO
 
 
 def usb_alive():

@@ -42,8 +42,8 @@ class Rig:
             if "step" in self.board:
                 self.board["step"][i] = self.board["dir"][i] = pin
         self.home_input = settings["home_input"]
-        self.homing = self._read_homes()  # whether any motor can be homed
         self.settings = settings
+        self.homing = self._read_homes()  # whether any motor can be homed
         self.name = settings["name"].encode()
         self.dword_acks = 1 if settings["dialect"] == "dmc-lite" else 0
         self.ports = settings["ports"]
@@ -124,7 +124,8 @@ class Rig:
         if [motor for motor in self.motors if motor["home"] is not None]:
             from framestep.rig_home import read_homes
 
-            self.drivers = read_homes(self.motors, self.limits, self.drivers)
+            factor = self.settings["hard_stop_factor"]
+            self.drivers = read_homes(self.motors, self.limits, self.drivers, factor)
             found = True
         else:
             found = False

@@ -1,6 +1,8 @@
 """How the rig file says that motors are homed. Loaded to read it, where a motor has `home`;
 allocates."""
 
+from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
+from framestep.native import const
 from framestep.rig_settings import NO_PIN, RigError, read
 
 # fmt: off
@@ -27,7 +29,10 @@ HOME_SETTINGS = {
 # fmt: on
 
 
-def read_homes(motors, limits, drivers):
+_SEEN_MS = const(2)  # from the switch to the tick that slows the motor down, at the latest
+
+
+def read_homes(motors, limits, drivers, hard_stop_factor):
     """Read each motor's `home`. Returns Rig.drivers, with StallGuard set up where it is wanted.
 
     motors: dictionaries of MOTOR_SETTINGS, in which `home` is put anew with all its keys. limits:
@@ -36,7 +41,7 @@ def read_homes(motors, limits, drivers):
     for i, motor in enumerate(motors):
         if motor["home"] is not None:
             where = "motors[%d].home." % (i + 1)
-            motor["home"] = home = _read(motor["home"], where, limits)
+            motor["home"] = home = _read(motor["home"], where, limits, hard_stop_factor)
             driver = motor["driver"]
             if not home["stall"]:
                 continue
@@ -52,7 +57,7 @@ def read_homes(motors, limits, drivers):
     return drivers
 
 
-def _read(found, where, limits):
+def _read(found, where, limits, hard_stop_factor):
     home = read(HOME_SETTINGS, found, where)
     number = home["limit"]
     if number > len(limits):
@@ -70,4 +75,18 @@ def _read(found, where, limits):
                 "%s%s: found %d, allowed is at most the %s, %d"
                 % (where, key, home[key], most, home[most])
             )
+    least = least_back_off(home["speed"], hard_stop_factor)
+    if home["back_off"] < least:
+        raise RigError(
+            "%sback_off: found %d, allowed is %d at least: at its speed the motor runs on that far"
+            % (where, home["back_off"], least)
+        )
     return home
+
+
+def least_back_off(speed, hard_stop_factor):
+    """More steps than a motor runs on behind its switch, at the velocity and acceleration that it
+    has at power-up: where the switch was found is known to within these."""
+    speed = min(speed, DEFAULT_VELOCITY)
+    run_on = speed * speed // (2 * DEFAULT_ACCELERATION * hard_stop_factor)
+    return run_on + speed * _SEEN_MS // 1000 + 1

@@ -1,11 +1,16 @@
 """A servo on the emulated board: its pulses, judged from the edges on its pin."""
 
+import json
+
 import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_emulator import Emulator
+from framestep_tools import builds
 from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
+from framestep_tools.client import Client
 from host_tests.end_to_end.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import Session, run_request
 
@@ -40,3 +45,35 @@ def test_it_follows_the_path_that_a_step_motor_takes():
         session.run(0.1)
         assert pulses(session)[1][-1] == pytest.approx(2000, abs=0.05)
         assert session.events(p.HardStop) == []
+
+
+def test_a_soft_reset_in_mid_pulse():
+    """What the reset cuts off ends before framestep starts again, as pins that a program had go
+    low. Then there are no pulses until the motor is to move."""
+    servo = {"pin": PIN, "rate_hz": 333, "low_us": 500, "high_us": 2500, "low": 0, "high": 2000}
+    rig = json.dumps({"motors": [{"servo": servo}]}).encode()
+    with Emulator(builds.frozen("pico"), files={"/rig.json": rig}) as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl, port = emu.serial(0), emu.serial(1)
+        client = Client(port)
+        cut = []
+        while not any(cut):  # at five sixths of all moments a pulse is on its way
+            assert len(cut) < 5
+            client.request(p.Hi())
+            client.request(p.MotorMove(1, 2000 - len(cut)))
+            emu.advance(1000)
+            repl.write(b"\r\x03\r\x01")
+            emu.advance(20 + len(cut))
+            emu.trace_start([PIN])
+            emu.advance(50)
+            repl.write(b"\x04")
+            emu.advance(3000)
+            edges = emu.trace_read()
+            emu.trace_stop()
+            assert emu.pin(PIN) == 0
+            rises, falls = (edges["t"][edges["level"] == level] * 1e-6 for level in (1, 0))
+            widths = falls[falls > rises[0]] - rises
+            assert widths[:-1].max() < 2.51
+            assert widths[-1] < 60, "ms, where framestep takes 270 to start"
+            cut.append(widths[-1] > 2.51)
+            port.reset_input_buffer()

@@ -16,15 +16,18 @@ def pulses(session, motor=2):
     return rises[:count] * 1e-9, (falls[:count] - rises[:count]) * 1e-3
 
 
-def assert_follows(session, start, steps_per_us, motor=1, farthest=False):
+def assert_follows(
+    session, start, steps_per_us, motor=1, farthest=False, servo=2, sense=1, beside=None
+):
     """Each pulse has the width of a place where the step motor is at its end, or within LATEST.
 
     start: where the motor stood before its first edge. Widths are 1500 µs at 0. farthest: only
     until it is at its highest position, the end of the post-roll: each motor sets out on its way
-    back by itself.
+    back by itself. sense: -1 where the servo goes the other way. beside: the session that has the
+    step motor, if it is another one that has been asked the same.
     """
-    rises, widths = pulses(session)
-    times, signs = session.steps(motor)
+    rises, widths = pulses(session, servo)
+    times, signs = (beside or session).steps(motor)
     made = start + np.concatenate([[0], np.cumsum(signs)])
     ends = rises + widths * 1e-6
     if farthest:
@@ -32,7 +35,7 @@ def assert_follows(session, start, steps_per_us, motor=1, farthest=False):
         assert len(ends) > 40
     first = np.searchsorted(times, ends)
     last = np.searchsorted(times, ends + LATEST)
-    steps = (widths[: len(ends)] - 1500) * steps_per_us
+    steps = (widths[: len(ends)] - 1500) * steps_per_us * sense
     for k, (i, j) in enumerate(zip(first, last, strict=True)):
         places = made[i : j + 1]
         assert places.min() - 1.1 < steps[k] < places.max() + 1.1, (

@@ -5,6 +5,7 @@ import pytest
 
 from framestep import boot, repl
 from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
+from framestep.rig_settings import RigError
 from framestep_tools import cli
 from framestep_tools import payloads as p
 from framestep_tools.boards import LockstepPort
@@ -45,6 +46,19 @@ def test_run_on_behind_the_switch_does_not_count():
     home(session, 1)
     assert session.steps(1)[1].cumsum().min() < -1700 - 20  # 25 steps by the hard stop
     assert session.position(1) - rail.steps[1] == pytest.approx(-50 + 1700, abs=3)
+
+
+@pytest.mark.parametrize("speed, factor, least", [(2000, 4, 30), (4000, 1, 409), (4000, 16, 34)])
+def test_the_least_back_off_is_more_than_the_run_on(speed, factor, least):
+    """Less is refused by the rig file; with that much the motor is homed."""
+    rig = {"hard_stop_factor": factor}
+    session, rail = rails(Switch(1, LOW, -1700), rig=rig, speed=speed, back_off=least)
+    home(session, 1)
+    run_on = -1700 - session.steps(1)[1].cumsum().min()
+    assert least - speed / 500 - 2 < run_on < least
+    assert rail.steps[1] == pytest.approx(-1700 + least, abs=1)
+    with pytest.raises(RigError, match=f"back_off: found {least - 1}, allowed is {least} at least"):
+        rails(rig=rig, speed=speed, back_off=least - 1)
 
 
 def test_speeds():

@@ -4,6 +4,7 @@ import json
 from random import Random
 
 from framestep.rig import Rig, RigError
+from framestep.rig_home import least_back_off
 from framestep_tools.files import board_data, board_names
 from framestep_tools.script import Script
 
@@ -70,7 +71,7 @@ def draw_rig(dice: Random, board: str) -> dict:
             rig["limits"] = sets
             for motor in motors:
                 if some() < 0.5:
-                    motor["home"] = draw_home(dice, sets)
+                    motor["home"] = draw_home(dice, sets, rig.get("hard_stop_factor", 4))
     if some() < 0.15:
         rig["outputs"] = [
             {
@@ -90,16 +91,18 @@ def draw_rig(dice: Random, board: str) -> dict:
                     break
 
 
-def draw_home(dice: Random, sets: list) -> dict:
+def draw_home(dice: Random, sets: list, hard_stop_factor: int) -> dict:
     """How a motor is homed at one of these sets of limit switches."""
     number = dice.randrange(len(sets))
     back_off = dice.choice((1, 20, 200, 1000))
     slow = dice.choice((10, 100, 1000))
+    speed = slow * dice.choice((1, 5, 20))
+    back_off = max(back_off, least_back_off(speed, hard_stop_factor))
     return {
         "limit": number + 1,
         "toward": "high" if sets[number]["low"] < 0 else dice.choice(("low", "high")),
         "position": dice.choice((0, 0, -200, 5000, -(10**9), 10**9)),
-        "speed": slow * dice.choice((1, 5, 20)),
+        "speed": speed,
         "slow_speed": slow,
         "back_off": back_off,
         "travel": back_off * dice.choice((1, 3, 20)),

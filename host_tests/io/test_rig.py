@@ -106,6 +106,23 @@ def test_the_simulated_board_is_a_pico():
         (
             {
                 "limits": [{"low": 22}],
+                "motors": [{"home": {"limit": 1, "travel": 999, "speed": 2000, "back_off": 29}}],
+            },
+            "motors[1].home.back_off: found 29, allowed is 30 at least: "
+            "at its speed the motor runs on that far",
+        ),
+        (
+            {
+                "hard_stop_factor": 1,
+                "limits": [{"low": 22}],
+                # at power-up a motor has 5000 steps/s at most
+                "motors": [{"home": {"limit": 1, "travel": 999, "speed": 9000}}],
+            },
+            "motors[1].home.back_off: found 200, allowed is 636 at least",
+        ),
+        (
+            {
+                "limits": [{"low": 22}],
                 "motors": [{"home": {"limit": 1, "travel": 1000, "stall": 9}}],
             },
             'motors[1].home.stall: found 9, allowed is 0 without a `driver` in mode "stealth"',

@@ -19,7 +19,7 @@ from framestep_tools.boards import SimulatedBoard
 from framestep_tools.client import BrokenOff, Client
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
-from framestep_tools.console.bridge import Jogs
+from framestep_tools.console.bridge import Bridge, Jogs
 from framestep_tools.console.server import ConsoleServer
 from framestep_tools.errors import ToolError
 from framestep_tools.opening import open_port
@@ -32,6 +32,7 @@ from framestep_tools.payloads import (
     MotorStop,
     MotorStopAll,
     RtJogAll,
+    Status,
     VirtJog,
     VirtJogOnLine,
     VirtStop,
@@ -280,6 +281,71 @@ def test_a_port_that_is_taken(shared):
     other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
     with pytest.raises(ToolError, match="cannot serve the console on port"):
         shared._call(other.start(shared.parts.port))
+
+
+# ---- a page that comes back while the server waits for a move to end
+
+
+class SilentPort:
+    """A port of a device that only the test answers for."""
+
+    timeout = 0.01
+    in_waiting = 0
+
+    def __init__(self):
+        self.sent = asyncio.Event()
+        self.loop = asyncio.get_running_loop()
+
+    def read(self, size):
+        time.sleep(self.timeout)
+        return b""
+
+    def write(self, data):
+        self.loop.call_soon_threadsafe(self.sent.set)
+
+    def close(self):
+        pass
+
+
+def answer(number):
+    """What a device whose motor 1 moves answers to the request of this number of a bridge."""
+    return encode(Status.TYPE, Status(1, 0).pack(), 0xF000_0000 + number)
+
+
+def test_a_cancellation_together_with_the_answer_is_not_lost():
+    async def play():
+        port = SilentPort()
+        bridge = Bridge(port, "x")
+        asked = asyncio.create_task(bridge.moves())
+        await asyncio.wait_for(port.sent.wait(), PATIENCE_S)
+        await asyncio.sleep(0.05)  # the writer's thread has come back, and it waits for the answer
+        bridge.on_bytes(answer(0))
+        asked.cancel()
+        await asyncio.wait([asked], timeout=PATIENCE_S)
+        assert asked.cancelled()
+        await bridge.close()
+
+    asyncio.run(play())
+
+
+def test_a_page_gets_the_port_however_often_the_watch_has_to_be_told():
+    async def play():
+        server = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
+
+        async def deaf(times):
+            while times:
+                try:
+                    await asyncio.sleep(PATIENCE_S)
+                except asyncio.CancelledError:
+                    times -= 1
+
+        server._watch = watch = asyncio.create_task(deaf(2))
+        await asyncio.sleep(0)
+        await asyncio.wait_for(server._back(), PATIENCE_S)
+        assert watch.done()
+        assert server._watch is None
+
+    asyncio.run(play())
 
 
 # ---- its parts

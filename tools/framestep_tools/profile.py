@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from framestep_emulator.profile import Profile
+from framestep_emulator.profile import CYCLES_PER_US, Profile
 
 from . import builds
 from .bench.measure import PULSE_US, upload_rate
@@ -20,6 +20,7 @@ from .errors import Command
 from .payloads import MotorStatus, RtGo
 
 _OURS = "fun_data_framestep_"  # how the symbols of frozen code begin
+SERVO_CASES = ((1, 50), (4, 50), (8, 50), (4, 333))  # how many, their pulses' rate in Hz
 _UPLOAD_FRAMES = {"upload": 3000, "single-port": 500}
 
 
@@ -30,6 +31,7 @@ class Scenario(str, Enum):
     SINGLE_PORT = "single-port"
     PLAY = "play"
     GO = "go"
+    SERVOS = "servos"
 
 
 def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> None:
@@ -47,6 +49,32 @@ def _play(session: Session, profile: Profile, wait_s: float, seconds: float) -> 
             client.pump(random.uniform(0.001, 0.02))
             client.request(MotorStatus())
     client.answer_to(go)
+
+
+def _interrupts(servos: int, rate_hz: int, args: list[str]) -> tuple[float, float]:
+    """Timers' interrupts of a board that has so many servos as its last motors, all at rest: µs of
+    each ms, and interrupts per ms."""
+    servo = {"servo": {"at_start": "on", "rate_hz": rate_hz}}
+    rig = {"motors": [{}] * (MOTORS - servos) + [servo] * servos}
+    with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
+        board.emulator.advance(1000)
+        with board.emulator.measure() as measured:
+            board.emulator.advance(2000)
+    timer = measured["exceptions"]["irq3"]
+    return timer["cycles"] / CYCLES_PER_US / measured["ms"], timer["count"] / measured["ms"]
+
+
+def servo_table(args: list[str]) -> Table:
+    """What servos cost, whose pulses a second timer begins: as µs of each millisecond."""
+    table = Table(
+        f"servos of {MOTORS} motors", "Hz", "interrupts per ms", "µs per ms", "µs more than none"
+    )
+    none, count = _interrupts(0, 50, args)
+    table.add_row("0", "-", f"{count:.2f}", f"{none:.1f}", "0.0")
+    for servos, rate_hz in SERVO_CASES:
+        us, count = _interrupts(servos, rate_hz, args)
+        table.add_row(str(servos), str(rate_hz), f"{count:.2f}", f"{us:.1f}", f"{us - none:.1f}")
+    return table
 
 
 def tables(profile: Profile, rows: int) -> tuple[Table, Table]:
@@ -73,13 +101,16 @@ def main(
     cache: Annotated[bool, typer.Option(help="with the model of the flash cache")] = True,
 ) -> None:
     """Print where the processor's time goes: in an upload, in one through a single port, in a move,
-    just after GO."""
+    just after GO; or what servos cost."""
     rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
     if scenario is Scenario.SINGLE_PORT:
         rig["ports"] = 1
     args = [] if cache else ["--xip-miss", "0"]
     elf = builds.frozen().with_suffix(".elf")
     console = Console(width=120, highlight=False)
+    if scenario is Scenario.SERVOS:
+        console.print(servo_table(args))
+        return
     with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
         session = Session(board)
         profile = Profile(board.emulator, elf)
