@@ -1,16 +1,20 @@
-"""Draws each view of the console into build/console, wide and as on a phone, light and dark.
+"""Draws each view of the console for the documents: wide, dark, as on a phone, as text of a few kB.
 
 python -m host_tests.console.pictures
 """
+
+import re
+from pathlib import Path
 
 from playwright.sync_api import expect, sync_playwright
 
 from framestep_tools.files import ROOT
 from framestep_tools.move_file import CAMERA_MOVE
 from host_tests.console.conftest import FLAGS, Stage, browser_program
-from host_tests.console.looking import go_to, log, wait_connected
+from host_tests.console.looking import go_to, log, wait_connected, wait_rest
 
-FOLDER = ROOT / "build" / "console"
+FOLDER = ROOT / "docs" / "console"
+DRAWING = Path(__file__).with_name("drawing.js")
 RIG = {
     "name": "crane",
     "limits": [{"low": 26}],
@@ -18,12 +22,28 @@ RIG = {
     "inputs": [{"pin": 27}, {"pin": 28}],
     "outputs": [{"pin": 22}],
 }
+MOTORS = 6
+# Of the camera move: axis, motor, steps per unit
+AXES = [("boom", 2, 800), ("swing", 3, 200), ("track", 1, 50), ("pan", 4, 400)]
+SPEED = 8.0  # times real time
+DEVICE = "/dev/ttyACM1"  # as the page calls it: the same each time
+FRAME = 120  # of the camera move, where the rig stands in the pictures
+WIDTH, TALLEST = 1280, 2600
 LOOKS = {
-    "wide": {"viewport": {"width": 1280, "height": 900}},
-    "dark": {"viewport": {"width": 1280, "height": 900}, "color_scheme": "dark"},
+    "wide": {"viewport": {"width": WIDTH, "height": 900}},
+    "dark": {"viewport": {"width": WIDTH, "height": 900}, "color_scheme": "dark"},
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True},
 }
 VIEWS = ["Motors", "Moves", "Shoot", "Inputs, outputs, lights", "Virtual axes", "Rig file, load"]
+# Views that are drawn dark, too: these have drawings of their own
+DARK = ["Moves", "Virtual axes"]
+# What the pictures are of: (view, look)
+PICTURES = [(view, look) for look in LOOKS for view in VIEWS if look != "dark" or view in DARK]
+
+
+def path(view, look):
+    """Where the picture of a view is."""
+    return FOLDER / f"{re.split('[ ,]', view)[0].lower()}-{look}.svg"
 
 
 def prepare(page):
@@ -34,32 +54,68 @@ def prepare(page):
     page.get_by_role("button", name="Upload").click()
     expect(log(page)).to_contain_text("are uploaded")
     go_to(page, "Virtual axes")
+    for name, motor, per_unit in AXES:
+        axis = page.get_by_role("group", name=name, exact=True)
+        axis.get_by_label("Motor").select_option(f"motor {motor}")
+        axis.get_by_label("Steps per unit").fill(str(per_unit))
     page.get_by_label("Arm").fill("800")
     page.get_by_role("button", name="Configure").click()
     expect(log(page)).to_contain_text("configured")
 
 
+def stand_on_frame(page):
+    """The rig in the middle of its move."""
+    go_to(page, "Moves")
+    page.get_by_label("Go to frame").fill(str(FRAME))
+    page.get_by_role("button", name="Go there").click()
+    expect(page.locator("#moving")).to_contain_text(f"Play head {FRAME}.000")
+    wait_rest(page)
+
+
+def draw(page, view, look):
+    """The picture of a view, as SVG: as tall as the view, but on a phone."""
+    go_to(page, view)
+    before = page.viewport_size
+    if look != "phone":
+        tall = page.evaluate("document.documentElement.scrollHeight")
+        page.set_viewport_size({"width": WIDTH, "height": min(tall, TALLEST)})
+    picture = page.evaluate(DRAWING.read_text())
+    page.set_viewport_size(before)
+    return picture
+
+
+def parts(picture):
+    """What a view consisted of when its picture was drawn."""
+    return re.search("<desc>(.*)</desc>", picture)[1].split("; ")
+
+
+def crane(stage, speed=1.0):
+    """A console before the rig of the pictures."""
+    device = stage.simulated(RIG, MOTORS, speed)
+    device.at_board(lambda board: board.wire_switches())
+    served = stage.console(device.url)
+    served.server.name = DEVICE
+    return served
+
+
 def main():
-    FOLDER.mkdir(parents=True, exist_ok=True)
+    FOLDER.mkdir(exist_ok=True)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_program(), args=FLAGS)
         stage = Stage(browser)
         try:
-            device = stage.simulated(RIG, motors=6)
-            device.at_board(lambda board: board.wire_switches())
-            served = stage.console(device.url)
+            url = crane(stage, SPEED).url
             for look, options in LOOKS.items():
-                page = stage.page(served.url, **options)
+                page = stage.page(url, **options)
                 prepare(page)
-                for view in VIEWS:
-                    go_to(page, view)
-                    name = view.split(",")[0].split(" ")[0].lower()
-                    page.screenshot(path=FOLDER / f"{name}-{look}.png")
+                stand_on_frame(page)
+                for view in [view for view, drawn in PICTURES if drawn == look]:
+                    path(view, look).write_text(draw(page, view, look))
                 page.close()
         finally:
             stage.close()
             browser.close()
-    print(f"{len(LOOKS) * len(VIEWS)} pictures are in {FOLDER.relative_to(ROOT)}")
+    print(f"{len(PICTURES)} pictures are in {FOLDER.relative_to(ROOT)}")
 
 
 if __name__ == "__main__":

@@ -13,8 +13,19 @@ from host_tests.console.looking import (
     wait_far,
     wait_rest,
 )
-from host_tests.console.pictures import LOOKS, VIEWS, prepare
+from host_tests.console.pictures import (
+    FOLDER,
+    LOOKS,
+    PICTURES,
+    VIEWS,
+    crane,
+    draw,
+    parts,
+    path,
+    prepare,
+)
 
+LARGEST_PICTURE = 150_000  # bytes
 # What has no name for a screen reader: fields without a label, buttons and pictures without a text
 NAMELESS = """() => [...document.querySelectorAll('button, input, select, textarea, [role=img]')]
     .filter((each) => !each.labels?.length && !each.getAttribute('aria-label'))
@@ -47,8 +58,7 @@ SERIAL = """address => {
 
 @pytest.fixture(scope="module")
 def served(shared_stage):
-    rig = {"inputs": [{"pin": 27}, {"pin": 28}], "outputs": [{"pin": 22}]}
-    return shared_stage.console(shared_stage.simulated(rig, motors=6).url)
+    return crane(shared_stage)
 
 
 @pytest.mark.parametrize("look", ["phone", "dark"])
@@ -63,12 +73,28 @@ def test_every_view_fits_and_everything_in_it_has_a_name(served, stage, look):
         assert stop["y"] >= 0, view
         assert stop["y"] + stop["height"] <= LOOKS[look]["viewport"]["height"], view
         assert page.evaluate(NAMELESS) == [], view
+        if (view, look) in PICTURES:
+            drawn = draw(page, view, look)
+            stored = path(view, look).read_text()
+            assert parts(drawn) == parts(stored), f"{view} has changed: make console-pictures"
     back = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (back == "rgb(21, 24, 27)") == (look == "dark")
     if look == "dark":
         page.get_by_label("Theme").select_option("light")
         assert page.evaluate("getComputedStyle(document.body).backgroundColor") != back
     assert page.errors == []
+
+
+def test_each_view_has_its_pictures_in_the_documents():
+    page = (FOLDER.parent / "console.md").read_text()
+    files = {path(view, look) for view, look in PICTURES}
+    assert set(FOLDER.iterdir()) == files
+    for view in VIEWS:
+        assert parts(path(view, "wide").read_text()) == parts(path(view, "phone").read_text())
+    for file in files:
+        assert f"(console/{file.name})" in page
+        assert file.stat().st_size < LARGEST_PICTURE
+    assert sum(file.stat().st_size for file in files) < LARGEST_PICTURE * 5
 
 
 def test_by_keyboard_alone(served, stage):
