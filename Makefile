@@ -27,7 +27,7 @@ node: ## the emulator's node package
 chromium: ## a browser for the tests of the console, where none is installed
 	@tools/setup.sh chromium
 
-micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (two minutes, once)
+micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on this computer (three minutes, once)
 	@tools/micropython/build.sh all
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
@@ -63,8 +63,8 @@ test: lint types node micropython chromium ## everything: style, types, and ever
 test-core: setup ## the core on CPython
 	@$(PYTEST) $(LAYERS:%=--ignore=host_tests/%) $(ARGS)
 
-test-runtime: setup ## the core on 32-bit MicroPython
-	@tools/micropython/build.sh unix32f
+test-runtime: setup ## the core on 32-bit MicroPython: x86, and ESP32's processors by QEMU
+	@tools/micropython/build.sh runtimes
 	@$(PYTEST) host_tests/runtime $(ARGS)
 
 test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, the heap locked

@@ -3,7 +3,6 @@ and says why."""
 
 import contextlib
 import os
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +13,7 @@ from hypothesis.internal.conjecture import providers
 from framestep import native_cpython
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
-
-# Heap of the 32-bit runtime: about what MicroPython leaves free on an RP2040 (233 to 242 kB).
-_HEAP = "240k"
-
+from host_tests.runtimes import Runtime
 
 _IN_CI = bool(os.environ.get("CI"))
 
@@ -120,69 +116,10 @@ def paths() -> Paths:
     return Paths(root=ROOT, firmware=FIRMWARE, cache=CACHE, build=ROOT / "build")
 
 
-class Runtime:
-    """Runs scripts on the 32-bit MicroPython with single-precision floats, the core compiled as for
-    a board.
-
-    run("print(1)") or run(Path("script.py"), "argument"); gives back what the script printed. A
-    script that ends with an exception or an exit status fails the test with its traceback. Modules
-    beside a script file can be imported.
-    """
-
-    def __init__(self, executable: Path, scratch, engine: str = "pio"):
-        self.executable = executable
-        self._scratch = scratch
-        self._core = compiled_tree("x86", engine)  # once: it takes longer than most scripts
-
-    def run(
-        self,
-        script,
-        *args,
-        heap: str = _HEAP,
-        path=(),
-        stdin: bytes | None = None,
-        timeout: float = 1000,
-    ) -> str:
-        if not isinstance(script, Path):
-            script_file = self._scratch / "script.py"
-            script_file.write_text(script)
-            script = script_file
-        search = [self._core, *path, ".frozen"]
-        try:
-            result = subprocess.run(
-                [self.executable, "-X", f"heapsize={heap}", script, *map(str, args)],
-                env={**os.environ, "MICROPYPATH": ":".join(map(str, search))},
-                input=b"" if stdin is None else stdin,
-                capture_output=True,
-                timeout=timeout,
-            )
-        except subprocess.TimeoutExpired as late:
-            out = (late.stdout or b"").decode(errors="replace")
-            pytest.fail(
-                f"{script} ran on unix32f for more than {timeout} s; it had printed:\n{out}",
-                pytrace=False,
-            )
-        out = result.stdout.decode(errors="replace")
-        if result.returncode != 0:
-            # MicroPython prints tracebacks of uncaught exceptions on standard output or error, by
-            # version
-            err = result.stderr.decode(errors="replace")
-            pytest.fail(
-                f"{script} on unix32f, exit status {result.returncode}:\n{out}\n{err}",
-                pytrace=False,
-            )
-        return out
-
-
 @pytest.fixture(scope="session")
 def unix32f(tmp_path_factory) -> Runtime:
-    return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"))
-
-
-@pytest.fixture(scope="session")
-def unix32f_stream(tmp_path_factory) -> Runtime:
-    """The same with the core built for the engine of hal/stream.py."""
-    return Runtime(builds.micropython("unix32f"), tmp_path_factory.mktemp("unix32f"), "stream")
+    """32-bit MicroPython on this computer's processor."""
+    return Runtime("x86", tmp_path_factory.mktemp("unix32f"))
 
 
 @pytest.fixture

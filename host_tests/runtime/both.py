@@ -22,13 +22,13 @@ def many(examples):
     )
 
 
-def assert_answers(unix32f, replay, scripts, expected):
+def assert_answers(runtime, replay, scripts, expected):
     """Each line of the scripts is answered as expected(script) says.
 
     replay: what runs on MicroPython. scripts: lists of (line, step).
     """
-    script = [step for script in scripts for step in script]
-    answers = unix32f.run(
+    script = [step for script in runtime.share(scripts) for step in script]
+    answers = runtime.run(
         replay, heap="8m", stdin="".join(line + "\n" for line, _ in script).encode()
     ).split("\n")
     assert len(answers) == len(script) + 1
@@ -47,10 +47,10 @@ def said(module):
     return lines
 
 
-def assert_same(unix32f, module):
+def assert_same(runtime, module):
     """module.replay() says the same on MicroPython."""
     name = module.__name__.rpartition(".")[2]
-    output = unix32f.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="440k")
+    output = runtime.run(f"from {name} import replay\nreplay(print)\n", path=[HERE], heap="440k")
     assert output.split("\n")[:-1] == said(module)
 
 

@@ -80,12 +80,12 @@ def on_cpython(text):
     return out.getvalue()
 
 
-def test_a_story(unix32f):
+def test_a_story(runtime):
     text = story()
     expected = on_cpython(text).split("\n")
     texts = {line.split(" ", 6)[6] for line in expected if line}
     assert len(texts) == 7, texts  # nothing yet, and six things to say
     assert expected[-2].split()[3] == "0"  # CPython itself says what the script has
-    answers = unix32f.run(REPLAY, stdin=text.encode()).split("\n")
+    answers = runtime.run(REPLAY, stdin=text.encode()).split("\n")
     wrong = [pair for pair in zip(answers, expected, strict=True) if pair[0] != pair[1]]
     assert not wrong, wrong[0]

@@ -5,8 +5,8 @@ from host_tests.runtime import far_replay
 from host_tests.runtime.both import assert_same, frames, said
 
 
-def test_both_runtimes_say_the_same(unix32f):
-    assert_same(unix32f, far_replay)
+def test_both_runtimes_say_the_same(runtime):
+    assert_same(runtime, far_replay)
 
 
 def test_what_leaves_the_range_is_refused():

@@ -51,9 +51,10 @@ def on_cpython(text):
 @settings(
     max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
-def test_any_operations(unix32f, steps):
+def test_any_operations(runtime, steps):
+    steps = runtime.share(steps)
     text = "".join(f"{kind} {a} {b}\n" for kind, a, b in steps)
-    answers = unix32f.run(REPLAY, stdin=text.encode()).split("\n")
+    answers = runtime.run(REPLAY, stdin=text.encode()).split("\n")
     expected = on_cpython(text).split("\n")
     assert len(answers) == len(expected)
     wrong = [pair for pair in zip(answers, expected, strict=True) if pair[0] != pair[1]]

@@ -12,10 +12,10 @@ REPLAY = HERE / "lightplots_replay.py"
 
 @given(st.lists(lightplots.plots(), min_size=5, max_size=10))
 @many(30)
-def test_any_plot(unix32f, scripts):
-    assert_answers(unix32f, REPLAY, scripts, lightplots.expected)
+def test_any_plot(runtime, scripts):
+    assert_answers(runtime, REPLAY, scripts, lightplots.expected)
 
 
-def test_a_range_longer_than_can_be_stored(unix32f):
-    answers = unix32f.run(REPLAY, stdin="".join(line + "\n" for line, _ in lightplots.FAR).encode())
+def test_a_range_longer_than_can_be_stored(runtime):
+    answers = runtime.run(REPLAY, stdin="".join(line + "\n" for line, _ in lightplots.FAR).encode())
     assert answers.split("\n")[:-1] == [answer for _, answer in lightplots.FAR]

@@ -27,11 +27,11 @@ LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 
 @pytest.fixture
-def words(unix32f, tmp_path):
+def words(runtime, tmp_path):
     """words(*arguments, stdin=...): the words that the replay gives on MicroPython."""
 
     def run(*arguments, stdin=None):
-        unix32f.run(REPLAY, tmp_path / "words", *arguments, stdin=stdin)
+        runtime.run(REPLAY, tmp_path / "words", *arguments, stdin=stdin)
         return np.fromfile(tmp_path / "words", "<i4")
 
     return run
@@ -239,7 +239,7 @@ def test_numbers(words, seed):
 LEFT = Path(__file__).parent / "nothing_left.py"
 
 
-def test_nothing_left_allocated(unix32f):
+def test_nothing_left_allocated(runtime):
     """Not even what is freed again at once, as large call frames are, may stay behind."""
-    left = int(unix32f.run(LEFT, path=[REPLAY.parent]))
+    left = int(runtime.run(LEFT, path=[REPLAY.parent]))
     assert left <= 64  # the loop's own variables

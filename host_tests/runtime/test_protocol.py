@@ -17,8 +17,9 @@ ECHO = Path(__file__).parent / "frames_echo.py"
 @settings(
     max_examples=8, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
-def test_any_stream_in_any_pieces(unix32f, cases):
-    answers = unix32f.run(ECHO, stdin="".join(case.line() for case in cases).encode()).split("\n")
+def test_any_stream_in_any_pieces(runtime, cases):
+    cases = runtime.share(cases)
+    answers = runtime.run(ECHO, stdin="".join(case.line() for case in cases).encode()).split("\n")
     for case, answer in zip(cases, answers, strict=False):
         assert answer == streams.expected(case).hex(), case
     assert len(answers) == len(cases) + 1
@@ -27,7 +28,7 @@ def test_any_stream_in_any_pieces(unix32f, cases):
 SUMS = Path(__file__).parent / "checksums.py"
 
 
-def test_checksum(unix32f):
+def test_checksum(runtime):
     for data in (
         b"\xff" * 1100,
         bytes(1100),
@@ -41,20 +42,20 @@ def test_checksum(unix32f):
             for count in [*range(70), 255, 256, 257, 271, 272, 511, 512, 513, 1030, 1045, 1046]
         ]
         assert (
-            list(map(int, unix32f.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
+            list(map(int, runtime.run(SUMS, stdin=data.hex().encode() + b"\n").split())) == expected
         )
 
 
 CHECK = Path(__file__).parent / "check_bytes.py"
 
 
-def test_check_bytes(unix32f):
-    assert unix32f.run(CHECK) == "0\n"
+def test_check_bytes(runtime):
+    assert runtime.run(CHECK) == "0\n"
 
 
 COPIES = Path(__file__).parent / "copies.py"
 
 
-def test_copies(unix32f):
+def test_copies(runtime):
     """From and to any place in a word, and within one buffer."""
-    assert unix32f.run(COPIES) == "0\n"
+    assert runtime.run(COPIES) == "0\n"

@@ -5,8 +5,8 @@ from host_tests.runtime import realtime_replay
 from host_tests.runtime.both import assert_same, frames, said
 
 
-def test_both_runtimes_say_the_same(unix32f):
-    assert_same(unix32f, realtime_replay)
+def test_both_runtimes_say_the_same(runtime):
+    assert_same(runtime, realtime_replay)
 
 
 def test_the_script_goes_through_everything():

@@ -60,11 +60,11 @@ def words(*values):
     return struct.pack(f"<{len(values)}i", *values)
 
 
-def test_what_the_fuzzer_has_found(unix32f, tmp_path):
-    for path in FOUND:
+def test_what_the_fuzzer_has_found(runtime, tmp_path):
+    for path in runtime.share(FOUND):
         with path.open() as file:
             script = parse(file)
-        found, _ = replayed(script, unix32f, tmp_path / path.stem)
+        found, _ = replayed(script, runtime, tmp_path / path.stem)
         assert not found, path
 
 
@@ -175,7 +175,7 @@ def extremes(state, seed):
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_extreme_values(state, unix32f, tmp_path):
-    found, player = replayed(extremes(state, 1), unix32f, tmp_path / "extremes")
+def test_extreme_values(state, runtime, tmp_path):
+    found, player = replayed(extremes(state, 1), runtime, tmp_path / "extremes")
     assert not found
     assert len(player.sent) > 20

