@@ -1,52 +1,22 @@
-"""A device with one fault: a port that spoils one behaviour of the one behind it."""
+"""Devices with one fault each, most of them in what is said; motion.py has those of behaviour."""
 
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ..wire import Frame, FrameDecoder, encode
+from ..wire import Frame
 from . import spec
+from .spoiled import Behaviour
 
 
 class Fault(NamedTuple):
     """A fault: the subject whose checks should find it, and what it makes of a frame of the
-    device (None: it is lost)."""
+    device (None: it is lost), or else the behaviour that it gives the device."""
 
     name: str
     subject: str
-    spoil: Callable[[Frame], Frame | None]
-
-
-class Spoiled:
-    """A port in front of a port."""
-
-    def __init__(self, port: Any, fault: Fault):
-        self.port, self.fault = port, fault
-        self.clock = port.clock
-        self.timeout = 1.0
-        self._decoder = FrameDecoder()
-        self._out = bytearray()
-
-    def write(self, data: bytes) -> int:
-        """As it is."""
-        return self.port.write(data)
-
-    def read(self, size: int = 1) -> bytes:
-        """What the device says, spoiled."""
-        end = self.clock() + self.timeout
-        while len(self._out) < size:
-            self.port.timeout = max(0.0, end - self.clock())
-            data = self.port.read(1)
-            self.port.timeout = 0
-            data += self.port.read(4096)
-            for frame in self._decoder.feed(data):
-                if spoiled := self.fault.spoil(frame):
-                    self._out += encode(spoiled.type, spoiled.payload, spoiled.id)
-            if self.clock() >= end - 1e-6:
-                break
-        taken = bytes(self._out[:size])
-        del self._out[:size]
-        return taken
+    spoil: Callable[[Frame], Frame | None] | None = None
+    behave: Callable[[], Behaviour] | None = None
 
 
 def _code(old: int, new: int, type: int = 0):

@@ -3,11 +3,14 @@
 from collections.abc import Iterable
 
 from ..boards import LockstepPort, SimulatedBoard
-from . import kit, report
+from . import faults, kit, motion, report
 from .bench import Bench
-from .faults import FAULTS, Fault, Spoiled
+from .faults import Fault
 from .kit import Result
 from .link import Link
+from .spoiled import Spoiled
+
+FAULTS = faults.FAULTS + motion.FAULTS
 
 
 def judge(
