@@ -3,8 +3,9 @@
 import contextlib
 import math
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
+from ..trace import Edge
 from . import spec
 from .link import Failed, Link, Reply
 from .spec import Request
@@ -48,13 +49,36 @@ class Hello(NamedTuple):
     size: int
 
 
+class Pins(Protocol):
+    """What shows a device's pins, such as a trace that is written while it runs."""
+
+    def take(self) -> list[Edge]:
+        """The edges since the last call, up to now, in the order of their times."""
+
+
+class Hands(Protocol):
+    """Who presses the switches of a device: `input 1`, `upper limit 1` or `lower limit 1` (of the
+    limit set 1), `E-stop`."""
+
+    def has(self, what: str) -> bool:
+        """Whether there is such a switch."""
+
+    def press(self, what: str, on: bool) -> None:
+        """Press it, or let go of it."""
+
+
 class Bench:
     """One device. `home` holds the positions found at the start, to which everything is
-    relative."""
+    relative. `pins` and `hands`, where there are any, show its pins and press its switches."""
 
-    def __init__(self, link: Link, full: bool = False):
+    def __init__(
+        self, link: Link, full: bool = False, pins: Pins | None = None, hands: Hands | None = None
+    ):
         self.link = link
         self.full = full
+        self.pins = pins
+        self.hands = hands
+        self.kept: dict[Any, Any] = {}  # what several checks judge, by whatever names it
         self.hello = self._hello()
         self.home = self.positions().steps if self.hello.motors else ()
         self._played: dict[Request, Played] = {}
@@ -106,10 +130,21 @@ class Bench:
 
     def moving(self) -> int:
         """The bits of MSG_MOTOR_STATUS."""
+        return int.from_bytes(self._status()[:4], "little")
+
+    def _status(self) -> bytes:
         data = self.data(spec.STATUS)
         if len(data) != 5:
             raise Failed(f"MOTOR_STATUS has {len(data)} bytes, expected 5")
-        return int.from_bytes(data[:4], "little")
+        return data
+
+    def lit(self) -> int:
+        """DMX STATUS of MSG_MOTOR_STATUS."""
+        return self._status()[4]
+
+    def refused(self, request: Request) -> None:
+        """The answer is any code but OK."""
+        self.expect(request, *(code for code in spec.CODES if code != spec.OK))
 
     def idle(self, limit_s: float = _IDLE_S) -> None:
         """Poll MOTOR_STATUS until nothing moves, as Dragonframe does."""

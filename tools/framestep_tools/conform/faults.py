@@ -10,13 +10,26 @@ from .spoiled import Behaviour
 
 
 class Fault(NamedTuple):
-    """A fault: the subject whose checks should find it, and what it makes of a frame of the
-    device (None: it is lost), or else the behaviour that it gives the device."""
+    """A fault: the subject whose checks should find it, and the behaviour that it gives the
+    device."""
 
     name: str
     subject: str
-    spoil: Callable[[Frame], Frame | None] | None = None
-    behave: Callable[[], Behaviour] | None = None
+    behave: Callable[[], Behaviour]
+
+
+class _Says(Behaviour):
+    """`spoil` changes a frame of the device, or loses it (None)."""
+
+    def __init__(self, spoil: Callable[[Frame], Frame | None]):
+        self.spoil = spoil
+
+    def said(self, frame: Frame) -> Frame | None:
+        return self.spoil(frame)
+
+
+def _fault(name: str, subject: str, spoil: Callable[[Frame], Frame | None]) -> Fault:
+    return Fault(name, subject, lambda: _Says(spoil))
 
 
 def _code(old: int, new: int, type: int = 0):
@@ -74,19 +87,21 @@ _HI = {
 }
 
 FAULTS = (
-    *(Fault(f"HI: {name}", "framing", _data(spec.HI, change)) for name, change in _HI.items()),
-    Fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
-    Fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
-    Fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
-    Fault("unknown types are taken", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
-    Fault("unknown types: general error", "framing", _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)),
-    Fault("a wrong checksum is taken", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
-    Fault("a wrong checksum: range", "framing", _code(spec.ERR_CHECKSUM, spec.ERR_RANGE)),
-    Fault("range is told as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
-    Fault("range: general error", "numbers", _code(spec.ERR_RANGE, spec.ERR_GENERAL)),
-    Fault("short messages are taken", "lengths", _code(spec.ERR_RANGE, spec.OK)),
+    *(_fault(f"HI: {name}", "framing", _data(spec.HI, change)) for name, change in _HI.items()),
+    _fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
+    _fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
+    _fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
+    _fault("unknown types are taken", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
+    _fault(
+        "unknown types: general error", "framing", _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)
+    ),
+    _fault("a wrong checksum is taken", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
+    _fault("a wrong checksum: range", "framing", _code(spec.ERR_CHECKSUM, spec.ERR_RANGE)),
+    _fault("range is told as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("range: general error", "numbers", _code(spec.ERR_RANGE, spec.ERR_GENERAL)),
+    _fault("short messages are taken", "lengths", _code(spec.ERR_RANGE, spec.OK)),
     *(
-        Fault(
+        _fault(
             f"{spec.NAMES[type]} out of range is taken",
             "numbers",
             _code(spec.ERR_RANGE, spec.OK, type),
@@ -102,56 +117,58 @@ FAULTS = (
         )
     ),
     *(
-        Fault(f"{spec.NAMES[type]}: OK is told as 0", "numbers", _code(spec.OK, 0, type))
+        _fault(f"{spec.NAMES[type]}: OK is told as 0", "numbers", _code(spec.OK, 0, type))
         for type in (spec.STOP, spec.RESET, spec.CONFIGURE, spec.SET_SPEED, spec.SET_LIMITS)
     ),
     *(
-        Fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
+        _fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
         for type in (spec.STOP, spec.STOP_ALL, spec.RESET, spec.JOG, spec.MOVE)
     ),
-    Fault("upper limit told as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
-    Fault("lower limit told as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
-    Fault("a limit is told as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
-    Fault("moving is told as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
-    Fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
-    Fault(
+    _fault("upper limit told as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
+    _fault("lower limit told as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
+    _fault("a limit is told as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
+    _fault("moving is told as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
+    _fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
+    _fault(
         "moving bits of the next motor",
         "motors",
         _data(spec.STATUS, lambda d: bytes((d[0] << 1 & 0xFF,)) + d[1:]),
     ),
-    Fault("unsigned positions", "motors", _data(spec.GET_POSITION, _steps(abs))),
-    Fault(
+    _fault("unsigned positions", "motors", _data(spec.GET_POSITION, _steps(abs))),
+    _fault(
         "positions of 16 bits",
         "motors",
         _data(spec.GET_POSITION, _steps(lambda p: (p + 0x8000 & 0xFFFF) - 0x8000)),
     ),
-    Fault(
+    _fault(
         "positions a step off below zero",
         "motors",
         _data(spec.GET_POSITION, _steps(lambda p: p - (p < 0))),
     ),
-    Fault("no positions unasked", "motors", _lost(spec.GET_POSITION, True)),
-    Fault(
+    _fault("no positions unasked", "motors", _lost(spec.GET_POSITION, True)),
+    _fault(
         "positions unasked are all zero",
         "motors",
         _data(spec.GET_POSITION, _steps(lambda p: 0), True),
     ),
-    Fault(
+    _fault(
         "MOVE TIME a frame early", "uploads", _data(spec.GET_POSITION, _time(lambda t: t - 1000))
     ),
-    Fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
-    Fault("upload: range told as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
-    Fault("not in position told as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
-    Fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
-    Fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
-    Fault("no RT_END", "runs", _lost(spec.END, True)),
-    Fault(
+    _fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
+    _fault("upload: range told as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("not in position told as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
+    _fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
+    _fault("no RT_END", "runs", _lost(spec.END, True)),
+    _fault(
         "reports a frame late", "runs", _data(spec.GET_POSITION, _time(lambda t: t + 1000), True)
     ),
-    Fault("reports without positions", "runs", _data(spec.GET_POSITION, _steps(lambda p: 0), True)),
-    Fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
-    Fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
-    Fault("GO too early is taken", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
-    Fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
-    Fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),
+    _fault(
+        "reports without positions", "runs", _data(spec.GET_POSITION, _steps(lambda p: 0), True)
+    ),
+    _fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
+    _fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
+    _fault("GO too early is taken", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
+    _fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),
 )

@@ -1,6 +1,6 @@
 """Checks, and running them one after another."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from .bench import Bench
@@ -49,11 +49,15 @@ def run(
 ) -> list[Result]:
     """Run checks; after each the device stands still again with no limits set."""
     results = []
-    for check in checks:
-        result = _one(bench, check)
+    for result in results_of(bench, checks):
         results.append(result)
         tell(result)
     return results
+
+
+def results_of(bench: Bench, checks: Iterable[Check]) -> Iterator[Result]:
+    """The same one by one, for whoever has seen enough after the first that fails."""
+    return (_one(bench, check) for check in checks)
 
 
 def _one(bench: Bench, check: Check) -> Result:

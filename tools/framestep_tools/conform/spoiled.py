@@ -2,14 +2,11 @@
 when, what its pins show."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..trace import Edge
 from ..wire import Frame, FrameDecoder, encode
 from . import spec
-
-if TYPE_CHECKING:
-    from .faults import Fault
 
 _OWN = 0xEE00_0000  # IDs of requests that the fault makes itself
 _GRAIN_S = 1e-6
@@ -36,20 +33,15 @@ class Behaviour:
         return edges
 
 
-class _Says(Behaviour):
-    def __init__(self, spoil):
-        self.said = spoil
-
-
 class Spoiled:
     """A port in front of a port."""
 
-    def __init__(self, port: Any, fault: "Fault"):
+    def __init__(self, port: Any, behaviour: Behaviour):
         self.port = port
         self.clock = port.clock
         self.timeout: float | None = 1.0
-        self.behaviour = fault.behave() if fault.behave else _Says(fault.spoil)
-        self.behaviour.port = self
+        self.behaviour = behaviour
+        behaviour.port = self
         self._decoder = FrameDecoder()
         self._out = bytearray()
         self._own = _OWN

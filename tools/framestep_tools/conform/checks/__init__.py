@@ -1,5 +1,35 @@
 """The checks, a module for each subject."""
 
-from . import framing, lengths, motors, numbers, runs, uploads
+from . import (
+    edges,
+    framing,
+    inputs,
+    lengths,
+    lights,
+    loops,
+    motors,
+    numbers,
+    ramps,
+    rolls,
+    runs,
+    shoot,
+    uploads,
+    virtuals,
+)
 
-SUBJECTS = (framing, lengths, numbers, motors, uploads, runs)
+SUBJECTS = (
+    framing,
+    lengths,
+    numbers,
+    motors,
+    ramps,
+    uploads,
+    runs,
+    rolls,
+    loops,
+    shoot,
+    virtuals,
+    edges,
+    lights,
+    inputs,
+)

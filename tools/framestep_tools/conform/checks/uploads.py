@@ -57,6 +57,31 @@ _put(
 )
 
 
+def _cleared(bench: Bench):
+    bench.upload()
+    bench.expect(spec.begin(1, FRAMES))
+    bench.expect(spec.axis(1, spec.LAST, bench.path(1)))
+    bench.expect(Request(spec.UPLOAD_END))
+    bench.expect(spec.frame(FRAMES))
+    bench.idle()
+    found = bench.positions().steps[1] - bench.home[1]
+    bench.return_home()
+    if found:
+        raise Failed(f"motor 2 went {found} steps to a frame of the upload before")
+
+
+CHECKS.append(
+    Check(
+        "uploads",
+        "BEGIN clears the move that was there",
+        "MSG_RT_UPLOAD_MOVE_BEGIN: Any previously loaded move will be cleared",
+        _cleared,
+        MUST,
+        lambda bench: _can(bench) and bench.hello.motors > 1,
+    )
+)
+
+
 def _order(bench: Bench):
     path = bench.path(1)
     bench.expect(spec.begin(1, FRAMES))

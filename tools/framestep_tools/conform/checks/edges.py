@@ -1,0 +1,244 @@
+"""Steps on the pins, where they can be seen: as many as the positions say, none lost, none back,
+no pulse sooner than velocity and acceleration allow, and in a run each at its frame's time.
+
+A device may make up for play in the gears. How much is measured first; where a motor turns, so many
+steps more are right.
+"""
+
+from itertools import pairwise
+
+from ...trace import Edge
+from .. import spec
+from ..bench import FRAMES, Bench
+from ..kit import MUST, SHOULD, Check
+from ..link import Failed
+from ..sampling import SLACK
+from ..spec import Request
+
+CHECKS: list[Check] = []
+_V, _A = 800, 2000
+
+
+def _put(name, source, run, level=MUST, needs=lambda bench: True, full=False):
+    def has(bench: Bench) -> bool:
+        return bench.pins is not None and bench.hello.motors > 0 and needs(bench)
+
+    CHECKS.append(Check("edges", name, source, run, level, has, full))
+
+
+def _steps(edges: list[Edge], motor: int) -> list[tuple[float, int]]:
+    """Times in seconds and directions."""
+    return [(time * 1e-9, value) for time, name, value in edges if name == f"m{motor}"]
+
+
+def _taken(bench: Bench, seconds: float = 0.2) -> list[Edge]:
+    assert bench.pins
+    bench.link.pump(seconds)
+    return bench.pins.take()
+
+
+def _moved(bench: Bench, motor: int, *targets: int) -> list[list[tuple[float, int]]]:
+    """The steps of moves one after the other, from home and back there. Made once."""
+    key = "edges", motor, targets
+    if key not in bench.kept:
+        bench.expect(spec.speed(motor, _V, _A))
+        _taken(bench)
+        made = []
+        for target in (*targets, 0):
+            bench.go(motor, target)
+            made.append(_steps(_taken(bench), motor))
+        bench.prepare()
+        bench.kept[key] = made
+    return bench.kept[key]
+
+
+def _play(bench: Bench, motor: int) -> int:
+    """The steps that the device adds where the motor turns."""
+    _, down, up = _moved(bench, motor, 20, -20)
+    return max(0, len(down) - 40, len(up) - 20)
+
+
+def _is_right(made: int, wanted: int, play: int) -> bool:
+    """So many steps for so many positions, with what a turn before or within them takes."""
+    return made - wanted in (-play, 0, play)
+
+
+def _counted(last: bool, *targets: int):
+    def run(bench: Bench):
+        motor = bench.hello.motors if last else 1
+        for steps, (a, b) in zip(
+            _moved(bench, motor, *targets), pairwise((0, *targets, 0)), strict=True
+        ):
+            made = sum(value for _, value in steps)
+            if len(steps) != abs(made) or not _is_right(made, b - a, _play(bench, motor)):
+                raise Failed(f"a move from {a} to {b} made {len(steps)} steps, {made} in all")
+
+    return run
+
+
+def _spaced(last: bool, *targets: int):
+    def run(bench: Bench):
+        for steps in _moved(bench, bench.hello.motors if last else 1, *targets):
+            for (a, _), (b, _) in pairwise(steps):
+                if b - a < 0.96 / _V:
+                    raise Failed(
+                        f"two steps came {1e6 * (b - a):.0f} µs apart, MAX VELOCITY asks for "
+                        f"{1e6 / _V:.0f} µs"
+                    )
+
+    return run
+
+
+def _ramped(last: bool, *targets: int):
+    def run(bench: Bench):
+        for steps in _moved(bench, bench.hello.motors if last else 1, *targets):
+            times = [time for time, _ in steps]
+            for way in (times, [-time for time in reversed(times)]):
+                _from_rest(way)
+
+    return run
+
+
+def _from_rest(times: list[float]) -> None:
+    """After n steps from rest with an acceleration a the velocity is at most the root of 2 n a."""
+    for n, (a, b) in enumerate(pairwise(times), 2):
+        if n >= 4 and 1 / (b - a) ** 2 > 2 * (n + 0.5) * _A * SLACK:
+            raise Failed(
+                f"{n} steps from rest the velocity is {1 / (b - a):.0f} steps/s; with MAX ACCEL "
+                f"it is at most {(2 * n * _A) ** 0.5:.0f}"
+            )
+
+
+for _last, _targets in (
+    (False, (400,)),
+    (False, (-300,)),
+    (False, (1, -1, 3, -250, 10)),
+    (True, (350, -90)),
+):
+    _text = f"{'last' if _last else 'first'} motor to {', '.join(map(str, _targets))} and back"
+    _put(f"{_text}: a step for each, all one way", "MSG_MOTOR_MOVE", _counted(_last, *_targets))
+    _put(f"{_text}: MAX VELOCITY", "MSG_MOTOR_SET_SPEED", _spaced(_last, *_targets))
+    _put(f"{_text}: MAX ACCEL", "MSG_MOTOR_SET_SPEED", _ramped(_last, *_targets))
+
+
+def _agrees(bench: Bench):
+    """Stopped anywhere, the position is what has been stepped."""
+    play = _play(bench, 1)
+    _taken(bench)
+    at = bench.positions().steps[0]
+    for target, seconds in ((900, 0.31), (-200, 0.27), (500, 0.44)):
+        bench.expect(spec.move(1, bench.home[0] + target))
+        bench.link.pump(seconds)
+        bench.expect(spec.stop(1))
+        bench.idle()
+        made = sum(value for _, value in _steps(_taken(bench), 1))
+        now = bench.positions().steps[0]
+        if not _is_right(made, now - at, play):
+            raise Failed(f"the position changed by {now - at} and {made} steps were made")
+        at = now
+    bench.return_home()
+
+
+_put("after stops the position is what was stepped", "MSG_MOTOR_GET_POSITION", _agrees)
+
+
+def _still(bench: Bench):
+    _taken(bench)
+    bench.expect(spec.move(1, bench.home[0]))
+    bench.expect(spec.reset(1, bench.home[0] + 3))
+    bench.expect(spec.reset(1, bench.home[0]))
+    bench.expect(spec.configure(1, 1))
+    bench.expect(Request(spec.STOP_ALL))
+    if any(name.startswith("m") and name[1:].isdigit() for _, name, _ in _taken(bench)):
+        raise Failed("something stepped that was asked for no motion")
+
+
+_put("requests that move nothing make no step", "MSG_MOTOR_RESET_POSITION: does not move", _still)
+
+
+def _runs(bench: Bench) -> bool:
+    return bool(bench.hello.can & spec.CAN_RUN)
+
+
+def _run(bench: Bench, fps: float, back: bool):
+    """The steps of the first two motors from GO on, from where they waited. Played once."""
+    key = "edges of a run", fps, back
+    if key not in bench.kept:
+        first, last = (FRAMES, 1) if back else (1, FRAMES)
+        bench.upload()
+        bench.expect(spec.run(fps, first, last))
+        bench.idle()
+        _taken(bench)
+        waits = bench.positions().steps
+        bench.link.reports.clear()
+        bench.expect(Request(spec.GO))
+        end = bench.link.clock() + FRAMES / fps + 5
+        while not bench.ends() and bench.link.clock() < end:
+            bench.link.pump(0.1)
+        edges = _taken(bench)
+        bench.idle()
+        bench.return_home()
+        bench.kept[key] = waits, [_steps(edges, m) for m in range(1, min(2, len(waits)) + 1)]
+    return bench.kept[key]
+
+
+def _at(steps: list[tuple[float, int]], start: int, time_s: float) -> int:
+    return start + sum(value for time, value in steps if time <= time_s)
+
+
+def _framed(fps: float, back: bool):
+    def run(bench: Bench):
+        waits, made = _run(bench, fps, back)
+        order = [FRAMES - i if back else 1 + i for i in range(FRAMES)]
+        path = [[bench.path(m)[n - 1] for n in order] for m in range(1, len(made) + 1)]
+        start = _middle(made[0], waits[0], path[0]) - (FRAMES - 1) / 2 / fps
+        for i, number in enumerate(order):
+            for motor, steps in enumerate(made, 1):
+                found = _at(steps, waits[motor - 1], start + i / fps)
+                # an edge of the time by which frame 1 is found is a step at most
+                if abs(found - path[motor - 1][i]) > 1:
+                    raise Failed(
+                        f"at the time of frame {number} motor {motor} had stepped to {found}, "
+                        f"uploaded is {path[motor - 1][i]}"
+                    )
+
+    return run
+
+
+def _middle(steps: list[tuple[float, int]], start: int, path: list[int]) -> float:
+    """When a motor came to the middle of a path that is the same from both ends."""
+    wanted = (path[0] + path[-1]) / 2
+    position = start
+    for time, value in steps:
+        position += value
+        if (position - wanted) * (path[-1] - path[0]) >= 0:
+            return time
+    raise Failed("motor 1 did not step through the middle of its path")
+
+
+for _fps, _back in ((12, False), (24, True), (29.97, False)):
+    _put(
+        f"{_fps} frames/s {'backward' if _back else 'forward'}: each frame's steps are made at its "
+        "time",
+        "MSG_RT_RUN_MOVE: FPS; note 5.6",
+        _framed(_fps, _back),
+        needs=_runs,
+    )
+
+
+def _together(bench: Bench):
+    _waits, made = _run(bench, 12, False)
+    if not all(made):
+        raise Failed("a motor did not step")
+    first = [steps[0][0] for steps in made]
+    if max(first) - min(first) > 0.004:
+        raise Failed(f"motors set off {1000 * (max(first) - min(first)):.1f} ms apart")
+
+
+_put(
+    "motors of a run set off together",
+    "note 6.3",
+    _together,
+    SHOULD,
+    lambda bench: _runs(bench) and bench.hello.motors > 1,
+)

@@ -1,0 +1,287 @@
+"""General inputs, limit switches and the E-stop, pressed by somebody: by hand, or by the simulator.
+
+Which level of an input counts as on is not said anywhere; only that it changes is judged.
+"""
+
+import struct
+
+from .. import spec
+from ..bench import Bench
+from ..kit import MUST, SHOULD, Check
+from ..link import Failed
+from ..spec import Request
+
+CHECKS: list[Check] = []
+_TOLD_S = 0.5
+_V, _A = 500, 4000
+
+
+def _put(name, source, run, level, needs, full=False):
+    def has(bench: Bench) -> bool:
+        return bench.hands is not None and needs(bench)
+
+    CHECKS.append(Check("inputs", name, source, run, level, has, full))
+
+
+def _inputs(bench: Bench) -> bool:
+    return bench.hello.inputs > 0
+
+
+def _switches(bench: Bench) -> bool:
+    return bench.hello.limits > 0 and bench.hello.motors > 0
+
+
+def _motors(bench: Bench) -> bool:
+    return bench.hello.motors > 0
+
+
+def _has_estop(bench: Bench) -> bool:
+    return _motors(bench) and bench.hands is not None and bench.hands.has("E-stop")
+
+
+def _press(bench: Bench, what: str, on: bool) -> None:
+    assert bench.hands
+    bench.hands.press(what, on)
+
+
+# ---- general inputs
+
+
+def _levels(bench: Bench) -> int:
+    data = bench.data(spec.GIO_IN)
+    if len(data) != 4:
+        raise Failed(f"GIO_IN has {len(data)} bytes")
+    return int.from_bytes(data, "little")
+
+
+def _unasked(bench: Bench) -> list[int]:
+    return [
+        int.from_bytes(r.frame.payload[:4], "little")
+        for r in bench.link.reports
+        if r.frame.type == spec.GIO_IN
+    ]
+
+
+def _changed(bench: Bench):
+    before = _levels(bench)
+    _press(bench, "input 1", True)
+    bench.link.pump(_TOLD_S)
+    pressed = _levels(bench)
+    _press(bench, "input 1", False)
+    bench.link.pump(_TOLD_S)
+    after = _levels(bench)
+    if pressed ^ before != 1:
+        raise Failed(f"with input 1 pressed GIO_IN went from 0x{before:X} to 0x{pressed:X}")
+    if after != before:
+        raise Failed(f"let go of, GIO_IN says 0x{after:X}, before it was 0x{before:X}")
+
+
+_put(
+    "GIO_IN has the bit of an input that is pressed",
+    "MSG_GIO_IN; note 8.3",
+    _changed,
+    MUST,
+    _inputs,
+)
+
+
+def _told(bench: Bench):
+    bench.link.reports.clear()
+    told = []
+    for on in (True, False):
+        _press(bench, "input 1", on)
+        bench.link.pump(_TOLD_S)
+        told.append((_unasked(bench), _levels(bench)))
+        bench.link.reports.clear()
+    for messages, level in told:
+        if messages != [level]:
+            raise Failed(
+                f"a change of an input is told as {[hex(m) for m in messages] or 'nothing'}, "
+                f"expected one message of 0x{level:X}"
+            )
+
+
+_put(
+    "each change of an input is told once, unasked",
+    "MSG_GIO_IN: send this message, unsolicited, any time the inputs change",
+    _told,
+    MUST,
+    _inputs,
+)
+
+
+def _range(bench: Bench):
+    if (levels := _levels(bench)) >> bench.hello.inputs:
+        raise Failed(f"GIO_IN says 0x{levels:X}, there are {bench.hello.inputs} inputs")
+
+
+_put("GIO_IN has no bits of inputs that are not there", "MSG_GIO_IN; MSG_HI: GIO INPUT COUNT",
+     _range, SHOULD, _inputs)  # fmt: skip
+
+# ---- hardware limits
+
+
+def _set(bench: Bench, hw_set: int, motor: int = 1) -> None:
+    bench.expect(Request(spec.SET_LIMITS, struct.pack("<BBiBiB", motor, 0, 0, 0, 0, hw_set)))
+
+
+def _hard_stops(bench: Bench) -> list[bytes]:
+    return [r.frame.payload for r in bench.link.reports if r.frame.type == spec.HARD_STOP]
+
+
+def _end(sign: int, swapped: bool) -> str:
+    return "upper" if (sign > 0) != swapped else "lower"
+
+
+def _run_into(bench: Bench, sign: int, swapped: bool) -> int:
+    """A move of motor 1, and the switch pressed on its way; where it came to rest."""
+    _set(bench, 0x81 if swapped else 1)
+    bench.expect(spec.speed(1, _V, _A))
+    bench.link.reports.clear()
+    bench.expect(spec.move(1, bench.home[0] + sign * 900))
+    bench.link.pump(0.4)
+    _press(bench, f"{_end(sign, swapped)} limit 1", True)
+    bench.link.pump(0.05)
+    bench.idle(3)
+    return (bench.positions().steps[0] - bench.home[0]) * sign
+
+
+def _free(check, sign: int, swapped: bool):
+    """Afterwards the switch is let go of, and the motor goes back."""
+
+    def run(bench: Bench):
+        try:
+            check(bench, sign, swapped)
+        finally:
+            _press(bench, f"{_end(sign, swapped)} limit 1", False)
+            bench.link.pump(0.2)
+            bench.prepare()
+            bench.return_home()
+
+    return run
+
+
+def _stops(bench: Bench, sign: int, swapped: bool):
+    if (found := _run_into(bench, sign, swapped)) > 450:
+        raise Failed(f"with its limit switch pressed after 0.4 s the motor went {found} steps")
+
+
+def _reason(bench: Bench, sign: int, swapped: bool):
+    _run_into(bench, sign, swapped)
+    wanted = bytes((1 if sign > 0 else 2, 1))
+    if (found := _hard_stops(bench)) != [wanted]:
+        raise Failed(
+            f"HARD_STOP came as {[m.hex() for m in found] or 'nothing'}, "
+            f"expected {wanted.hex()} once"
+        )
+
+
+def _further(bench: Bench, sign: int, swapped: bool):
+    at = _run_into(bench, sign, swapped)
+    home = bench.home[0]
+    code = spec.ERR_HARD_UP if sign > 0 else spec.ERR_HARD_LOW
+    bench.expect(spec.move(1, home + sign * (at + 50)), code)
+    bench.idle()
+    bench.at(1, sign * at)
+
+
+def _away(bench: Bench, sign: int, swapped: bool):
+    at = _run_into(bench, sign, swapped)
+    bench.expect(spec.move(1, bench.home[0] + sign * (at - 40)))
+    bench.idle()
+    bench.at(1, sign * (at - 40))
+
+
+for _sign, _swapped in ((1, False), (-1, False), (1, True), (-1, True)):
+    _text = f"{'upper' if _sign > 0 else 'lower'} limit{', swapped' if _swapped else ''}"
+    _set_source = "MSG_MOTOR_SET_LIMITS: HW SET" + (", 0x80 swaps high/low" if _swapped else "")
+    _put(f"{_text}: its switch stops the motor", f"{_set_source}; note 8.4",
+         _free(_stops, _sign, _swapped), MUST, _switches)  # fmt: skip
+    _put(f"{_text}: HARD_STOP says which and whose",
+         "MSG_MOTOR_HARD_STOP: when a limit has been hit",
+         _free(_reason, _sign, _swapped), SHOULD, _switches)  # fmt: skip
+    _put(f"{_text}: a MOVE further is refused", "ERR_HARD_UP, ERR_HARD_LOW; note 8.4",
+         _free(_further, _sign, _swapped), MUST, _switches)  # fmt: skip
+    _put(f"{_text}: a MOVE away is made", "note 8.4",
+         _free(_away, _sign, _swapped), SHOULD, _switches)  # fmt: skip
+
+
+def _not_its_own(bench: Bench):
+    """Limit set 1 is motor 1's; motor 2 goes on."""
+    try:
+        _set(bench, 1)
+        bench.expect(spec.move(2, bench.home[1] + 300))
+        bench.link.pump(0.1)
+        _press(bench, "upper limit 1", True)
+        bench.idle()
+        bench.at(2, 300)
+    finally:
+        _press(bench, "upper limit 1", False)
+        bench.link.pump(0.2)
+        bench.prepare()
+        bench.return_home()
+
+
+_put("a limit switch stops no motor that it is not set for", "MSG_MOTOR_SET_LIMITS: HW SET",
+     _not_its_own, MUST, lambda b: _switches(b) and b.hello.motors > 1)  # fmt: skip
+_put(
+    "HW SET past HW LIMIT COUNT is refused",
+    "MSG_HI: HW LIMIT COUNT; ERR_RANGE",
+    lambda b: b.expect(
+        Request(spec.SET_LIMITS, struct.pack("<BBiBiB", 1, 0, 0, 0, 0, b.hello.limits + 1)),
+        spec.ERR_RANGE,
+    ),
+    MUST,
+    _motors,
+)
+
+# ---- the E-stop
+
+
+def _estop(check):
+    """Pressed while motor 1 moves; afterwards let go of."""
+
+    def run(bench: Bench):
+        try:
+            bench.expect(spec.speed(1, _V, _A))
+            bench.link.reports.clear()
+            bench.expect(spec.move(1, bench.home[0] + 900))
+            bench.link.pump(0.4)
+            _press(bench, "E-stop", True)
+            bench.link.pump(0.05)
+            bench.idle(3)
+            check(bench)
+        finally:
+            _press(bench, "E-stop", False)
+            bench.link.pump(0.3)
+            bench.prepare()
+            bench.return_home()
+
+    return run
+
+
+def _rests(bench: Bench):
+    found = bench.positions().steps[0] - bench.home[0]
+    if found > 450:
+        raise Failed(f"with the E-stop pressed after 0.4 s the motor went {found} steps")
+
+
+def _says(bench: Bench):
+    if (found := _hard_stops(bench)) != [b"\0"]:
+        raise Failed(f"HARD_STOP came as {[m.hex() for m in found] or 'nothing'}, expected 00 once")
+
+
+def _holds(bench: Bench):
+    at = bench.positions().steps[0]
+    bench.refused(spec.move(1, bench.home[0]))
+    bench.link.pump(0.2)
+    if bench.positions().steps[0] != at:
+        raise Failed("a motor moved with the E-stop pressed")
+
+
+for _name, _source, _check, _level in (
+    ("the E-stop stops the motors", "MSG_MOTOR_HARD_STOP; note 8.4", _rests, MUST),
+    ("the E-stop is told by HARD_STOP 0", "MSG_MOTOR_HARD_STOP: REASON 0=E-Stop", _says, SHOULD),
+    ("no MOVE is taken with the E-stop pressed", "note 8.4", _holds, SHOULD),
+):
+    _put(_name, _source, _estop(_check), _level, _has_estop)

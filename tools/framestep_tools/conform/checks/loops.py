@@ -1,0 +1,293 @@
+"""Loops and ping-pong, and how STOP_LOOP ends them; judged by the play head and the positions that
+are reported with it."""
+
+from typing import NamedTuple
+
+from .. import spec
+from ..bench import FRAMES, Bench, Position
+from ..kit import MUST, SHOULD, Check
+from ..link import Failed
+from ..spec import Request
+
+CHECKS: list[Check] = []
+_FLAGS = "MSG_RT_RUN_MOVE: FLAGS 0x01 is ping-pong, 0x02 is loop"
+_STOP = "MSG_RT_STOP_LOOP: must stop after it reaches the next end point"
+_LATE_S = 0.06
+_PASS_S = 8.0
+
+
+def _can(bench: Bench) -> bool:
+    return (
+        bool(bench.hello.can & spec.CAN_RUN)
+        and bool(bench.hello.can & spec.CAN_LOOP)
+        and bench.hello.motors > 0
+    )
+
+
+def _put(name, source, run, level=MUST):
+    CHECKS.append(Check("loops", name, source, run, level, _can))
+
+
+class Way(NamedTuple):
+    """What is played: rate, direction, kind, and in which pass STOP_LOOP comes."""
+
+    fps: float
+    back: bool
+    flag: int
+    stop_in: int
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        """First and last frame of the request."""
+        return (FRAMES, 1) if self.back else (1, FRAMES)
+
+    def frames(self, number: int) -> list[int]:
+        """The frames of a pass, counted from 1."""
+        first, last = self.ends
+        step = 1 if last > first else -1
+        frames = list(range(first, last + step, step))
+        return frames[::-1] if self.flag == spec.PING_PONG and number % 2 == 0 else frames
+
+
+class Looped(NamedTuple):
+    """Reports by pass (each its whole frames, in their order), whole frames between passes,
+    RT_ENDs before STOP_LOOP and at all, when STOP_LOOP came, where the motors stood at last."""
+
+    passes: list[dict[int, Position]]
+    between: list[int]
+    early: int
+    ends: list[float]
+    stopped_s: float
+    stands: tuple[int, ...]
+
+
+def _passes(way: Way, reports: list[Position]) -> tuple[list[dict[int, Position]], list[int]]:
+    """Whole frames in the order in which a pass should have them, and those between passes."""
+    between: list[int] = []
+    passes: list[dict[int, Position]] = [{}]
+    wanted = way.frames(1)
+    for report in reports:
+        number, part = divmod(report.move_time, 1000)
+        if part:
+            continue
+        if len(passes[-1]) == len(wanted):
+            follows = way.frames(len(passes) + 1)
+            if (
+                number == follows[0]
+                and report.time_s - passes[-1][wanted[-1]].time_s > 0.5 / way.fps
+            ):
+                wanted = follows
+                passes.append({number: report})
+            elif number not in way.ends:
+                between.append(number)
+            continue
+        expected = wanted[len(passes[-1])]
+        if number == expected:
+            passes[-1][number] = report
+        elif passes[-1] and number == wanted[len(passes[-1]) - 1] and len(passes[-1]) == 1:
+            passes[-1][number] = report  # in the pre-roll it is the start frame as well
+    return passes, between
+
+
+def _played(bench: Bench, way: Way) -> Looped:
+    if way in bench.kept:
+        return bench.kept[way]
+    bench.upload()
+    bench.expect(spec.run(way.fps, *way.ends, flags=way.flag))
+    bench.idle()
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    limit = bench.link.clock() + _PASS_S * way.stop_in + 2
+    while True:
+        passes, _ = _passes(way, bench.reports())
+        if len(passes) > way.stop_in or (len(passes) == way.stop_in and len(passes[-1]) >= 4):
+            break
+        if bench.ends():
+            break
+        if bench.link.clock() > limit:
+            raise Failed(f"pass {way.stop_in} was not seen: it got to {_seen(passes)}")
+        bench.link.pump(0.02)
+    early = len(bench.ends())
+    bench.expect(Request(spec.STOP_LOOP))
+    stopped = bench.link.clock()
+    while not bench.ends() and bench.link.clock() < stopped + _PASS_S:
+        bench.link.pump(0.05)
+    bench.link.pump(0.2)
+    ends = bench.ends()
+    passes, between = _passes(way, [r for r in bench.reports() if not ends or r.time_s <= ends[0]])
+    if len(passes) > 1 and len(passes[-1]) == 1:
+        passes.pop()  # in the post-roll MOVE TIME stays at the end frame
+    if not ends:
+        bench.expect(Request(spec.STOP_ALL))
+    bench.idle()
+    looped = Looped(passes, between, early, ends, stopped, bench.positions().steps)
+    bench.return_home()
+    bench.kept[way] = looped
+    return looped
+
+
+def _seen(passes: list[dict[int, Position]]) -> str:
+    return "; ".join(" ".join(str(number) for number in one) or "none" for one in passes)
+
+
+def _goes_on(way: Way):
+    def run(bench: Bench):
+        if _played(bench, way).early:
+            raise Failed("RT_END came before STOP_LOOP")
+
+    return run
+
+
+def _counted(way: Way):
+    def run(bench: Bench):
+        passes = _played(bench, way).passes
+        if len(passes) != way.stop_in or len(passes[-1]) != FRAMES:
+            raise Failed(
+                f"STOP_LOOP came in pass {way.stop_in}, which has to be the last one and be played "
+                f"to its end; whole frames reported: {_seen(passes)}"
+            )
+
+    return run
+
+
+def _one_way(way: Way):
+    def run(bench: Bench):
+        if between := _played(bench, way).between:
+            raise Failed(f"frames {between} were reached between two passes")
+
+    return run
+
+
+def _placed(way: Way):
+    def run(bench: Bench):
+        for number, frames in enumerate(_played(bench, way).passes, 1):
+            for frame, position in frames.items():
+                for motor in range(1, min(2, bench.hello.motors) + 1):
+                    wanted = bench.path(motor)[frame - 1]
+                    if abs(position.steps[motor - 1] - wanted) > 1:
+                        raise Failed(
+                            f"in pass {number} at frame {frame} motor {motor} is at "
+                            f"{position.steps[motor - 1]}, uploaded is {wanted}"
+                        )
+
+    return run
+
+
+def _timed(way: Way):
+    def run(bench: Bench):
+        for number, frames in enumerate(_played(bench, way).passes, 1):
+            first = next(iter(frames.values())).time_s
+            for i, (frame, position) in enumerate(frames.items()):
+                late = position.time_s - first - i / way.fps
+                if abs(late) > _LATE_S:
+                    raise Failed(
+                        f"in pass {number} frame {frame} is {late * 1000:+.0f} ms from its time"
+                    )
+
+    return run
+
+
+def _ended(way: Way):
+    def run(bench: Bench):
+        played = _played(bench, way)
+        if len(played.ends) != 1:
+            raise Failed(f"RT_END came {len(played.ends)} times after STOP_LOOP")
+        last = list(played.passes[-1].values())[-1].time_s
+        after = played.ends[0] - last
+        if not -0.01 < after < 0.2 + 1 / way.fps + 0.6:
+            raise Failed(f"RT_END came {after:.2f} s after the last frame")
+
+    return run
+
+
+def _rests(way: Way):
+    def run(bench: Bench):
+        played = _played(bench, way)
+        frame = way.frames(way.stop_in)[-1]
+        for motor in range(1, min(2, bench.hello.motors) + 1):
+            wanted = bench.path(motor)[frame - 1]
+            if played.stands[motor - 1] != wanted:
+                raise Failed(
+                    f"afterwards motor {motor} stands at {played.stands[motor - 1]}, "
+                    f"frame {frame} is at {wanted}"
+                )
+
+    return run
+
+
+for _way in (
+    Way(24, False, spec.LOOP, 2),
+    Way(12, False, spec.LOOP, 1),
+    Way(12, True, spec.LOOP, 2),
+    Way(25, False, spec.LOOP, 3),
+    Way(24, False, spec.PING_PONG, 2),
+    Way(12, False, spec.PING_PONG, 3),
+    Way(12, False, spec.PING_PONG, 1),
+    Way(30, True, spec.PING_PONG, 2),
+):
+    _text = (
+        f"{'loop' if _way.flag == spec.LOOP else 'ping-pong'} "
+        f"{'backward' if _way.back else 'forward'} at {_way.fps} frames/s, "
+        f"STOP_LOOP in pass {_way.stop_in}"
+    )
+    _put(f"{_text}: it goes on until then", _FLAGS, _goes_on(_way))
+    _put(f"{_text}: that pass is the last, and whole", _STOP, _counted(_way))
+    _put(f"{_text}: no frames are played between passes", _FLAGS, _one_way(_way), SHOULD)
+    _put(f"{_text}: whole frames are where they were uploaded", _FLAGS, _placed(_way))
+    _put(f"{_text}: frames come at their times", "MSG_RT_RUN_MOVE: FPS", _timed(_way))
+    _put(f"{_text}: RT_END comes once, after the last pass", "MSG_RT_END; note 6.6", _ended(_way))
+    _put(f"{_text}: the motors stand on its last frame", "note 6.11", _rests(_way), SHOULD)
+
+
+def _cancelled(bench: Bench):
+    bench.upload()
+    bench.expect(spec.run(24, 1, FRAMES, flags=spec.LOOP))
+    bench.idle()
+    bench.expect(Request(spec.STOP_LOOP))
+    bench.link.reports.clear()
+    bench.expect(Request(spec.GO))
+    bench.link.pump(FRAMES / 24 + 1.5)
+    ends = len(bench.ends())
+    bench.expect(Request(spec.STOP_ALL))
+    bench.idle()
+    bench.return_home()
+    if ends != 1:
+        raise Failed("the loop ran although STOP_LOOP came before GO")
+
+
+_put("STOP_LOOP before GO cancels the loop", "note 6.12", _cancelled, SHOULD)
+_put(
+    "STOP_LOOP without a loop is taken",
+    "MSG_RT_STOP_LOOP; note 6.12",
+    lambda bench: bench.expect(Request(spec.STOP_LOOP)),
+    SHOULD,
+)
+
+
+def _stopped(flag: int):
+    def run(bench: Bench):
+        bench.upload()
+        bench.expect(spec.run(12, 1, FRAMES, flags=flag))
+        bench.idle()
+        bench.link.reports.clear()
+        bench.expect(Request(spec.GO))
+        bench.link.pump(0.8)
+        bench.expect(Request(spec.STOP_ALL))
+        bench.idle(3)
+        bench.link.pump(1.5)
+        ends = len(bench.ends())
+        bench.idle(0.1)
+        bench.return_home()
+        if ends != 1:
+            raise Failed(f"RT_END came {ends} times after STOP_ALL")
+
+    return run
+
+
+for _flag, _kind in ((spec.LOOP, "loop"), (spec.PING_PONG, "ping-pong")):
+    _put(
+        f"STOP_ALL ends a {_kind} for good, with RT_END",
+        "MSG_MOTOR_STOP_ALL; note 6.6",
+        _stopped(_flag),
+        SHOULD,
+    )
