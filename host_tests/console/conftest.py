@@ -48,13 +48,14 @@ def browser():
 
 
 class Device:
-    """A board that runs in a thread, its protocol's port on TCP; `at_board(f)` calls f(board)
-    there."""
+    """A board that runs in a thread, its protocol's port on TCP and on a pseudo-terminal, `path`;
+    `at_board(f)` calls f(board) there."""
 
     def __init__(self, board, speed, repl=False):
         self._server = Server(board, speed=speed, tcp="127.0.0.1:0", repl=repl)
         told = dict(each.split() for each in self._server.announcements if " " in each)
         self.url = f"socket://{told['tcp']}"
+        self.path = self._server.announcements[0]
         self.repl = told.get("repl")
         self._calls = []
         self._thread = threading.Thread(target=self._run, daemon=True)

@@ -5,6 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools import cli
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetSpeed
 from host_tests.console.looking import (
     log,
@@ -165,6 +166,26 @@ def test_the_page_that_leaves_stops_its_jog(stage):
     wait_connected(page)
     wait_rest(page)
     assert steps(page) > 200
+
+
+def test_framestep_stop_in_another_window_ends_a_jog(stage):
+    """It comes through the server that has the port; the key that is still held begins no other."""
+    device = stage.simulated(ENDLESS_JOGS, motors=1)
+    page = stage.page(stage.console(device.path).url)
+    wait_connected(page)
+    page.keyboard.down("ArrowRight")
+    wait_far(page, 1, 0, 200)
+    assert cli.app.status(["stop", "--device", device.path]) == 0
+    expect(log(page)).to_contain_text("Another program has stopped the motors.")
+    wait_rest(page)
+    stood = steps(page)
+    page.keyboard.down("ArrowRight")  # as a held key repeats
+    page.keyboard.up("ArrowRight")
+    page.keyboard.down("ArrowLeft")
+    wait_far(page, 1, stood, 50)
+    page.keyboard.up("ArrowLeft")
+    wait_rest(page)
+    assert steps(page) < stood
 
 
 def test_homing_is_offered_where_the_rig_file_sets_it_up(page, stage):

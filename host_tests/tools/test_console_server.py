@@ -15,8 +15,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from framestep.protocol import messages
+from framestep_tools import cli
 from framestep_tools.boards import SimulatedBoard
 from framestep_tools.client import BrokenOff, Client
+from framestep_tools.commands.common import talking
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.console.bridge import Bridge, Jogs
@@ -24,6 +26,7 @@ from framestep_tools.console.server import ConsoleServer
 from framestep_tools.errors import ToolError
 from framestep_tools.opening import open_port
 from framestep_tools.payloads import (
+    Ack,
     Hi,
     MotorGetPosition,
     MotorJog,
@@ -39,7 +42,7 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.rig_file import RigFileError
 from framestep_tools.serve import Server
-from framestep_tools.wire import encode
+from framestep_tools.wire import FrameDecoder, encode
 
 PATIENCE_S = 100
 FAR = 2_000_000_000
@@ -75,10 +78,10 @@ class SocketPort:
 class Stage:
     """A simulated board, and the console's server before it."""
 
-    def __init__(self, work=None):
+    def __init__(self, work=None, serial=False):
         self._board = Server(SimulatedBoard({"jog_timeout_ms": 0}, 2), speed=1.0, tcp="127.0.0.1:0")
-        line = next(each for each in self._board.announcements if each.startswith("tcp "))
-        self.device = "socket://" + line.split()[1]
+        told = {len(each.split()): each.split()[-1] for each in self._board.announcements}
+        self.device = told[1] if serial else f"socket://{told[2]}"
         self._loop = asyncio.new_event_loop()
         self._threads = [
             threading.Thread(target=self._run_board, daemon=True),
@@ -281,6 +284,58 @@ def test_a_port_that_is_taken(shared):
     other = ConsoleServer(lambda: None, "x", BoardWork(None, "x"))
     with pytest.raises(ToolError, match="cannot serve the console on port"):
         shared._call(other.start(shared.parts.port))
+
+
+# ---- another program beside the page
+
+
+@pytest.fixture
+def by_cable():
+    stage = Stage(serial=True)
+    yield stage
+    stage.close()
+
+
+def texts(page):
+    """What the server has told a page in words, and the frames that came meanwhile."""
+    said, frames, decoder = [], [], FrameDecoder()
+    while not said:
+        message = page.recv(PATIENCE_S)
+        if isinstance(message, str):
+            said.append(json.loads(message))
+        else:
+            frames += decoder.feed(message)
+    return said, frames
+
+
+def test_framestep_stop_stops_what_a_page_jogs(by_cable, capsys):
+    def jog(motor, number):
+        page.send(encode(MotorJog.TYPE, MotorJog(motor, 10_000, FAR).pack(), number))
+
+    with by_cable.link() as page:
+        assert "device" in json.loads(page.recv(PATIENCE_S))
+        jog(1, 1)
+        assert cli.app.status(["stop", "--device", by_cable.device]) == 0
+        assert capsys.readouterr().out == "nothing moves\n"
+        said, _ = texts(page)
+        assert said == [{"stopped": True}]
+        jog(2, 2)  # as of a page that has not heard of it yet
+        answers = []
+        decoder = FrameDecoder()
+        while not answers:
+            data = page.recv(PATIENCE_S)
+            answers = [frame for frame in decoder.feed(data) if frame.id == 2]
+        assert int.from_bytes(answers[0].payload, "little") == Ack.ERR_GENERAL
+        page.send('{"released": true}')
+        while by_cable.server.bridge.stopped:
+            time.sleep(0.01)
+        jog(2, 3)
+        with talking(by_cable.device) as other:  # while it moves, and its answers are its own
+            while 2 not in other.request(MotorStatus()).moving:
+                other.pump(0.01)
+            assert 1 not in other.request(MotorStatus()).moving
+    with by_cable.client() as client:  # the port is the next page's, and the jog has ended
+        client.wait_idle(PATIENCE_S)
 
 
 # ---- a page that comes back while the server waits for a move to end

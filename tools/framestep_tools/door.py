@@ -16,15 +16,12 @@ import secrets
 import socket
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from framestep.protocol.messages import MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP
 
 from .tcp_port import SCHEME, TcpPort
 from .wire import Frame, FrameDecoder, encode
-
-if TYPE_CHECKING:
-    from .client import Client
 
 STOPS = (MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP)
 LOOK_S = 0.05  # how often the first program looks for the second
@@ -79,11 +76,20 @@ class _Guest:
             self.connection.send(encode(frame.type, frame.payload, id))
 
 
+class Host(Protocol):
+    """Who has the port: a Client, or the console's Bridge."""
+
+    stopped: bool  # set when a guest stops motors
+
+    def forward(self, kind: int, payload: bytes) -> int:
+        """Send a message for a guest; the ID of the answer, which the door is given."""
+
+
 class Door:
-    """Where other programs come in, as long as a client has a port. The client calls `look`,
+    """Where other programs come in, as long as a host has a port. The host calls `look`,
     `answer` and `tell`."""
 
-    def __init__(self, client: "Client", path: str, who: str):
+    def __init__(self, client: Host, path: str, who: str):
         self._client = client
         self._secret = secrets.token_hex(_SECRET_BYTES // 2)
         self._guests: list[_Guest] = []

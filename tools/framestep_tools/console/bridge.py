@@ -3,17 +3,26 @@
 A jog lasts as long as the page repeats it. The page that has gone cannot say stop, so the bridge
 does: it reads in the requests which motors are being jogged. Whether anything else may go on
 without the page, the page has said before.
+
+Other programs come in by a door (framestep_tools.door), as with any program of framestep that has a
+port: `framestep stop` stops what the page moves.
 """
 
 import asyncio
 import contextlib
+import os
+import struct
 import threading
 from collections.abc import Callable
 from typing import Any
 
+from framestep.protocol import messages
+
 from ..client import BrokenOff
-from ..opening import close_port
+from ..door import Door
+from ..opening import close_port, is_socket
 from ..payloads import (
+    Ack,
     MotorJog,
     MotorStatus,
     MotorStop,
@@ -30,6 +39,8 @@ from ..wire import Frame, FrameDecoder, encode
 _LOOK_S = 0.05  # how long the reader waits for a byte before it looks whether it is to end
 _ANSWER_S = 5.0
 _FIRST_ID = 0xF000_0000  # of requests that the bridge makes; the page counts from 1
+_FIRST_OF_OTHERS = 0xE000_0000  # of those that come in by the door
+_JOGS = (MotorJog.TYPE, RtJogAll.TYPE, VirtJog.TYPE, VirtJogOnLine.TYPE)
 # the virtual motor that VIRT_STOP names for each axis of JOG_ON_LINE (field note 9.6)
 _OF_LINE = {0: 2, 1: 3, 2: 1, 3: 4, 4: 5}
 
@@ -84,26 +95,64 @@ class Jogs:
 
 class Bridge:
     """A port that is open. `on_bytes` is called in the event loop with what the device sends,
-    `on_end` once with the reason where the port has gone."""
+    `on_end` once with the reason where the port has gone, `on_stopped` when another program has
+    stopped motors: the page's jogs are refused from then on, until `released` is called."""
 
     def __init__(self, port: Any, name: str):
         self.name = name
         self.on_bytes: Callable[[bytes], None] = lambda data: None
         self.on_end: Callable[[str], None] = lambda why: None
+        self.on_stopped: Callable[[], None] = lambda: None
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._jogs = Jogs()
-        self._writing = asyncio.Lock()
+        self._order = asyncio.Lock()
+        self._writing = threading.Lock()
         self._next_id = _FIRST_ID
+        self._others_id = _FIRST_OF_OTHERS
+        self._stopped = False
         self._closing = False
+        self._decoder = FrameDecoder()
+        self._door: Door | None = None
+        if not is_socket(name):
+            with contextlib.suppress(OSError):  # then no other program comes through
+                self._door = Door(self, name, f"framestep console (process {os.getpid()})")
         self._port.timeout = _LOOK_S
         self._reader = threading.Thread(target=self._read, name="console-reader", daemon=True)
         self._reader.start()
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes of the page to the device; OSError where the port has gone."""
+        """Hand a frame of the page to the device; OSError where the port has gone."""
+        if self._stopped and (refused := _refused_jogs(data)):
+            self.on_bytes(refused)  # it was on its way before the page knew of the stop
+            return
         self._jogs.note(data)
         await self._write(data)
+
+    # ---- other programs, in the reader's thread
+
+    def forward(self, kind: int, payload: bytes) -> int:
+        """Send another program's request; the ID of the answer, which the door is given."""
+        self._others_id += 1
+        with self._writing:
+            self._port.write(encode(kind, payload, self._others_id))
+        return self._others_id
+
+    @property
+    def stopped(self) -> bool:
+        """Whether another program has stopped motors, and the page has not let go yet."""
+        return self._stopped
+
+    @stopped.setter
+    def stopped(self, on: bool) -> None:
+        self._stopped = on
+        self._loop.call_soon_threadsafe(self.on_stopped)
+
+    def released(self) -> None:
+        """The page has let go of all that it held."""
+        self._stopped = False
+
+    # ---- what is asked for the page
 
     async def stop_jogs(self) -> None:
         """End what only a held button moves; a run goes on."""
@@ -137,6 +186,8 @@ class Bridge:
             await self._ask([MotorStopAll()])
         self._closing = True
         await asyncio.to_thread(self._reader.join)
+        if self._door:
+            self._door.close()
         await asyncio.to_thread(close_port, self._port)
 
     async def _ask(self, requests: list[Payload]) -> None:
@@ -145,8 +196,12 @@ class Bridge:
             self._next_id += 1
 
     async def _write(self, data: bytes) -> None:
-        async with self._writing:
-            await asyncio.to_thread(self._port.write, data)
+        async with self._order:
+            await asyncio.to_thread(self._write_now, data)
+
+    def _write_now(self, data: bytes) -> None:
+        with self._writing:
+            self._port.write(data)
 
     def _read(self) -> None:
         """Runs in a thread of its own: ports can only be waited for."""
@@ -156,6 +211,9 @@ class Bridge:
                 if data:
                     data += self._port.read(self._port.in_waiting)
                     self._loop.call_soon_threadsafe(self.on_bytes, data)
+                if self._door:
+                    self._door.look()
+                    self._pass_on(self._door, data)
         except Exception as error:
             # termios.error is of no other class; not every system has a termios to ask
             if not isinstance(error, OSError) and type(error).__module__ != "termios":
@@ -163,3 +221,20 @@ class Bridge:
             if not self._closing:
                 why = str(BrokenOff(f"the connection to {self.name} broke off"))
                 self._loop.call_soon_threadsafe(self.on_end, why)
+
+    def _pass_on(self, door: Door, data: bytes) -> None:
+        """Give other programs what is for them; the page takes no notice of their IDs."""
+        for frame in self._decoder.feed(data):
+            if frame.id == 0:
+                door.tell(frame)
+            else:
+                door.answer(frame)
+
+
+def _refused_jogs(data: bytes) -> bytes:
+    """The refusal of a frame that asks for a jog; nothing for any other one."""
+    return b"".join(
+        encode(frame.type | messages.MSG_FLAG_ACK, struct.pack("<H", Ack.ERR_GENERAL), frame.id)
+        for frame in FrameDecoder().feed(data)
+        if frame.type in _JOGS
+    )

@@ -110,6 +110,8 @@ class ConsoleServer:
             return
         bridge.on_bytes = lambda data: None
         bridge.on_end = lambda why: None
+        bridge.on_stopped = lambda: None
+        bridge.released()
         if not self.keep:
             await self.let_go()
             return

@@ -3,7 +3,9 @@
 Binary messages are bytes of the protocol, either way. Texts are JSON: the page asks
 `{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`;
 `{"keep": true}` lets what moves go on without the page, but for jogs. The server sends
-`{"device": …}` first, and `{"ended": "why"}` before it closes.
+`{"device": …}` first, `{"stopped": true}` when another program has stopped motors, which the page
+answers with `{"released": true}` once it holds nothing any more, and `{"ended": "why"}` before it
+closes.
 """
 
 import asyncio
@@ -61,6 +63,7 @@ class Visit:
         bridge = await self._server.attach()
         bridge.on_bytes = self._outbox.put_nowait
         bridge.on_end = lambda why: self._start(self.end(why))
+        bridge.on_stopped = lambda: self._start(self._say({"stopped": True}))
 
     async def _listen(self) -> None:
         with contextlib.suppress(ConnectionClosed):
@@ -95,6 +98,10 @@ class Visit:
             said = json.loads(text)
             if isinstance(said.get("keep"), bool):
                 self._server.keep = said["keep"]
+                return
+            if said.get("released") is True:
+                if self._server.bridge:
+                    self._server.bridge.released()
                 return
             if said["do"] not in _TASKS:
                 raise ValueError(f"there is no task {said['do']!r}")

@@ -103,6 +103,11 @@ function stop() {
 }
 
 place("stop").addEventListener("click", stop);
+device.addEventListener("stopped", () => {
+  holds.releaseAll();
+  operation.stopped();
+  device.tell("Another program has stopped the motors.", true);
+});
 window.addEventListener("keydown", (event) => {
   if (event.key !== "Escape" || event.repeat) return;
   event.preventDefault();

@@ -28,7 +28,7 @@ const NOTHING = {
 };
 
 /** Events: "change" whenever something is new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
- * "connected", "gone". */
+ * "stopped" when another program has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
   hello = null;
@@ -62,6 +62,7 @@ export class Device extends EventTarget {
   /** Take a link that is open; resolves once the device has said who it is. */
   async connect({ link, hello }) {
     this.hello = hello;
+    link.onstopped = () => this.dispatchEvent(new Event("stopped"));
     this.#unknown.clear();
     const client = new Client(link, (report) => this.#hear(report), (why) => this.#gone(client, why));
     this.client = client;

@@ -6,6 +6,8 @@ import { LinkError } from "./client.js";
 export class WebSocketLink {
   onbytes = () => {};
   onend = () => {};
+  /** Another program has stopped motors: let go of what is held. */
+  onstopped = () => {};
   #socket;
   #why = "the link to framestep console has closed";
   #nextTask = 1;
@@ -27,6 +29,10 @@ export class WebSocketLink {
       const said = JSON.parse(data);
       if (said.device !== undefined) resolve({ link: this, hello: said });
       else if (said.ended !== undefined) this.#why = said.ended;
+      else if (said.stopped) {
+        this.onstopped();
+        this.#socket.send(JSON.stringify({ released: true }));
+      }
       else this.#answer(said);
     };
     this.#socket.onclose = () => {
