@@ -152,14 +152,20 @@ class Stage:
 
     def page(self, url, **options):
         """A page; options are those of a browser's context. `errors` has what went wrong in it,
-        `asked` what it has asked for."""
+        `asked` what it has asked for, `sent` what it has sent to its server."""
         context = self._browser.new_context(
             **{"viewport": {"width": 1280, "height": 900}, **options}
         )
         self._started.callback(context.close)
         context.set_default_timeout(PATIENCE_MS)
         page = context.new_page()
-        page.errors, page.asked = [], []
+        page.errors, page.asked, page.sent = [], [], []
+        sent = page.sent
+
+        def watch(link):
+            link.on("framesent", lambda data: sent.append(data))
+
+        page.on("websocket", watch)
         page.on("pageerror", lambda error: page.errors.append(str(error)))
         page.on(
             "console",

@@ -5,8 +5,10 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from framestep.protocol.messages import RUN_STILLS, RUN_VIDEO
 from framestep_tools.client import RequestRefused
-from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPositionFrame
+from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPositionFrame, RtRunMove
+from framestep_tools.wire import FrameDecoder
 from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.looking import (
     LOOK_MS,
@@ -135,16 +137,55 @@ def test_a_run_that_is_refused_is_not_prepared(page):
     expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
 
 
+def runs_asked(page):
+    """The last RUN_MOVE that the page has sent."""
+    frames = FrameDecoder().feed(b"".join(data for data in page.sent if isinstance(data, bytes)))
+    return RtRunMove.unpack([f for f in frames if f.type == RtRunMove.TYPE][-1].payload)
+
+
+def test_camera_and_bloop_go_with_a_run(page, device):
+    upload(page)
+    run = card(page, "Run")
+    run.locator("summary", has_text="Camera and bloop").click()
+    run.get_by_label("Camera", exact=True).select_option("stills: a pulse at each frame")
+    run.get_by_label("Shutter opens at").fill("45")
+    run.get_by_label("Shutter closes at").fill("270")
+    run.get_by_label("Bloop output").select_option("output 2")
+    run.get_by_label("Bloop DMX channel").fill("7")
+    run.get_by_label("Bloop, ms").fill("900")
+    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=50)
+    told = runs_asked(page)
+    assert (told.flags, told.open_angle, told.close_angle) == (RUN_STILLS, 45, 270)
+    assert (told.bloop_outputs, told.bloop_channel, told.bloop_ms) == (2, 7, 900)
+    run.get_by_role("button", name="GO").click()
+    wait_on_board(page, device, lambda hal: hal._levels >> 26 & 1 and hal.dmx.shown[7] == 255)
+    expect(log(page).locator("p").first).to_have_text(f"Run 1 to {FRAMES} is over.")
+    wait_rest(page)
+    run.get_by_label("Camera", exact=True).select_option("video: a pulse at GO and one at the end")
+    expect(run.get_by_label("Shutter opens at")).to_be_hidden()
+    run.get_by_label("Bloop output").select_option("none")
+    run.get_by_label("Bloop DMX channel").fill("0")
+    get_ready(page, "Run")
+    told = runs_asked(page)
+    assert (told.flags, told.bloop_outputs, told.bloop_ms) == (RUN_VIDEO, 0, 0)
+    run.get_by_label("Bloop, ms").fill("0")
+    run.get_by_role("button", name="Get ready").click()
+    assert run.get_by_label("Bloop, ms").evaluate("field => !field.validity.valid")
+    page.keyboard.press("Escape")
+    run.get_by_label("Bloop, ms").fill("100")
+    run.get_by_label("Camera", exact=True).select_option("none")
+
+
 def test_stop_ends_a_loop(page):
     upload(page)
     run = card(page, "Run")
-    run.get_by_label("Loop").check()
+    run.get_by_label("Loop", exact=True).check()
     get_ready(page, "Run", From_frame=1, To_frame=20, Frames_per_second=100)
     run.get_by_role("button", name="GO").click()
     wait_moving(page)
     page.keyboard.press("Escape")
     expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
-    run.get_by_label("Loop").uncheck()
+    run.get_by_label("Loop", exact=True).uncheck()
 
 
 def test_a_jog_along_the_move_lasts_as_long_as_it_is_held(page):

@@ -16,10 +16,15 @@ AXES = tuple(
 )
 RIGS = [
     Rig(1, AXES, length=857.7, extension=78.0, nodal=(20.0, 35.5, -12.0)),
+    Rig(1, AXES, length=857.7, table=tuple(round(300 * n - n * n / 3) for n in range(-60, 61))),
+    Rig(1, AXES, length=857.7, table=tuple(-250 * n + 17 for n in range(-60, 61)), safe=2.5),
     Rig(2, (Axis(3, -500.0), Axis(2, 100.0))),
     Rig(3, AXES, length=600.0, extension=-20.0, nodal=(0.0, 50.0, 10.0)),
     Rig(4, AXES, nodal=(1.0, -2.0, 3.0), safe=250.0),
 ]
+NAMES = ["boom", "boom-table", "falling-table", "swing-pan", "y-swing", "x-y-z"]
+STEPS = [(0,) * 6, (1234, -5000, 70, 6543, -9000, 12), (-14_000, 300, -500, 10, 20, 3000)]
+TABLE = [40 * n for n in range(-60, 61)]
 JOINTS = [(0,) * 6, (10, 20, 30, 40, 50, 60), (-59, 170, -1000.5, -200, 89, -7)]
 
 
@@ -34,6 +39,7 @@ def of_page(rig):
         "length": rig.length,
         "extension": rig.extension,
         "nodal": rig.nodal,
+        "table": rig.table,
         "safe": rig.safe,
     }
 
@@ -45,7 +51,7 @@ def modules(shared_stage):
     return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
 
 
-@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: str(rig.kind))
+@pytest.mark.parametrize("rig", RIGS, ids=NAMES)
 def test_the_configuration_is_packed_as_the_tools_pack_it(modules, rig):
     found = modules.evaluate(
         "async (rig) => (await import('/virtual_config.js')).packConfig(rig)", of_page(rig)
@@ -54,7 +60,7 @@ def test_the_configuration_is_packed_as_the_tools_pack_it(modules, rig):
     assert VirtConfig.unpack(bytes(found)).type == rig.kind
 
 
-@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: str(rig.kind))
+@pytest.mark.parametrize("rig", RIGS, ids=NAMES)
 def test_the_camera_is_drawn_where_the_reference_has_it(modules, rig):
     for joints in JOINTS:
         joints = joints[: len(rig.axes)]
@@ -68,6 +74,35 @@ def test_the_camera_is_drawn_where_the_reference_has_it(modules, rig):
         np.testing.assert_allclose((found["pan"], found["tilt"]), (pan, tilt), atol=1e-9)
 
 
+@pytest.mark.parametrize("rig", RIGS, ids=NAMES)
+def test_steps_are_drawn_as_the_joints_that_they_are(modules, rig):
+    for steps in STEPS:
+        found = modules.evaluate(
+            "async ([rig, at]) => (await import('/kinematics.js')).joints(rig, (n) => at[n - 1])",
+            [of_page(rig), steps],
+        )
+        of_motors = [steps[axis.motor - 1] for axis in rig.axes]
+        np.testing.assert_allclose(found, rig.joints(of_motors), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1 2 3", "expected 121 numbers, a step for each degree from −60 to 60, found 3"),
+        (" ".join(map(str, [*TABLE[:-1], "x"])), "expected whole numbers, found “x”"),
+        (", ".join(map(str, [*TABLE[:70], *TABLE[69:120]])), "it does not from 9 to 10 degrees"),
+        ("0 " * 121, "it does not from -60 to -59 degrees"),
+    ],
+)
+def test_a_boom_table_that_is_none(modules, text, said):
+    found = modules.evaluate(
+        "async (text) => { const {parseTable} = await import('/virtual_config.js');"
+        "try { return String(parseTable(text)); } catch (error) { return error.message; } }",
+        text,
+    )
+    assert said in found
+
+
 def pose_of(page, axis):
     return float(page.get_by_role("status", name=axis, exact=True).text_content())
 
@@ -78,6 +113,33 @@ def wait_pose(page, axis, least):
             return
         page.wait_for_timeout(LOOK_MS)
     pytest.fail(f"{axis} is still at {pose_of(page, axis)}")
+
+
+def test_a_boom_by_its_table(stage):
+    device = stage.simulated(motors=6, speed=4.0)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    go_to(page, "Virtual axes")
+    page.get_by_label("Arm").fill("1000")
+    page.locator("summary", has_text="Boom table").click()
+    table = page.get_by_label("The boom motor's step for each degree")
+    table.fill("1, 2, 3")
+    page.get_by_role("button", name="Configure").click()
+    expect(log(page)).to_contain_text("the boom table: expected 121 numbers")
+    table.fill("\n".join(map(str, TABLE)))
+    page.get_by_role("button", name="Configure").click()
+    expect(log(page)).to_contain_text("Boom, swing, track: configured.")
+    go_to(page, "Motors")
+    motor = page.get_by_role("article", name="Motor 1")
+    motor.get_by_label("Move to step").fill(str(TABLE[90]))
+    motor.get_by_role("button", name="Move", exact=True).click()
+    go_to(page, "Virtual axes")
+    wait_pose(page, "vNS", 499.9)  # 30 degrees
+    assert pose_of(page, "vNS") == pytest.approx(500, abs=0.1)
+    page.reload()
+    wait_connected(page)
+    go_to(page, "Virtual axes")
+    expect(page.get_by_label("The boom motor's step")).to_have_value(" ".join(map(str, TABLE)))
 
 
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):

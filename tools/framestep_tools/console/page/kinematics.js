@@ -11,6 +11,27 @@ export const TYPES = {
   [M.VIRT_X_Y_Z]: { name: "X, Y, Z", axes: ["x", "y", "z", "pan", "tilt", "roll"] },
 };
 
+const TABLE_BEGIN = -60; // degrees
+
+/** The rig's joints, in units and degrees, where `steps(motor)` says where each motor is: from step 0, by the boom's
+ * table where there is one. */
+export function joints(rig, steps) {
+  return rig.axes.map(({ motor, perUnit }, i) => {
+    const at = motor ? steps(motor) ?? 0 : 0;
+    if (i === 0 && rig.table && motor) return boom(rig.table, at);
+    return motor && perUnit ? at / perUnit : 0;
+  });
+}
+
+/** The boom's angle by its table; its ends are as far as that goes. */
+function boom(table, step) {
+  const sign = Math.sign(table[1] - table[0]);
+  const next = table.findIndex((value) => sign * value >= sign * step);
+  if (next < 0) return TABLE_BEGIN + table.length - 1;
+  if (next === 0) return TABLE_BEGIN;
+  return TABLE_BEGIN + next - (table[next] - step) / (table[next] - table[next - 1]);
+}
+
 const radians = (degrees) => (degrees * Math.PI) / 180;
 
 /** A vector in the camera's frame (x right, y forward, z up) in the world's: Rz(pan)·Rx(tilt)·Ry(roll). */

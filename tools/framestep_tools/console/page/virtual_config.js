@@ -11,8 +11,26 @@ function dword(out, value) {
   for (let i = 0; i < 4; i += 1) out.push((value >> (8 * i)) & 255);
 }
 
-/** The payload. rig: {type, axes: [{motor, perUnit, position}], length, extension, nodal, safe: null for none}; motor 0:
- * no such axis. RangeError where a number does not fit. */
+const NUMBERS = 121; // of a boom table: −60 to 60 degrees
+
+/** The boom table that a text holds: the motor's step for each degree from −60 to 60. null for an empty text;
+ * RangeError, with what is wrong, for anything else. */
+export function parseTable(text) {
+  const cells = text.split(/[\s,;]+/).filter((cell) => cell !== "");
+  if (!cells.length) return null;
+  if (cells.length !== NUMBERS) throw new RangeError(`the boom table: expected ${NUMBERS} numbers, a step for each degree from −60 to 60, found ${cells.length}`);
+  const table = cells.map((cell) => {
+    if (!/^[+-]?\d+$/.test(cell)) throw new RangeError(`the boom table: expected whole numbers, found “${cell}”`);
+    return Number(cell);
+  });
+  const rises = Math.sign(table[1] - table[0]);
+  const bad = table.findIndex((step, i) => i > 0 && Math.sign(step - table[i - 1]) !== (rises || 1));
+  if (bad > 0) throw new RangeError(`the boom table has to rise or fall throughout: it does not from ${bad - 61} to ${bad - 60} degrees`);
+  return table;
+}
+
+/** The payload. rig: {type, axes: [{motor, perUnit, position}], length, extension, nodal, table: null for none, safe: null
+ * for none}; motor 0: no such axis. RangeError where a number does not fit. */
 export function packConfig(rig) {
   const out = [rig.type];
   if (rig.type === M.VIRT_NONE) return out;
@@ -23,7 +41,8 @@ export function packConfig(rig) {
   }
   if (rig.type === M.VIRT_SWING_PAN) return out;
   const lengths = TYPES[rig.type].arm ? [rig.length, rig.extension, ...rig.nodal] : rig.nodal;
-  if (rig.safe !== null) lengths.push(rig.safe);
   for (const length of lengths) dword(out, Math.round(length * MILLI));
+  if (rig.table) for (const step of rig.table) dword(out, step);
+  if (rig.safe !== null) dword(out, Math.round(rig.safe * MILLI));
   return out;
 }

@@ -4,6 +4,7 @@ import { Curve } from "../curve.js";
 import { check, field, h, number, read, setText } from "../dom.js";
 import { parseMove } from "../move_csv.js";
 import { M } from "../protocol.js";
+import { RunOptions } from "../run_options.js";
 import { upload } from "../upload.js";
 
 const FARTHEST_FRAME = 1_000_000;
@@ -31,6 +32,7 @@ export class MovesView {
   #loop = h("input");
   #pingPong = h("input");
   #lights = h("input");
+  #options = new RunOptions();
   #state = h("p", { role: "status" });
   #go = h("button", { type: "button", class: "main", disabled: true, onclick: () => this.#operation.go() }, "GO");
   #frame = number(1, -FARTHEST_FRAME, FARTHEST_FRAME);
@@ -49,6 +51,7 @@ export class MovesView {
 
   connected() {
     this.move = null;
+    this.#options.connected(this.#device.state.info);
     this.#upload.disabled = this.#read === null;
   }
 
@@ -67,6 +70,7 @@ export class MovesView {
         field("Frames per second", this.#fps),
         field("Pre-roll, ms", this.#preroll), field("Post-roll, ms", this.#postroll),
         check("Loop", this.#loop), check("Ping-pong", this.#pingPong), check("Uploaded lights and triggers", this.#lights),
+        this.#options.element,
         h("button", {}, "Get ready")),
       h("div", { class: "row" }, this.#go,
         h("button", { type: "button", onclick: () => this.#device.ask("RtStopLoop") }, "End the loop")),
@@ -124,7 +128,8 @@ export class MovesView {
     event.preventDefault();
     const [start, end, fps, preroll, postroll] = [this.#start, this.#end, this.#fps, this.#preroll, this.#postroll].map(read);
     if ([start, end, fps, preroll, postroll].includes(null)) return;
-    const flags = (this.#loop.checked ? M.RUN_LOOP : 0) | (this.#pingPong.checked ? M.RUN_PING_PONG : 0);
+    const options = this.#options.values((this.#loop.checked ? M.RUN_LOOP : 0) | (this.#pingPong.checked ? M.RUN_PING_PONG : 0));
+    if (!options) return;
     await this.#operation.prepare(`Run ${start} to ${end}`, "RtRunMove", {
       fps_milli: Math.round(fps * 1000),
       start_frame: start,
@@ -132,7 +137,7 @@ export class MovesView {
       preroll_ms: preroll,
       postroll_ms: postroll,
       sync_dmx: Number(this.#lights.checked),
-      flags: flags || undefined,
+      ...options,
     });
   }
 

@@ -1,10 +1,10 @@
 // Virtual axes: the rig's sums, the camera's pose, jogs along straight lines, the rig drawn.
 
 import { check, field, h, number, read, setText } from "../dom.js";
-import { TYPES } from "../kinematics.js";
+import { joints, TYPES } from "../kinematics.js";
 import { M } from "../protocol.js";
 import { RigDrawing } from "../rig_drawing.js";
-import { packConfig } from "../virtual_config.js";
+import { packConfig, parseTable } from "../virtual_config.js";
 
 const POSITION = 100_000;
 const MILLI = 1000;
@@ -37,6 +37,7 @@ export class VirtualView {
   #fields = h("div");
   #axes = [];
   #lengths = {};
+  #table = h("textarea", { rows: 4, spellcheck: false });
   #speed = h("input", { type: "range", min: "1", max: "100", value: "20" });
   #pose = h("div", { class: "cards" });
   #poses = [];
@@ -80,7 +81,7 @@ export class VirtualView {
     const { virtual, positions } = this.#device.state;
     for (const { shown, name } of this.#poses) setText(shown, virtual ? (virtual[name] / POSITION).toFixed(3) : "–");
     this.#drawing.element.hidden = this.#rig === null;
-    if (this.#rig && positions.length) this.#drawing.draw(this.#rig, this.#joints((motor) => positions[motor - 1]));
+    if (this.#rig && positions.length) this.#drawing.draw(this.#rig, joints(this.#rig, (motor) => positions[motor - 1]));
   }
 
   // ---- the rig's sums
@@ -106,16 +107,26 @@ export class VirtualView {
       h("div", { class: "axes" }, ...this.#axes.map((axis) => h("fieldset", { class: "row" }, h("legend", {}, axis.name),
         field("Motor", axis.motor), field("Steps per unit or degree", axis.perUnit),
         swingPan ? null : field("Pose now", axis.position)))),
-      h("div", { class: "row" }, ...lengths));
+      h("div", { class: "row" }, ...lengths),
+      ...(Number(this.#type.value) === M.VIRT_BOOM_SWING_TRACK ? [this.#tableField(saved.table)] : []));
+  }
+
+  #tableField(table) {
+    this.#table.value = table?.join(" ") ?? "";
+    return h("details", { open: Boolean(table) }, h("summary", {}, "Boom table"),
+      h("div", {}, field("The boom motor's step for each degree from −60 to 60", this.#table, "121 whole numbers, as a column of a table has them; they replace the boom's steps per degree. Empty: none.")));
   }
 
   async #configure(event) {
     event.preventDefault();
     const axes = this.#axes.map(({ motor, perUnit, position }) => ({ motor: Number(motor.value), perUnit: read(perUnit), position: position.isConnected ? read(position) : 0 }));
     const length = (name) => (this.#lengths[name] ? read(this.#lengths[name]) : 0);
+    const table = this.#readTable();
+    if (table === undefined) return;
     const saved = { type: Number(this.#type.value), axes, ...Object.fromEntries(["length", "extension", "nodalX", "nodalY", "nodalZ"].map((name) => [name, length(name)])) };
     if (JSON.stringify(saved).includes("null")) return;
-    const rig = { ...saved, nodal: [saved.nodalX, saved.nodalY, saved.nodalZ], safe: null };
+    if (table) saved.table = table;
+    const rig = { ...saved, table, nodal: [saved.nodalX, saved.nodalY, saved.nodalZ], safe: null };
     const bytes = this.#packed(rig);
     if (!bytes || !(await this.#device.ask("VirtConfig", { bytes }))) return;
     this.#rig = rig;
@@ -124,6 +135,17 @@ export class VirtualView {
     this.#showPath();
     this.#device.tell(`${TYPES[rig.type].name}: configured.`);
     this.render();
+  }
+
+  /** The boom table, null for none; undefined, and the user is told, where it is not right. */
+  #readTable() {
+    if (!this.#table.isConnected) return null;
+    try {
+      return parseTable(this.#table.value);
+    } catch (error) {
+      this.#device.tell(error.message, true);
+      return undefined;
+    }
   }
 
   /** The payload; null, and the user is told, where a number does not fit. */
@@ -142,17 +164,12 @@ export class VirtualView {
     this.render();
   }
 
-  /** The rig's joints where motors are at these steps. */
-  #joints(steps) {
-    return this.#rig.axes.map(({ motor, perUnit }) => (motor && perUnit ? (steps(motor) ?? 0) / perUnit : 0));
-  }
-
   /** The camera's way along the uploaded move. */
   #showPath() {
     const { move } = this.#moves;
     if (!move || !this.#rig) return;
     const { positions } = this.#device.state;
-    const frames = move.positions[0].map((_, frame) => this.#joints((motor) => move.positions[motor - 1]?.[frame] ?? positions[motor - 1]));
+    const frames = move.positions[0].map((_, frame) => joints(this.#rig, (motor) => move.positions[motor - 1]?.[frame] ?? positions[motor - 1]));
     this.#drawing.showPath(this.#rig, frames);
   }
 
