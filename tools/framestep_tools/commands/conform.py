@@ -18,6 +18,13 @@ def conform(
         list[str] | None, typer.Option(help="only this subject, such as framing", metavar="NAME")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="do not ask before motors move")] = False,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            help="judge edges too, by the trace that a simulated or emulated device writes",
+            metavar="FILE",
+        ),
+    ] = None,
     page: Annotated[
         Path | None, typer.Option("--html", help="write the report as a page", metavar="FILE")
     ] = None,
@@ -35,6 +42,7 @@ def conform(
     from ..conform import kit, report, spec
     from ..conform.bench import Bench
     from ..conform.link import Failed, Link
+    from ..conform.trace_tail import TraceTail
     from ..errors import ToolError
     from ..opening import close_port, open_port
 
@@ -53,31 +61,43 @@ def conform(
         "Motors move and speeds and limits are set. Is the rig clear?", err=True
     ):
         raise typer.Abort
+
+    def tell(result: kit.Result) -> None:
+        results.append(result)
+        if not json and result.verdict not in (kit.PASSED, kit.LEFT_OUT):
+            print(report.line(result), flush=True)
+
     url = device or ports.protocol_port()
+    results: list[kit.Result] = []
     port = open_port(url, 1)
     link = Link(port)
+    tail = None
     try:
+        tail = TraceTail(trace) if trace else None
         link.pump(0.3)
-        bench = Bench(link, full)
-        results = kit.run(bench, checks)
+        bench = Bench(link, full, tail)
+        kit.run(bench, checks, tell)
         bench.recover()
     except Failed as failed:
-        raise ToolError(f"{url} cannot be checked: {failed}") from None
-    except OSError as error:
-        raise BrokenOff(f"the connection to {url} broke off: {error}") from None
+        at = f" after {len(results)} checks" if results else ""
+        raise ToolError(f"{url} cannot be checked{at}: {failed}") from None
     except KeyboardInterrupt:
         link.send(spec.STOP_ALL)
         raise
+    except Exception as error:
+        # termios.error, of a terminal that has gone, is of no other class
+        if not isinstance(error, OSError) and type(error).__module__ != "termios":
+            raise
+        raise BrokenOff(f"the connection to {url} broke off: {error}") from None
     finally:
         close_port(port)
+        if tail:
+            tail.close()
     if page:
         page.write_text(report.as_html(url, results), encoding="utf-8")
     if json:
         say_json(report.as_json(url, results))
     else:
-        for result in results:
-            if result.verdict not in (kit.PASSED, kit.LEFT_OUT):
-                print(report.line(result))
         for change in report.changes(before, results) if before else ():
             print(change)
         print(f"{len(results)} checks: {report.counts(results)}")

@@ -171,7 +171,12 @@ class Bench:
         self.link.answers.clear()
 
     def recover(self) -> None:
-        """The same after a check that failed, as far as the device lets it."""
+        """The same after a check that failed, as far as the device lets it. Failed where it says
+        nothing any more."""
+        if self.link.answer(self.link.send(spec.HI)) is None:
+            self.link.pump(_IDLE_S)
+            if self.link.answer(self.link.send(spec.HI)) is None:
+                raise Failed("it does not answer any more, not even HI")
         for step in (
             lambda: self.link.ask(spec.STOP_ALL), self.idle, self.prepare, self.return_home,
         ):  # fmt: skip

@@ -1,0 +1,166 @@
+"""`framestep conform`: what it prints and writes, a trace, Ctrl-C, a device that is lost."""
+
+import json
+
+import pytest
+
+from framestep_tools import cli, opening
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.conform import kit, trace_tail
+from framestep_tools.conform.checks import edges
+from framestep_tools.errors import BROKEN_OFF, DONE, FAILED, INTERRUPTED, USAGE
+from framestep_tools.trace import HEADER, TraceWriter
+
+
+class Port(LockstepPort):
+    """A port on a simulated board. `at` is called once so many steps have been made."""
+
+    def __init__(self, board, at=None, after=150):
+        super().__init__(board)
+        self.at, self.after, self.made = at, after, 0
+
+    def read(self, size=1):
+        data = super().read(size)
+        self.made += sum(name == "m1" for _, name, _ in self.board._edges)
+        if self.at and self.made > self.after:
+            at, self.at = self.at, None
+            at()
+        return data
+
+
+@pytest.fixture
+def board():
+    found = SimulatedBoard(motors=2)
+    found.run_until(50_000_000)
+    return found
+
+
+@pytest.fixture
+def conform(board, monkeypatch, capsys):
+    """The command on `board`: its status, what it prints, what it complains."""
+
+    def run(*words, port=None):
+        monkeypatch.setattr(opening, "open_port", lambda url, timeout: port or Port(board))
+        status = cli.app.status(["conform", "socket://x", "--yes", *words])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+def test_what_it_prints_and_writes(conform, tmp_path):
+    page, before = tmp_path / "page.html", tmp_path / "before.json"
+    status, out, err = conform("--subject", "framing", "--html", str(page))
+    assert (status, err) == (DONE, "")
+    assert out.splitlines()[-1] == (
+        "65 checks: 63 passed, 0 left out, 2 reading, 0 departs, 0 fault"
+    )
+    assert "response codes have 2 bytes" in out
+    assert "the last check byte is wrong" in page.read_text()
+    status, out, _ = conform("--subject", "framing", "--json")
+    found = json.loads(out)
+    assert [check["verdict"] for check in found["checks"]].count("passed") == 63
+    found["checks"][0]["verdict"] = "fault"
+    before.write_text(json.dumps(found))
+    _, out, _ = conform("--subject", "framing", "--baseline", str(before))
+    assert "was fault, is passed" in out
+
+
+def test_edges_are_judged_by_the_trace_of_a_board_that_runs(conform, board, tmp_path, monkeypatch):
+    """`make sim --trace` writes it as time passes."""
+    path = tmp_path / "trace.csv"
+    writer = TraceWriter(path)
+
+    def write(seconds):
+        writer.add(board.edges())
+        writer.release(board.now_ns)
+        writer.flush()
+
+    monkeypatch.setattr(trace_tail.time, "sleep", write)
+    status, out, err = conform("--subject", "edges", "--trace", str(path))
+    assert (status, err) == (DONE, "")
+    assert out == "18 checks: 18 passed, 0 left out, 0 reading, 0 departs, 0 fault\n"
+    assert writer.written > 1000
+
+
+def test_a_trace_of_another_device_shows_faults(conform, tmp_path, monkeypatch):
+    monkeypatch.setattr(kit, "every_check", lambda: edges.CHECKS[:1])
+    path = tmp_path / "trace.csv"
+    path.write_text(HEADER + "\n")
+    monkeypatch.setattr(trace_tail.time, "sleep", lambda seconds: None)
+    status, out, err = conform("--subject", "edges", "--trace", str(path))
+    assert status == FAILED
+    assert "made 0 steps" in out
+    assert err == "framestep: 1 of 1 checks show a fault\n"
+
+
+def test_a_file_that_is_no_trace(conform, tmp_path):
+    path = tmp_path / "trace.csv"
+    path.write_text("a,b\n")
+    status, _, err = conform("--trace", str(path))
+    assert (status, err) == (
+        FAILED,
+        f"framestep: {path}: expected the header 'time_ns,signal,value', found 'a,b'\n",
+    )
+    status, _, err = conform("--trace", str(tmp_path / "none"))
+    assert status == FAILED
+    assert err.startswith("framestep: cannot read ")
+
+
+def test_a_row_that_is_being_written_is_left_out(tmp_path, monkeypatch):
+    path = tmp_path / "trace.csv"
+    path.write_text(HEADER + "\n1,m1,1\n25,m")
+    monkeypatch.setattr(trace_tail.time, "sleep", lambda seconds: None)
+    tail = trace_tail.TraceTail(path)
+    assert tail.take() == []
+    with path.open("a") as file:
+        file.write("1,1\n30,m1,-1\n28,m2,1\n4")
+    assert tail.take() == [(28, "m2", 1), (30, "m1", -1)]
+    with path.open("a") as file:
+        file.write("0,m2,1\n")
+    assert tail.take() == [(40, "m2", 1)]
+    tail.close()
+
+
+def test_an_unknown_subject(conform):
+    status, _, err = conform("--subject", "weather")
+    assert status == USAGE
+    assert "weather is none of edges, framing" in err
+
+
+def test_ctrl_c_brings_the_motors_to_rest(conform, board):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    port = Port(board, interrupt)
+    port.close = lambda: None  # a lost host would stop them, too
+    status, _, _ = conform("--subject", "motors", port=port)
+    assert status == INTERRUPTED
+    assert board.host_board.moving()
+    board.run_until(board.now_ns + 500_000_000)
+    assert not board.host_board.moving()
+
+
+def test_a_connection_that_is_lost_is_one_sentence(conform, board):
+    def pull():
+        raise OSError("the other side has gone")
+
+    status, out, err = conform("--subject", "motors", port=Port(board, pull))
+    assert (status, out) == (BROKEN_OFF, "")
+    assert err == ("framestep: the connection to socket://x broke off: the other side has gone\n")
+
+
+def test_a_device_that_says_nothing_any_more_ends_the_checks(conform, board, monkeypatch):
+    port = Port(board)
+
+    def silent():
+        monkeypatch.setattr(board, "transmit", lambda: b"")
+        monkeypatch.setattr(
+            board, "run_until", lambda ns, until_output=False: SimulatedBoard.run_until(board, ns)
+        )
+
+    port.at = silent
+    status, _, err = conform("--subject", "motors", port=port)
+    assert status == FAILED
+    assert err.startswith("framestep: socket://x cannot be checked after ")
+    assert err.endswith(" checks: it does not answer any more, not even HI\n")
