@@ -48,15 +48,16 @@ def browser():
 
 
 class Device:
-    """A board that runs in a thread, its protocol's port on TCP and on a pseudo-terminal, `path`;
-    `at_board(f)` calls f(board) there."""
+    """A board that runs in a thread, its protocol's port on a pseudo-terminal, `path`, and on TCP,
+    `tcp`; its REPL likewise. `at_board(f)` calls f(board) there."""
 
     def __init__(self, board, speed, repl=False):
-        self._server = Server(board, speed=speed, tcp="127.0.0.1:0", repl=repl)
-        told = dict(each.split() for each in self._server.announcements if " " in each)
-        self.url = f"socket://{told['tcp']}"
-        self.path = self._server.announcements[0]
-        self.repl = told.get("repl")
+        repl_tcp = "127.0.0.1:0" if repl else None
+        self._server = Server(board, speed, tcp="127.0.0.1:0", repl=repl, repl_tcp=repl_tcp)
+        told = [line.split()[-1] for line in self._server.announcements]
+        self.path, self.tcp = told[:2]
+        self.url = f"socket://{self.tcp}"
+        self.repl, self.repl_tcp = told[2:] or (None, None)
         self._calls = []
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()

@@ -1,7 +1,9 @@
 """The console before the emulated board: what only the firmware itself and its REPL can show."""
 
 import json
+import re
 
+import pytest
 from playwright.sync_api import expect
 
 from framestep_tools.boards import EmulatedBoard
@@ -16,12 +18,52 @@ from host_tests.console.looking import (
     wait_moving,
     wait_rest,
 )
+from host_tests.console.serial_ports import SavedPage
+
+LIVE = re.compile(r"Interrupts: [1-9]\d* µs of(.|\n)*Segments that wait, of 16: motor 1 \d")
 
 
-def test_a_jog_the_load_and_a_new_rig_file(stage):
-    board = EmulatedBoard({"name": "before"}, trace=False)
-    device = Device(board, 1.0, repl=True)
-    stage.closing(device.close)
+@pytest.fixture(scope="module")
+def device(shared_stage):
+    found = Device(EmulatedBoard({"name": "before"}, trace=False, frozen=True), 1.0, repl=True)
+    shared_stage.closing(found.close)
+    return found
+
+
+def load_of(page):
+    return page.get_by_role("article", name="Load of the board")
+
+
+def watch_the_load_of_a_move(page):
+    """Live figures while motor 1 moves, and the move is not disturbed."""
+    go_to(page, "Motors")
+    target = steps(page) + 12_000
+    card = page.get_by_role("article", name="Motor 1")
+    card.get_by_label("Move to step").fill(str(target))
+    card.get_by_role("button", name="Move", exact=True).click()
+    wait_moving(page)
+    go_to(page, "Rig file, load")
+    load = load_of(page)
+    load.get_by_label("Live").check()
+    expect(load.get_by_role("status")).to_contain_text(
+        re.compile(
+            r"Interrupts: [1-9]\d* µs of each 1000(.|\n)*Segments that wait, of 16: motor 1 \d"
+        )
+    )
+    late, limit = map(
+        int, re.search(r"motion: (\d+) µs, the limit is (\d+)", load.text_content()).groups()
+    )
+    assert late < limit
+    expect(load.get_by_role("status")).to_contain_text("No motor moves.")
+    expect(load.get_by_role("img", name="Interrupts").locator("polyline")).to_be_visible()
+    go_to(page, "Motors")  # where nobody sees it, nothing is asked
+    assert steps(page) == target
+    assert page.locator("#conditions li").count() == 0
+    go_to(page, "Rig file, load")
+    expect(load.get_by_label("Live")).not_to_be_checked()
+
+
+def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     page = stage.page(stage.console(device.url, BoardWork(device.repl, device.url)).url)
     wait_connected(page)
 
@@ -32,10 +74,9 @@ def test_a_jog_the_load_and_a_new_rig_file(stage):
     wait_rest(page)
     assert steps(page) < -100
 
-    go_to(page, "Rig file, load")
+    watch_the_load_of_a_move(page)
     page.get_by_role("button", name="Measure").click()
-    load = page.get_by_role("article", name="Load of the board").get_by_role("status")
-    expect(load).to_contain_text("us in a tick of 1000 on average")
+    expect(load_of(page).get_by_role("status")).to_contain_text("us in a tick of 1000 on average")
 
     rig = page.get_by_role("article", name="Rig file of the board")
     rig.get_by_role("button", name="Read").click()
@@ -55,3 +96,39 @@ def test_a_jog_the_load_and_a_new_rig_file(stage):
     expect(page.get_by_role("article")).to_have_count(3)
     rig_text = log(page).text_content()
     assert "motor_count" in rig_text  # the mistake was told beside the file, too
+
+
+def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
+    """By two ports of Web Serial; the board itself judges the rig file."""
+    saved = SavedPage(tmp_path)
+    stage.closing(saved.close)
+    page = stage.page(saved.url)
+    saved.give_ports(page, device.tcp, device.repl_tcp)
+    page.get_by_role("button", name="Connect over USB…").click()
+    wait_connected(page)
+    go_to(page, "Rig file, load")
+    rig = page.get_by_role("article", name="Rig file of the board")
+    expect(rig.get_by_role("button", name="Read")).to_be_disabled()
+    page.get_by_role("button", name="Connect the REPL's port…").click()
+    watch_the_load_of_a_move(page)
+    rig.get_by_role("button", name="Read").click()
+    expect(rig.get_by_role("status")).to_have_text("As it is on the board.")
+    text = rig.get_by_label("Rig file")
+    before = json.loads(text.input_value())
+    assert before["name"] == "after"
+    for wrong, said in (
+        ("{", "rig.json: not valid JSON"),
+        ("[1]", "rig.json: expected an object"),
+        ('{"motor_count": 99}', "rig.json: motor_count: found 99, allowed is 0 to 12"),
+        ('{"motor_count": 9}', "rig.json: motor_count: found 9, this board has 8 motors"),
+    ):
+        text.fill(wrong)
+        rig.get_by_role("button", name="Put onto the board").click()
+        expect(rig.get_by_role("status")).to_contain_text(said)
+    text.fill('// a comment\n{"name": "Übung // 2", "motor_count": 2}')
+    rig.get_by_role("button", name="Put onto the board").click()
+    expect(rig.get_by_role("status")).to_have_text("Übung // 2 has restarted with it.")
+    expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
+    go_to(page, "Motors")
+    expect(page.get_by_role("article")).to_have_count(2)
+    assert page.errors == []

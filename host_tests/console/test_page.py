@@ -24,6 +24,7 @@ from host_tests.console.pictures import (
     path,
     prepare,
 )
+from host_tests.console.serial_ports import SavedPage
 
 LARGEST_PICTURE = 150_000  # bytes
 # What has no name for a screen reader: fields without a label, buttons and pictures without a text
@@ -31,29 +32,6 @@ NAMELESS = """() => [...document.querySelectorAll('button, input, select, textar
     .filter((each) => !each.labels?.length && !each.getAttribute('aria-label'))
     .filter((each) => !each.textContent.trim())
     .map((each) => each.outerHTML)"""
-# A port of Web Serial whose other end is the console's own server: the page cannot tell
-SERIAL = """address => {
-    class Port {
-        async open() {
-            this.socket = new WebSocket(address);
-            this.socket.binaryType = 'arraybuffer';
-            await new Promise((resolve) => this.socket.addEventListener('open', resolve, {once: true}));
-            this.readable = new ReadableStream({
-                start: (to) => {
-                    this.socket.onmessage = ({data}) => typeof data === 'string' || to.enqueue(new Uint8Array(data));
-                    this.socket.onclose = () => { try { to.close(); } catch { /* cancelled */ } };
-                },
-            });
-            this.writable = new WritableStream({write: (data) => this.socket.send(data)});
-        }
-        async setSignals(signals) { window.signals = signals; }
-        async close() { this.socket.close(); }
-    }
-    window.port = new Port();
-    Object.defineProperty(navigator, 'serial', {configurable: true, value: {
-        requestPort: async () => window.port,
-    }});
-}"""  # noqa: E501
 
 
 @pytest.fixture(scope="module")
@@ -135,15 +113,15 @@ def test_a_device_that_goes_and_comes_is_told(stage):
     expect(log(page)).to_contain_text("The link has ended: the connection to socket://")
 
 
-def test_without_a_server_over_web_serial(stage):
+def test_without_a_server_over_web_serial(stage, tmp_path):
     device = stage.simulated({"jog_timeout_ms": 0}, motors=1)
-    served = stage.console(device.url)
-    files, token = served.url.split("?")
-    page = stage.page(files)
-    page.evaluate(SERIAL, f"{files.replace('http', 'ws')}link?{token}")
+    saved = SavedPage(tmp_path)
+    stage.closing(saved.close)
+    page = stage.page(saved.url)
+    saved.give_ports(page, device.tcp)
     page.get_by_role("button", name="Connect over USB…").click()
     wait_connected(page)
-    assert page.evaluate("window.signals") == {"dataTerminalReady": True}
+    assert page.evaluate("window.ports[0].signals") == {"dataTerminalReady": True}
     expect(page.get_by_label("Runs and moves go on")).to_be_hidden()
     page.keyboard.down("ArrowRight")
     wait_far(page, 1, 0, 200)

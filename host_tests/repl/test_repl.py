@@ -2,10 +2,12 @@
 they refuse."""
 
 import io as text
+import json
 
 import pytest
 
 from framestep import boot, repl
+from framestep.repl_commands.figures import live
 from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import MotorSetLimits, RtEnd, RtGo, RtPositionFrame, RtRunMove
 from host_tests.end_to_end.realtime import MOVE, loaded
@@ -180,6 +182,18 @@ def test_timing(bench):
     assert all(0 < int(line.split()[2]) <= 16 for line in lines[1:])
 
 
+def test_live_figures_are_a_list_that_a_program_reads(bench):
+    session, says = bench
+    (line,) = says(live)
+    assert json.loads(line)[4:] == [16, []]
+    session.accept(RtPositionFrame(25))
+    (line,) = says(live)
+    *_, limit, holds, queues = json.loads(line)
+    assert limit > 1000
+    assert [motor for motor, _ in queues] == list(MOVE)
+    assert all(0 < waiting <= holds for _, waiting in queues)
+
+
 def test_rig(bench):
     _, says = bench
     lines = says(repl.rig)
@@ -198,4 +212,5 @@ def test_without_a_controller(bench, monkeypatch):
     monkeypatch.setattr(boot, "controller", None)
     for command in (repl.status, repl.io, repl.timing, repl.rig, repl.stop):
         assert says(command) == ["framestep has not been started"]
+    assert says(live) == ["framestep has not been started"]
     assert says(repl.move, 1, 5) == ["refused: framestep has not been started"]

@@ -40,7 +40,7 @@ _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little 
 
 # what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to,
 # in the background)
-_STATE = """
+STATE = """
 import sys
 b = sys.modules.get("framestep.boot")
 c = b and b.controller
@@ -51,7 +51,7 @@ def moving():
     return c.axes.moving_bits() | (o.engaged if r.alive else 0)  # without its passes it stays as it was
 print((bool(c), moving(), bool(c) and r.background))
 """  # noqa: E501
-_STOP = """
+STOP = """
 if moving(): print(1)
 else:
     if c: r.stop()
@@ -67,7 +67,7 @@ except Exception: f = ""
 a = getattr
 print((sys.platform, i.version[:3], a(i, "_mpy", 0), a(i, "_machine", ""), hasattr(machine, "USBDevice"), f))
 """  # noqa: E501
-_BOARD = """
+BOARD = """
 try:
     from framestep.board import BOARD
     print(BOARD)
@@ -193,7 +193,7 @@ class Device:
         self._open()
         self._ask_motors()
         self._enter()
-        self.state = State(*literal_eval(self.run(_STATE)))
+        self.state = State(*literal_eval(self.run(STATE)))
 
     def close(self) -> None:
         """Leave the REPL as a terminal finds it."""
@@ -277,7 +277,7 @@ class Device:
 
     def board(self) -> dict[str, Any]:
         """The data of boards/<board>/board.json that framestep has there."""
-        found = self.run(_BOARD)
+        found = self.run(BOARD)
         if not found.strip():
             raise DeviceError(
                 f"framestep is not on the board on {self.path}: framestep flash puts it there"
@@ -287,8 +287,8 @@ class Device:
     def halt(self) -> None:
         """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if
         something does."""
-        self.run(_STATE)
-        if int(self.run(_STOP)):
+        self.run(STATE)
+        if int(self.run(STOP)):
             raise Moving("motors move, or a run is prepared; nothing has been changed")
 
     # ---- files
@@ -386,7 +386,7 @@ class Device:
                 self._open()
                 self._enter(_REPL_AGAIN_S)
                 if "before_reset" not in self.run("print(dir())"):
-                    self.state = State(*literal_eval(self.run(_STATE)))
+                    self.state = State(*literal_eval(self.run(STATE)))
                     return
                 raise DeviceError(f"the board on {self.path} has not restarted")
             except DeviceError as error:

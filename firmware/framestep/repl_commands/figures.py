@@ -1,4 +1,4 @@
-"""timing(): what a tick costs."""
+"""timing(): what a tick costs. live(): the same as numbers, for a program that keeps asking."""
 
 from array import array
 
@@ -19,6 +19,8 @@ from framestep.repl_commands import dead
 _QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
 _WINDOW_US = const(4000)  # at a time: passes wait meanwhile
 _WINDOWS = const(50)
+_LIVE_US = const(1000)  # of live(): no pass waits for longer
+_LIVE_WINDOWS = const(3)
 
 
 @micropython.viper
@@ -46,24 +48,49 @@ def timing():
     kernel = boot.hal.kernel
     state = kernel.state
     if not CPYTHON:
-        out = array("i", [0, 0])
-        ticks = 0
-        for _ in range(_WINDOWS):
-            before = state[TICKS]
-            _gaps(state[CLOCK], _WINDOW_US, out)
-            ticks += elapsed(state[TICKS], before)
         print(
             "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
-            % (out[0] // max(ticks, 1), out[1])
+            % _interrupts(state, _WINDOWS, _WINDOW_US)
         )
     print(
         "worst lateness of a tick in motion: %d us, the limit is %d us"
         % (state[WORST_LATE], state[LATEST])
     )
+    for motor, waiting in _queues(kernel):
+        print("motor %d: %d of %d segments wait" % (motor, waiting, SEGMENTS))
+
+
+def live():
+    """Print what timing() tells as a list: [µs of interrupts in a tick, µs of the longest, worst
+    lateness of a tick in µs, its limit, segments that a queue holds, [[motor, segments that wait],
+    …] of those that move]. It takes three milliseconds; passes come between them."""
+    why = dead()
+    if why:
+        print(why)
+        return
+    kernel = boot.hal.kernel
+    state = kernel.state
+    mean, longest = (0, 0) if CPYTHON else _interrupts(state, _LIVE_WINDOWS, _LIVE_US)
+    print([mean, longest, state[WORST_LATE], state[LATEST], SEGMENTS, _queues(kernel)])
+
+
+def _interrupts(state, windows, us):
+    """How long interrupts take, watched for so many windows of `us`: (µs in a tick on average, µs
+    of the longest)."""
+    out = array("i", [0, 0])
+    ticks = 0
+    for _ in range(windows):
+        before = state[TICKS]
+        _gaps(state[CLOCK], us, out)
+        ticks += elapsed(state[TICKS], before)
+    return out[0] // max(ticks, 1), out[1]
+
+
+def _queues(kernel):
+    """[motor, segments that wait] of each motor that moves."""
+    found = []
     for motor in range(boot.controller.count):
         if boot.controller.axes[motor].moving:
             block = kernel.blocks[motor]
-            print(
-                "motor %d: %d of %d segments wait"
-                % (motor + 1, (block[WRITE_INDEX] - block[READ_INDEX]) & WIDE_WRAP, SEGMENTS)
-            )
+            found.append([motor + 1, (block[WRITE_INDEX] - block[READ_INDEX]) & WIDE_WRAP])
+    return found

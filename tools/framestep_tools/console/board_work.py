@@ -1,21 +1,20 @@
 """What the page asks of the board's other port, the REPL: its rig file, and what a tick costs.
 
 Everything goes through framestep_tools.device, which resets nothing while motors move. The methods
-of BoardWork block; ToolError says what is wrong.
+of BoardWork block, one at a time; ToolError says what is wrong.
 """
 
+import contextlib
+import json
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 from .. import rig_file
 from ..device import RIG_FILE, Device, Moving
 from ..errors import ToolError
 from ..restart import greeting, hello
-
-_LOAD = """
-import framestep.repl
-print("\\x02")
-framestep.repl.timing()
-"""
+from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 
 
 class NoRepl(ToolError):
@@ -29,6 +28,8 @@ class BoardWork:
     def __init__(self, path: str | None, protocol: str):
         self.path = path
         self.protocol = protocol
+        self._watched: Device | None = None  # kept open while the load is watched
+        self._one = threading.Lock()
 
     def read_rig(self) -> dict[str, Any]:
         """The rig file as the board has it, {"text": …}; "{}" where it has none."""
@@ -69,10 +70,53 @@ class BoardWork:
     def load(self) -> dict[str, Any]:
         """What `timing()` prints on the REPL: the interrupt's share, its lateness, the queues."""
         with self._device() as device:
-            said = device.run(_LOAD).rpartition("\x02")[2]
+            said = device.run(LOAD).rpartition("\x02")[2]
         return {"lines": [line.strip() for line in said.splitlines() if line.strip()]}
 
-    def _device(self) -> Device:
+    def live(self) -> dict[str, Any]:
+        """The load as numbers, {"figures": those of repl_commands.figures.live}, to be asked again
+        and again: the port stays open until `rest`, or until something else is asked."""
+        with self._one:
+            if self._watched is None:
+                device = self._open()
+                device.connect()
+                self._watched = device
+                self._ask(LIVE_BEGIN)
+            said = self._ask(LIVE).rpartition("\x02")[2].strip()
+        try:
+            return {"figures": json.loads(said)}
+        except ValueError:
+            raise ToolError(said) from None  # the board says why there are none
+
+    def rest(self) -> dict[str, Any]:
+        """The load is no longer watched."""
+        with self._one:
+            self._close_watched()
+        return {}
+
+    def _ask(self, script: str) -> str:
+        assert self._watched
+        try:
+            return self._watched.run(script)
+        except BaseException:
+            self._close_watched()
+            raise
+
+    def _close_watched(self) -> None:
+        device, self._watched = self._watched, None
+        if device:
+            with contextlib.suppress(ToolError):  # the board may have gone
+                device.run(LIVE_END)
+            device.close()
+
+    @contextlib.contextmanager
+    def _device(self) -> Iterator[Device]:
+        with self._one:
+            self._close_watched()
+            with self._open() as device:
+                yield device
+
+    def _open(self) -> Device:
         if self.path is None:
             raise NoRepl(
                 "this board shows no second port for its REPL; name one with --repl, "

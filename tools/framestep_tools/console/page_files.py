@@ -16,6 +16,7 @@ from .. import home, payloads, rig_schema
 from ..errors import ToolError
 from ..payloads import Ack, Payload, RtUploadMoveAxis
 from ..payloads.codec import layout
+from . import scripts
 
 PAGE = Path(__file__).with_name("page")
 TYPES = {
@@ -79,6 +80,7 @@ def protocol_js() -> str:
         "CONDITIONS": _texts(texts.CONDITIONS),
         "EXCEEDED": _texts(texts.EXCEEDED),
         "LIMITS_COUNT": texts.LIMITS_COUNT,
+        "SCRIPTS": scripts.FOR_THE_PAGE,
         "SECTION_POSITIONS": (messages.LARGEST_PAYLOAD - _bytes_before(RtUploadMoveAxis)) // 4,
     }
     return _HEAD + "".join(

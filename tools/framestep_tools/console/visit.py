@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .server import ConsoleServer
 
 _WITH_TEXT = ("check_rig", "write_rig")
-_TASKS = ("read_rig", "load", *_WITH_TEXT)
+_TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 
 
 class Visit:
@@ -52,6 +52,8 @@ class Visit:
         finally:
             if self._tasks:  # what the board is doing is not cut short
                 await asyncio.wait(self._tasks)
+            with contextlib.suppress(ToolError):
+                await asyncio.to_thread(self._server.work.rest)
             sender.cancel()
 
     async def end(self, why: str) -> None:

@@ -163,7 +163,10 @@ device.addEventListener("told", ({ detail }) => {
 // ---- views
 
 function show(view) {
-  if (shown !== view) holds.releaseAll();
+  if (shown !== view) {
+    holds.releaseAll();
+    shown?.hidden?.();
+  }
   shown = view;
   for (const each of views) {
     each.element.hidden = each !== view;

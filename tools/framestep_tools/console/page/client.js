@@ -70,6 +70,20 @@ export class Client {
     return Boolean(this.#link.keep);
   }
 
+  /** Whether the page can have the board's REPL by a port of its own, which the user chooses: Web Serial. */
+  get choosesRepl() {
+    return Boolean(this.#link.chooseRepl);
+  }
+
+  chooseRepl() {
+    return this.#link.chooseRepl();
+  }
+
+  /** The same port once more, {link, hello}, over a link without a server. */
+  again() {
+    return this.#link.again();
+  }
+
   close() {
     this.#link.close();
   }

@@ -1,10 +1,21 @@
 // The link without a server: Web Serial, in Chromium and its relatives. The user picks the port.
 
+import { BoardWork } from "./board_work.js";
 import { LinkError } from "./client.js";
 
 const NOMINAL_BAUD = 115200; // meaningless on USB, but it has to be named
 
 export const serialIsThere = () => "serial" in navigator;
+
+const AGAIN_MS = 300;
+
+async function choose() {
+  try {
+    return await navigator.serial.requestPort();
+  } catch {
+    throw new LinkError("no port was chosen");
+  }
+}
 
 export class SerialLink {
   onbytes = () => {};
@@ -13,15 +24,15 @@ export class SerialLink {
   #writer;
   #reader;
   #ended = false;
+  #closed = false;
+  #work = null; // on the REPL's port, once the user has chosen it
 
   /** Opens a port that the user picks; DTR tells the device that a host is there. */
   static async open() {
-    let port;
-    try {
-      port = await navigator.serial.requestPort();
-    } catch {
-      throw new LinkError("no port was chosen");
-    }
+    return SerialLink.#begin(await choose());
+  }
+
+  static async #begin(port) {
     try {
       await port.open({ baudRate: NOMINAL_BAUD });
       await port.setSignals({ dataTerminalReady: true });
@@ -38,11 +49,34 @@ export class SerialLink {
     this.#read();
   }
 
+  /** Let the user choose the port of the board's REPL, for `ask`. */
+  async chooseRepl() {
+    this.#work = new BoardWork(await choose());
+  }
+
+  /** What framestep console's server does on the REPL; LinkError where its port has not been chosen. */
+  ask(task, values = {}) {
+    if (!this.#work) return Promise.reject(new LinkError("the port of the REPL has not been chosen"));
+    return this.#work[task](values);
+  }
+
+  /** The same port once more, {link, hello}, with the REPL's: for a board that restarts. LinkError where it is not there. */
+  async again() {
+    await this.close();
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    const found = await SerialLink.#begin(this.#port);
+    found.link.#work = this.#work;
+    found.hello.repl = this.#work !== null;
+    return found;
+  }
+
   send(bytes) {
     this.#writer.write(bytes).catch((error) => this.#end(`the port takes nothing more: ${error.message}`));
   }
 
   async close() {
+    if (this.#closed) return;
+    this.#closed = true;
     await this.#reader.cancel().catch(() => {});
     this.#reader.releaseLock();
     this.#writer.releaseLock();

@@ -1,6 +1,12 @@
-// The rig file and the board's load: both by the board's other port, through framestep console.
+// The rig file and the board's load: both by the board's other port, through framestep console or a second
+// port of Web Serial.
 
 import { h, setText } from "../dom.js";
+import { LoadCard } from "../load_card.js";
+import { M } from "../protocol.js";
+import { allowed } from "../rig_text.js";
+
+const RESTART_MS = 60_000; // a board that restarts is back by then
 
 export class RigView {
   title = "Rig file, load";
@@ -8,10 +14,11 @@ export class RigView {
   #device;
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
   #said = h("pre", { role: "status" });
-  #load = h("pre", { role: "status" });
+  #load;
   #buttons = [];
   #help = h("div", { class: "wide" });
   #without = h("p", { class: "faint" });
+  #choose = h("div", { class: "row" }, h("button", { type: "button", onclick: () => this.#chooseRepl() }, "Connect the REPL's port…"));
 
   constructor(device) {
     this.#device = device;
@@ -20,8 +27,11 @@ export class RigView {
       this.#buttons.push(made);
       return made;
     };
+    this.#load = new LoadCard((task) => this.#ask(task), (text) => device.tell(text, true), button);
+    device.addEventListener("gone", () => this.#load.stop());
     this.element.append(
       this.#without,
+      this.#choose,
       h("article", { class: "card", "aria-label": "Rig file of the board" },
         h("h2", {}, "Rig file"),
         h("p", { class: "faint" }, "Putting it onto the board restarts the board: the drivers go off, so support what would fall. // comments are left out."),
@@ -31,17 +41,37 @@ export class RigView {
           button("Put onto the board", () => this.#write(), true)),
         this.#text, this.#said,
         h("details", { ontoggle: () => this.#showHelp() }, h("summary", {}, "All settings"), this.#help)),
-      h("article", { class: "card", "aria-label": "Load of the board" },
-        h("h2", {}, "The board's load"),
-        h("div", { class: "row" }, button("Measure", () => this.#measure())),
-        this.#load),
+      this.#load.element,
     );
   }
 
   connected() {
-    const { repl } = this.#device.hello;
+    this.#allow();
+  }
+
+  hidden() {
+    this.#load.stop();
+  }
+
+  /** What can be asked, and what has to be chosen before. */
+  #allow() {
+    const { client, hello } = this.#device;
+    const repl = Boolean(hello?.repl);
     for (const button of this.#buttons) button.disabled = !repl;
-    setText(this.#without, repl ? "" : "The rig file and the load are asked on the board's REPL, and this device shows no port for it: start framestep console with --repl, or use framestep rig edit.");
+    this.#load.disabled = !repl;
+    this.#choose.hidden = repl || !client?.choosesRepl;
+    const how = client?.choosesRepl ? "choose it, the first of the board's two, to have them." : "and this device shows no port for it: start framestep console with --repl, or use framestep rig edit.";
+    setText(this.#without, repl ? "" : `The rig file and the load are asked on the board's REPL${client?.choosesRepl ? ": " : ", "}${how}`);
+  }
+
+  async #chooseRepl() {
+    try {
+      await this.#device.client.chooseRepl();
+      this.#device.hello.repl = true;
+    } catch (error) {
+      this.#device.tell(error.message, true);
+    }
+    this.#allow();
   }
 
   render() {}
@@ -54,7 +84,7 @@ export class RigView {
       setText(this.#said, error.message);
       this.#device.tell(error.message, true);
     }
-    for (const button of this.#buttons) button.disabled = !this.#device.hello?.repl;
+    this.#allow();
   }
 
   async #read() {
@@ -69,13 +99,41 @@ export class RigView {
 
   async #write() {
     setText(this.#said, "The board takes it and restarts …");
+    const { client } = this.#device;
     const found = await this.#ask("write_rig", { text: this.#text.value });
     setText(this.#said, found.text);
-    await this.#device.greet();
+    if (!found.restarts) {
+      await this.#device.greet(); // the server has waited for the board
+      return;
+    }
+    await this.#connectAgain(client);
+    if (await this.#isTaken()) {
+      setText(this.#said, `${this.#device.state.info.name} has restarted with it.`);
+      return;
+    }
+    const again = this.#device.client;
+    await this.#ask("restore_rig", found.before);
+    await this.#connectAgain(again);
+    throw new Error("rig.json: the board does not take these settings together (framestep rig check tells why); it has restarted with the file of before");
   }
 
-  async #measure() {
-    setText(this.#load, (await this.#ask("load")).lines.join("\n"));
+  /** Whether the board goes by its rig file; where there is a mistake it says so. */
+  async #isTaken() {
+    const { bits } = await this.#device.demand("GetCondition");
+    return (bits & M.CONDITION_RIG_FILE_INVALID) === 0;
+  }
+
+  /** Wait for a board that restarts. */
+  async #connectAgain(client) {
+    const end = performance.now() + RESTART_MS;
+    for (;;) {
+      try {
+        await this.#device.connect(await client.again());
+        return;
+      } catch (error) {
+        if (performance.now() > end) throw new Error(`the board has restarted: connect it again (${error.message})`);
+      }
+    }
   }
 
   #ask(task, values) {
@@ -99,12 +157,4 @@ function rows(schema, before) {
     const row = h("tr", {}, h("td", {}, h("code", {}, before + name)), h("td", {}, each.description ?? ""), h("td", {}, allowed(each)), h("td", {}, each.default === undefined ? "–" : JSON.stringify(each.default)));
     return [row, ...rows(...inner)];
   });
-}
-
-function allowed({ type, enum: choices, minimum, maximum, minLength, maxLength, maxItems }) {
-  if (choices) return choices.map((choice) => JSON.stringify(choice)).join(", ");
-  if (minimum !== undefined) return `${minimum} to ${maximum}`;
-  if (maxLength !== undefined) return `${minLength} to ${maxLength} bytes of text`;
-  if (maxItems !== undefined) return `a list of at most ${maxItems}`;
-  return { boolean: "true, false", array: "a list", object: "an object" }[type] ?? type;
 }

@@ -1,0 +1,110 @@
+"""Ports of Web Serial for a page that has no server: they lead to a board's ports through
+WebSockets, and the page cannot tell."""
+
+import asyncio
+import contextlib
+import functools
+import http.server
+import threading
+
+from websockets.asyncio.server import serve
+from websockets.exceptions import ConnectionClosed
+
+from framestep_tools.console import page_files
+
+# Each choice of the user is the next of these ports
+_PORTS = """addresses => {
+    class Port {
+        constructor(address) { this.address = address; }
+        async open() {
+            if (this.socket) throw new Error('the port is already open');
+            this.socket = new WebSocket(this.address);
+            this.socket.binaryType = 'arraybuffer';
+            await new Promise((resolve) => this.socket.addEventListener('open', resolve, {once: true}));
+            this.readable = new ReadableStream({
+                start: (to) => {
+                    this.socket.onmessage = ({data}) => to.enqueue(new Uint8Array(data));
+                    this.socket.onclose = () => { try { to.close(); } catch { /* cancelled */ } };
+                },
+            });
+            this.writable = new WritableStream({write: (data) => this.socket.send(data)});
+        }
+        async setSignals(signals) { this.signals = signals; }
+        async close() {
+            const {socket} = this;
+            const closed = new Promise((resolve) => socket.addEventListener('close', resolve, {once: true}));
+            socket.close();
+            if (socket.readyState !== WebSocket.CLOSED) await closed;
+            this.socket = null;
+        }
+    }
+    window.ports = addresses.map((address) => new Port(address));
+    let next = 0;
+    Object.defineProperty(navigator, 'serial', {configurable: true, value: {
+        requestPort: async () => window.ports[next++],
+    }});
+}"""  # noqa: E501
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+class SavedPage:
+    """The page as `framestep console --save` writes it, from a web server that knows nothing more;
+    `url` is its address. `give_ports` leads a page's ports to TCP addresses, HOST:PORT."""
+
+    def __init__(self, folder):
+        page_files.save(folder)
+        handler = functools.partial(_Quiet, directory=folder)
+        self._files = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+        self.url = f"http://127.0.0.1:{self._files.server_port}/"
+        self._loop = asyncio.new_event_loop()
+        self._threads = [
+            threading.Thread(target=self._files.serve_forever, daemon=True),
+            threading.Thread(target=self._loop.run_forever, daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+        self._wires = self._call(self._serve())
+        self._port = self._wires.sockets[0].getsockname()[1]
+
+    def _call(self, coroutine):
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result()
+
+    async def _serve(self):
+        return await serve(self._carry, "127.0.0.1", 0, compression=None)
+
+    async def _carry(self, page):
+        host, port = page.request.path.lstrip("/").split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+
+        async def back():
+            with contextlib.suppress(ConnectionClosed, OSError):
+                while data := await reader.read(4096):
+                    await page.send(data)
+            await page.close()
+
+        task = asyncio.ensure_future(back())
+        with contextlib.suppress(ConnectionClosed, OSError):
+            async for message in page:
+                writer.write(message)
+        writer.close()
+        await task
+
+    def give_ports(self, page, *addresses):
+        page.evaluate(_PORTS, [f"ws://127.0.0.1:{self._port}/{address}" for address in addresses])
+
+    def close(self):
+        async def end():
+            self._wires.close()
+            await self._wires.wait_closed()
+
+        self._call(end())
+        self._files.shutdown()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        for thread in self._threads:
+            thread.join()
+        self._files.server_close()
+        self._loop.close()

@@ -1,0 +1,156 @@
+// What framestep console's server does on the board's REPL, done by the page itself: rig file and load, by a
+// second port of Web Serial. The board checks the rig file.
+
+import { LinkError } from "./client.js";
+import { SCRIPTS } from "./protocol.js";
+import { Repl } from "./repl.js";
+import { bareRig, mistake } from "./rig_text.js";
+
+const TEXT_CHUNK = 200; // characters of a rig file in one script: little memory is free
+const MARK = "\x02";
+
+/** A script that runs; what it says, behind its mark. */
+async function told(repl, script) {
+  return (await repl.run(script)).split(MARK).at(-1).trim();
+}
+
+function lines(said) {
+  return said.split(/\r?\n/).map((line) => line.trim()).filter(Boolean);
+}
+
+/** Its methods are those of the server's tasks. Each opens the port and closes it again. */
+export class BoardWork {
+  #port;
+  #watched = null;
+  #schema = null;
+  #turn = Promise.resolve();
+
+  /** port: the REPL's, of Web Serial. */
+  constructor(port) {
+    this.#port = port;
+  }
+
+  read_rig() {
+    return this.#with((repl) => this.#read(repl));
+  }
+
+  check_rig({ text }) {
+    return this.#with(async (repl) => ({ text: await this.#check(repl, bareRig(text)) }));
+  }
+
+  /** The board restarts then, and both of its ports go for a moment. `before` is for `restore_rig`. */
+  write_rig({ text }) {
+    return this.#with(async (repl) => {
+      const bare = bareRig(text);
+      const found = await this.#check(repl, bare);
+      const before = await this.#read(repl);
+      await this.#replace(repl, bare);
+      return { text: `${found}; the board restarts with it`, restarts: true, before };
+    });
+  }
+
+  /** Put back what `write_rig` has taken away; the board restarts. */
+  restore_rig({ text, there }) {
+    return this.#with(async (repl) => {
+      await this.#replace(repl, there ? text : null);
+      return {};
+    });
+  }
+
+  load() {
+    return this.#with(async (repl) => ({ lines: lines(await told(repl, SCRIPTS.load)) }));
+  }
+
+  /** The load as numbers; the port stays open until `rest`, or until something else is asked. */
+  live() {
+    return this.#next(async () => {
+      try {
+        if (!this.#watched) {
+          this.#watched = await Repl.open(this.#port);
+          await this.#watched.run(SCRIPTS.live_begin);
+        }
+        const said = await told(this.#watched, SCRIPTS.live);
+        if (!said.startsWith("[")) throw new LinkError(said);
+        return { figures: JSON.parse(said) };
+      } catch (error) {
+        await this.#closeWatched();
+        throw error;
+      }
+    });
+  }
+
+  rest() {
+    return this.#next(async () => {
+      await this.#closeWatched();
+      return {};
+    });
+  }
+
+  async #closeWatched() {
+    const repl = this.#watched;
+    this.#watched = null;
+    if (!repl) return;
+    await repl.run(SCRIPTS.live_end).catch(() => {});
+    await repl.close();
+  }
+
+  async #read(repl) {
+    const pieces = lines(await told(repl, SCRIPTS.read)).map((line) => JSON.parse(line));
+    return { text: pieces.length ? pieces.join("") : "{}\n", there: pieces.length > 0 };
+  }
+
+  /** What a rig file makes of the board; LinkError where it is not right. The schema has the first word, the board the
+   * last one. */
+  async #check(repl, text) {
+    this.#schema ??= await (await fetch("rig.schema.json")).json();
+    const wrong = mistake(JSON.parse(text), this.#schema);
+    if (wrong) throw new LinkError(`rig.json: ${wrong}`);
+    await this.#put(repl, text);
+    const [right, said] = JSON.parse(await told(repl, SCRIPTS.check));
+    if (right === null) return "each setting is right; the board has no memory left to check them together";
+    if (!right) throw new LinkError(`rig.json: ${said}`);
+    return said;
+  }
+
+  /** Stop framestep, write the file (null: take it away) and restart. Nothing is changed while motors move. */
+  async #replace(repl, text) {
+    if (await told(repl, SCRIPTS.halt) !== "0") throw new LinkError("motors move, or a run is prepared; nothing has been changed");
+    let arrived = true;
+    try {
+      if (text === null) await repl.run(SCRIPTS.remove);
+      else {
+        await this.#put(repl, text);
+        arrived = await told(repl, SCRIPTS.write) === "1";
+      }
+    } finally {
+      await repl.runAndLeave(SCRIPTS.restart);
+    }
+    if (!arrived) throw new LinkError("the rig file did not arrive as it was sent; the board has the old one, and restarts");
+  }
+
+  /** As the variable `text` on the board. */
+  async #put(repl, text) {
+    await repl.run("text = ''");
+    for (let at = 0; at < text.length; at += TEXT_CHUNK) await repl.run(`text += ${JSON.stringify(text.slice(at, at + TEXT_CHUNK))}`);
+  }
+
+  #with(work) {
+    return this.#next(async () => {
+      await this.#closeWatched();
+      const repl = await Repl.open(this.#port);
+      try {
+        return await work(repl);
+      } finally {
+        await repl.run("text = None").catch(() => {});
+        await repl.close();
+      }
+    });
+  }
+
+  /** One at a time. */
+  #next(work) {
+    const done = this.#turn.then(work);
+    this.#turn = done.catch(() => {});
+    return done;
+  }
+}

@@ -1,0 +1,116 @@
+// A board's REPL at a port of Web Serial, in its raw mode: scripts in, what they print out. Nothing is
+// reset; what framestep does goes on.
+
+import { LinkError } from "./client.js";
+
+const NOMINAL_BAUD = 115200; // meaningless on USB, but it has to be named
+const CHUNK = 256; // bytes that MicroPython takes at a time
+const PATIENCE_MS = 10_000;
+const INTERRUPT = "\x03";
+const RAW = "\x01";
+const FRIENDLY = "\x02";
+const END = "\x04";
+const PROMPT = "raw REPL; CTRL-B to exit\r\n>";
+
+export class Repl {
+  #port;
+  #reader;
+  #writer;
+  #heard = "";
+  #wake = () => {};
+  #ended = false;
+  #left = false; // nothing answers any more
+
+  /** Open a port that the user has chosen, and get to its REPL; LinkError where there is none. */
+  static async open(port) {
+    const repl = new Repl();
+    repl.#port = port;
+    try {
+      await port.open({ baudRate: NOMINAL_BAUD });
+      await port.setSignals({ dataTerminalReady: true });
+    } catch (error) {
+      throw new LinkError(`the REPL's port cannot be opened (${error.message}): does another program have it, or is it the protocol's?`);
+    }
+    repl.#reader = port.readable.getReader();
+    repl.#writer = port.writable.getWriter();
+    repl.#listen();
+    try {
+      await repl.#send(`\r${INTERRUPT}\r${RAW}`);
+      await repl.#until(PROMPT, "no REPL answers at this port: choose the one named MicroPython, or the other one");
+    } catch (error) {
+      await repl.close();
+      throw error;
+    }
+    return repl;
+  }
+
+  /** Run a script; what it prints. LinkError with the last line of a traceback where it fails. */
+  async run(script) {
+    if (this.#left) throw new LinkError("the board restarts");
+    const bytes = new TextEncoder().encode(script);
+    for (let at = 0; at < bytes.length; at += CHUNK) await this.#writer.write(bytes.subarray(at, at + CHUNK));
+    await this.#send(END);
+    await this.#until("OK", "the board does not take a script");
+    const said = await this.#until(END, "the board does not come to an end");
+    const failed = await this.#until(`${END}>`, "the board does not come to an end");
+    if (failed.trim()) throw new LinkError(`the board stumbled: ${failed.trim().split("\n").at(-1)}`);
+    return said;
+  }
+
+  /** Run a script after which the board answers no more. */
+  async runAndLeave(script) {
+    this.#left = true;
+    await this.#send(script + END);
+    await this.#until("OK", "the board does not take a script"); // a port that is closed too soon would take it away
+  }
+
+  /** Leave the REPL as a terminal finds it. */
+  async close() {
+    if (!this.#left) await this.#send(`\r${FRIENDLY}`).catch(() => {});
+    await this.#reader.cancel().catch(() => {});
+    this.#reader.releaseLock();
+    this.#writer.releaseLock();
+    await this.#port.close().catch(() => {});
+  }
+
+  #send(text) {
+    return this.#writer.write(new TextEncoder().encode(text));
+  }
+
+  async #listen() {
+    const decoder = new TextDecoder();
+    try {
+      for (;;) {
+        const { value, done } = await this.#reader.read();
+        if (done) break;
+        this.#heard += decoder.decode(value, { stream: true });
+        this.#wake();
+      }
+    } catch { /* the cable has been pulled, or the board restarts */ }
+    this.#ended = true;
+    this.#wake();
+  }
+
+  /** What comes before a mark, which is taken as well. */
+  async #until(mark, otherwise) {
+    const end = performance.now() + PATIENCE_MS;
+    for (;;) {
+      const at = this.#heard.indexOf(mark);
+      if (at >= 0) {
+        const found = this.#heard.slice(0, at);
+        this.#heard = this.#heard.slice(at + mark.length);
+        return found;
+      }
+      const left = end - performance.now();
+      if (this.#ended) throw new LinkError("the REPL's port has gone");
+      if (left <= 0) throw new LinkError(otherwise);
+      await new Promise((resolve) => {
+        const timer = setTimeout(resolve, left);
+        this.#wake = () => {
+          clearTimeout(timer);
+          resolve();
+        };
+      });
+    }
+  }
+}

@@ -1,0 +1,69 @@
+// A rig file as a board can read it, and what its schema says of it.
+
+import { LinkError } from "./client.js";
+
+/** The text without // comments and byte order mark; LinkError, with what is wrong, where the rest is no JSON object. */
+export function bareRig(text) {
+  const bare = text.replace(/^\uFEFF/, "").replace(/("(?:[^"\\\n]|\\.)*")|\/\/[^\n]*/g, (_, string) => string ?? "")
+    .replace(/[ \t]+$/gm, "").replace(/\n{2,}/g, "\n").trim();
+  let found;
+  try {
+    found = JSON.parse(bare);
+  } catch (error) {
+    throw new LinkError(`rig.json: not valid JSON (${error.message})`);
+  }
+  if (typeOf(found) !== "object") throw new LinkError("rig.json: expected an object of settings in {…}");
+  return `${bare}\n`;
+}
+
+/** The first mistake that a schema (rig.schema.json) finds in a value, as text with its key; null for none. */
+export function mistake(value, schema, where = "") {
+  const wrong = (what) => `${where}: found ${JSON.stringify(value)}, allowed is ${what}`;
+  const type = typeOf(value);
+  if (type !== schema.type && !(schema.type === "number" && type === "integer")) return wrong(allowed(schema));
+  if (schema.enum && !schema.enum.includes(value)) return wrong(allowed(schema));
+  if (schema.minimum !== undefined && (value < schema.minimum || value > schema.maximum)) return wrong(allowed(schema));
+  if (type === "string" && schema.maxLength !== undefined) {
+    const bytes = new TextEncoder().encode(value).length;
+    if (bytes < schema.minLength || bytes > schema.maxLength) return wrong(allowed(schema));
+  }
+  if (type === "array") return inList(value, schema, where);
+  return type === "object" ? inObject(value, schema, where) : null;
+}
+
+/** What a setting may be, as text. */
+export function allowed({ type, enum: choices, minimum, maximum, minLength, maxLength, maxItems }) {
+  if (choices) return choices.map((choice) => JSON.stringify(choice)).join(", ");
+  if (minimum !== undefined) return `${minimum} to ${maximum}`;
+  if (maxLength !== undefined) return `${minLength} to ${maxLength} bytes of text`;
+  if (maxItems !== undefined) return `a list of at most ${maxItems}`;
+  return { boolean: "true, false", array: "a list", object: "an object" }[type] ?? type;
+}
+
+function typeOf(value) {
+  if (value === null) return "null";
+  if (Array.isArray(value)) return "array";
+  return Number.isInteger(value) ? "integer" : typeof value;
+}
+
+function inList(value, schema, where) {
+  if (value.length > schema.maxItems) return `${where}: found ${value.length}, allowed is ${allowed(schema)}`;
+  return first(value.map((each, i) => () => mistake(each, schema.items ?? {}, `${where}[${i + 1}]`)));
+}
+
+function inObject(value, { properties = {}, required = [] }, where) {
+  const key = (name) => (where ? `${where}.${name}` : name);
+  const unknown = Object.keys(value).find((name) => !Object.hasOwn(properties, name));
+  if (unknown !== undefined) return `${key(unknown)}: no such setting; there are ${Object.keys(properties).join(", ")}`;
+  const missing = required.find((name) => !Object.hasOwn(value, name));
+  if (missing !== undefined) return `${key(missing)}: is missing, expected is ${allowed(properties[missing])}`;
+  return first(Object.entries(value).map(([name, each]) => () => mistake(each, properties[name], key(name))));
+}
+
+function first(looks) {
+  for (const look of looks) {
+    const found = look();
+    if (found) return found;
+  }
+  return null;
+}

@@ -1,0 +1,89 @@
+"""Scripts for the board's REPL that the console needs, with or without its server: a page that has
+the REPL's port by itself gets them in protocol.js.
+
+What they have to say is behind the last \\x02 of what they print. A `text` is in the variable of
+that name on the board.
+"""
+
+from ..device import RIG_FILE, STATE, STOP
+
+LOAD = """
+import framestep.repl
+print("\\x02")
+framestep.repl.timing()
+"""
+LIVE_BEGIN = "from framestep.repl_commands.figures import live\n"
+LIVE = """
+print("\\x02")
+live()
+"""
+# The functions and modules of LIVE_BEGIN are let go
+LIVE_END = """
+import sys, framestep
+del live
+for each in (".figures", ""): sys.modules.pop("framestep.repl_commands" + each, None)
+if hasattr(framestep, "repl_commands"): del framestep.repl_commands
+"""
+# A line of JSON for each piece; nothing where there is no file
+READ = f"""
+import json
+print("\\x02")
+try:
+    with open({RIG_FILE!r}) as file:
+        while True:
+            piece = file.read(256)
+            if not piece: break
+            print(json.dumps(piece))
+except OSError: pass
+"""
+# A line of JSON: [whether it is right, or null where the board has no memory left to tell; what is
+# wrong or what it makes]
+CHECK = """
+import json
+print("\\x02")
+try:
+    from framestep.board import BOARD
+    from framestep.rig import Rig, RigError
+    try:
+        rig = Rig(json.loads(text), BOARD)
+        print(json.dumps([True, "right for %s: '%s', %d motors set" % (BOARD["name"], rig.name.decode(), len(rig.motors))]))
+    except RigError as error: print(json.dumps([False, str(error)]))
+    except ValueError: print(json.dumps([False, "not valid JSON"]))
+except MemoryError: print('[null, ""]')
+import sys, framestep
+for each in ("rig", "rig_home", "rig_servos", "board"):
+    if sys.modules.pop("framestep." + each, None) and hasattr(framestep, each): delattr(framestep, each)
+rig = Rig = RigError = BOARD = None
+"""  # noqa: E501
+# 1: motors move, or are about to; then nothing has been stopped
+HALT = (
+    STATE
+    + """
+print("\\x02")
+"""
+    + STOP
+)
+# In one step at the end: it is the old file or the new one. 1: it arrived as it was sent
+WRITE = f"""
+print("\\x02")
+import os
+with open("{RIG_FILE}.new", "w") as file: file.write(text)
+with open("{RIG_FILE}.new") as file: right = file.read() == text
+if right: os.rename("{RIG_FILE}.new", "{RIG_FILE}")
+print(1 if right else 0)
+"""
+REMOVE = f"import os\nos.remove({RIG_FILE!r})\n"
+RESTART = "import machine\nmachine.reset()\n"
+
+FOR_THE_PAGE = {
+    "load": LOAD,
+    "live_begin": LIVE_BEGIN,
+    "live": LIVE,
+    "live_end": LIVE_END,
+    "read": READ,
+    "check": CHECK,
+    "halt": HALT,
+    "write": WRITE,
+    "remove": REMOVE,
+    "restart": RESTART,
+}
