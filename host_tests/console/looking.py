@@ -8,6 +8,11 @@ from playwright.sync_api import expect
 from host_tests.console.conftest import PATIENCE_MS
 
 LOOK_MS = 20
+# The tab is hidden, or seen again
+HIDE = """hidden => {
+    Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
+    document.dispatchEvent(new Event('visibilitychange'));
+}"""
 
 expect.set_options(timeout=PATIENCE_MS)
 

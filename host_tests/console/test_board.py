@@ -20,6 +20,10 @@ from host_tests.console.looking import (
 )
 from host_tests.console.serial_ports import SavedPage
 
+# The page's check of a rig file on a board that has no memory left for it
+SCARCE = """async () => {
+    (await import('/protocol.js')).SCRIPTS.check = 'print("\\\\x02"); print(\\'[null, ""]\\')';
+}"""
 LIVE = re.compile(r"Interrupts: [1-9]\d* µs of(.|\n)*Segments that wait, of 16: motor 1 \d")
 
 
@@ -131,4 +135,13 @@ def test_rig_file_and_load_without_a_server(stage, device, tmp_path):
     expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
     go_to(page, "Motors")
     expect(page.get_by_role("article")).to_have_count(2)
+
+    # a board without memory to judge it does so at its restart
+    page.evaluate(SCARCE)
+    go_to(page, "Rig file, load")
+    text.fill('{"name": "wrong", "motor_count": 9}')
+    rig.get_by_role("button", name="Put onto the board").click()
+    expect(rig.get_by_role("status")).to_contain_text("it has restarted with the file of before")
+    expect(page.locator("#who")).to_contain_text("Übung // 2, firmware")
+    assert page.locator("#conditions li").count() == 0
     assert page.errors == []

@@ -8,6 +8,7 @@ from playwright.sync_api import expect
 from framestep_tools import cli
 from framestep_tools.payloads import GetExceeded, MotorGetPosition, MotorSetSpeed
 from host_tests.console.looking import (
+    HIDE,
     log,
     position,
     steps,
@@ -19,10 +20,6 @@ from host_tests.console.looking import (
 
 # Without a time limit a jog ends only when the page or its server says so
 ENDLESS_JOGS = {"jog_timeout_ms": 0}
-HIDE = """hidden => {
-    Object.defineProperty(document, 'hidden', {value: hidden, configurable: true});
-    document.dispatchEvent(new Event('visibilitychange'));
-}"""
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPosi
 from framestep_tools.wire import FrameDecoder
 from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.looking import (
+    HIDE,
     LOOK_MS,
     go_to,
     log,
@@ -274,6 +275,53 @@ def test_a_run_goes_on_without_the_page_only_where_the_user_says_so(stage):
             ends.append(list(client.request(MotorGetPosition()).steps))
     assert ends[0] == [10 * FRAMES, -7 * FRAMES]
     assert ends[1] != ends[0]
+
+
+def test_a_hidden_page_lets_a_run_go_on_only_where_the_user_says_so(page):
+    """A jog ends in any case."""
+    upload(page)
+    keep = page.get_by_label("go on when this page is hidden or closed")
+    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=20)
+    keep.check()
+    run.get_by_role("button", name="GO").click()
+    wait_moving(page)
+    page.evaluate(HIDE, True)
+    expect(log(page).locator("p").first).to_have_text(f"Run 1 to {FRAMES} is over.")
+    page.evaluate(HIDE, False)
+    assert stand(page) == [10 * FRAMES, -7 * FRAMES]
+
+    page.get_by_role("navigation").get_by_role("button", name="Motors").click()
+    page.get_by_role("button", name="Jog motor 1 up").hover()
+    page.mouse.down()
+    wait_moving(page)
+    page.evaluate(HIDE, True)
+    wait_rest(page)
+    page.mouse.up()
+    page.evaluate(HIDE, False)
+
+    keep.uncheck()
+    go_to(page, "Moves")
+    run = get_ready(page, "Run")
+    run.get_by_role("button", name="GO").click()
+    wait_moving(page)
+    page.evaluate(HIDE, True)
+    wait_rest(page)
+    page.evaluate(HIDE, False)
+    assert stand(page) != [10 * FRAMES, -7 * FRAMES]
+
+
+def test_a_page_that_is_loaded_again_stops_its_run(stage):
+    device = stage.simulated(motors=2, speed=SPEED)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    upload(page)
+    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=5)
+    run.get_by_role("button", name="GO").click()
+    wait_moving(page)
+    page.reload()
+    wait_connected(page)
+    wait_rest(page)
+    assert stand(page)[0] < 10 * FRAMES
 
 
 def test_nothing_of_a_page_is_left_in_the_device(stage):

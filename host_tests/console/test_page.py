@@ -1,5 +1,7 @@
 """The page as a whole: a phone's width, names for screen readers, light and dark, no server."""
 
+from urllib.parse import urlsplit
+
 import pytest
 from playwright.sync_api import expect
 
@@ -129,6 +131,11 @@ def test_without_a_server_over_web_serial(stage, tmp_path):
     wait_rest(page)
     stood = steps(page)
     expect(position(page)).to_have_text(str(stood))
-    page.close()
+    page.keyboard.down("ArrowLeft")
+    wait_far(page, 1, stood, 200)
+    assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(saved.url).netloc}
+    assert page.errors == []
+    page.close()  # and the port with it
     with device.client() as client:
-        assert client.request(MotorGetPosition()).steps[0] == stood
+        client.wait_idle()
+        assert client.request(MotorGetPosition()).steps[0] < stood - 200

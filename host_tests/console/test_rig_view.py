@@ -1,0 +1,87 @@
+"""The rig file on the page: comments, the schema's word on it and its help."""
+
+import json
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools import rig_file
+from framestep_tools.files import ROOT
+from host_tests.console.looking import go_to, wait_connected
+
+EXAMPLES = sorted(ROOT.glob("boards/*/rig.json"))
+COMMENTED = [
+    '{"name": "a // b", // a comment\n "estop": "nc"}\n',
+    "\ufeff// first\n{}",
+    '{"name": "\\"//\\\\", // "x"\n\n "motors": [{}] }',
+    '// nothing\n\n{\n// "dmx": false\n}\n',
+]
+MISTAKES = [
+    ({"nme": "x"}, "nme: no such setting; there are name, dialect"),
+    ({"motor_count": 99}, "motor_count: found 99, allowed is 0 to 12"),
+    ({"motor_count": "2"}, 'motor_count: found "2", allowed is 0 to 12'),
+    ({"motor_count": 1.5}, "motor_count: found 1.5"),
+    ({"dmx": 1}, "dmx: found 1, allowed is true, false"),
+    ({"dialect": "dmc"}, 'dialect: found "dmc", allowed is "spec", "dmc-lite"'),
+    ({"name": "ü" * 17}, "allowed is 1 to 32 bytes of text"),
+    ({"name": None}, "name: found null"),
+    ({"motors": [{}] * 13}, "motors: found 13, allowed is a list of at most 12"),
+    ({"motors": [{}, {"jerk": -1}]}, "motors[2].jerk: found -1"),
+    ({"motors": [{"pulse_us": 4.5}]}, "motors[1].pulse_us: found 4.5, allowed is 0.25 to 4"),
+    ({"motors": [{"home": {"limit": 1}}]}, "motors[1].home.travel: is missing"),
+    ({"motors": [3]}, "motors[1]: found 3, allowed is an object"),
+    ({"limits": {}}, "limits: found {}, allowed is a list"),
+]
+MISTAKE = """async (given) => {
+    const {mistake} = await import('/rig_text.js');
+    const schema = await (await fetch('/rig.schema.json')).json();
+    return mistake(given, schema);
+}"""
+BARE = """async (text) => {
+    const {bareRig} = await import('/rig_text.js');
+    try { return bareRig(text); } catch (error) { return error.message; }
+}"""
+
+
+@pytest.fixture(scope="module")
+def modules(shared_stage):
+    """A page of the server without a device: only its modules are wanted."""
+    served = shared_stage.console("socket://127.0.0.1:1")
+    return shared_stage.page(served.url.replace("/?", "/icon.svg?"))
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.parent.name)
+def test_a_right_rig_file_has_no_mistake(modules, example):
+    assert modules.evaluate(MISTAKE, json.loads(example.read_text())) is None
+
+
+@pytest.mark.parametrize(("settings", "said"), MISTAKES, ids=lambda value: str(value)[:30])
+def test_a_mistake_is_told_with_its_key(modules, settings, said):
+    assert said in modules.evaluate(MISTAKE, settings)
+
+
+@pytest.mark.parametrize("text", COMMENTED)
+def test_comments_are_left_out_as_the_tools_leave_them_out(modules, text):
+    bare = modules.evaluate(BARE, text)
+    assert json.loads(bare) == rig_file.parse(rig_file.for_board(text.encode()), "rig.json")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "null", '{"name": "x" / 2}'])
+def test_what_is_no_rig_file(modules, text):
+    assert modules.evaluate(BARE, text).startswith("rig.json: ")
+
+
+def test_the_schema_helps(stage):
+    """Every setting with its meaning, what is allowed, and its default."""
+    page = stage.page(stage.console(stage.simulated(motors=1).url).url)
+    wait_connected(page)
+    go_to(page, "Rig file, load")
+    page.locator("summary", has_text="All settings").click()
+    rows = page.get_by_role("row")
+    row = rows.filter(has=page.get_by_text("motors[].home.back_off", exact=True))
+    expect(row).to_contain_text("from the switch back to where it is open for sure")
+    expect(row).to_contain_text("1 to 1000000")
+    expect(row.get_by_role("cell").last).to_have_text("200")
+    assert rows.count() > 60
+    expect(page.get_by_role("button", name="Put onto the board")).to_be_disabled()
+    expect(page.locator("main")).to_contain_text("this device shows no port for it")
