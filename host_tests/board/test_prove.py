@@ -1,0 +1,97 @@
+"""`framestep prove` on the emulated board: what the board says of its pins is what the emulator
+saw."""
+
+import numpy as np
+import pytest
+
+from framestep_tools.payloads import MotorGetPosition, MotorMove, MotorSetSpeed
+from framestep_tools.prove.board import emulated
+
+CYCLE_NS = 8
+MOVED = 90
+
+
+@pytest.fixture(scope="module")
+def board():
+    with emulated() as board:
+        yield board
+
+
+def record(board, pins, motors, both, skip):
+    """A move of some motors: the board's own edges, and the emulator's."""
+    client, emulator = board.client, board.chip.emulator
+    stands = client.request(MotorGetPosition()).steps
+
+    def move():
+        for motor in motors:
+            client.request(MotorSetSpeed(motor, 20_000, 400_000))
+            way = MOVED * motor * (-1) ** (motor + (stands[motor - 1] != 0))
+            client.request(MotorMove(motor, stands[motor - 1] + way))
+        client.wait_idle()
+
+    emulator.trace_start(pins)
+    found = board.instrument.capture(board.watchers(motors[0]), pins, move, both, skip)
+    return found, emulator.trace_stop()
+
+
+@pytest.mark.parametrize(
+    "motors, both, skip",
+    [((1, 2, 3, 4), True, 0), ((5, 6, 7, 8), False, 0), ((2, 3), True, 75), ((6,), False, 1000)],
+)
+def test_the_board_sees_what_the_emulator_sees(board, motors, both, skip):
+    """Each edge within the two cycles of the loop, of all pins from one origin; every edge
+    counted."""
+    steps = [board.step(motor) for motor in motors]
+    pins = steps + [board.direction(m) for m in motors] if len(motors) < 3 and both else steps
+    found, seen = record(board, pins, motors, both, skip)
+    origins = []
+    for pin, edges in zip(pins, found, strict=True):
+        mine = seen[seen["pin"] == pin][1:]
+        if not both:
+            mine = mine[mine["level"] == 1]
+        assert edges.count == len(mine)
+        assert pin not in steps or edges.count >= MOVED
+        kept = mine["t"][skip:].astype(float)
+        assert len(edges.times_ns) == len(kept)
+        if len(kept):
+            origins.append(kept - edges.times_ns)
+    assert skip == 1000 or np.ptp(np.concatenate(origins)) <= 2 * CYCLE_NS
+
+
+def test_the_motors_that_watched_move_as_before(board):
+    """What was borrowed has been given back: steps of the motors of both blocks add up."""
+    client, emulator = board.client, board.chip.emulator
+    before = client.request(MotorGetPosition()).steps
+    pins = [board.step(motor) for motor in range(1, 9)]
+    emulator.trace_start(pins)
+    for motor in range(1, 9):
+        client.request(MotorSetSpeed(motor, 20_000, 400_000))
+        client.request(MotorMove(motor, before[motor - 1] + 50 + motor))
+    client.wait_idle()
+    seen = emulator.trace_stop()
+    for motor, pin in enumerate(pins, 1):
+        rises = seen[(seen["pin"] == pin) & (seen["level"] == 1)]
+        assert len(rises) == 50 + motor
+    assert client.request(MotorGetPosition()).steps[:8] == tuple(
+        at + 50 + motor for motor, at in enumerate(before[:8], 1)
+    )
+
+
+def test_the_drivers_stay_off_while_motors_move(board):
+    """Whatever framestep wants of the pin; afterwards it has it back."""
+    client, emulator = board.client, board.chip.emulator
+    pin = board.data["enable"]
+    at = client.request(MotorGetPosition()).steps[0]
+    for wanted, held in ((1, True), (0, False)):
+        if held:
+            with board.drivers_off():
+                client.request(MotorMove(1, at + 400))
+                client.pump(0.005)
+                level = emulator.pin(pin)
+                client.wait_idle()
+        else:
+            client.request(MotorMove(1, at))
+            client.pump(0.005)
+            level = emulator.pin(pin)
+            client.wait_idle()
+        assert level == wanted
