@@ -10,8 +10,9 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_data
+from framestep_tools.files import CACHE, ROOT, board_data, merged_sources
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
+from framestep_tools.ram_functions import symbols
 
 FLASH = 0x1000_0000
 RP2040 = 0xE48BFF56
@@ -111,3 +112,13 @@ def test_a_main_py_on_the_board_goes_first(firmware):
         repl = emu.repl()
         assert repl.eval("name") == "__main__"
         assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
+
+
+def test_kernels_that_run_from_ram(firmware):
+    """Those of framestep_tools.ram_functions, by their places in the firmware."""
+    elf = CACHE / "build" / "image-pico" / "firmware.elf"
+    said = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True)
+    places = {line.split()[2]: int(line.split()[0], 16) for line in said.stdout.splitlines()}
+    wanted = {f"fun_data_{name}" for name in symbols(merged_sources("pico"))}
+    in_ram = {name for name, place in places.items() if RAM <= place < RAM + RAM_SIZE}
+    assert {name for name in in_ram if name.startswith("fun_data_")} == wanted

@@ -18,7 +18,9 @@ from framestep_tools.files import (
     board_modules,
     board_names,
     compiled,
+    merged_sources,
 )
+from framestep_tools.ram_functions import symbols
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -113,8 +115,9 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     definition = {
         str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
     }
+    in_ram = symbols(merged_sources(board))
     return hashlib.sha256(
-        repr((sorted(files.items()), sorted(definition.items()))).encode()
+        repr((sorted(files.items()), sorted(definition.items()), in_ram)).encode()
     ).hexdigest()
 
 
@@ -164,6 +167,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             FRAMESTEP=str(modules),
             IMAGE=str(build),
             UF2_FAMILY=board_chip(board).uf2_family,
+            IN_RAM=" ".join(symbols(merged_sources(board))),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         stamp.write_text(digest)

@@ -282,12 +282,19 @@ def _lean(modules: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 @_remembered
-def _board_sources(board: str) -> dict[str, bytes]:
-    """{"framestep/motors/axes.mpy": source} of what is compiled for a board."""
+def merged_sources(board: str) -> dict[str, bytes]:
+    """{"framestep/motors/requests.py": text} of a board's modules, before names are taken out."""
     folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
     texts = {name: path.read_text() for name, path in sources().items()}
     merged = merge({name: text.decode() for name, text in folds.items()}, groups(texts))
-    lean = _lean({name: text.encode() for name, text in pooled(merged).items()})
+    return {name: text.encode() for name, text in merged.items()}
+
+
+@_remembered
+def _board_sources(board: str) -> dict[str, bytes]:
+    """{"framestep/motors/axes.mpy": source} of what is compiled for a board."""
+    merged = pooled({name: text.decode() for name, text in merged_sources(board).items()})
+    lean = _lean({name: text.encode() for name, text in merged.items()})
     return {
         name.removesuffix(".py") + ".mpy": source
         for name, source in lean.items()

