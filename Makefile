@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak flash image install dist release emulator-measure strain conform clean
+	plots bench profile soak flash image install dist release emulator-measure strain conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -115,6 +115,9 @@ strain: setup node micropython ## 20 000 requests on the emulated board beside w
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m framestep_tools.conform.score
+
+prove: setup node micropython ## the emulated board measures itself, as `framestep prove` does a real one (build/prove); ARGS="--chip B1" or --renew
+	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)
 
 emulator-measure: setup node micropython ## measure the emulated board itself (40 s)
 	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)

@@ -38,6 +38,8 @@ class BuildPackage(build_py):
         folder = package / "data"
         for path in sorted((ROOT / "tools/framestep_tools/moves").glob("*.csv")):
             self.put(path, package / "moves" / path.name)
+        emulated = ROOT / "tools/framestep_tools/prove/emulated.json"
+        self.put(emulated, package / "prove" / emulated.name)
         page = ROOT / "tools/framestep_tools/console/page"
         for path in sorted(path for path in page.rglob("*") if path.is_file()):
             self.put(path, package / "console/page" / path.relative_to(page))

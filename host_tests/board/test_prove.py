@@ -6,6 +6,10 @@ import pytest
 
 from framestep_tools.payloads import MotorGetPosition, MotorMove, MotorSetSpeed
 from framestep_tools.prove.board import emulated
+from framestep_tools.prove.figures import AS_EMULATED, FIGURES
+from framestep_tools.prove.measure import RUNS
+from framestep_tools.prove.report import emulated_figures
+from framestep_tools.prove.work import Options, prove
 
 CYCLE_NS = 8
 MOVED = 90
@@ -95,3 +99,20 @@ def test_the_drivers_stay_off_while_motors_move(board):
             level = emulator.pin(pin)
             client.wait_idle()
         assert level == wanted
+
+
+def test_a_measurement_in_short(board):
+    """Nothing to complain of, every figure is there, and what edges tell is as in the file of the
+    emulated board."""
+    emulated = emulated_figures()
+    before = board.client.request(MotorGetPosition()).steps
+    report = prove(board, Options(short=True), emulated, lambda line: None)
+    assert not report.complaints
+    left_out = {key for key in RUNS if key not in report.figures}
+    assert len(left_out) == len(RUNS) - 1
+    assert {f.key for f in FIGURES} - left_out == set(report.figures)
+    verdicts = report.as_json()["verdicts"]
+    edges = [k for k in report.figures if k.startswith(("steps", "rate", "edge", "pulse", "dmx"))]
+    assert {key: verdicts[key] for key in edges} == dict.fromkeys(edges, AS_EMULATED)
+    assert board.client.request(MotorGetPosition()).steps == before
+    assert "dmx_break_us" in report.as_markdown()

@@ -18,6 +18,7 @@ from .commands import (
     motors,
     move_files,
     moves,
+    prove,
     rig,
     traces,
     traffic,
@@ -68,6 +69,7 @@ for _subject in (
     demo,
     console,
     conform,
+    prove,
 ):
     _subject.add(app)
 

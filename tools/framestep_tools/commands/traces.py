@@ -24,7 +24,7 @@ File = Annotated[
 
 
 @contextmanager
-def _extra(what: str) -> Iterator[None]:
+def extra(what: str) -> Iterator[None]:
     """For the imports of libraries that not every user has installed."""
     from ..errors import ToolError
 
@@ -71,7 +71,7 @@ def vcd(
     ] = 1,
 ) -> None:
     """Make a trace a VCD file, which GTKWave and PulseView open."""
-    with _extra("a VCD file"):
+    with extra("a VCD file"):
         from ..vcd import write
 
     read = _read(trace)
@@ -97,7 +97,7 @@ def plot(
     target = out or trace.with_suffix(".png")
     if target.suffix.lower() not in _ENDINGS:
         raise ToolError(f"{target}: a picture is one of {', '.join(_ENDINGS)}")
-    with _extra("a picture"):
+    with extra("a picture"):
         import matplotlib  # noqa: F401
 
         from ..plots import plot_trace

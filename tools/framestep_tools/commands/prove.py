@@ -1,0 +1,69 @@
+"""A board that measures itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .common import Json, Url, put, say_json
+from .traces import extra
+
+_ASK = (
+    "The step and direction pins of all motors are driven, with up to 500 000 steps/s, and speeds "
+    "are set anew. {drivers} Unplug whatever else listens to these pins. Go on?"
+)
+_OFF = (
+    "Drivers are held off by their enable pins: unplug those whose enable pin is not wired to the "
+    "board, or their motors."
+)
+_ON = "Drivers are switched on and the motors turn, far and fast: take them off their loads."
+
+
+def prove(
+    device: Url = None,
+    port: Annotated[
+        str | None,
+        typer.Option(help="port of the REPL, where it is not found by itself", metavar="PORT"),
+    ] = None,
+    with_drivers: Annotated[
+        bool, typer.Option("--with-drivers", help="let drivers be switched on: motors turn")
+    ] = False,
+    short: Annotated[
+        bool, typer.Option("--short", help="half of the motors, one frame rate")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="do not ask before pins move")] = False,
+    out: Annotated[Path, typer.Option(help="folder for the report", metavar="DIR")] = Path(),
+    json: Json = False,
+) -> None:
+    """Let a board measure itself, without wires, and compare it with the emulated one."""
+    with extra("prove"):
+        from ..prove import report
+        from ..prove.board import real
+        from ..prove.work import Options
+        from ..prove.work import prove as measure
+    from ..errors import ToolError
+
+    emulated = report.emulated_figures()
+    if not yes:
+        text = _ASK.format(drivers=_ON if with_drivers else _OFF)
+        if not typer.confirm(text, err=True):
+            raise typer.Abort
+
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    with real(device, port, say) as board:
+        found = measure(board, Options(with_drivers, short), emulated, say)
+    paths = found.write(out)
+    if json:
+        say_json(found.as_json())
+    else:
+        report.show(found)
+        print(f"{paths[1]} is a report to attach to an issue: docs/hardware-reports.md")
+    if found.complaints:
+        raise ToolError(f"{len(found.complaints)} things are not as they should be")
+
+
+def add(app: typer.Typer) -> None:
+    """Put this command into the command line."""
+    put(app, prove)

@@ -1,0 +1,147 @@
+"""What `framestep prove` has found: a table, a file for programs, a page to attach to an issue."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from ..errors import ToolError
+from ..home import BOARDS, version
+from .figures import FIGURES, WORSE
+
+EMULATED = Path(__file__).with_name("emulated.json")
+FORM = 1  # of the files
+
+
+@dataclass(frozen=True)
+class Report:
+    """board: its folder in boards/; where: its port; figures: what was measured; complaints: what
+    was wrong, as text; emulated: the figures beside them."""
+
+    board: str
+    where: str
+    clock_hz: int
+    micropython: str
+    figures: Mapping[str, float]
+    complaints: Sequence[str]
+    emulated: Mapping[str, float]
+
+    @property
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """[(figure, measured, emulated, unit, verdict)]."""
+        return [
+            (
+                figure.key,
+                number(self.figures.get(figure.key)),
+                number(self.emulated.get(figure.key)),
+                figure.unit,
+                figure.verdict(self.figures.get(figure.key), self.emulated.get(figure.key)),
+            )
+            for figure in FIGURES
+        ]
+
+    @property
+    def worse(self) -> list[str]:
+        """The figures that are worse than those of the emulated board."""
+        return [key for key, _, _, _, verdict in self.rows if verdict == WORSE]
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "form": FORM,
+            "framestep": version(),
+            "board": self.board,
+            "where": self.where,
+            "clock_hz": self.clock_hz,
+            "micropython": self.micropython,
+            "date": date.today().isoformat(),
+            "figures": dict(self.figures),
+            "verdicts": {key: verdict for key, _, _, _, verdict in self.rows},
+            "complaints": list(self.complaints),
+        }
+
+    def as_markdown(self) -> str:
+        """For an issue."""
+        lines = [
+            f"# framestep {version()} on {self.board}",
+            "",
+            f"{date.today().isoformat()}, {self.where}, {self.micropython}, "
+            f"{self.clock_hz / 1e6:g} MHz",
+            "",
+            "| figure | measured | emulated | unit | verdict |",
+            "|---|--:|--:|---|---|",
+            *("| " + " | ".join(row) + " |" for row in self.rows),
+            "",
+        ]
+        lines += [f"* {text}" for text in self.complaints] or ["Every edge is where it should be."]
+        lines += ["", "How each is measured:", ""]
+        lines += [f"* {figure.key}: {figure.how}" for figure in FIGURES]
+        return "\n".join(lines) + "\n"
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write prove-<board>-<date>.json and .md; their paths."""
+        name = f"prove-{self.board}-{date.today().isoformat()}"
+        texts = {".json": json.dumps(self.as_json(), indent=2) + "\n", ".md": self.as_markdown()}
+        paths = []
+        for ending, text in texts.items():
+            path = folder / f"{name}{ending}"
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
+            except OSError as error:
+                raise ToolError(f"cannot write {path}: {error.strerror}") from None
+            paths.append(path)
+        return paths
+
+
+def number(value: float | None) -> str:
+    """A figure as it stands in a table."""
+    if value is None:
+        return "–"
+    if abs(value) >= 1000:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.3g}"
+
+
+def emulated_figures() -> dict[str, float]:
+    """The figures of the emulated board; ToolError where they are those of another version."""
+    found = json.loads(EMULATED.read_text(encoding="utf-8"))
+    if found["framestep"] != version():
+        raise ToolError(
+            f"the emulated board's figures are of framestep {found['framestep']}, this is "
+            f"{version()}: make prove ARGS=--renew measures them again"
+        )
+    return found["figures"]
+
+
+def renew(figures: Mapping[str, float]) -> None:
+    """Keep these as the figures of the emulated board."""
+    rounded = {key: float(f"{value:.6g}") for key, value in figures.items()}
+    text = json.dumps({"framestep": version(), "figures": rounded}, indent=2)
+    EMULATED.write_text(text + "\n", encoding="utf-8")
+
+
+def folder_of(name: str) -> str:
+    """The folder in boards/ of a board with this name."""
+    for path in sorted(BOARDS.glob("*/board.json")):
+        if json.loads(path.read_text(encoding="utf-8"))["name"] == name:
+            return path.parent.name
+    raise ToolError(f"this framestep has no board of the name {name!r}")
+
+
+def show(found: Report) -> None:
+    """Print the table, and what was wrong."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"framestep {version()} on {found.board}", title_justify="left")
+    for name in ("figure", "measured", "emulated", "unit", "verdict"):
+        numbers = name in ("measured", "emulated")
+        table.add_column(name, justify="right" if numbers else "left", no_wrap=True)
+    for row in found.rows:
+        table.add_row(*row)
+    Console(highlight=False).print(table)
+    for text in found.complaints:
+        print(text)
