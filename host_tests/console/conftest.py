@@ -109,6 +109,7 @@ class Console:
 
     async def _make(self, url, work):
         server = ConsoleServer(lambda: open_port(url, 1.0), url, work or BoardWork(None, url))
+        server.silence_s = PATIENCE_MS / 1000  # a busy computer may hold up the browser
         await server.start()
         return server
 

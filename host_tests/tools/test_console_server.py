@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from framestep.protocol import messages
 from framestep_tools import cli
 from framestep_tools.boards import SimulatedBoard
-from framestep_tools.client import BrokenOff, Client
+from framestep_tools.client import BrokenOff, Client, RequestRefused
 from framestep_tools.commands.common import talking
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
@@ -101,6 +101,7 @@ class Stage:
         server = ConsoleServer(
             lambda: open_port(self.device, 1.0), self.device, work or BoardWork(None, self.device)
         )
+        server.silence_s = PATIENCE_S  # nothing here is silent on purpose
         await server.start()
         return server
 
@@ -318,7 +319,7 @@ def test_framestep_stop_stops_what_a_page_jogs(by_cable, capsys):
         assert cli.app.status(["stop", "--device", by_cable.device]) == 0
         assert capsys.readouterr().out == "nothing moves\n"
         said, _ = texts(page)
-        assert said == [{"stopped": True}]
+        assert said == [{"stopped": "Another program has stopped the motors."}]
         jog(2, 2)  # as of a page that has not heard of it yet
         answers = []
         decoder = FrameDecoder()
@@ -335,6 +336,29 @@ def test_framestep_stop_stops_what_a_page_jogs(by_cable, capsys):
                 other.pump(0.01)
             assert 1 not in other.request(MotorStatus()).moving
     with by_cable.client() as client:  # the port is the next page's, and the jog has ended
+        client.wait_idle(PATIENCE_S)
+
+
+@pytest.mark.parametrize("request_", [MotorJog(1, 10_000, FAR), VirtJogOnLine(1, 100)], ids=str)
+def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
+    """Its script sends nothing any more, but its link is there. Until it says that it holds nothing
+    no jog begins."""
+    monkeypatch.setattr(shared.server, "silence_s", 0.3)
+    with shared.client() as client:
+        link = client.port.link
+        link.send(encode(request_.TYPE, request_.pack(), 1))
+        said, _ = texts(link)
+        assert said == [{"stopped": "The page was silent, so its jog has been stopped."}]
+        client.wait_idle(PATIENCE_S)
+        with pytest.raises(RequestRefused, match="ERR_GENERAL"):
+            client.request(MotorJog(1, 10_000, FAR))
+        link.send('{"released": true}')
+        while shared.server.bridge.stopped:
+            time.sleep(0.01)
+        shared.server.silence_s = PATIENCE_S
+        client.request(MotorJog(2, 10_000, FAR))
+        assert client.request(MotorStatus()).moving == [2]
+        client.request(MotorStop(2))
         client.wait_idle(PATIENCE_S)
 
 

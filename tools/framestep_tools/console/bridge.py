@@ -78,6 +78,9 @@ class Jogs:
         elif frame.type == VirtStop.TYPE:
             self.virtual.discard(payload[0])
 
+    def __bool__(self) -> bool:
+        return bool(self.motors or self.virtual or self.all)
+
     def stops(self) -> list[Payload]:
         """The requests that end them all."""
         found: list[Payload] = [MotorStop(motor) for motor in sorted(self.motors)]
@@ -95,14 +98,15 @@ class Jogs:
 
 class Bridge:
     """A port that is open. `on_bytes` is called in the event loop with what the device sends,
-    `on_end` once with the reason where the port has gone, `on_stopped` when another program has
-    stopped motors: the page's jogs are refused from then on, until `released` is called."""
+    `on_end` once with the reason where the port has gone, `on_stopped` with the reason when
+    somebody else has stopped motors: the page's jogs are refused from then on, until `released` is
+    called."""
 
     def __init__(self, port: Any, name: str):
         self.name = name
         self.on_bytes: Callable[[bytes], None] = lambda data: None
         self.on_end: Callable[[str], None] = lambda why: None
-        self.on_stopped: Callable[[], None] = lambda: None
+        self.on_stopped: Callable[[str], None] = lambda why: None
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._jogs = Jogs()
@@ -146,13 +150,24 @@ class Bridge:
     @stopped.setter
     def stopped(self, on: bool) -> None:
         self._stopped = on
-        self._loop.call_soon_threadsafe(self.on_stopped)
+        self._loop.call_soon_threadsafe(self.on_stopped, "Another program has stopped the motors.")
 
     def released(self) -> None:
         """The page has let go of all that it held."""
         self._stopped = False
 
     # ---- what is asked for the page
+
+    @property
+    def jogging(self) -> bool:
+        """Whether the page has begun what only a held button moves, and not ended it."""
+        return bool(self._jogs)
+
+    async def let_go(self, why: str) -> None:
+        """End what the page jogs, although it has not let go: the page is told why."""
+        self._stopped = True
+        await self.stop_jogs()
+        self.on_stopped(why)
 
     async def stop_jogs(self) -> None:
         """End what only a held button moves; a run goes on."""

@@ -26,6 +26,7 @@ from .bridge import Bridge
 from .visit import Visit
 
 ADDRESS = "127.0.0.1"
+SILENCE_S = 1.5  # a page that jogs and sends nothing for so long has lost hold of it
 _TURN_S = 2.0  # for the page before, when one is loaded again
 _WATCH_S = 0.5  # from one question what still moves to the next
 _LARGEST_MESSAGE = 1 << 20
@@ -51,6 +52,7 @@ class ConsoleServer:
         self.work = work
         self.url = ""
         self.keep = False  # what moves goes on without the page, but for jogs
+        self.silence_s = SILENCE_S
         self.bridge: Bridge | None = None
         self._open_port = open_port
         self._token = secrets.token_urlsafe(24)
@@ -110,7 +112,7 @@ class ConsoleServer:
             return
         bridge.on_bytes = lambda data: None
         bridge.on_end = lambda why: None
-        bridge.on_stopped = lambda: None
+        bridge.on_stopped = lambda why: None
         bridge.released()
         if not self.keep:
             await self.let_go()

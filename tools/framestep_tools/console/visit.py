@@ -3,7 +3,7 @@
 Binary messages are bytes of the protocol, either way. Texts are JSON: the page asks
 `{"id": 1, "do": "read_rig"}` and gets `{"id": 1, "result": {…}}` or `{"id": 1, "error": "…"}`;
 `{"keep": true}` lets what moves go on without the page, but for jogs. The server sends
-`{"device": …}` first, `{"stopped": true}` when another program has stopped motors, which the page
+`{"device": …}` first, `{"stopped": "why"}` when somebody else has stopped motors, which the page
 answers with `{"released": true}` once it holds nothing any more, and `{"ended": "why"}` before it
 closes.
 """
@@ -21,6 +21,7 @@ from ..errors import ToolError
 if TYPE_CHECKING:
     from .server import ConsoleServer
 
+_LOOK_S = 0.1
 _WITH_TEXT = ("check_rig", "write_rig")
 _TASKS = ("read_rig", "load", "live", "rest", *_WITH_TEXT)
 
@@ -33,10 +34,12 @@ class Visit:
         self._page = page
         self._outbox: asyncio.Queue[bytes] = asyncio.Queue()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._heard_s = 0.0  # when the page has sent something
 
     async def run(self) -> None:
         """Serve the page until it has gone, or until the device has."""
         sender = asyncio.create_task(self._send())
+        dead_man = asyncio.create_task(self._watch_the_page())
         try:
             await self._attach()
             server = self._server
@@ -55,6 +58,7 @@ class Visit:
             with contextlib.suppress(ToolError):
                 await asyncio.to_thread(self._server.work.rest)
             sender.cancel()
+            dead_man.cancel()
 
     async def end(self, why: str) -> None:
         """Tell the page why it is over, and close."""
@@ -65,11 +69,12 @@ class Visit:
         bridge = await self._server.attach()
         bridge.on_bytes = self._outbox.put_nowait
         bridge.on_end = lambda why: self._start(self.end(why))
-        bridge.on_stopped = lambda: self._start(self._say({"stopped": True}))
+        bridge.on_stopped = lambda why: self._start(self._say({"stopped": why}))
 
     async def _listen(self) -> None:
         with contextlib.suppress(ConnectionClosed):
             async for message in self._page:
+                self._heard_s = asyncio.get_running_loop().time()
                 if isinstance(message, str):
                     self._start(self._told(message))
                 elif self._server.bridge:
@@ -83,6 +88,18 @@ class Visit:
         with contextlib.suppress(ConnectionClosed):
             while True:
                 await self._page.send(await self._outbox.get())
+
+    async def _watch_the_page(self) -> None:
+        """A page whose script hangs cannot let go: end what it jogs. While anything moves a page
+        that is well asks several times in a second."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            bridge = self._server.bridge
+            silent_s = loop.time() - self._heard_s
+            if bridge and bridge.jogging and silent_s > self._server.silence_s:
+                with contextlib.suppress(OSError):  # that the port has gone is told elsewhere
+                    await bridge.let_go("The page was silent, so its jog has been stopped.")
 
     def _start(self, work: Any) -> None:
         task = asyncio.ensure_future(work)

@@ -103,10 +103,10 @@ function stop() {
 }
 
 place("stop").addEventListener("click", stop);
-device.addEventListener("stopped", () => {
+device.addEventListener("stopped", ({ detail }) => {
   holds.releaseAll();
   operation.stopped();
-  device.tell("Another program has stopped the motors.", true);
+  device.tell(detail, true);
 });
 window.addEventListener("keydown", (event) => {
   if (event.key !== "Escape" || event.repeat) return;

@@ -28,7 +28,7 @@ const NOTHING = {
 };
 
 /** Events: "change" whenever something is new, "told" {text, bad} for the user, "hardstop", "ended" after RT_END,
- * "stopped" when another program has stopped motors, "connected", "gone". */
+ * "stopped" with the reason when somebody else has stopped motors, "connected", "gone". */
 export class Device extends EventTarget {
   client = null;
   hello = null;
@@ -62,7 +62,7 @@ export class Device extends EventTarget {
   /** Take a link that is open; resolves once the device has said who it is. */
   async connect({ link, hello }) {
     this.hello = hello;
-    link.onstopped = () => this.dispatchEvent(new Event("stopped"));
+    link.onstopped = (why) => this.dispatchEvent(new CustomEvent("stopped", { detail: why }));
     this.#unknown.clear();
     const client = new Client(link, (report) => this.#hear(report), (why) => this.#gone(client, why));
     this.client = client;

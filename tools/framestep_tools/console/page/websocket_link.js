@@ -6,7 +6,7 @@ import { LinkError } from "./client.js";
 export class WebSocketLink {
   onbytes = () => {};
   onend = () => {};
-  /** Another program has stopped motors: let go of what is held. */
+  /** Somebody else has stopped motors, with the reason: let go of what is held. */
   onstopped = () => {};
   #socket;
   #why = "the link to framestep console has closed";
@@ -30,7 +30,7 @@ export class WebSocketLink {
       if (said.device !== undefined) resolve({ link: this, hello: said });
       else if (said.ended !== undefined) this.#why = said.ended;
       else if (said.stopped) {
-        this.onstopped();
+        this.onstopped(said.stopped);
         this.#socket.send(JSON.stringify({ released: true }));
       }
       else this.#answer(said);
