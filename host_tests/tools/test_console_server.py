@@ -8,6 +8,7 @@ import json
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
@@ -365,6 +366,12 @@ def test_a_page_that_hangs_lets_go(shared, monkeypatch, request_):
 # ---- a page that comes back while the server waits for a move to end
 
 
+def in_a_loop(coroutine):
+    """Run it in a thread of its own: the browser's tests have a loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, coroutine).result(PATIENCE_S)
+
+
 class SilentPort:
     """A port of a device that only the test answers for."""
 
@@ -404,7 +411,7 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
         assert asked.cancelled()
         await bridge.close()
 
-    asyncio.run(play())
+    in_a_loop(play())
 
 
 def test_a_page_gets_the_port_however_often_the_watch_has_to_be_told():
@@ -424,7 +431,7 @@ def test_a_page_gets_the_port_however_often_the_watch_has_to_be_told():
         assert watch.done()
         assert server._watch is None
 
-    asyncio.run(play())
+    in_a_loop(play())
 
 
 # ---- its parts
