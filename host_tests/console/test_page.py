@@ -57,6 +57,7 @@ def test_every_view_fits_and_everything_in_it_has_a_name(served, stage, look):
             drawn = draw(page, view, look)
             stored = path(view, look).read_text()
             assert parts(drawn) == parts(stored), f"{view} has changed: make console-pictures"
+    assert {urlsplit(url).netloc for url in page.asked} == {urlsplit(served.url).netloc}
     back = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (back == "rgb(21, 24, 27)") == (look == "dark")
     if look == "dark":
