@@ -32,7 +32,7 @@ def test_devices_that_are_right_in_another_way_raise_no_alarm(name):
     assert score.alarms(score.judge(variant, _PARTS[name])) == []
 
 
-@pytest.mark.parametrize("fault", score.FAULTS[4::18], ids=lambda fault: fault.name)
+@pytest.mark.parametrize("fault", score.FAULTS[4::24], ids=lambda fault: fault.name)
 def test_faults_are_found(fault):
     assert score.found(fault)
 

@@ -25,6 +25,10 @@ def conform(
             metavar="FILE",
         ),
     ] = None,
+    hands: Annotated[
+        bool,
+        typer.Option("--hands", help="ask for switches to be pressed: inputs, limits, E-stop"),
+    ] = False,
     page: Annotated[
         Path | None, typer.Option("--html", help="write the report as a page", metavar="FILE")
     ] = None,
@@ -75,7 +79,7 @@ def conform(
     try:
         tail = TraceTail(trace) if trace else None
         link.pump(0.3)
-        bench = Bench(link, full, tail)
+        bench = Bench(link, full, tail, _person() if hands else None)
         kit.run(bench, checks, tell)
         bench.recover()
     except Failed as failed:
@@ -103,6 +107,15 @@ def conform(
         print(f"{len(results)} checks: {report.counts(results)}")
     if faults := sum(result.verdict == kit.FAULT for result in results):
         raise ToolError(f"{faults} of {len(results)} checks show a fault")
+
+
+def _person():
+    from ..conform.person import Person
+
+    def say(text: str) -> None:
+        typer.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+
+    return Person(say, lambda text: typer.confirm(text, err=True))
 
 
 def add(app: typer.Typer) -> None:

@@ -58,13 +58,18 @@ class Pins(Protocol):
 
 class Hands(Protocol):
     """Who presses the switches of a device: `input 1`, `upper limit 1` or `lower limit 1` (of the
-    limit set 1), `E-stop`."""
+    limit set 1), `E-stop`. `slow`: they cannot do so within a fraction of a second."""
+
+    slow: bool
 
     def has(self, what: str) -> bool:
         """Whether there is such a switch."""
 
     def press(self, what: str, on: bool) -> None:
         """Press it, or let go of it."""
+
+    def ready(self, what: str) -> None:
+        """A motor is about to move; slow hands press it as soon as it does."""
 
 
 class Bench:

@@ -33,6 +33,8 @@ class SimulatedPins:
 class SimulatedHands:
     """Presses the switches that the rig file names."""
 
+    slow = False
+
     def __init__(self, board: SimulatedBoard):
         self.board = board.host_board
         rig = self.board.rig
@@ -50,6 +52,9 @@ class SimulatedHands:
     def has(self, what: str) -> bool:
         """Whether the rig file names it."""
         return what in self.pins
+
+    def ready(self, what: str) -> None:
+        """Always."""
 
     def press(self, what: str, on: bool) -> None:
         """Put the pin to the level that it has with the switch pressed, or let go of."""

@@ -67,7 +67,7 @@ def _slope(times: dict[int, float]) -> float:
     )
 
 
-for _rate in (23.976, 24, 29.97):
+for _rate in (23.976, 29.97):
     _put(
         f"{_LONG} frames at {_rate} frames/s drift by less than {_DRIFT:.2%}",
         f"{_RUN}: Speed in FPS * 1000",
