@@ -228,3 +228,41 @@ def test_dma_and_pio_irq(emulator):
     irq = m["exceptions"]["irq9"]
     assert irq["count"] >= len(gaps), irq
     assert 600 < irq["cycles"] / irq["count"] < 1200, irq
+
+
+def test_a_loop_that_counts_until_a_pin_changes(emulator):
+    """Such a loop is skipped through; with a side-set that does nothing the same one is executed
+    word by word. Both count the same."""
+    repl = emulator().repl()
+    repl.exec(
+        "import rp2, time\n"
+        "from machine import Pin, PWM, mem32\n"
+        "@rp2.asm_pio(fifo_join=rp2.PIO.JOIN_RX)\n"
+        "def stamps():\n"
+        "    label('rise')\n"
+        "    mov(isr, x)\n"
+        "    push(noblock)\n"
+        "    label('high')\n"
+        "    jmp(x_dec, 'look_high')\n"
+        "    label('look_high')\n"
+        "    jmp(pin, 'high')\n"
+        "    mov(isr, x)\n"
+        "    push(noblock)\n"
+        "    wrap_target()\n"
+        "    jmp(x_dec, 'look_low')\n"
+        "    label('look_low')\n"
+        "    jmp(pin, 'rise')\n"
+        "    wrap()\n"
+        "pwm = PWM(Pin(5), freq=7919, duty_u16=20011)\n"
+        "sms = [rp2.StateMachine(i, stamps, in_base=Pin(5), jmp_pin=Pin(5)) for i in range(2)]\n"
+        "for sm in sms: sm.exec('mov(x, invert(null))')\n"
+        "mem32[0x502000CC + 24] |= 1 << 30  # EXECCTRL: side-set is optional ...\n"
+        "mem32[0x502000DC + 24] |= 1 << 29  # PINCTRL: ... and has one bit\n"
+        "mem32[0x50202000] = 3\n"
+        "time.sleep_ms(3)\n"
+    )
+    counts = np.array(
+        [repl.eval(f"[sms[{i}].get() for _ in range(8)]") for i in range(2)], np.int64
+    )
+    assert (np.diff(counts[0])[1:] < -1000).all()  # it begins as if with an edge
+    assert np.abs(counts[0] - counts[1]).max() <= 1

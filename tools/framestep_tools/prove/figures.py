@@ -79,6 +79,9 @@ FIGURES = (
     ),
     Figure("tick_us_most", "µs", LESS, 5, _COMPUTED, "the same, the longest at a time"),
     Figure("late_us", "µs", LESS, 20, 0.5, "the worst lateness of a tick while anything moved"),
+    Figure("pass_us", "µs", LESS, 20, _COMPUTED, "a pass of the main loop then, on average"),
+    Figure("pass_us_most", "µs", LESS, 200, 0.5, "the longest of them"),
+    Figure("passes_s", "1/s", MORE, 50, 0.3, "how many of them there are in a second"),
     Figure(
         "reply_ms_median", "ms", LESS, 0.5, 0.5,
         "while four motors move: from writing a request to its whole reply, on the host's clock",
@@ -92,6 +95,14 @@ FIGURES = (
     ),
     Figure("dmx_mark_us", "µs", SAME, 2, 0, "the same: the mark after the break"),
     Figure("dmx_slot_us", "µs", SAME, 0.1, 0, "the same: a slot of eleven bits, on average"),
+    Figure(
+        "file_ms",
+        "ms",
+        LESS,
+        10,
+        1,
+        "writing a file of 4 kB at rest: sectors of flash erased and programmed",
+    ),
     Figure(
         "clock_ppm", "ppm", SAME, 100, 0,
         "the board's microseconds against the host's; a crystal has 30 ppm, a host's clock and USB "

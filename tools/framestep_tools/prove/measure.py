@@ -41,6 +41,40 @@ TURNING_HZ, TURNING_RAMP = 5_000, 100_000
 ASKED = 60
 TICK_HZ = 20_000
 UPLOADED = 800
+WATCHED_S = 0.5
+_WATCH = """
+from time import ticks_diff, ticks_us
+class Watch:
+    def __init__(self):
+        self.inner = boot.controller.poll
+        self.count = self.sum = self.most = 0
+    def poll(self, now):
+        begun = ticks_us()
+        busy = self.inner(now)
+        took = ticks_diff(ticks_us(), begun)
+        self.count += 1
+        self.sum += took
+        if took > self.most: self.most = took
+        return busy
+prove_watch = Watch()
+boot.controller.poll = prove_watch.poll
+"""
+_WATCHED = """
+del boot.controller.poll
+print(prove_watch.count, prove_watch.sum, prove_watch.most)
+del Watch, prove_watch
+"""
+_WRITE = """
+import os
+from time import ticks_diff, ticks_us
+piece = bytes(256)
+begun = ticks_us()
+with open("/prove.tmp", "wb") as file:
+    for _ in range(16): file.write(piece)
+took = ticks_diff(ticks_us(), begun)
+os.remove("/prove.tmp")
+print(took)
+"""
 _WRAP_US = 1 << 32
 _BREAK_US = 60  # a longer low on a DMX line is no slot
 _TICK = re.compile(r"interrupts: (\d+) us .*, (\d+) us at a time")
@@ -79,7 +113,9 @@ class Measuring:
         self._dmx()
         self._replies()
         self._upload()
+        self._passes()
         self._tick()
+        self.figures["file_ms"] = int(self.board.run(_WRITE)) / 1000
         for motor, at in enumerate(stood, 1):
             self.client.request(MotorMove(motor, at))
         self.client.wait_idle()
@@ -312,6 +348,21 @@ class Measuring:
         client.stream(requests[1:-1], WINDOW)
         self.figures["upload_bytes_s"] = size / (client.clock() - begun)
         client.request(requests[-1])
+
+    def _passes(self) -> None:
+        """Passes of the main loop while four motors move, by something that counts around each."""
+        self._turning(WATCHED_S)
+        self.client.pump(0.1)
+        begun = self.client.clock()
+        self.board.run(_WATCH)
+        self.client.pump(WATCHED_S / 2)
+        count, total, most = map(int, self.board.run(_WATCHED).split())
+        took = self.client.clock() - begun
+        self.client.request(MotorStopAll())
+        self.client.wait_idle()
+        self.figures["passes_s"] = count / took
+        self.figures["pass_us"] = total / count
+        self.figures["pass_us_most"] = most
 
     def _tick(self) -> None:
         self._turning(1.0)
