@@ -13,6 +13,7 @@ _PARTS = {
     "DWORD acknowledgements, an acknowledged MOVE": ("framing", "numbers", "virtuals"),
     "HI of 49 bytes": ("framing",),
     "no lights": ("lengths", "lights"),
+    "lights that no trace shows": ("lights",),
     "answers after 20 ms": ("shoot",),
     "S-curve ramps and play in the gears": ("edges",),
     "no inputs, outputs or switches": ("inputs", "lights"),

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from ..trace import Edge
 from ..wire import Frame
 from . import spec
 from .spoiled import Behaviour
@@ -33,11 +34,19 @@ class _Slow(Behaviour):
         self.port.tell(frame, _SLOW_S)
 
 
+class _LevelsUnseen(Behaviour):
+    """A trace has no light levels, as that of the emulated board."""
+
+    def edges(self, edges: list[Edge]) -> list[Edge]:
+        return [edge for edge in edges if not edge[1].startswith("dmx")]
+
+
 VARIANTS = (
     Variant("as the simulator is"),
     Variant("DWORD acknowledgements, an acknowledged MOVE", 2, {"dialect": "dmc-lite"}),
     Variant("HI of 49 bytes", 2, None, _ShortHi),
     Variant("no lights", 2, {"dmx": False}),
+    Variant("lights that no trace shows", 2, None, _LevelsUnseen),
     Variant("one motor", 1),
     Variant("two motors", 2),
     Variant("answers after 20 ms", 3, None, _Slow),
