@@ -3,7 +3,7 @@ heap locked.
 
 Lines on standard input, each answered by one line:
 
-    NEW changes triggers    new stores with room for so many; no answer
+    NEW bytes               new stores that share so much memory; no answer
     BEGIN frames            no answer
     frame in hex            an MSG_RT_UPLOAD_MOVE_DMX or _TRIGGERS as it comes down the line: the
                             response code
@@ -13,6 +13,7 @@ Lines on standard input, each answered by one line:
     SEEK index              what is set, as channel=level
     PLAY from to            seek to the one, then steps to the other, in either direction; what each
                             frame sets
+    FREE                    units that memory has left
     TRIGGERS from to        the mask; then frame:values, if there are any, for each of these frames
 """
 
@@ -22,6 +23,8 @@ from array import array
 from framestep.io.lights import MARK, Lights
 from framestep.moves.light_levels import LightLevels
 from framestep.moves.triggers import Triggers
+from framestep.moves.upload_chunks import room
+from framestep.moves.upload_store import UploadStore
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION, MSG_RT_UPLOAD_MOVE_DMX
 
@@ -90,8 +93,9 @@ def frame(levels, triggers, reader, data):
     return code
 
 
-def begin(levels, triggers, frames):
+def begin(store, levels, triggers, frames):
     heap_lock()
+    store.clear()
     levels.begin(frames)
     triggers.begin(frames)
     heap_unlock()
@@ -104,8 +108,9 @@ def finish(levels, triggers):
     heap_unlock()
 
 
-def clear(levels, triggers):
+def clear(store, levels, triggers):
     heap_lock()
+    store.clear()
     levels.clear()
     triggers.clear()
     heap_unlock()
@@ -117,9 +122,9 @@ def seek(levels, index, lights):
     heap_unlock()
 
 
-def step(levels, index, backward, lights):
+def step(levels, index, lights):
     heap_lock()
-    levels.step(index, backward, lights)
+    levels.step(index, lights)
     heap_unlock()
 
 
@@ -136,7 +141,7 @@ def play(levels, lights, start, end):
     way = 1 if end >= start else -1
     while start != end:
         start += way
-        step(levels, start, way < 0, lights)
+        step(levels, start, lights)
         answer.append(lights.text())
     return ";".join(answer)
 
@@ -158,21 +163,24 @@ def replay(lines):
     """The answers, one by one."""
     reader = FrameReader()
     lights = Recorder()
-    levels = triggers = None
+    store = levels = triggers = None
     for line in lines:
         what = line.split()
         answer = ""
         if what[0] == "NEW":
-            levels = LightLevels(int(what[1]))
-            triggers = Triggers(int(what[2]))
+            store = UploadStore(1, int(what[1]))
+            levels = LightLevels(store)
+            triggers = Triggers(store)
         elif what[0] == "BEGIN":
-            begin(levels, triggers, int(what[1]))
+            begin(store, levels, triggers, int(what[1]))
         elif what[0] == "FINISH":
             finish(levels, triggers)
         elif what[0] == "CLEAR":
-            clear(levels, triggers)
+            clear(store, levels, triggers)
         elif what[0] == "HAS":
             answer = f"{levels.channels} {int(levels.ready)} {int(triggers.ready)}"
+        elif what[0] == "FREE":
+            answer = str(room(store.words))
         elif what[0] == "SEEK":
             seek(levels, int(what[1]), lights)
             answer = lights.text()

@@ -22,9 +22,6 @@ from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.results import WHAT
 
-# of memory, 7 of which are for the change and its share of the triggers
-_BYTES_PER_CHANGE = const(140)
-
 _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 
 
@@ -64,12 +61,10 @@ class Moves:
             self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
-        """The last thing at boot: lights and triggers get 5 % of the memory left, positions the
-        rest."""
-        changes = self.controller.hal.upload_bytes // _BYTES_PER_CHANGE
-        self.levels.allocate(changes)
-        self.triggers.allocate(changes // 8)
+        """The last thing at boot: positions, light levels and triggers share the memory left."""
         self.store.allocate(self.controller.hal.upload_bytes)
+        self.levels.allocate(self.store)
+        self.triggers.allocate(self.store)
 
     @property
     def upload_frames(self):

@@ -302,7 +302,7 @@ class RunOutputs:
                 break
             index = self.first + self.step * self.shown
             if self.shown:
-                self.levels.step(index, self.step < 0, self.lights)
+                self.levels.step(index, self.lights)
             else:
                 self.levels.seek(index, self.lights)
             changed = True

@@ -1,7 +1,12 @@
 """The uploaded triggers of a move: which outputs are on at which frame.
 
-Triggers are pairs of words sorted by frame: frame << 1 | 1 while a message is being stored that
-brought this frame, and the values.
+Triggers are bits, in units of the pool that an upload's positions take theirs from
+(upload_chunks.py): for each bit of VALUES a unit has 224 frames, or none where it is off in all of
+them. So a trigger on every frame costs 0.15 bytes a frame for each output. A unit, 17 half words:
+
+    link | block, of 224 frames | number of the bit | 14 half words, the first frame lowest
+
+The units are one chain, sorted by block.
 
 Nothing but the constructor and allocate() allocates. Frame indexes are small integers; MASK and
 VALUES go through arrays, since they need not be. An index counts from 0 at the first frame of the
@@ -10,64 +15,145 @@ range (field note 5.1).
 
 from array import array
 
-from framestep.copying import move_words
-from framestep.moves.light_levels import EMPTY, LOADING, MOST_FRAMES, READY, first_key
-from framestep.native import CPYTHON, const, micropython, ptr8, ptr32
+from framestep.moves.light_codec import give, place, take
+from framestep.moves.light_levels import EMPTY, LOADING, MOST_FRAMES, READY
+from framestep.moves.upload_chunks import UNIT, room
+from framestep.native import const, micropython, ptr8, ptr16, ptr32
 from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
 # Words of the block
 _STATE = const(0)
 _FRAMES = const(1)  # of the range
-_HELD = const(2)  # frames held
-_CAPACITY = const(3)  # frames that fit
+_HEAD = const(2)  # the first unit, 0: none
+_CURSOR = const(3)  # a unit that was before the block used last, 0: none
 _SENT = const(4)  # whether a message has come
 _MASK = const(5)
-_WORDS = const(6)
+_ASKED = const(6)  # units that the message refused last asked for, as far as they were counted
+_VALUE = const(7)  # of the frame that is being stored: it need not be a small integer
+_WORDS = const(8)
+
+_BLOCK_FRAMES = const(224)
+_BLOCK = const(1)  # half words of a unit
+_BIT = const(2)
+_BITS = const(3)
 
 
 @micropython.viper
-def _reserve(words, table, source, at: int, count: int) -> int:
-    """Make a marked entry for each new frame; frames past the end of the range are left out.
+def _before(words, memory, own, block: int) -> int:
+    """The last unit of the blocks before `block`, 0 if there is none."""
+    half = ptr16(memory)
+    word = ptr32(own)
+    unit = word[_CURSOR]
+    if unit and half[int(place(words, unit)) + _BLOCK] >= block:
+        unit = 0
+    after = half[int(place(words, unit))] if unit else word[_HEAD]
+    while after:
+        at = int(place(words, after))
+        if half[at + _BLOCK] >= block:
+            break
+        unit = after
+        after = half[at]
+    word[_CURSOR] = unit
+    return unit
 
-    0 if one does not fit or lies before the range, or if the first one lies past the end.
-    """
-    word = ptr32(words)
-    entries = ptr32(table)
-    sent = ptr8(source)
-    first = at
-    end = at + count * 8
-    while at < end:
-        frame = sent[at] | (sent[at + 1] << 8) | (sent[at + 2] << 16)
-        if sent[at + 3] or frame >= word[_FRAMES]:
-            if at == first or sent[at + 3] >> 7:
+
+@micropython.viper
+def _insert(words, memory, own, before: int, block: int, bit: int):
+    """Take a unit for a bit of a block, all frames off, behind the unit `before`."""
+    half = ptr16(memory)
+    word = ptr32(own)
+    unit = int(take(memory, words))
+    at = int(place(words, unit))
+    i = at + UNIT
+    while i > at:
+        i -= 1
+        half[i] = 0
+    half[at + _BLOCK] = block
+    half[at + _BIT] = bit
+    if before:
+        i = int(place(words, before))
+        half[at] = half[i]
+        half[i] = unit
+    else:
+        half[at] = word[_HEAD]
+        word[_HEAD] = unit
+
+
+@micropython.viper
+def _reserve(words, memory, own, frame: int) -> int:
+    """Have a unit for each bit of _VALUE at this frame; 0 if there is no memory for one."""
+    half = ptr16(memory)
+    block = frame // _BLOCK_FRAMES
+    before = int(_before(words, memory, own, block))
+    unit = half[int(place(words, before))] if before else ptr32(own)[_HEAD]
+    has = 0
+    while unit:
+        at = int(place(words, unit))
+        if half[at + _BLOCK] != block:
+            break
+        # -1 << 31 where 1 << 31 would leave 32 bits
+        bit = half[at + _BIT]
+        has |= (-1 if bit == 31 else 1) << bit
+        unit = half[at]
+    has = ptr32(own)[_VALUE] & (has ^ -1)
+    bit = 0
+    while bit < 32:
+        if (has >> bit) & 1:
+            if int(room(words)) == 0:
                 return 0
-            at += 8
-            continue
-        held = word[_HELD]
-        i = int(first_key(table, 2, 1, held, frame))
-        if i == held or entries[i * 2] >> 1 != frame:
-            if held == word[_CAPACITY]:
-                return 0
-            move_words(i * 2 + 2, i * 2, (held - i) * 2, table)
-            entries[i * 2] = (frame << 1) | 1
-            word[_HELD] = held + 1
-        at += 8
+            _insert(words, memory, own, before, block, bit)
+        bit += 1
     return 1
 
 
 @micropython.viper
-def _remove_marked(words: ptr32, table: ptr32):
-    """Remove the marked entries."""
-    held = words[_HELD]
-    to = 0
-    i = 0
-    while i < held:
-        if table[i * 2] & 1 == 0:
-            table[to * 2] = table[i * 2]
-            table[to * 2 + 1] = table[i * 2 + 1]
-            to += 1
-        i += 1
-    words[_HELD] = to
+def _write(words, memory, own, frame: int):
+    """Set the bits of a frame to those of _VALUE, for which there are units."""
+    half = ptr16(memory)
+    block = frame // _BLOCK_FRAMES
+    unit = int(_before(words, memory, own, block))
+    unit = half[int(place(words, unit))] if unit else ptr32(own)[_HEAD]
+    value = ptr32(own)[_VALUE]
+    frame -= block * _BLOCK_FRAMES
+    mask = 1 << (frame & 15)
+    frame >>= 4
+    while unit:
+        at = int(place(words, unit))
+        if half[at + _BLOCK] != block:
+            break
+        i = at + _BITS + frame
+        if (value >> half[at + _BIT]) & 1:
+            half[i] = half[i] | mask
+        else:
+            half[i] = half[i] & (mask ^ 0xFFFF)
+        unit = half[at]
+
+
+@micropython.viper
+def _sweep(words, memory, own):
+    """Give back the units that are off in all frames."""
+    half = ptr16(memory)
+    word = ptr32(own)
+    word[_CURSOR] = 0
+    link = 0
+    unit = word[_HEAD]
+    while unit:
+        at = int(place(words, unit))
+        after = half[at]
+        on = 0
+        i = at + UNIT
+        while i > at + _BITS:
+            i -= 1
+            on |= half[i]
+        if on:
+            link = at
+        else:
+            give(memory, words, unit)
+            if link:
+                half[link] = after
+            else:
+                word[_HEAD] = after
+        unit = after
 
 
 class Triggers:
@@ -76,37 +162,35 @@ class Triggers:
     `ready`: whether a finished upload has triggers; until finish() none are read.
     """
 
-    def __init__(self, frames=0):
-        """frames: as for allocate()."""
-        self._words = array("i", [0] * _WORDS)
-        self.allocate(frames)
-
-    def allocate(self, frames):
-        """Allocate room for `frames` frames with triggers, 8 bytes each. Clears the store."""
-        self._table = array("i", bytes(8 * frames)) if CPYTHON else bytearray(8 * frames)
-        self._words[_CAPACITY] = frames
+    def __init__(self, store=None):
+        """store: as for allocate(), None: not yet."""
+        self._own = array("i", [0] * _WORDS)
+        self._memory = self._words = None
         self.clear()
+        if store:
+            self.allocate(store)
 
-    @property
-    def room(self):
-        """How many frames with triggers fit."""
-        return self._words[_CAPACITY]
+    def allocate(self, store):
+        """Share the memory of an UploadStore, which has been allocated.
+
+        Whatever empties the store, this must be emptied with it, by begin() or clear().
+        """
+        self._memory = store.memory
+        self._words = store.words
 
     def clear(self):
         """Forget the upload."""
-        words = self._words
-        words[_STATE] = EMPTY
-        words[_FRAMES] = 0
-        words[_HELD] = 0
-        words[_SENT] = 0
-        words[_MASK] = 0
+        own = self._own
+        for i in range(_WORDS):
+            own[i] = 0
+        own[_STATE] = EMPTY
         self.ready = False
 
     def begin(self, frames):
         """Begin the upload of a range of `frames` frames; the old one is gone."""
         self.clear()
-        self._words[_FRAMES] = min(frames, MOST_FRAMES)
-        self._words[_STATE] = LOADING
+        self._own[_FRAMES] = min(frames, MOST_FRAMES)
+        self._own[_STATE] = LOADING
 
     @micropython.viper
     def store(self, mask, source, at: int, count: int) -> int:
@@ -115,64 +199,91 @@ class Triggers:
         mask: an array('i') with MASK in its first word. The pairs of FRAME and VALUES, DWORDs, lie
         from source[at] on. Frames that are not sent have no trigger on; for a frame sent again, and
         for MASK, the latest counts. ERR_GENERAL unless an upload has begun. ERR_RANGE if the first
-        frame lies past the range, if any lies before it, and for more frames than fit. A refused
-        message changes nothing.
+        frame lies past the range, if any lies before it, and where they need more memory than there
+        is. A refused message changes nothing.
         """
+        own = self._own
         words = self._words
-        table = self._table
-        word = ptr32(words)
+        memory = self._memory
+        word = ptr32(own)
+        word[_ASKED] = 0
         if word[_STATE] != LOADING:
             return int(ERR_GENERAL)
         if count < 0:
             return int(ERR_RANGE)
-        if int(_reserve(words, table, source, at, count)) == 0:
-            _remove_marked(words, table)
-            return int(ERR_RANGE)
         sent = ptr8(source)
-        entries = ptr32(table)
-        held = word[_HELD]
-        while count > 0:
-            frame = sent[at] | (sent[at + 1] << 8) | (sent[at + 2] << 16)
-            if sent[at + 3] == 0 and frame < word[_FRAMES]:
-                i = int(first_key(table, 2, 1, held, frame)) * 2
-                entries[i] = frame << 1
-                entries[i + 1] = (
-                    sent[at + 4]
-                    | (sent[at + 5] << 8)
-                    | (sent[at + 6] << 16)
-                    | (((sent[at + 7] ^ 0x80) - 0x80) << 24)
+        end = at + count * 8
+        # twice: first only to find out whether it fits
+        writing = 0
+        while writing < 2:
+            i = at
+            while i < end:
+                frame = sent[i] | (sent[i + 1] << 8) | (sent[i + 2] << 16)
+                word[_VALUE] = (
+                    sent[i + 4]
+                    | (sent[i + 5] << 8)
+                    | (sent[i + 6] << 16)
+                    | (((sent[i + 7] ^ 0x80) - 0x80) << 24)
                 )
-            at += 8
-            count -= 1
+                fits = 1
+                if sent[i + 3] or frame >= word[_FRAMES]:
+                    if i == at or sent[i + 3] >> 7:
+                        fits = 0
+                elif writing:
+                    _write(words, memory, own, frame)
+                else:
+                    fits = int(_reserve(words, memory, own, frame))
+                    word[_ASKED] = 1 - fits
+                if fits == 0:
+                    _sweep(words, memory, own)
+                    return int(ERR_RANGE)
+                i += 8
+            writing += 1
         word[_MASK] = ptr32(mask)[0]
         word[_SENT] = 1
         return int(OK)
 
+    @property
+    def out_of_memory(self):
+        """Whether the message stored last was refused because memory was full."""
+        return self._own[_ASKED] != 0
+
     def finish(self):
         """End the upload, if one has begun: from now on it can be played."""
-        words = self._words
-        if words[_STATE] == LOADING:
-            words[_STATE] = READY
-            self.ready = words[_SENT] > 0
+        own = self._own
+        if own[_STATE] == LOADING:
+            own[_STATE] = READY
+            self.ready = own[_SENT] > 0
 
     @micropython.viper
     def mask_to(self, words, at: int):
         """Put the MASK of the triggers into the array('i') words[at]; 0 where there are none."""
-        word = ptr32(self._words)
+        word = ptr32(self._own)
         to = ptr32(words)
         to[at] = word[_MASK] if word[_STATE] == READY else 0
 
     @micropython.viper
     def values_to(self, index: int, words, at: int):
         """words[at] = the VALUES of frame `index` as they were sent, 0 if there are none."""
-        word = ptr32(self._words)
-        table = self._table
+        own = self._own
+        memory = self._memory
+        shared = self._words
+        word = ptr32(own)
         to = ptr32(words)
         to[at] = 0
-        if word[_STATE] != READY:
+        if word[_STATE] != READY or index < 0 or index >= word[_FRAMES]:
             return
-        held = word[_HELD]
-        i = int(first_key(table, 2, 1, held, index))
-        entries = ptr32(table)
-        if i < held and entries[i * 2] >> 1 == index:
-            to[at] = entries[i * 2 + 1]
+        half = ptr16(memory)
+        block = index // _BLOCK_FRAMES
+        unit = int(_before(shared, memory, own, block))
+        unit = half[int(place(shared, unit))] if unit else word[_HEAD]
+        index -= block * _BLOCK_FRAMES
+        value = 0
+        while unit:
+            i = int(place(shared, unit))
+            if half[i + _BLOCK] != block:
+                break
+            if (half[i + _BITS + (index >> 4)] >> (index & 15)) & 1:
+                value |= (-1 if half[i + _BIT] == 31 else 1) << half[i + _BIT]
+            unit = half[i]
+        to[at] = value

@@ -122,6 +122,16 @@ class UploadStore:
         for motor in range(RECORDS, len(words), RECORD_WORDS):
             words[motor + REGION] = -1
 
+    @property
+    def memory(self):
+        """The memory of chunks and units, which light levels and triggers share."""
+        return self._memory
+
+    @property
+    def words(self):
+        """The counters and buffers of that memory (upload_chunks.py)."""
+        return self._words
+
     def begin(self, start, end):
         """Begin the upload of scene frames `start` to `end` (spec: MSG_RT_UPLOAD_MOVE_BEGIN).
 
