@@ -133,11 +133,9 @@ What follows an OK:
   RT_END tells its end. POSITION_FRAME then sets lights and triggers only; JOG_ALL answers 16.
 * A device without DMX answers 13 to DMX and RT_UPLOAD_MOVE_DMX.
 
-What lights and triggers take: the board keeps changes, not frames. A channel takes one entry at its first level, one
-for each frame at which its level differs from the frame before, and one for each gap between sections; a frame with
-triggers takes one. Of the memory for uploads there is one entry for levels in every 140 bytes, one for triggers in
-every 1120; the rest holds positions. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing:
-the upload stays as it was, can be ended without it and run.
+Positions, light levels and triggers share one memory, first come, first served; [protocol-notes.md](protocol-notes.md),
+note 5.7, has the arithmetic. A section that does not fit is answered ERR_RANGE (0x0014) and changes nothing: the
+upload stays as it was, can be ended without it and run.
 """  # noqa: E501
 
 _DIAGRAM = """\

@@ -33,7 +33,7 @@ from host_tests.end_to_end.realtime import (
     turning,
     upload,
 )
-from host_tests.end_to_end.session import run_request, simulated, state
+from host_tests.end_to_end.session import run_request, simulated
 
 
 @pytest.mark.parametrize("fps", [12, 24, 29.97, 60])
@@ -75,45 +75,41 @@ def test_lights_in_a_loop(flags):
         assert_triggers(session, times, frames)
 
 
-def uploaded(session):
-    """All that is kept, without what a section on its way in is worked with."""
-    found = state(session)
-    found[".moves.levels._words"] = found[".moves.levels._words"][: 5 * 4]
-    return found
-
-
-def test_no_room_for_more_lights_and_triggers(monkeypatch):
-    """The stated capacity (docs/realtime.md): what goes beyond it is refused, the upload is kept,
-    and played."""
-    monkeypatch.setattr(host, "UPLOAD_BYTES", 140 * 8 * 5)  # 40 changes, 5 frames with triggers
+def test_no_room_for_more(monkeypatch):
+    """Positions, lights and triggers share one memory (docs/realtime.md): what goes beyond it is
+    refused, whichever it is, the upload is kept, and played."""
+    units = 37  # that one motor's 25 frames leave of the least that eight motors need
+    monkeypatch.setattr(host, "UPLOAD_BYTES", 2 * (69 + 17 * units))
     session = rig()
     session.accept(p.RtUploadMoveBegin(1, FRAMES))
     session.accept(p.RtUploadMoveAxis(1, p.LAST_SECTION, MOVE[1]))
     restless = np.where(np.arange(FRAMES) % 2, 250, 20)
-    session.accept(p.RtUploadMoveDmx(17, p.LAST_SECTION, restless))  # a change with each frame
-    session.accept(p.RtUploadMoveDmx(300, p.LAST_SECTION, LEVELS[300]))  # 4 more
-    kept = uploaded(session)
-    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(5, p.LAST_SECTION, restless[:12]))
-    assert uploaded(session) == kept
-    session.accept(p.RtUploadMoveDmx(5, p.LAST_SECTION, restless[:11]))
-    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(6, p.LAST_SECTION, [1]))
-    triggers = [p.Trigger(frame, on) for frame, on in TRIGGERS.items()]
-    assert len(triggers) == 6
-    kept = uploaded(session)
-    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(MASK, triggers))
-    assert uploaded(session) == kept
-    session.accept(p.RtUploadMoveTriggers(MASK, triggers[:5]))
-    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(MASK, triggers[5:]))
+    rows = {17: restless, 300: LEVELS[300]}  # a unit each
+    triggers = [p.Trigger(frame, on) for frame, on in TRIGGERS.items()]  # one for each output: 4
+    for channel, row in rows.items():
+        session.accept(p.RtUploadMoveDmx(channel, p.LAST_SECTION, row))
+    session.accept(p.RtUploadMoveTriggers(MASK, triggers))
+    for channel in range(101, 101 + units - 6):
+        session.accept(p.RtUploadMoveDmx(channel, p.LAST_SECTION, restless))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(5, p.LAST_SECTION, restless))
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveDmx(5, p.LAST_SECTION, [1]))
+    session.refuse(
+        p.Ack.ERR_RANGE, p.RtUploadMoveTriggers(MASK | 16, [p.Trigger(2, 7), p.Trigger(3, 16)])
+    )
+    session.refuse(p.Ack.ERR_RANGE, p.RtUploadMoveAxis(2, p.LAST_SECTION, MOVE[2]))
+    session.accept(p.RtUploadMoveDmx(17, p.LAST_SECTION, restless[::-1]))
     session.accept(p.RtUploadMoveEnd())
     before = go(session, run_request(24, 1, FRAMES, 300, 300, sync_dmx=1))
     to_the_end(session)
     verdict = judge_pass(session, 0, session.now, before, {1: MOVE[1]}, 24)
     times = frame_times(verdict, 24)
-    for channel, row in {17: restless, 300: LEVELS[300], 5: [*restless[:11], *[20] * 14]}.items():
+    rows[17] = restless[::-1]
+    for channel, row in {**rows, 101: restless, 100 + units - 6: restless}.items():
         assert_held(session, f"dmx{channel}", row, times)
     for bit in range(3):
-        on = [dict(list(TRIGGERS.items())[:5]).get(frame, 0) >> bit & 1 for frame in range(FRAMES)]
+        on = [TRIGGERS.get(frame, 0) >> bit & 1 for frame in range(FRAMES)]
         assert_held(session, f"gio{bit + 1}", on, times)
+    assert not edges(session, "dmx5"), "refused"
 
 
 def test_lights_left_alone():

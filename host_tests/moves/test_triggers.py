@@ -6,7 +6,7 @@ from host_tests.moves.lightplots import answers, triggers
 def test_triggers_in_any_order_and_again():
     answered = answers(
         *(
-            "NEW 1000",
+            "NEW 3000",
             "BEGIN 10",
             triggers(1, [(9, 1), (3, 2**32 - 1)]),
             triggers(2**31, [(0, 5), (9, 2), (9, 4)]),

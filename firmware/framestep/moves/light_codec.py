@@ -23,7 +23,7 @@ what the next one leaves it: what lies behind the next one's first frame is void
 from SCRATCH on, `own` is the block of LightLevels.
 """
 
-from framestep.moves.upload_chunks import FREE, FREE_COUNT, LINK, SIZE, UNIT, USED, VALUES
+from framestep.moves.upload_chunks import FREE, FREE_COUNT, SIZE, UNIT, USED, VALUES
 from framestep.native import const, micropython, ptr8, ptr16, ptr32
 
 SCRATCH = const(VALUES * 4)  # bytes: up to 193 levels, a section, up to 193 levels

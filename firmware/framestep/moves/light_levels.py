@@ -393,9 +393,7 @@ class LightLevels:
         heads = ptr16(self._heads)
         levels = self._levels
         marks = ptr8(self._marks)
-        _play(
-            0, index, self._memory, self._words, self._heads, self._cursors, levels, self._marks
-        )
+        _play(0, index, self._memory, self._words, self._heads, self._cursors, levels, self._marks)
         channel = 1
         while channel <= CHANNELS:
             first = channel

@@ -28,7 +28,7 @@ _HEAD = const(2)  # the first unit, 0: none
 _CURSOR = const(3)  # a unit that was before the block used last, 0: none
 _SENT = const(4)  # whether a message has come
 _MASK = const(5)
-_ASKED = const(6)  # units that the message refused last asked for, as far as they were counted
+_FULL = const(6)  # whether memory was full for the last message
 _VALUE = const(7)  # of the frame that is being stored: it need not be a small integer
 _WORDS = const(8)
 
@@ -36,6 +36,15 @@ _BLOCK_FRAMES = const(224)
 _BLOCK = const(1)  # half words of a unit
 _BIT = const(2)
 _BITS = const(3)
+
+
+@micropython.viper
+def _inside(sent: ptr8, i: int, frames: int) -> int:
+    """Whether the frame at sent[i] is one of the range's `frames`; it is not negative."""
+    if sent[i + 3]:
+        return 0
+    frame = sent[i] | (sent[i + 1] << 8) | (sent[i + 2] << 16)
+    return 1 if frame < frames else 0
 
 
 @micropython.viper
@@ -206,37 +215,39 @@ class Triggers:
         words = self._words
         memory = self._memory
         word = ptr32(own)
-        word[_ASKED] = 0
+        word[_FULL] = 0
         if word[_STATE] != LOADING:
             return int(ERR_GENERAL)
         if count < 0:
             return int(ERR_RANGE)
         sent = ptr8(source)
         end = at + count * 8
-        # twice: first only to find out whether it fits
+        i = at
+        while i < end:
+            if sent[i + 3] >> 7:
+                return int(ERR_RANGE)
+            if i == at and int(_inside(source, i, word[_FRAMES])) == 0:
+                return int(ERR_RANGE)
+            i += 8
+        # twice: first only to have memory for all of them
         writing = 0
         while writing < 2:
             i = at
             while i < end:
-                frame = sent[i] | (sent[i + 1] << 8) | (sent[i + 2] << 16)
-                word[_VALUE] = (
-                    sent[i + 4]
-                    | (sent[i + 5] << 8)
-                    | (sent[i + 6] << 16)
-                    | (((sent[i + 7] ^ 0x80) - 0x80) << 24)
-                )
-                fits = 1
-                if sent[i + 3] or frame >= word[_FRAMES]:
-                    if i == at or sent[i + 3] >> 7:
-                        fits = 0
-                elif writing:
-                    _write(words, memory, own, frame)
-                else:
-                    fits = int(_reserve(words, memory, own, frame))
-                    word[_ASKED] = 1 - fits
-                if fits == 0:
-                    _sweep(words, memory, own)
-                    return int(ERR_RANGE)
+                if int(_inside(source, i, word[_FRAMES])):
+                    frame = sent[i] | (sent[i + 1] << 8) | (sent[i + 2] << 16)
+                    word[_VALUE] = (
+                        sent[i + 4]
+                        | (sent[i + 5] << 8)
+                        | (sent[i + 6] << 16)
+                        | (((sent[i + 7] ^ 0x80) - 0x80) << 24)
+                    )
+                    if writing:
+                        _write(words, memory, own, frame)
+                    elif int(_reserve(words, memory, own, frame)) == 0:
+                        _sweep(words, memory, own)
+                        word[_FULL] = 1
+                        return int(ERR_RANGE)
                 i += 8
             writing += 1
         word[_MASK] = ptr32(mask)[0]
@@ -246,7 +257,7 @@ class Triggers:
     @property
     def out_of_memory(self):
         """Whether the message stored last was refused because memory was full."""
-        return self._own[_ASKED] != 0
+        return self._own[_FULL] != 0
 
     def finish(self):
         """End the upload, if one has begun: from now on it can be played."""

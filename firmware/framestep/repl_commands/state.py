@@ -1,6 +1,7 @@
 """status(), io(), rig(): the state of controller, pins and settings."""
 
 from framestep import boot, texts
+from framestep.moves.upload_chunks import SIZE, UNIT, room
 from framestep.moves.upload_store import READY as UPLOADED
 from framestep.protocol import messages as m
 from framestep.repl_commands import between, dead, operation, refusal
@@ -27,10 +28,12 @@ def _report():
     if controller.drivers:
         lines += controller.drivers.states_in_words()
     store = controller.moves.store
-    room = controller.moves.levels.room, controller.moves.triggers.room
     kept = store.end - store.start + 1 if store.state == UPLOADED else 0
     lines.append("uploaded: %d frames, room for %d" % (kept, controller.moves.upload_frames))
-    lines.append("room for %d changes of light and %d frames with triggers" % room)
+    lines.append(
+        "of %d bytes for positions, lights and triggers %d are free"
+        % (2 * store.words[SIZE], 2 * UNIT * room(store.words))
+    )
     return lines
 
 
