@@ -36,9 +36,9 @@ _PLAIN = const(28)
 _KIND_RUNS = const(0)
 _KIND_PLAIN = const(4)
 # A unit's half words
-_START = const(1)
-_SHAPE = const(2)  # high byte; the low byte is of the start
-_BODY = const(3)
+START = const(1)
+SHAPE = const(2)  # high byte; the low byte is of the start
+BODY = const(3)
 _CODES = const(5)
 
 # Words of `own` that the codec uses
@@ -78,20 +78,20 @@ def give(memory: ptr16, words: ptr32, unit: int):
 @micropython.viper
 def start_of(memory: ptr16, at: int) -> int:
     """The first frame of the unit at memory[at]."""
-    return memory[at + _START] | ((memory[at + _SHAPE] & 0xFF) << 16)
+    return memory[at + START] | ((memory[at + SHAPE] & 0xFF) << 16)
 
 
 @micropython.viper
 def span_of(i: int, span: int, memory: ptr16, at: int) -> int:
     """How many frames the unit at memory[at] has levels for."""
-    shape = memory[at + _SHAPE] >> 8
+    shape = memory[at + SHAPE] >> 8
     if shape >> 5 == _KIND_PLAIN:
         return shape & 31
     if shape >> 5:
-        return memory[at + _BODY] & 0xFF
+        return memory[at + BODY] & 0xFF
     span = 0
-    i = at + _BODY + 2 * shape
-    while i > at + _BODY:
+    i = at + BODY + 2 * shape
+    while i > at + BODY:
         i -= 2
         span += (memory[i + 0] >> 8) | (memory[i + 1] << 8)
     return span
@@ -102,15 +102,15 @@ def level_of(i: int, n: int, memory, at: int) -> int:
     """The level of frame `n` of the unit at memory[at], counted from its first; behind its last one
     that of the last."""
     half = ptr16(memory)
-    shape = half[at + _SHAPE] >> 8
+    shape = half[at + SHAPE] >> 8
     kind = shape >> 5
     if n < 0:
         n = 0
     if kind == _KIND_PLAIN:
         if n >= shape & 31:
             n = (shape & 31) - 1
-        return ptr8(memory)[2 * (at + _BODY) + n]
-    i = at + _BODY
+        return ptr8(memory)[2 * (at + BODY) + n]
+    i = at + BODY
     if kind == _KIND_RUNS:
         at = i + 2 * shape - 2
         while i < at:
@@ -196,11 +196,11 @@ def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: in
     levels = ptr8(words)
     kind = own[KIND]
     count = own[COUNT]
-    half[to + _START] = start & 0xFFFF
+    half[to + START] = start & 0xFFFF
     start >>= 16
     end = at + count
     i = at
-    at = to + _BODY
+    at = to + BODY
     if kind == _KIND_RUNS:
         runs = 0
         while i < end:
@@ -213,9 +213,9 @@ def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: in
             half[at + 1] = length >> 8
             at += 2
             runs += 1
-        half[to + _SHAPE] = start | (runs << 8)
+        half[to + SHAPE] = start | (runs << 8)
     elif kind == _KIND_PLAIN:
-        half[to + _SHAPE] = start | (_KIND_PLAIN << 13) | (count << 8)
+        half[to + SHAPE] = start | (_KIND_PLAIN << 13) | (count << 8)
         plane = ptr8(memory)
         at *= 2
         while i < end:
@@ -223,7 +223,7 @@ def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: in
             at += 1
             i += 1
     else:
-        half[to + _SHAPE] = start | (kind << 13)
+        half[to + SHAPE] = start | (kind << 13)
         half[at] = count | (levels[i + 0] << 8)
         low = own[LOW]
         half[at + 1] = low & 0xFF
@@ -245,10 +245,10 @@ def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: in
 @micropython.viper
 def put_run(memory: ptr16, to: int, start: int, level: int, length: int):
     """Write a unit of one run to memory[to]."""
-    memory[to + _START] = start & 0xFFFF
-    memory[to + _SHAPE] = (start >> 16) | 0x100
-    memory[to + _BODY] = level | ((length & 0xFF) << 8)
-    memory[to + _BODY + 1] = length >> 8
+    memory[to + START] = start & 0xFFFF
+    memory[to + SHAPE] = (start >> 16) | 0x100
+    memory[to + BODY] = level | ((length & 0xFF) << 8)
+    memory[to + BODY + 1] = length >> 8
 
 
 @micropython.viper
@@ -256,7 +256,7 @@ def cut_runs(i: int, before: int, memory: ptr16, at: int, inside: int, length: i
     """The run with the last of the first `inside` frames of the unit of runs at memory[at] is its
     last one now, and goes on so that the unit has `length` frames."""
     before = 0
-    i = at + _BODY
+    i = at + BODY
     while True:
         behind = before + ((memory[i + 0] >> 8) | (memory[i + 1] << 8))
         if behind >= inside:
@@ -266,16 +266,16 @@ def cut_runs(i: int, before: int, memory: ptr16, at: int, inside: int, length: i
     length -= before
     memory[i + 0] = (memory[i + 0] & 0xFF) | ((length & 0xFF) << 8)
     memory[i + 1] = length >> 8
-    runs = (i - at - _BODY + 2) >> 1
-    memory[at + _SHAPE] = (memory[at + _SHAPE] & 0xFF) | (runs << 8)
+    runs = (i - at - BODY + 2) >> 1
+    memory[at + SHAPE] = (memory[at + SHAPE] & 0xFF) | (runs << 8)
 
 
 @micropython.viper
 def behead_runs(i: int, by: int, memory: ptr16, at: int, start: int):
     """Take the first `by` frames off the unit of runs at memory[at], which has more; it begins at
     frame `start` now."""
-    runs = memory[at + _SHAPE] >> 8
-    i = at + _BODY
+    runs = memory[at + SHAPE] >> 8
+    i = at + BODY
     while True:
         length = (memory[i + 0] >> 8) | (memory[i + 1] << 8)
         if length > by:
@@ -286,9 +286,9 @@ def behead_runs(i: int, by: int, memory: ptr16, at: int, start: int):
     length -= by
     memory[i + 0] = (memory[i + 0] & 0xFF) | ((length & 0xFF) << 8)
     memory[i + 1] = length >> 8
-    memory[at + _START] = start & 0xFFFF
-    memory[at + _SHAPE] = (start >> 16) | (runs << 8)
-    at += _BODY
+    memory[at + START] = start & 0xFFFF
+    memory[at + SHAPE] = (start >> 16) | (runs << 8)
+    at += BODY
     runs += runs
     while runs > 0:
         memory[at] = memory[i + 0]

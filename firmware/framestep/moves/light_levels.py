@@ -12,10 +12,13 @@ are small integers. An index counts from 0 at the first frame of the range (fiel
 from array import array
 
 from framestep.moves.light_codec import (
+    BODY,
     COUNT,
     KIND,
     SCRATCH,
+    SHAPE,
     SHORT,
+    START,
     behead_runs,
     cover,
     cut_runs,
@@ -117,16 +120,17 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
         unit = heads[channel]
         if unit == 0:
             continue
+        # calls take long here: this goes through all units at worst
         if cursor[channel]:
             at = top - cursor[channel] * UNIT
-            if index >= int(start_of(memory, at)):
+            if index >= half[at + START] | ((half[at + SHAPE] & 0xFF) << 16):
                 unit = cursor[channel]
         at = top - unit * UNIT
-        start = int(start_of(memory, at))
+        start = half[at + START] | ((half[at + SHAPE] & 0xFF) << 16)
         after = half[at]
         while after:
             to = top - after * UNIT
-            begins = int(start_of(memory, to))
+            begins = half[to + START] | ((half[to + SHAPE] & 0xFF) << 16)
             if begins > index:
                 break
             at = to
@@ -134,7 +138,10 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
             unit = after
             after = half[at]
         cursor[channel] = unit
-        now = int(level_of(0, index - start, memory, at))
+        if half[at + SHAPE] >> 8 == 1:  # still
+            now = half[at + BODY] & 0xFF
+        else:
+            now = int(level_of(0, index - start, memory, at))
         if now != level[channel]:
             level[channel] = now
             mark[channel] = _MARK
