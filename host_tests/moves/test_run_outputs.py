@@ -61,7 +61,7 @@ class Levels:
         self.asked.append(index)
         lights.set(1, self.levels[index])
 
-    def step(self, index, backward, lights):
+    def step(self, index, lights):
         self.seek(index, lights)
 
 
