@@ -1,0 +1,59 @@
+"""The frozen image: positions, light levels and triggers of a long move share memory, and are
+played."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from framestep_tools import payloads as p
+from framestep_tools.boards import EmulatedBoard
+from host_tests.board.test_io import DMX_PIN, Wire
+from host_tests.end_to_end.session import Session, run_request
+
+FRAMES, MOTORS, CHANNELS, FPS = 2000, 8, 32, 24
+FIRST, LAST = 1970, 1984  # scene frames that are played
+
+
+def changes(levels):
+    """The levels that differ from the one before."""
+    return [int(new) for old, new in pairwise(levels) if new != old]
+
+
+def test_two_thousand_frames_with_lights_and_triggers():
+    """Eight motors, 32 channels that change at random at each frame and a trigger on each one fit;
+    what is played is seen on the wire and on the pins."""
+    random = np.random.default_rng(14)
+    levels = random.integers(0, 256, (CHANNELS, FRAMES))
+    outputs = random.integers(0, 4, FRAMES)
+    times = np.arange(FRAMES)
+    moves = [np.rint(800 * np.sin(times / (20 + 3 * motor))).astype(int) for motor in range(MOTORS)]
+    rig = {"outputs": [{"pin": 26}, {"pin": 27}]}
+    with EmulatedBoard(rig, frozen=True) as board:
+        session = Session(board, motors=MOTORS, reply_s=0.1)
+        assert session.client.request(p.Hi()).upload_frames >= 10_000
+        session.accept(p.RtUploadMoveBegin(1, FRAMES))
+        for motor, steps in enumerate(moves, 1):
+            session.speed(motor, 50_000, 200_000)
+            for at in range(0, FRAMES, 250):
+                session.accept(p.RtUploadMoveAxis(motor, at, steps[at : at + 250]))
+        for channel, row in enumerate(levels, 1):
+            for at in range(0, FRAMES, 1000):
+                session.accept(p.RtUploadMoveDmx(channel, at, row[at : at + 1000]))
+        for at in range(0, FRAMES, 100):
+            pairs = [p.Trigger(i, int(outputs[i])) for i in range(at, at + 100)]
+            session.accept(p.RtUploadMoveTriggers(3, pairs))
+        session.accept(p.RtUploadMoveEnd())
+        session.ready(run_request(FPS, FIRST, LAST, 500, 500, sync_dmx=1))
+        wire = Wire(board)
+        wire.emulator.trace_start([DMX_PIN, 26, 27])
+        session.accept(p.RtGo())
+        session.client.wait_event(p.RtEnd, 20)
+        records = wire.emulator.trace_read()
+    sent = [slots[1 : CHANNELS + 1] for _, _, _, slots, _ in wire.frames(records)]
+    rows = [bytes(levels[:, at].tolist()) for at in range(FIRST - 1, LAST)]
+    seen = [slots for i, slots in enumerate(sent) if slots in rows and slots not in sent[:i]]
+    assert seen == rows, "the levels of each frame, in order"
+    for bit, pin in enumerate((26, 27)):
+        mine = records[records["pin"] == pin]
+        wanted = [0, *(outputs[FIRST - 1 : LAST] >> bit & 1), 0]
+        assert changes([0, *mine["level"]]) == changes(wanted)
