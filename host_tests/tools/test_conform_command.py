@@ -24,8 +24,8 @@ class Port(LockstepPort):
 
     def read(self, size=1):
         data = super().read(size)
-        self.made += sum(name == "m1" for _, name, _ in self.board._edges)
-        if self.at and self.made > self.after:
+        made = sum(name == "m1" for _, name, _ in self.board._edges)
+        if self.at and made - self.made > self.after:
             at, self.at = self.at, None
             at()
         return data
@@ -122,7 +122,7 @@ def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
         said.append(text)
         what = re.search(r"(input|upper limit|lower limit) 1|E-stop", text)[0]
         if text.startswith("Motor 1"):
-            port.made = 0
+            port.made = sum(name == "m1" for _, name, _ in board._edges)
             port.at = lambda: switches.press(what, True)
         else:
             switches.press(what, text.startswith("Press"))
@@ -135,6 +135,7 @@ def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
     assert (status, err) == (DONE, "")
     assert out == "24 checks: 24 passed, 0 left out, 0 reading, 0 departs, 0 fault\n"
     assert "Let go of the E-stop; then Enter" in said
+    assert not any(text.startswith("Press the lower limit") for text in said)  # it was, under way
 
 
 def test_a_row_that_is_being_written_is_left_out(tmp_path, monkeypatch):
@@ -158,17 +159,20 @@ def test_an_unknown_subject(conform):
     assert "weather is none of edges, framing" in err
 
 
-def test_ctrl_c_brings_the_motors_to_rest(conform, board):
+def test_ctrl_c_brings_the_motors_to_rest(conform, board, monkeypatch):
     def interrupt():
         raise KeyboardInterrupt
 
     port = Port(board, interrupt)
     port.close = lambda: None  # a lost host would stop them, too
-    status, _, _ = conform("--subject", "motors", port=port)
+    far = kit.Check("motors", "a long move", "MSG_MOTOR_MOVE", lambda bench: bench.go(1, 900))
+    monkeypatch.setattr(kit, "every_check", lambda: [far])
+    status, _, _ = conform(port=port)
     assert status == INTERRUPTED
     assert board.host_board.moving()
-    board.run_until(board.now_ns + 500_000_000)
+    board.run_until(board.now_ns + 300_000_000)
     assert not board.host_board.moving()
+    assert 150 < board.host_board.steps(0) < 400
 
 
 def test_a_connection_that_is_lost_is_one_sentence(conform, board):
