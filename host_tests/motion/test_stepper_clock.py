@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from framestep.motion import stepper
-from host_tests.motion.edges import GRID_US, at_rest, errors_us, moving
+from host_tests.motion.edges import GRID_US, at_rest, errors_us, moving, steady
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
-from host_tests.motion.profiles import Profile, trapezoid
+from host_tests.motion.profiles import ONE, Profile, trapezoid
 
 
 @pytest.mark.parametrize("late_us", [30, 200, 1000, 1500, 1750])
@@ -68,6 +68,32 @@ def test_hole_in_time(hole_us, phase_us, rate, brake):
     start = bench.play([profile.segments()])
     assert np.abs(errors_us(bench, start, profile, made=made)).max() < 2
     at_rest(bench)
+
+
+@pytest.mark.parametrize("part", [0, 1, 2, 3])
+@pytest.mark.parametrize("rate", [5_000, -5_000, 4_300, -12_700, 1_500])
+def test_hole_between_two_steps(rate, part):
+    """Wherever between two steps it was, a motor goes on no faster than it went."""
+    brake = Fraction(1, 50)
+    bench = Bench(jitter_us=0).settle()
+    block = bench.block()
+    block[stepper.BRAKE] = int(brake * ONE)
+    p = Fraction(part, 4)
+    block[stepper.FRACTION] = int(p * ONE)
+    bench.play([steady(rate, 400, p=p).segments(rest=False)], 50)
+    dry = bench.engines[0].free_at
+    before = len(bench.engines[0].rises)
+    bench.off(0, 3000)
+    bench.run(1000)
+    times, ways = bench.times()
+    assert block[stepper.MODE] == stepper.IDLE
+    assert block[stepper.FAULT] == stepper.FAULT_LATE
+    assert (ways == np.sign(rate)).all()
+    assert len(times) == abs(block[stepper.POSITION])
+    rates = 1e6 * PER_US / np.diff(np.concatenate([[dry], times[before:]]))
+    assert len(rates) > 20
+    assert rates.max() < abs(rate) * 1.01
+    assert (np.diff(rates[1:]) < 0.01 * abs(rate) + 5).all()
 
 
 def test_hole_at_rest_is_no_fault():

@@ -146,6 +146,9 @@ class Header(array):
                     else:
                         d = d - m[DECEL] * missed
                     m[VELOCITY] = (d ^ s) - s
+                    # The pulses of the first tick are spread from its start on. With a part of a
+                    # step made already they would be too fast; a stop has no need of it.
+                    m[FRACTION] = 0
                     m[READ_INDEX] = m[WRITE_INDEX]
                     m[LEFT] = 0
                     m[MODE] = RUN | STOP | START  # the engine first, then a stop
