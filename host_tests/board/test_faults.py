@@ -109,10 +109,11 @@ def ramped_down(found, motor, before, failed, within):
 def starts_again(found):
     """After a reset: the board comes up, the host opens its port and is greeted."""
     emulator = found.board.emulator
+    # from here on: where the port is still open, the board may tell all before it is opened again
+    found.client.events.clear()
     emulator.wait_usb(after=emulator.ns, ports=2)
     found.leave()
     found.board.run_until(emulator.ns + 10_000_000)
-    found.client.events.clear()
     found.come_back()
     found.client.wait_event(p.DeviceInfo)
 

@@ -42,13 +42,13 @@ BODY = const(3)
 _CODES = const(5)
 
 # Words of `own` that the codec uses
-KIND = const(0)  # of the unit that cover() chose
+KIND = const(0)  # of the unit that choose() chose
 COUNT = const(1)  # its frames
 LOW = const(2)  # its smallest change
 
 
 @micropython.viper
-def place(words: ptr32, unit: int) -> int:
+def locate(words: ptr32, unit: int) -> int:
     """Where unit `unit` lies, in half words."""
     return words[SIZE] - unit * UNIT
 
@@ -68,7 +68,7 @@ def take(memory: ptr16, words: ptr32) -> int:
 
 
 @micropython.viper
-def give(memory: ptr16, words: ptr32, unit: int):
+def forget(memory: ptr16, words: ptr32, unit: int):
     """Give a unit back to the pool."""
     memory[words[SIZE] - unit * UNIT] = words[FREE]
     words[FREE] = unit
@@ -76,13 +76,13 @@ def give(memory: ptr16, words: ptr32, unit: int):
 
 
 @micropython.viper
-def start_of(memory: ptr16, at: int) -> int:
+def first(memory: ptr16, at: int) -> int:
     """The first frame of the unit at memory[at]."""
     return memory[at + START] | ((memory[at + SHAPE] & 0xFF) << 16)
 
 
 @micropython.viper
-def span_of(i: int, span: int, memory: ptr16, at: int) -> int:
+def length(i: int, span: int, memory: ptr16, at: int) -> int:
     """How many frames the unit at memory[at] has levels for."""
     shape = memory[at + SHAPE] >> 8
     if shape >> 5 == _KIND_PLAIN:
@@ -141,7 +141,7 @@ def level_of(i: int, n: int, memory, at: int) -> int:
 
 
 @micropython.viper
-def cover(i: int, end: int, words, own: ptr32, at: int):
+def choose(i: int, end: int, words, own: ptr32, at: int):
     """Choose the unit that covers the most of the levels `at` to `end` of `words`, and set KIND,
     COUNT and LOW."""
     levels = ptr8(words)
@@ -190,7 +190,7 @@ def cover(i: int, end: int, words, own: ptr32, at: int):
 
 @micropython.viper
 def put(i: int, end: int, memory, words, own: ptr32, to: int, start: int, at: int):
-    """Write the unit that cover() chose for the levels from `at` on to memory[to], as from frame
+    """Write the unit that choose() chose for the levels from `at` on to memory[to], as from frame
     `start` on."""
     half = ptr16(memory)
     levels = ptr8(words)

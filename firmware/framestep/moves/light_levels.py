@@ -20,15 +20,15 @@ from framestep.moves.light_codec import (
     SHORT,
     START,
     behead_runs,
-    cover,
+    choose,
     cut_runs,
-    give,
+    first,
+    forget,
+    length,
     level_of,
-    place,
+    locate,
     put,
     put_run,
-    span_of,
-    start_of,
     take,
 )
 from framestep.moves.upload_chunks import UNIT, room
@@ -52,8 +52,7 @@ _STATE = const(3)
 _FRAMES = const(4)  # of the range
 _IN_USE = const(5)  # channels that have data
 _HOLD = const(6)  # frames behind a section that get its final level
-_ASKED = const(7)  # units that a section needs besides those that it sets free
-_WORDS = const(8)
+_WORDS = const(7)
 
 
 @micropython.viper
@@ -77,7 +76,7 @@ def _needed(at: int, end: int, words, own) -> int:
     units = 0
     word[KIND] = 0
     while at < end:
-        cover(0, end, words, own, at)
+        choose(0, end, words, own, at)
         at += word[COUNT]
         units += 1
     if word[_HOLD] and word[KIND]:
@@ -111,7 +110,7 @@ def _play(unit: int, index: int, memory, words, block, cursors, levels, marks) -
         index = 0
     elif index > MOST_FRAMES:
         index = MOST_FRAMES
-    top = int(place(words, 0))
+    top = int(locate(words, 0))
     first = 0
     last = 0
     channel = 0
@@ -162,10 +161,10 @@ def _write(at: int, end: int, memory, words, own, heads, link: int, start: int) 
     hold = word[_HOLD]
     inside = 0
     while at < end:
-        cover(0, end, words, own, at)
+        choose(0, end, words, own, at)
         unit = int(take(memory, words))
         _hang(memory, heads, link, unit)
-        link = int(place(words, unit))
+        link = int(locate(words, unit))
         put(0, 0, memory, words, own, link, start, at)
         at += word[COUNT]
         start += word[COUNT]
@@ -174,7 +173,7 @@ def _write(at: int, end: int, memory, words, own, heads, link: int, start: int) 
         if word[KIND]:
             unit = int(take(memory, words))
             _hang(memory, heads, link, unit)
-            link = int(place(words, unit))
+            link = int(locate(words, unit))
             put_run(memory, link, start, ptr8(words)[end - 1], hold)
         else:
             cut_runs(0, 0, memory, link, inside, inside + hold)
@@ -214,11 +213,6 @@ class LightLevels:
         """How many channels have data."""
         return self._own[_IN_USE]
 
-    @property
-    def asked(self):
-        """Units that the section refused last asked for, 0 if it was refused for another reason."""
-        return self._own[_ASKED]
-
     @micropython.viper
     def clear(self):
         """Forget the upload."""
@@ -226,7 +220,6 @@ class LightLevels:
         own[_STATE] = EMPTY
         own[_FRAMES] = 0
         own[_IN_USE] = 0
-        own[_ASKED] = 0
         heads = ptr16(self._heads)
         channel = 0
         while channel <= CHANNELS:
@@ -257,7 +250,6 @@ class LightLevels:
         """
         own = self._own
         word = ptr32(own)
-        word[_ASKED] = 0
         frames = word[_FRAMES]
         if word[_STATE] != LOADING:
             return int(ERR_GENERAL)
@@ -281,18 +273,18 @@ class LightLevels:
         unit = heads[channel]
         front = 0
         before = 0
-        while unit and int(start_of(memory, int(place(words, unit)))) < index:
+        while unit and int(first(memory, int(locate(words, unit)))) < index:
             before = front
             front = unit
-            unit = half[int(place(words, unit))]
+            unit = half[int(locate(words, unit))]
         # from here to `behind` the units go; `tail` may hold levels for the frames behind
         gone = unit
         tail = front
         freed = 0
-        while unit and (last or int(start_of(memory, int(place(words, unit)))) <= stop):
+        while unit and (last or int(first(memory, int(locate(words, unit)))) <= stop):
             tail = unit
             freed += 1
-            unit = half[int(place(words, unit))]
+            unit = half[int(locate(words, unit))]
         behind = unit
         # What was stored just before is written anew together with the section, if it is short;
         # if it is long it is runs, and the last of them may go on.
@@ -301,9 +293,9 @@ class LightLevels:
         inside = 0  # frames that stay of a long unit before
         opened = 0
         if front:
-            unit = int(place(words, front))
-            inside = index - int(start_of(memory, unit))
-            if int(span_of(0, 0, memory, unit)) < inside:
+            unit = int(locate(words, front))
+            inside = index - int(first(memory, unit))
+            if int(length(0, 0, memory, unit)) < inside:
                 inside = 0  # a gap lies between
             elif inside <= SHORT:
                 to = int(_decode(0, to, memory, words, unit, inside))
@@ -321,11 +313,11 @@ class LightLevels:
         # what lies behind, alike
         cut = 0
         if last == 0 and tail:
-            unit = int(place(words, tail))
-            cut = stop - int(start_of(memory, unit))
-            count = int(span_of(0, 0, memory, unit))
+            unit = int(locate(words, tail))
+            cut = stop - int(first(memory, unit))
+            count = int(length(0, 0, memory, unit))
             if behind:
-                before = int(start_of(memory, int(place(words, behind)))) - stop + cut
+                before = int(first(memory, int(locate(words, behind)))) - stop + cut
                 if count > before:
                     count = before
             if count - cut > SHORT:
@@ -341,7 +333,7 @@ class LightLevels:
             tail = 0
         more = 0
         if inside:
-            at = int(level_of(0, inside - 1, memory, int(place(words, front))))
+            at = int(level_of(0, inside - 1, memory, int(locate(words, front))))
             while begin < to and levels[begin] == at:
                 begin += 1
                 more += 1
@@ -352,27 +344,26 @@ class LightLevels:
         if tail:
             count += 1
         if count > int(room(words)):
-            word[_ASKED] = count
             return int(ERR_RANGE)
         if opened:
-            give(memory, words, opened)
+            forget(memory, words, opened)
         while gone != behind:
-            unit = half[int(place(words, gone))]
-            give(memory, words, gone)
+            unit = half[int(locate(words, gone))]
+            forget(memory, words, gone)
             gone = unit
         ptr16(self._cursors)[channel] = 0
         if heads[channel] == 0:
             word[_IN_USE] += 1
         link = -channel
         if front:
-            link = int(place(words, front))
+            link = int(locate(words, front))
             if inside:
                 cut_runs(0, 0, memory, link, inside, inside + more)
         link = int(_write(begin, to, memory, words, own, heads_, link, start))
         if tail:
             unit = int(take(memory, words))
             _hang(memory, heads_, link, unit)
-            link = int(place(words, unit))
+            link = int(locate(words, unit))
             at = 1
             while at < UNIT:
                 half[link + at] = ptr32(words)[_SAVED + at]

@@ -15,7 +15,7 @@ range (field note 5.1).
 
 from array import array
 
-from framestep.moves.light_codec import give, place, take
+from framestep.moves.light_codec import forget, locate, take
 from framestep.moves.light_levels import EMPTY, LOADING, MOST_FRAMES, READY
 from framestep.moves.upload_chunks import UNIT, room
 from framestep.native import const, micropython, ptr8, ptr16, ptr32
@@ -28,9 +28,8 @@ _HEAD = const(2)  # the first unit, 0: none
 _CURSOR = const(3)  # a unit that was before the block used last, 0: none
 _SENT = const(4)  # whether a message has come
 _MASK = const(5)
-_FULL = const(6)  # whether memory was full for the last message
-_VALUE = const(7)  # of the frame that is being stored: it need not be a small integer
-_WORDS = const(8)
+_VALUE = const(6)  # of the frame that is being stored: it need not be a small integer
+_WORDS = const(7)
 
 _BLOCK_FRAMES = const(224)
 _BLOCK = const(1)  # half words of a unit
@@ -53,11 +52,11 @@ def _before(words, memory, own, block: int) -> int:
     half = ptr16(memory)
     word = ptr32(own)
     unit = word[_CURSOR]
-    if unit and half[int(place(words, unit)) + _BLOCK] >= block:
+    if unit and half[int(locate(words, unit)) + _BLOCK] >= block:
         unit = 0
-    after = half[int(place(words, unit))] if unit else word[_HEAD]
+    after = half[int(locate(words, unit))] if unit else word[_HEAD]
     while after:
-        at = int(place(words, after))
+        at = int(locate(words, after))
         if half[at + _BLOCK] >= block:
             break
         unit = after
@@ -72,7 +71,7 @@ def _insert(words, memory, own, before: int, block: int, bit: int):
     half = ptr16(memory)
     word = ptr32(own)
     unit = int(take(memory, words))
-    at = int(place(words, unit))
+    at = int(locate(words, unit))
     i = at + UNIT
     while i > at:
         i -= 1
@@ -80,7 +79,7 @@ def _insert(words, memory, own, before: int, block: int, bit: int):
     half[at + _BLOCK] = block
     half[at + _BIT] = bit
     if before:
-        i = int(place(words, before))
+        i = int(locate(words, before))
         half[at] = half[i]
         half[i] = unit
     else:
@@ -94,10 +93,10 @@ def _reserve(words, memory, own, frame: int) -> int:
     half = ptr16(memory)
     block = frame // _BLOCK_FRAMES
     before = int(_before(words, memory, own, block))
-    unit = half[int(place(words, before))] if before else ptr32(own)[_HEAD]
+    unit = half[int(locate(words, before))] if before else ptr32(own)[_HEAD]
     has = 0
     while unit:
-        at = int(place(words, unit))
+        at = int(locate(words, unit))
         if half[at + _BLOCK] != block:
             break
         # -1 << 31 where 1 << 31 would leave 32 bits
@@ -121,13 +120,13 @@ def _write(words, memory, own, frame: int):
     half = ptr16(memory)
     block = frame // _BLOCK_FRAMES
     unit = int(_before(words, memory, own, block))
-    unit = half[int(place(words, unit))] if unit else ptr32(own)[_HEAD]
+    unit = half[int(locate(words, unit))] if unit else ptr32(own)[_HEAD]
     value = ptr32(own)[_VALUE]
     frame -= block * _BLOCK_FRAMES
     mask = 1 << (frame & 15)
     frame >>= 4
     while unit:
-        at = int(place(words, unit))
+        at = int(locate(words, unit))
         if half[at + _BLOCK] != block:
             break
         i = at + _BITS + frame
@@ -147,7 +146,7 @@ def _sweep(words, memory, own):
     link = 0
     unit = word[_HEAD]
     while unit:
-        at = int(place(words, unit))
+        at = int(locate(words, unit))
         after = half[at]
         on = 0
         i = at + UNIT
@@ -157,7 +156,7 @@ def _sweep(words, memory, own):
         if on:
             link = at
         else:
-            give(memory, words, unit)
+            forget(memory, words, unit)
             if link:
                 half[link] = after
             else:
@@ -215,7 +214,6 @@ class Triggers:
         words = self._words
         memory = self._memory
         word = ptr32(own)
-        word[_FULL] = 0
         if word[_STATE] != LOADING:
             return int(ERR_GENERAL)
         if count < 0:
@@ -246,18 +244,12 @@ class Triggers:
                         _write(words, memory, own, frame)
                     elif int(_reserve(words, memory, own, frame)) == 0:
                         _sweep(words, memory, own)
-                        word[_FULL] = 1
                         return int(ERR_RANGE)
                 i += 8
             writing += 1
         word[_MASK] = ptr32(mask)[0]
         word[_SENT] = 1
         return int(OK)
-
-    @property
-    def out_of_memory(self):
-        """Whether the message stored last was refused because memory was full."""
-        return self._own[_FULL] != 0
 
     def finish(self):
         """End the upload, if one has begun: from now on it can be played."""
@@ -287,11 +279,11 @@ class Triggers:
         half = ptr16(memory)
         block = index // _BLOCK_FRAMES
         unit = int(_before(shared, memory, own, block))
-        unit = half[int(place(shared, unit))] if unit else word[_HEAD]
+        unit = half[int(locate(shared, unit))] if unit else word[_HEAD]
         index -= block * _BLOCK_FRAMES
         value = 0
         while unit:
-            i = int(place(shared, unit))
+            i = int(locate(shared, unit))
             if half[i + _BLOCK] != block:
                 break
             if (half[i + _BITS + (index >> 4)] >> (index & 15)) & 1:
