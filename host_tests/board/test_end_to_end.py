@@ -88,7 +88,7 @@ def test_form_of_the_answers(session):
 
 
 def test_form_of_the_answers_in_the_other_dialect():
-    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False) as board:
+    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False, frozen=True) as board:
         assert_form(Session(board, reply_s=0.1), wide=True)
 
 
