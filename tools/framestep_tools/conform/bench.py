@@ -226,6 +226,14 @@ class Bench:
             for i in range(FRAMES)
         ]
 
+    def off_path(self, frame: int, position: Position) -> str:
+        """Which uploaded motor is more than a step beside its path at a frame, "" if none is."""
+        for motor in range(1, min(2, self.hello.motors) + 1):
+            stands, uploaded = position.steps[motor - 1], self.path(motor)[frame - 1]
+            if abs(stands - uploaded) > 1:
+                return f"at frame {frame} motor {motor} is at {stands}, uploaded is {uploaded}"
+        return ""
+
     def upload(self) -> None:
         """Frames 1 to FRAMES for the first two motors, in two sections."""
         self.expect(spec.begin(1, FRAMES))

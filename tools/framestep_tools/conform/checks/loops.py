@@ -162,13 +162,8 @@ def _placed(way: Way):
     def run(bench: Bench):
         for number, frames in enumerate(_played(bench, way).passes, 1):
             for frame, position in frames.items():
-                for motor in range(1, min(2, bench.hello.motors) + 1):
-                    wanted = bench.path(motor)[frame - 1]
-                    if abs(position.steps[motor - 1] - wanted) > 1:
-                        raise Failed(
-                            f"in pass {number} at frame {frame} motor {motor} is at "
-                            f"{position.steps[motor - 1]}, uploaded is {wanted}"
-                        )
+                if off := bench.off_path(frame, position):
+                    raise Failed(f"in pass {number} {off}")
 
     return run
 

@@ -52,13 +52,8 @@ def _right(fps, back):
         for number, position in _frames(_played(bench, fps, back)).items():
             if not 1 <= number <= FRAMES:
                 raise Failed(f"MOVE TIME names frame {number}, outside the run")
-            for motor in range(1, min(2, bench.hello.motors) + 1):
-                expected = bench.path(motor)[number - 1]
-                if abs(position.steps[motor - 1] - expected) > 1:
-                    raise Failed(
-                        f"at frame {number} motor {motor} is at {position.steps[motor - 1]}, "
-                        f"uploaded is {expected}"
-                    )
+            if off := bench.off_path(number, position):
+                raise Failed(off)
 
     return run
 
