@@ -6,8 +6,11 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools import rig_file
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.console.board_work import BoardWork
+from framestep_tools.errors import ToolError
+from framestep_tools.restart import takes_rig
 from host_tests.console.conftest import Device
 from host_tests.console.looking import (
     go_to,
@@ -100,6 +103,18 @@ def test_a_jog_the_load_and_a_new_rig_file(stage, device):
     expect(page.get_by_role("article")).to_have_count(3)
     rig_text = log(page).text_content()
     assert "motor_count" in rig_text  # the mistake was told beside the file, too
+
+
+def test_a_rig_file_that_only_the_board_refuses(device, monkeypatch):
+    """As firmware of another version may; it is told, and the file of before is back."""
+    work = BoardWork(device.repl, device.url)
+    before = work.read_rig()
+    taken = rig_file.check({"ports": 2}, {}, "rig.json")
+    monkeypatch.setattr(rig_file, "check", lambda *_: taken)
+    with pytest.raises(ToolError, match=r"does not take it \(/rig.json: motor_count: found 99"):
+        work.write_rig('{"name": "wrong", "motor_count": 99}')
+    assert work.read_rig() == before
+    assert takes_rig(device.url)
 
 
 def test_rig_file_and_load_without_a_server(stage, device, tmp_path):

@@ -2,16 +2,20 @@
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
+
+from framestep.protocol import messages
 
 from .client import Client
 from .device import PATIENCE, DeviceError
 from .errors import ToolError
-from .payloads import DeviceInfo, Hi
+from .payloads import DeviceInfo, GetCondition, Hi, Request
 from .ports import protocol_of
 
 _START_S = 60.0 * PATIENCE
 _LOOK_S = 0.2
 _ANSWER_S = 2.0
+_Answer = TypeVar("_Answer")
 
 
 def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]:
@@ -34,6 +38,20 @@ def answer(
 
     find: gives its port, None while there is none; otherwise: what is told if none comes.
     """
+    return _asked(Hi(), find, otherwise, advice)
+
+
+def takes_rig(path: str) -> bool:
+    """Whether the board that has started and has this port goes by its rig file."""
+    _, condition = _asked(GetCondition(), lambda: path, "")
+    return not condition.bits & messages.CONDITION_RIG_FILE_INVALID
+
+
+def _asked(
+    request: Request[_Answer], find: Callable[[], str | None], otherwise: str, advice: str = ""
+) -> tuple[str, _Answer]:
+    """Ask again and again: a board that starts has no port yet, and one that a program has just let
+    go may be taken for a moment."""
     end = time.monotonic() + _START_S
     why = otherwise
     while True:
@@ -41,7 +59,7 @@ def answer(
         if path := find():
             try:
                 with Client.open(path, _ANSWER_S) as client:
-                    return path, client.request(Hi())
+                    return path, client.request(request)
             except (ToolError, OSError) as error:
                 why = str(error)
         if time.monotonic() > end:
