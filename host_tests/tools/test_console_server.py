@@ -3,6 +3,7 @@ stops when a page goes."""
 
 import asyncio
 import contextlib
+import errno
 import http.client
 import json
 import socket
@@ -410,6 +411,22 @@ def test_a_cancellation_together_with_the_answer_is_not_lost():
         await asyncio.wait([asked], timeout=PATIENCE_S)
         assert asked.cancelled()
         await bridge.close()
+
+    in_a_loop(play())
+
+
+def test_what_a_page_sends_after_the_port_was_closed_is_dropped():
+    """It may not know yet that the port is wanted for something else."""
+
+    async def play():
+        port = SilentPort()
+        bridge = Bridge(port, "x")
+        await bridge.close()
+        port.write = gone
+        await bridge.send(encode(MotorStatus.TYPE, b"", 1))
+
+    def gone(data):
+        raise OSError(errno.EBADF, "Bad file descriptor")
 
     in_a_loop(play())
 

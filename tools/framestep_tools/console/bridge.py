@@ -116,6 +116,7 @@ class Bridge:
         self._others_id = _FIRST_OF_OTHERS
         self._stopped = False
         self._closing = False
+        self._closed = False
         self._decoder = FrameDecoder()
         self._door: Door | None = None
         if not is_socket(name):
@@ -126,7 +127,8 @@ class Bridge:
         self._reader.start()
 
     async def send(self, data: bytes) -> None:
-        """Hand a frame of the page to the device; OSError where the port has gone."""
+        """Hand a frame of the page to the device; OSError where the port has gone. Nothing happens
+        with one that comes after `close`: the page may not know yet."""
         if self._stopped and (refused := _refused_jogs(data)):
             self.on_bytes(refused)  # it was on its way before the page knew of the stop
             return
@@ -203,7 +205,7 @@ class Bridge:
         await asyncio.to_thread(self._reader.join)
         if self._door:
             self._door.close()
-        await asyncio.to_thread(close_port, self._port)
+        await asyncio.to_thread(self._close_now)
 
     async def _ask(self, requests: list[Payload]) -> None:
         for request in requests:
@@ -216,7 +218,13 @@ class Bridge:
 
     def _write_now(self, data: bytes) -> None:
         with self._writing:
-            self._port.write(data)
+            if not self._closed:
+                self._port.write(data)
+
+    def _close_now(self) -> None:
+        with self._writing:
+            self._closed = True
+            close_port(self._port)
 
     def _read(self) -> None:
         """Runs in a thread of its own: ports can only be waited for."""
