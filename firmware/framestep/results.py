@@ -24,8 +24,9 @@ WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
 # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
-BY = const(3)
-EXCEEDED_WORDS = const(4)
+BY = const(3)  # MEMORY: the bytes that what was refused needs
+ROOM = const(4)  # MEMORY: the bytes that were free
+EXCEEDED_WORDS = const(5)
 
 EXCEEDED_NOTHING = const(0)
 EXCEEDED_VELOCITY = const(1)  # refused
@@ -36,3 +37,4 @@ EXCEEDED_UPPER = const(5)  # refused, as all that follow: past the upper soft li
 EXCEEDED_LOWER = const(6)  # the lower one,
 EXCEEDED_PREROLL = const(7)  # a limit or the acceleration in the pre-roll,
 EXCEEDED_POSTROLL = const(8)  # in the post-roll
+EXCEEDED_MEMORY = const(9)  # refused: what is uploaded does not fit

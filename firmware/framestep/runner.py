@@ -24,7 +24,7 @@ from framestep.hal import DEEPEST, PASS
 from framestep.moves.move_check import UNREPORTED
 from framestep.native import const, micropython
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
-from framestep.results import FRAME, MOTOR, WHAT
+from framestep.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
 from framestep.stops import TOLD_HOMING
 
 _PASS_MS = const(1)
@@ -225,7 +225,13 @@ class Runner:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
         exceeded = self._controller.operations.player.exceeded  # type: ignore[union-attr]
-        if unreported & UNREPORTED and exceeded[WHAT]:
+        if unreported & UNREPORTED and exceeded[WHAT] == EXCEEDED_MEMORY:
+            print(
+                "framestep: the upload does not fit into memory; bytes needed and free:",
+                exceeded[BY],
+                exceeded[ROOM],
+            )
+        elif unreported & UNREPORTED and exceeded[WHAT]:
             print(
                 "framestep: the last move asks too much of motor",
                 exceeded[MOTOR] + 1,

@@ -33,6 +33,7 @@ from framestep.protocol.messages import (
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
     EXCEEDED_LOWER,
+    EXCEEDED_MEMORY,
     EXCEEDED_POSTROLL,
     EXCEEDED_PREROLL,
     EXCEEDED_SLOWED,
@@ -70,7 +71,7 @@ CONDITIONS = {
     CONDITION_WATCHDOG_RESET: (
         "the watchdog has started the board: the firmware hung while motors moved"
     ),
-    CONDITION_EXCEEDED: "the last move asks more of a motor than it is set to",
+    CONDITION_EXCEEDED: "the last move asks too much of a motor, or does not fit into memory",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
 }
 LIMITS_COUNT = (
@@ -98,11 +99,16 @@ EXCEEDED = {
 }
 
 
-def exceeded(what, motor, frame, by):
+def exceeded(what, motor, frame, by, room=0):
     """A line about what the last move exceeds, or none.
 
-    what: EXCEEDED_. motor: from 1. by: see moves/move_check.py.
+    what: EXCEEDED_. motor: from 1. by, room: see framestep.results.
     """
+    if what == EXCEEDED_MEMORY:
+        return [
+            "the last upload does not fit into memory: what was refused needs %d bytes, %d are free"
+            % (by, room)
+        ]
     if what not in EXCEEDED:
         return []
     return [

@@ -1,5 +1,5 @@
 """The frozen image: positions, light levels and triggers of a long move share memory, and are
-played."""
+played. What does not fit is told."""
 
 from itertools import pairwise
 
@@ -7,6 +7,9 @@ import numpy as np
 
 from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
+from framestep_tools.client import upload_requests
+from framestep_tools.judge import judge
+from framestep_tools.reference import Reference
 from host_tests.board.test_io import DMX_PIN, Wire
 from host_tests.end_to_end.session import Session, run_request
 
@@ -57,3 +60,51 @@ def test_two_thousand_frames_with_lights_and_triggers():
         mine = records[records["pin"] == pin]
         wanted = [0, *(outputs[FIRST - 1 : LAST] >> bit & 1), 0]
         assert changes([0, *mine["level"]]) == changes(wanted)
+
+
+def test_ten_thousand_frames_without_lights():
+    """Eight motors, judged by their edges in the last second; then lights, until memory is full."""
+    frames, first = 10_000, 9_975
+    times = np.arange(frames)
+    moves = {
+        motor: np.rint(3000 * np.sin(times / (20 + 3 * motor))).astype(int)
+        for motor in range(1, MOTORS + 1)
+    }
+    with EmulatedBoard(frozen=True) as board:
+        session = Session(board, motors=MOTORS, reply_s=0.1)
+        for motor in moves:
+            session.speed(motor, 50_000, 200_000)
+        session.upload(moves)
+        stood = session.play(run_request(FPS, first + 1, frames, 500, 500))
+        verdict = judge(
+            session.trace(),
+            {motor: steps[first:] for motor, steps in moves.items()},
+            1000 * FPS,
+            stood,
+            session.positions,
+            Reference(moves, 1000 * FPS, 500, 500, first, frames - 1),
+        )
+        assert verdict.good, verdict.complaints
+        levels = np.random.default_rng(14).integers(0, 256, 1000)
+        requests = list(upload_requests(1, frames, moves))
+        session.client.stream(requests[:-1], 4)
+        repl = board.emulator.repl()
+        repl.exec("import time")
+        repl.start("time.sleep_ms(500)")
+        sections = [(1 + at // 10, at % 10) for at in range(100)]
+        refused = next(
+            (channel, index)
+            for channel, index in sections
+            if session.code(p.RtUploadMoveDmx(channel, 1000 * index, levels)) != p.Ack.OK
+        )
+        assert refused[0] >= 2
+        told = session.ask(p.GetExceeded())
+        assert 0 <= told.room < told.by == 34 * -(-1000 // 28)
+        line = f"what was refused needs {told.by} bytes, {told.room} are free"
+        assert repl.finish(4).splitlines() == [
+            "framestep: the upload does not fit into memory; bytes needed and free: "
+            f"{told.by} {told.room}"
+        ]
+        assert line in repl.exec("import framestep.repl; status()")
+        session.accept(p.RtUploadMoveEnd())
+        session.ready(run_request(FPS, first + 1, frames, 500, 500))

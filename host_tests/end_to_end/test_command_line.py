@@ -225,8 +225,8 @@ def test_a_section_that_does_not_fit_is_told_without_its_positions():
             client.upload_move(1, 16_000, {motor: wild for motor in range(1, 9)})
         said = str(explain(client, caught.value))
     assert "the positions of motor " in said
-    assert "memory is full" in said
-    assert len(said) < 250
+    assert "memory is full; what does not fit needs " in said
+    assert len(said) < 300
 
 
 def test_a_run_against_a_limit_switch_names_the_motor():

@@ -21,6 +21,7 @@ KEYS = [
     "tick_us_8",
     "cpu_load_8_percent",
     "upload_frames_8",
+    "light_channels_with_2000_frames",
     "rx_bytes_per_s",
     "rx_bytes_per_s_single_port",
     "reply_ms_median",

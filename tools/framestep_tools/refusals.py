@@ -20,6 +20,7 @@ from framestep.protocol.messages import (
     EXCEEDED_ACCELERATION,
     EXCEEDED_BOARD,
     EXCEEDED_LOWER,
+    EXCEEDED_MEMORY,
     EXCEEDED_POSTROLL,
     EXCEEDED_PREROLL,
     EXCEEDED_UPPER,
@@ -83,6 +84,7 @@ _STOPPED = (
     (CONDITION_ESTOP, "the E-stop is held"),
     (CONDITION_DRIVER, "a driver does not work (the REPL tells which and why)"),
 )
+_UNSENT = -(2**31)  # stands for a frame not sent (field note 5.3)
 _NO_UPLOAD = "no move has been uploaded since the board's start: framestep upload FILE"
 
 
@@ -111,7 +113,7 @@ def _why(client: Client, request: Payload, code: Ack) -> str | None:
     if code == Ack.ERR_MOVING:
         return _moving(client, _motors(request))
     if isinstance(request, _SECTIONS):
-        return _section(request, code)
+        return _section(client, request, code)
     if isinstance(request, RtUploadMoveBegin):
         return _frames(request, info.upload_frames)
     if code == Ack.ERR_GENERAL:
@@ -260,20 +262,43 @@ def _frames(request: RtUploadMoveBegin, room: int) -> str:
     return f"{last - first + 1} frames are more than the {room} that fit"
 
 
-def _section(request: Payload, code: Ack) -> str | None:
+def _section(client: Client, request: Payload, code: Ack) -> str | None:
     if code == Ack.ERR_GENERAL:
         return "no upload has begun"
     if code != Ack.ERR_RANGE:
         return None
-    full = "the board's memory is full: fewer frames or motors, or calmer motion"
+    told = client.request(GetExceeded())
+    if told.what != EXCEEDED_MEMORY:
+        return _outside(request)
+    return (
+        f"{_part(request)}: the board's memory is full; what does not fit needs {told.by} bytes, "
+        f"{told.room} are free: fewer frames, motors or channels, or calmer motion and light"
+    )
+
+
+def _part(request: Payload) -> str:
+    """What a request of an upload brings."""
     if isinstance(request, RtUploadMoveAxis):
-        index = request.start_index & 0x7FFF_FFFF
-        return (
-            f"the positions of motor {request.motor} from the upload's frame {index + 1} on do not "
-            f"fit; they begin past its last frame, or {full}"
-        )
-    if isinstance(request, RtUploadMoveEnd):
-        return full
+        return f"the positions of motor {request.motor} from {_index(request)} on"
+    if isinstance(request, RtUploadMoveDmx):
+        return f"the levels of channel {request.channel} from {_index(request)} on"
+    if isinstance(request, RtUploadMoveTriggers):
+        return "triggers"
+    return "the frames between those that were sent"
+
+
+def _index(request: RtUploadMoveAxis | RtUploadMoveDmx) -> str:
+    return f"the upload's frame {(request.start_index & 0x7FFF_FFFF) + 1}"
+
+
+def _outside(request: Payload) -> str | None:
+    """What is wrong with a section that would have had room."""
+    if isinstance(request, RtUploadMoveAxis) and _UNSENT in request.positions:
+        return f"{_part(request)} have one of {_UNSENT}, which no motor can take"
+    if isinstance(request, RtUploadMoveDmx) and not 1 <= request.channel <= 512:
+        return f"there is no channel {request.channel}, there are channels 1 to 512"
+    if isinstance(request, (RtUploadMoveAxis, RtUploadMoveDmx)):
+        return f"{_part(request)} begin past its last frame"
     return None
 
 

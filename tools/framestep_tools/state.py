@@ -142,7 +142,11 @@ def _conditions(state: State) -> list[str]:
     found = texts.conditions(state.condition.bits)
     if state.exceeded:
         found += texts.exceeded(
-            state.exceeded.what, state.exceeded.motor, state.exceeded.frame, state.exceeded.by
+            state.exceeded.what,
+            state.exceeded.motor,
+            state.exceeded.frame,
+            state.exceeded.by,
+            state.exceeded.room or 0,
         )
     if any(each.state == LOST for each in state.condition.positions):
         found.append(f"{texts.LIMITS_COUNT} (framestep zero)")

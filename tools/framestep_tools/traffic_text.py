@@ -86,7 +86,9 @@ _WORDS: dict[type[Payload], Callable[[Any], str]] = {
     p.HardStop: lambda said: "stopped by " + _STOPS.get(said.reason, "something unknown"),
     p.Positions: lambda said: f"at frame {said.move_time / 1000:g}" if said.move_time else "",
     p.Condition: _condition,
-    p.Exceeded: lambda said: "; ".join(texts.exceeded(said.what, said.motor, said.frame, said.by)),
+    p.Exceeded: lambda said: "; ".join(
+        texts.exceeded(said.what, said.motor, said.frame, said.by, said.room or 0)
+    ),
     p.RtRunMove: lambda said: f"{said.fps_milli / 1000:g} frames/s",
     p.RtJogAll: lambda said: f"{said.fps_milli / 1000:g} frames/s",
     p.MotorJog: lambda said: f"{said.speed / 100:g} % of its speed",

@@ -14,7 +14,7 @@ from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCIT
 from framestep.native import const
 from framestep.protocol import fields as f
 from framestep.protocol import messages as m
-from framestep.results import BY, FRAME, MOTOR, WHAT
+from framestep.results import FRAME, MOTOR, ROOM, WHAT
 
 _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
@@ -413,10 +413,10 @@ class Motors:
         """MSG_EXCEEDED, framestep's own (field note 5.5): no payload, or motor 0.
 
         The answer says what the last move asked too much of: EXCEEDED_ 0, motor 1, scene frame 2,
-        by how much 6 (steps/s or steps/s²). Then what is set for that motor, or for the one of the
+        by how much 6 (field note 5.5). Then what is set for that motor, or for the one of the
         request: motor 10, velocity 11, acceleration 15, soft limits 19 (lower) and 23 (upper), SET_
-        bits 27. Then the limit sets whose upper switch 28 and whose lower switch 30 is active, one
-        bit each.
+        bits 27; the limit sets whose upper switch 28 and whose lower switch 30 is active, one bit
+        each. Last, of EXCEEDED_MEMORY, the bytes that were free 32.
         """
         writer = self.writer
         exceeded = self.controller.operations.player.exceeded
@@ -426,8 +426,7 @@ class Motors:
         writer.begin(m.MSG_EXCEEDED, self.reader)
         writer.u8(exceeded[WHAT])
         writer.u8(exceeded[MOTOR] + 1 if exceeded[WHAT] else 0)
-        writer.put_i32s_from(exceeded, FRAME, 1)
-        writer.put_i32s_from(exceeded, BY, 1)
+        writer.put_i32s_from(exceeded, FRAME, 2)  # and BY
         axis = self.axes[motor]
         safety = self.controller.safety
         writer.u8(motor + 1)
@@ -446,5 +445,6 @@ class Motors:
         writer.u8(bits)
         writer.u16(safety.active_sets(0))
         writer.u16(safety.active_sets(1))
+        writer.put_i32s_from(exceeded, ROOM, 1)
         writer.end()
         return 0

@@ -31,7 +31,7 @@ from framestep.moves.light_codec import (
     put_run,
     take,
 )
-from framestep.moves.upload_chunks import UNIT, room
+from framestep.moves.upload_chunks import UNIT, fits
 from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
 from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
@@ -343,7 +343,7 @@ class LightLevels:
         count = int(_needed(begin, to, words, own)) - freed
         if tail:
             count += 1
-        if count > int(room(words)):
+        if int(fits(words, count)) == 0:
             return int(ERR_RANGE)
         if opened:
             forget(memory, words, opened)

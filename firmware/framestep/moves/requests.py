@@ -16,11 +16,12 @@ from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import ShootFrame
 from framestep.moves.triggers import Triggers
+from framestep.moves.upload_chunks import ASKED, LEFT
 from framestep.moves.upload_store import UploadStore
 from framestep.native import const
 from framestep.protocol import fields as f
 from framestep.protocol import messages as m
-from framestep.results import WHAT
+from framestep.results import BY, FRAME, MOTOR, ROOM, WHAT
 
 _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 
@@ -94,6 +95,7 @@ class Moves:
             self.levels.begin(frames)
             self.triggers.begin(frames)
             self.operations.drop_prepared()
+            self.operations.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _axis(self):
@@ -107,7 +109,7 @@ class Moves:
             return m.ERR_RANGE
         if self.operations.running:
             return m.ERR_MOVING
-        return self.store.section(
+        code = self.store.section(
             number - 1,
             reader.start_index(f.UPLOAD_MOVE_AXIS_START_INDEX),
             reader.u8(f.UPLOAD_MOVE_AXIS_START_INDEX + 3) & 0x80,
@@ -115,6 +117,7 @@ class Moves:
             reader.payload + f.UPLOAD_MOVE_AXIS_POSITIONS,
             (reader.length - f.UPLOAD_MOVE_AXIS_POSITIONS) >> 2,
         )
+        return code if code == m.OK else self._exceeded(code)
 
     def _dmx(self):
         """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3).
@@ -124,7 +127,7 @@ class Moves:
         reader = self.reader
         if self.operations.running:
             return m.ERR_MOVING
-        return self.levels.store(
+        code = self.levels.store(
             reader.u16(0),
             reader.start_index(f.UPLOAD_MOVE_DMX_START_INDEX),
             reader.u8(f.UPLOAD_MOVE_DMX_START_INDEX + 3) & 0x80,
@@ -132,6 +135,7 @@ class Moves:
             reader.payload + f.UPLOAD_MOVE_DMX_LEVELS,
             reader.length - f.UPLOAD_MOVE_DMX_LEVELS,
         )
+        return code if code == m.OK else self._exceeded(code)
 
     def _triggers(self):
         """MSG_RT_UPLOAD_MOVE_TRIGGERS: mask 0, pairs of frame and values 4 (field note 5.3)."""
@@ -139,12 +143,13 @@ class Moves:
             return m.ERR_MOVING
         reader = self.reader
         reader.copy_i32_to(0, self.positions, 0)
-        return self.triggers.store(
+        code = self.triggers.store(
             self.positions,
             reader.buffer,
             reader.payload + f.UPLOAD_MOVE_TRIGGERS_TRIGGERS,
             (reader.length - f.UPLOAD_MOVE_TRIGGERS_TRIGGERS) >> 3,
         )
+        return code if code == m.OK else self._exceeded(code)
 
     def _end(self):
         """MSG_RT_UPLOAD_MOVE_END: no payload.
@@ -157,7 +162,7 @@ class Moves:
         if code == m.OK:
             self.levels.finish()
             self.triggers.finish()
-        return code
+        return code if code == m.OK else self._exceeded(code)
 
     # ---------------------------------------------------------------- operations
 
@@ -220,6 +225,21 @@ class Moves:
         if code == m.OK:
             self.controller.motors.motors_sent(self.run.bits)
         return self._report_exceeded(code)
+
+    def _exceeded(self, code):
+        """Have it reported if memory is too small for what was sent, on the REPL once for an upload
+        (field note 5.7). Returns `code`."""
+        words = self.store.words
+        if words[ASKED]:
+            exceeded = self.operations.player.exceeded
+            if exceeded[WHAT] != m.EXCEEDED_MEMORY:
+                exceeded[WHAT] = m.EXCEEDED_MEMORY
+                self._report_exceeded(code)
+            exceeded[MOTOR] = exceeded[FRAME] = 0
+            exceeded[BY] = words[ASKED]
+            exceeded[ROOM] = words[LEFT]
+            words[ASKED] = 0
+        return code
 
     def _report_exceeded(self, code):
         """Have it reported on the REPL if the move asks too much of a motor (field note 5.5).

@@ -17,7 +17,7 @@ from array import array
 
 from framestep.moves.light_codec import forget, locate, take
 from framestep.moves.light_levels import EMPTY, LOADING, MOST_FRAMES, READY
-from framestep.moves.upload_chunks import UNIT, room
+from framestep.moves.upload_chunks import UNIT, fits, room
 from framestep.native import const, micropython, ptr8, ptr16, ptr32
 from framestep.results import ERR_GENERAL, ERR_RANGE, OK
 
@@ -244,6 +244,7 @@ class Triggers:
                         _write(words, memory, own, frame)
                     elif int(_reserve(words, memory, own, frame)) == 0:
                         _sweep(words, memory, own)
+                        fits(words, int(room(words)) + 1)  # that much at least
                         return int(ERR_RANGE)
                 i += 8
             writing += 1

@@ -20,7 +20,7 @@ first to its second frame sent, so its units depend on its positions only.
 The kernels here work on two blocks: `memory`, half words, has the chunks and units; `words`
 (array('i')) has the counters below, two buffers and a record for each motor. `motor` is the index
 of that record in `words`. A kernel that is to try first (TRYING) writes nothing and only counts
-the units that it would take.
+the units that it would take: NEEDED, and the PEAK of it.
 
 (Parameters `i`, `bits`, `code` and the like that come first and are passed as 0 are locals: viper
 keeps a kernel's first two parameters in registers on ARM.)
@@ -48,13 +48,16 @@ FREE_COUNT = const(3)
 # units that are or have been in use: number u lies u units before the end of the memory
 USED = const(4)
 TRYING = const(5)  # 1: nothing is written, only NEEDED is counted
-NEEDED = const(6)  # units that the changes so far would have taken
+NEEDED = const(6)  # units that the changes so far would have taken, and
 FRAMES = const(7)  # of the upload
 MOTORS = const(8)
 STATE = const(9)  # of the store
 VALUES = const(10)  # positions of a chunk
 SECTION = const(140)  # positions of a section, behind the two before them
-RECORDS = const(397)  # a record for each motor:
+PEAK = const(397)  # the most that they would have taken at once
+ASKED = const(398)  # bytes that were asked for in vain, 0: none were
+LEFT = const(399)  # bytes that were free then
+RECORDS = const(400)  # a record for each motor:
 REGION = const(0)  # where its chunks begin, half words; -1: no data
 UNBROKEN = const(1)  # frames sent without a gap, from the first on
 SENT_END = const(2)  # the frame after the last one sent; what lies behind has no content yet
@@ -73,8 +76,20 @@ def room(words: ptr32) -> int:
 
 
 @micropython.viper
-def set_units(memory, words, chunk: int, units: int) -> int:
-    """Give a chunk `units` units, some of which it may have; 0 if TRYING and there are too few."""
+def fits(words, units: int) -> int:
+    """Whether the pool can give `units` units; if not, it is noted in ASKED and LEFT."""
+    word = ptr32(words)
+    left = int(room(words))
+    if units <= left:
+        return 1
+    word[ASKED] = 2 * UNIT * units
+    word[LEFT] = 2 * UNIT * left
+    return 0
+
+
+@micropython.viper
+def set_units(memory, words, chunk: int, units: int):
+    """Give a chunk `units` units, some of which it may have. The pool must have them."""
     half = ptr16(memory)
     word = ptr32(words)
     top = word[SIZE]
@@ -84,7 +99,9 @@ def set_units(memory, words, chunk: int, units: int) -> int:
         while half[at]:
             word[NEEDED] -= 1
             at = top - half[at] * UNIT
-        return 1 if word[NEEDED] <= int(room(words)) else 0
+        if word[NEEDED] > word[PEAK]:
+            word[PEAK] = word[NEEDED]
+        return
     while units > 0:
         unit = half[at]
         if unit == 0:
@@ -108,7 +125,6 @@ def set_units(memory, words, chunk: int, units: int) -> int:
         word[FREE] = unit
         word[FREE_COUNT] += 1
         unit = after
-    return 1
 
 
 @micropython.viper

@@ -132,7 +132,7 @@ def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> i
 
 
 @micropython.viper
-def _encode(i: int, code: int, memory, words, chunk: int) -> int:
+def _encode(i: int, code: int, memory, words, chunk: int):
     """Encode VALUES, which are lost, into the chunk; 0 if TRYING and the pool has too few units."""
     half = ptr16(memory)
     word = ptr32(words)
@@ -173,10 +173,9 @@ def _encode(i: int, code: int, memory, words, chunk: int) -> int:
         bits = 31
     while bits < 31 and most >> bits:
         bits += 2
-    if int(set_units(memory, words, chunk, (bits - 7) >> 1)) == 0:
-        return 0
+    set_units(memory, words, chunk, (bits - 7) >> 1)
     if word[TRYING]:
-        return 1
+        return
     half[chunk + BASE] = base & 0xFFFF
     half[chunk + BASE + 1] = (base >> 16) & 0xFFFF
     half[chunk + VELOCITY] = first & 0xFFFF
@@ -198,15 +197,11 @@ def _encode(i: int, code: int, memory, words, chunk: int) -> int:
         to += 1
         i += 1
     pack(0, 0, memory, words, chunk, 0, VALUES, CHUNK_FRAMES)
-    return 1
 
 
 @micropython.viper
-def write(i: int, to: int, memory, words, motor: int, index: int, count: int, end: int) -> int:
-    """Store the `count` positions of SECTION from `index` on, the last one up to `end`.
-
-    0 if TRYING and they do not fit.
-    """
+def write(i: int, to: int, memory, words, motor: int, index: int, count: int, end: int):
+    """Store the `count` positions of SECTION from `index` on, the last one up to `end`."""
     word = ptr32(words)
     stop = index + count
     last = SECTION + count - 1
@@ -242,10 +237,8 @@ def write(i: int, to: int, memory, words, motor: int, index: int, count: int, en
             while to < stretch:
                 word[to] = word[last]
                 to += 1
-            if int(_encode(0, 0, memory, words, chunk)) == 0:
-                return 0
+            _encode(0, 0, memory, words, chunk)
         at = behind
-    return 1
 
 
 @micropython.viper
@@ -262,9 +255,8 @@ def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
 
 
 @micropython.viper
-def fill_gaps(memory, words, motor: int) -> int:
-    """Give frames not sent the position before them, leading ones the first; 0 if TRYING in
-    vain."""
+def fill_gaps(memory, words, motor: int):
+    """Give frames not sent the position before them, leading ones the first."""
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
@@ -303,7 +295,5 @@ def fill_gaps(memory, words, motor: int) -> int:
                     value = word[i]
                 i += 1
             if gaps:
-                if int(_encode(0, 0, memory, words, chunk)) == 0:
-                    return 0
+                _encode(0, 0, memory, words, chunk)
         at += CHUNK_FRAMES
-    return 1

@@ -17,6 +17,7 @@ from array import array
 
 from framestep.copying import copy_dwords
 from framestep.moves.upload_chunks import (
+    ASKED,
     BEFORE_LAST,
     BOTTOM,
     CHUNK,
@@ -26,10 +27,12 @@ from framestep.moves.upload_chunks import (
     FREE,
     FREE_COUNT,
     LAST,
+    LEFT,
     MOST_POSITIONS,
     MOST_UNITS,
     MOTORS,
     NEEDED,
+    PEAK,
     RECORD_WORDS,
     RECORDS,
     REGION,
@@ -41,6 +44,7 @@ from framestep.moves.upload_chunks import (
     UNBROKEN,
     UNIT,
     USED,
+    fits,
     read,
     room,
 )
@@ -117,6 +121,7 @@ class UploadStore:
         words[FREE] = 0
         words[FREE_COUNT] = 0
         words[TRYING] = 0
+        words[ASKED] = 0
         words[FRAMES] = 0
         words[STATE] = EMPTY
         for motor in range(RECORDS, len(words), RECORD_WORDS):
@@ -159,7 +164,7 @@ class UploadStore:
         not. Sections may come in any order and again: the latest counts. ERR_GENERAL unless an
         upload has begun. ERR_RANGE for a section that begins outside the range, for a `last`
         section without a position, for the position -2^31, and where the changes from frame to
-        frame need more memory than there is.
+        frame need more memory than there is: how much is in `words`, ASKED and LEFT.
         """
         memory = self._memory
         words = self._words
@@ -181,7 +186,10 @@ class UploadStore:
         fresh = word[motor + REGION] < 0
         if fresh:
             size = ((frames + CHUNK_FRAMES - 1) >> 7) * CHUNK
-            if bottom + size > word[SIZE] - word[USED] * UNIT:
+            end = word[SIZE] - word[USED] * UNIT
+            if bottom + size > end:
+                word[ASKED] = 2 * size
+                word[LEFT] = 2 * (end - bottom)
                 return int(ERR_RANGE)
             word[BOTTOM] = bottom + size
             word[motor + REGION] = bottom
@@ -197,15 +205,17 @@ class UploadStore:
                 word[motor + UNBROKEN] = stop
                 word[motor + SENT_END] = stop
                 return int(OK)
-        fits = 0
+        good = 0
         if int(has_lowest(0, 0, words, count)) == 0:
-            fits = 1
+            good = 1
             if int(room(words)) < (((stop - 1) >> 7) - (index >> 7) + 2) * MOST_UNITS:
                 word[TRYING] = 1
                 word[NEEDED] = 0
-                fits = int(write(0, 0, memory, words, motor, index, count, end))
+                word[PEAK] = 0
+                write(0, 0, memory, words, motor, index, count, end)
                 word[TRYING] = 0
-        if fits == 0:
+                good = int(fits(words, word[PEAK]))
+        if good == 0:
             if fresh:
                 word[BOTTOM] = bottom
                 word[motor + REGION] = -1
@@ -233,15 +243,17 @@ class UploadStore:
         if self.state == LOADING:
             words = self._words
             words[NEEDED] = 0
+            words[PEAK] = 0
             # the first time only to find out whether it fits
             for trying in (1, 0):
                 words[TRYING] = trying
                 for motor in range(RECORDS, len(words), RECORD_WORDS):
                     if words[motor + REGION] >= 0 and words[motor + UNBROKEN] < words[FRAMES]:
-                        if not fill_gaps(self._memory, words, motor):
-                            words[TRYING] = 0
-                            return ERR_RANGE
+                        fill_gaps(self._memory, words, motor)
                     words[motor + CURSOR] = -1
+                if trying and not fits(words, words[PEAK]):
+                    words[TRYING] = 0
+                    return ERR_RANGE
             words[STATE] = READY
             self.state = READY
         return OK

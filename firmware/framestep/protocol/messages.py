@@ -160,6 +160,7 @@ EXCEEDED_UPPER = const(results.EXCEEDED_UPPER)
 EXCEEDED_LOWER = const(results.EXCEEDED_LOWER)
 EXCEEDED_PREROLL = const(results.EXCEEDED_PREROLL)
 EXCEEDED_POSTROLL = const(results.EXCEEDED_POSTROLL)
+EXCEEDED_MEMORY = const(results.EXCEEDED_MEMORY)
 
 SET_LOWER = const(0x01)  # of MSG_EXCEEDED, what is set for a motor: a lower soft limit,
 SET_UPPER = const(0x02)  # an upper one;

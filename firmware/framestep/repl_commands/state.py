@@ -6,7 +6,7 @@ from framestep.moves.upload_store import READY as UPLOADED
 from framestep.protocol import messages as m
 from framestep.repl_commands import between, dead, operation, refusal
 from framestep.reports import VERSION
-from framestep.results import BY, FRAME, MOTOR, WHAT
+from framestep.results import BY, FRAME, MOTOR, ROOM, WHAT
 
 
 def _report():
@@ -24,7 +24,9 @@ def _report():
         + texts.positions(controller)
     )
     exceeded = controller.operations.player.exceeded
-    lines += texts.exceeded(exceeded[WHAT], exceeded[MOTOR] + 1, exceeded[FRAME], exceeded[BY])
+    lines += texts.exceeded(
+        exceeded[WHAT], exceeded[MOTOR] + 1, exceeded[FRAME], exceeded[BY], exceeded[ROOM]
+    )
     if controller.drivers:
         lines += controller.drivers.states_in_words()
     store = controller.moves.store

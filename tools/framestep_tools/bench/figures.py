@@ -90,6 +90,14 @@ FIGURES = (
         "as many are then uploaded for eight motors",
     ),
     Figure(
+        "light_channels_with_2000_frames",
+        "channels",
+        32,
+        None,
+        "channels whose level is random at every frame that fit beside eight motors' mixed motion "
+        "and a trigger on each frame of an upload of 2 000",
+    ),
+    Figure(
         "rx_bytes_per_s",
         "bytes/s",
         400_000,

@@ -12,6 +12,7 @@ from ..boards import EmulatedBoard
 from ..client import Client, upload_requests
 from ..errors import ToolError
 from ..payloads import (
+    Ack,
     Hi,
     MotorGetPosition,
     MotorMove,
@@ -20,7 +21,10 @@ from ..payloads import (
     MotorStatus,
     MotorStopAll,
     Positions,
+    RtUploadMoveDmx,
     RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    Trigger,
     VirtConfig,
     VirtJogOnLine,
     VirtMove,
@@ -33,6 +37,9 @@ from .figures import FIGURES
 from .moves import MOTORS, STEADY_RATES, WINDOW, mixed_move, steady_move
 from .session import Session
 
+_CHANNELS = 512
+LEVELS_AT_ONCE = 1000
+TRIGGERS_AT_ONCE = 100
 PULSE_US = 0.5  # a pulse of the default 1 µs ends at 480 000 steps/s
 TOP_RATES = (
     500_000,
@@ -120,6 +127,32 @@ def upload_rate(
     return size / took
 
 
+def light_channels(session: Session, frames: int) -> int:
+    """How many channels with a random level at each frame fit beside eight motors and a trigger on
+    each frame."""
+    client = session.client
+    random = np.random.default_rng(1)
+    t = np.arange(frames)
+    positions = {
+        motor: np.rint(800 * np.sin(t / (20 + 3 * motor))).astype(np.int64)
+        for motor in range(1, MOTORS + 1)
+    }
+    triggers = [
+        RtUploadMoveTriggers(3, [Trigger(int(i), int(i % 3) + 1) for i in part])
+        for part in np.array_split(t, 1 + frames // TRIGGERS_AT_ONCE)
+    ]
+    client.stream(list(upload_requests(1, frames, positions, lights=triggers))[:-1], WINDOW)
+    for channel in range(1, _CHANNELS + 1):
+        levels = random.integers(0, 256, frames).tolist()
+        for at in range(0, frames, LEVELS_AT_ONCE):
+            section = RtUploadMoveDmx(channel, at, levels[at : at + LEVELS_AT_ONCE])
+            if client.code(section) != Ack.OK:
+                client.request(RtUploadMoveEnd())
+                return channel - 1
+    client.request(RtUploadMoveEnd())
+    return _CHANNELS
+
+
 def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
     """All figures, with the flash-cache model or without."""
     args = [] if cache else ["--xip-miss", "0"]
@@ -131,6 +164,8 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         figures["upload_frames_8"] = session.info.upload_frames
         say("upload")
         figures["rx_bytes_per_s"] = upload_rate(session, session.info.upload_frames)
+        say("lights and triggers")
+        figures["light_channels_with_2000_frames"] = light_channels(session, 2000)
         say("mixed move")
         _mixed(session, figures)
         say("virtual axes")

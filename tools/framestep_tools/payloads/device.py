@@ -107,7 +107,8 @@ class Exceeded(Payload):
     """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of
     nothing), the motor, the scene frame, and by how many steps/s or steps/s². Then what is set for
     a motor, that one or the one that was named (bits: SET_), and limit sets with an active switch,
-    a bit each; older devices do not tell these."""
+    a bit each. With EXCEEDED_MEMORY `by` is the bytes that what was refused needs, `room` those
+    that were free, and motor and frame say nothing. Older devices end earlier."""
 
     TYPE = messages.MSG_EXCEEDED
     what: U8
@@ -122,6 +123,7 @@ class Exceeded(Payload):
     bits: U8 | None = None
     upper_active: U16 | None = None
     lower_active: U16 | None = None
+    room: U32 | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,165 @@
+"""What does not fit into the memory of an upload is told: how much it needs, how much is free."""
+
+import random
+from types import SimpleNamespace
+
+import pytest
+
+from framestep import boot
+from framestep.moves.move_check import UNREPORTED
+from framestep.protocol.messages import CONDITION_EXCEEDED, EXCEEDED_MEMORY
+from framestep.repl_commands import state as repl_state
+from framestep_tools import payloads as p
+from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.client import Client, RequestRefused
+from framestep_tools.refusals import explain
+from framestep_tools.state import ask, lines
+from host_tests.end_to_end.session import run_request
+
+FRAMES = 256
+REGION = 2 * 2 * 69  # bytes of a motor's two chunks of 128 frames (field note 5.7)
+PIECE = 34
+LAST = 1 << 31
+
+
+class Rig:
+    """A simulated board with two motors, a region for both and 13 pieces of memory."""
+
+    def __init__(self):
+        size = 2 * REGION + 13 * PIECE
+        self.board = SimulatedBoard({"outputs": [{"pin": 26}]}, motors=2, upload_bytes=size)
+        self.client = Client(LockstepPort(self.board))
+        self.client.greet()
+
+    def begin(self):
+        for request in (
+            p.RtUploadMoveBegin(1, FRAMES),
+            p.RtUploadMoveAxis(1, LAST, [7]),
+            p.RtUploadMoveAxis(2, LAST, [9]),
+        ):
+            self.client.request(request)
+
+    def refused(self, request):
+        """What is said of a request that is refused: the text, what it needs, what is free."""
+        with pytest.raises(RequestRefused) as caught:
+            self.client.request(request)
+        told = self.client.request(p.GetExceeded())
+        said = str(explain(self.client, caught.value))
+        if told.what != EXCEEDED_MEMORY:
+            return said, None, None
+        return said, told.by, told.room
+
+    def unreported(self):
+        """Whether the REPL is to be told; then it has been."""
+        stops = self.board._board.controller.stops
+        found = stops.unreported & UNREPORTED
+        stops.unreported &= ~UNREPORTED
+        return bool(found)
+
+
+@pytest.fixture
+def rig():
+    found = Rig()
+    with found.client:
+        yield found
+
+
+WILD = [1_000_000 * (i % 2) for i in range(FRAMES)]
+
+
+@pytest.mark.parametrize(
+    ("request_", "part", "needs"),
+    [
+        # 7 pieces for each chunk, so that a change of the steps per frame has 22 bits
+        (p.RtUploadMoveAxis(2, 0, WILD), "the positions of motor 2 from the upload's frame 1 on",
+         14 * PIECE),
+        (p.RtUploadMoveDmx(5, 0, random.Random(1).choices(range(256), k=FRAMES)),
+         "the levels of channel 5 from the upload's frame 1 on", None),
+        (p.RtUploadMoveTriggers(0x3FFF, [p.Trigger(3, 0x3FFF)]), "triggers", 14 * PIECE),
+    ],
+    ids=["positions", "levels", "triggers"],
+)  # fmt: skip
+def test_what_is_asked_and_what_is_free(rig, request_, part, needs):
+    rig.begin()
+    free = 13 * PIECE
+    if needs is None:  # ten pieces, of 28 frames at most
+        rig.client.request(p.RtUploadMoveTriggers(0x1FF, [p.Trigger(3, 0x1FF)]))
+        free, needs = 4 * PIECE, 10 * PIECE
+    assert not rig.unreported()
+    said, by, room = rig.refused(request_)
+    assert (by, room) == (needs, free)
+    assert f"was refused: {part}: the board's memory is full" in said
+    assert f"needs {needs} bytes, {free} are free" in said
+    assert rig.unreported()
+    rig.refused(request_)
+    assert not rig.unreported(), "once for an upload"
+    line = (
+        "the last upload does not fit into memory: "
+        f"what was refused needs {needs} bytes, {free} are free"
+    )
+    assert line in lines(ask(rig.client))
+    boot.controller, boot.runner = rig.board._board.controller, SimpleNamespace(alive=True)
+    try:
+        assert line in repl_state._report()
+    finally:
+        boot.controller = boot.runner = None
+
+
+def test_a_motor_that_has_no_region(rig):
+    rig.client.request(p.RtUploadMoveBegin(1, FRAMES))
+    rig.client.request(p.RtUploadMoveAxis(1, 0, WILD))
+    rig.client.request(p.RtUploadMoveTriggers(7, [p.Trigger(3, 7)]))
+    _, by, room = rig.refused(p.RtUploadMoveAxis(2, 0, [1]))
+    assert (by, room) == (REGION, 2 * REGION + 13 * PIECE - REGION - 17 * PIECE)
+
+
+def test_frames_between_those_sent(rig):
+    """They hold the position before them, so that the motor jumps behind them."""
+    rig.client.request(p.RtUploadMoveBegin(1, FRAMES))
+    rig.client.request(p.RtUploadMoveAxis(1, 0, [0]))
+    rig.client.request(p.RtUploadMoveAxis(1, 100, [100_000_000]))
+    rig.client.request(p.RtUploadMoveAxis(2, LAST, [0]))
+    rig.client.request(p.RtUploadMoveTriggers(0x3FF, [p.Trigger(3, 0x3FF)]))
+    said, by, room = rig.refused(p.RtUploadMoveEnd())
+    assert "the frames between those that were sent: the board's memory is full" in said
+    assert 0 <= room < by
+    rig.client.request(p.RtUploadMoveAxis(1, 0, [100_000_000]))
+    rig.client.request(p.RtUploadMoveEnd())
+
+
+def test_what_was_sent_before_can_be_played(rig):
+    rig.begin()
+    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
+    rig.client.request(p.RtUploadMoveEnd())
+    rig.client.request(p.RtPositionFrame(20))
+    rig.client.wait_idle()
+    assert list(rig.client.request(p.MotorGetPosition()).steps) == [7, 9]
+    rig.client.request(run_request(24, 1, 9))
+    assert not rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
+
+
+def test_a_new_upload_begins_anew(rig):
+    rig.begin()
+    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
+    assert rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
+    rig.begin()
+    assert not rig.client.request(p.GetCondition()).bits & CONDITION_EXCEEDED
+    rig.unreported()
+    rig.refused(p.RtUploadMoveAxis(2, 0, WILD))
+    assert rig.unreported()
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (p.RtUploadMoveAxis(1, FRAMES, [1]), "from the upload's frame 257 on begin past its last"),
+        (p.RtUploadMoveAxis(1, 3, [1, -(2**31)]), "have one of -2147483648, which no motor can"),
+        (p.RtUploadMoveDmx(513, 0, [1]), "no channel 513, there are channels 1 to 512"),
+        (p.RtUploadMoveDmx(3, FRAMES, [1]), "from the upload's frame 257 on begin past its last"),
+    ],
+)
+def test_what_is_refused_for_another_reason(rig, request_, words):
+    rig.begin()
+    said, by, _ = rig.refused(request_)
+    assert words in said
+    assert by is None
