@@ -26,9 +26,15 @@ KEYS = [
     "rx_bytes_per_s_single_port",
     "reply_ms_median",
     "reply_ms_max",
+    "go_ms_median",
+    "go_ms_spread",
     "virtual_reply_ms_max",
     "heap_bytes_per_hour",
     "virtual_update_us",
+    "upload_frames_8_copied",
+    "tick_us_8_copied",
+    "reply_ms_median_copied",
+    "reply_ms_max_copied",
 ]
 
 

@@ -10,13 +10,11 @@ import typer
 from rich.console import Console
 
 from .. import builds, tick_cost
-from ..boards import EmulatedBoard
 from ..errors import Command
 from ..files import ROOT
-from .figures import TRUST, number, table
+from .figures import TRUST, table
 from .loops import loop_table, loops
 from .measure import measure
-from .session import Session
 
 RESULT = ROOT / "build" / "bench.json"
 _WIDTH = 120  # of the table where there is no terminal
@@ -48,16 +46,11 @@ def main(
 
     with ThreadPoolExecutor(2) as pool:
         modelled, ideal = pool.map(run, (True, False))
-    with EmulatedBoard(trace=False) as board:
-        copied = Session(board).info.upload_frames
     parts = tick_cost.both()
     passes = loops()
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(modelled, indent=2) + "\n")
     console.print(table(modelled, ideal, explain))
-    console.print(
-        f"with copied files instead of a frozen image: {number(copied)} frames (goal 5 000)"
-    )
     console.print(loop_table(passes))
     console.print(tick_cost.table(parts))
     console.print(TRUST)

@@ -30,6 +30,8 @@ class Figure:
         return None if self.at_most is None else value <= self.at_most
 
 
+_COPIED = "the same with copied files instead of a frozen image"
+
 FIGURES = (
     Figure(
         "steps_per_s_8",
@@ -119,9 +121,19 @@ FIGURES = (
         None,
         2,
         "emulated clock: from the host writing a request to having its whole reply, "
-        "one after the other right after GO and then at random moments of that move",
+        "one after the other right after GO and then at random moments of that move, "
+        "which is played four times for it",
     ),
     Figure("reply_ms_max", "ms", None, 10, "the slowest of these"),
+    Figure(
+        "go_ms_median",
+        "ms",
+        None,
+        6,
+        "emulated clock, pins: from the host writing GO to the start of the pre-roll's motion, "
+        "as its first edges tell it; 100 runs, at random moments",
+    ),
+    Figure("go_ms_spread", "ms", None, 1, "the longest of these less the shortest"),
     Figure(
         "virtual_reply_ms_max",
         "ms",
@@ -148,6 +160,10 @@ FIGURES = (
         "with nodal offset and boom table, nothing playing; "
         "a virtual axis in motion needs it for each knot",
     ),
+    Figure("upload_frames_8_copied", "frames", 5_000, None, _COPIED),
+    Figure("tick_us_8_copied", "µs", None, 60, _COPIED),
+    Figure("reply_ms_median_copied", "ms", None, 2, _COPIED),
+    Figure("reply_ms_max_copied", "ms", None, 8, _COPIED),
 )
 
 
