@@ -150,7 +150,7 @@ def test_nothing_is_allocated(session):
 def test_one_port():
     """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives
     the REPL back."""
-    with EmulatedBoard({"ports": 1}) as board:
+    with EmulatedBoard({"ports": 1}, frozen=True) as board:
         session = Session(board)
         positions = move(session, (1, 2))
         stands = load(session, positions)
@@ -173,7 +173,7 @@ def test_one_port():
         assert b"refused: framestep has been stopped" in typed(b"move(1, 5)\r")
         typed(b"import framestep.boot as b; b.controller.moves.poll = None\r")
         said = typed(b"b.runner.run(b.controller)\r")
-        assert b'File "framestep.controller", line' in said
+        assert b'File "framestep/controller.py", line' in said
         assert b"TypeError" in said
         assert said.endswith(b">>> ")
         assert m.MSG_MOTOR_HARD_STOP in [frame.type for frame in FrameDecoder().feed(said)], (
@@ -185,7 +185,7 @@ def test_one_port_closed_within_a_frame():
     """There is no DTR to be seen. A frame's beginning left by the client before is never carried
     out, nor any mixture of it with what comes next: that is damaged at most. And the next client's
     first request is answered."""
-    with EmulatedBoard({"ports": 1}) as board:
+    with EmulatedBoard({"ports": 1}, frozen=True) as board:
         port = board.protocol
         left = (
             encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77),

@@ -70,7 +70,7 @@ fifo = b.hal.engine.fifo(4)
 
 
 def session():
-    found = Session(EmulatedBoard(RIG), motors=6, reply_s=0.1)
+    found = Session(EmulatedBoard(RIG, frozen=True), motors=6, reply_s=0.1)
     for motor in (1, 2, 3):
         found.speed(motor, VELOCITY, ACCELERATION)
         found.accept(p.MotorResetPosition(motor, 0))
@@ -324,11 +324,14 @@ def test_how_long_the_main_loop_may_be_away(rig, capsys):
         rig.run(0.5)
         found[f"{fps} frames/s"] = repl.eval("least(60)")
         rig.board.run_until(rig.board.emulator.ns + 1_000_000)
+        assert rig.moving == list(motors), "they were still in play"
+        rig.ask(p.MotorStopAll())
         rig.wait_idle()
     rig.accept(*(p.MotorMove(motor, rig.position(motor) + 20_000) for motor in motors))
     rig.run(0.4)
     found["constant velocity"] = repl.eval("least(60)")
     rig.board.run_until(rig.board.emulator.ns + 1_000_000)
+    rig.ask(p.MotorStopAll())
     rig.wait_idle()
     begun = rig.board.emulator.ns
     repl.exec("sum(range(60000))")

@@ -1,12 +1,14 @@
 """`make flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one board
 for all, in order."""
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -27,9 +29,12 @@ PATIENCE_S = 1200
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    """A board with MicroPython and a rig file, and the paths of its two ports."""
+    """A board with MicroPython and a rig file, and the paths of its two ports.
+
+    It is no faster than a real one: what it does while the tools work is of no use here.
+    """
     with (
-        Emulator(files={"/rig.json": RIG}, lockstep=False, speed=2) as emu,
+        Emulator(files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
         emu.pty(0) as repl,
         emu.pty(1) as protocol,
     ):
@@ -179,14 +184,36 @@ def test_one_port(bench, flash, monkeypatch, capsys):
     assert re.search(f"small on {bench.protocol}, firmware", said)
 
 
+def one_of_each_kind(package):
+    """Entries of a package's list: the smallest file of each folder of the board, what lies beside
+    /lib, and what differs from board to board."""
+    urls = json.loads(package.read_text())["urls"]
+    smallest = {}
+    for target, source in sorted(urls, key=lambda url: (package.parent / url[1]).stat().st_size):
+        smallest.setdefault(Path(target).parent, [target, source])
+    chosen = [url for url in urls if url[0].startswith("../") or url[1].startswith("boards/")]
+    return chosen + [url for url in smallest.values() if url not in chosen]
+
+
 def test_installed_by_mip(tmp_path, wanted):
-    """`make dist`, then mpremote mip install of the folder's package.json, then a reset: framestep
-    answers."""
+    """mpremote mip install of a package.json of `make dist`, cut to one file of each kind, onto a
+    board that has all others; then a reset: framestep answers. That the whole list is what `flash`
+    copies is in tools/test_dist.py."""
     dist.write(tmp_path / "dist")
-    with Emulator(lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    package = tmp_path / "dist" / "armv6m" / "package.json"
+    urls = one_of_each_kind(package)
+    package.write_text(json.dumps({"urls": urls, "version": "1"}))
+    coming = {f"/lib/{target}".replace("/lib/../", "/") for target, _ in urls}
+    assert {"/boot.py", "/main.py", "/lib/framestep/board.mpy"} < coming
+    others = {path: content for path, content in wanted.items() if path not in coming}
+    assert len(others) + len(urls) == len(wanted)
+    with (
+        Emulator(files=others, lockstep=False, speed=1) as emu,
+        emu.pty(0) as repl,
+        emu.pty(1) as protocol,
+    ):
         emu.wait_usb()
         mpremote = [sys.executable, "-m", "mpremote", "connect", repl]
-        package = tmp_path / "dist" / "armv6m" / "package.json"
         done = subprocess.run(
             [*mpremote, "mip", "install", str(package)], capture_output=True, text=True
         )

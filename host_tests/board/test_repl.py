@@ -166,7 +166,7 @@ def test_faults_in_words(session):
 
 def test_a_move_that_asks_too_much_is_told_unasked():
     """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
-    with EmulatedBoard() as board:
+    with EmulatedBoard(frozen=True) as board:
         session = Session(board, reply_s=0.1)
         repl = board.emulator.repl()
         repl.exec("import time")

@@ -15,7 +15,7 @@ from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSet
 
 PATIENCE_S = 600
 STEP, ENABLE = (2, 4), 18
-RIG = {"name": "soft"}
+RIG = {"name": "soft", "remember_positions": True}
 
 
 def mpremote(path, *arguments):
@@ -34,6 +34,22 @@ def board(kind, rig=RIG, **options):
     return Emulator(files=board_files() | files, **options)
 
 
+@pytest.fixture(scope="module")
+def image():
+    """One for those that leave framestep running."""
+    with board("image") as emu:
+        emu.wait_usb(20_000, ports=2)
+        yield emu
+
+
+@pytest.fixture(scope="module")
+def copied():
+    """The same with copied code; the last test takes main.py away."""
+    with board("copied") as emu:
+        emu.wait_usb(20_000, ports=2)
+        yield emu
+
+
 def answers(path):
     with Client.open(path, timeout_s=PATIENCE_S) as client:
         return client.request(Hi())
@@ -47,14 +63,14 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
     (package / "package.json").write_text(
         json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"})
     )
-    with board(kind, lockstep=False) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    # no faster than a board, so that it does not work while mpremote starts
+    with board(kind, lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
         frames = answers(protocol).upload_frames
         emu.events(clear=True)
-        assert "rig.json" in mpremote(repl, "ls")
-        assert answers(protocol).name == "soft"
         if kind == "image":  # where a start takes a second, not five
             assert mpremote(repl, "exec", "print(6 * 7)") == "42\n"
+            assert answers(protocol).name == "soft"
         said = mpremote(
             repl, "mip", "install", str(package / "package.json"), "+", "exec", "import hello"
         )
@@ -67,84 +83,77 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
         ]
 
 
-def test_whoever_has_the_protocol_port_open():
+def test_whoever_has_the_protocol_port_open(image):
     """What was sent before and what comes in between is of nobody; after it the host begins
     anew."""
-    with board("copied") as emu:
-        emu.wait_usb(20_000, ports=2)
-        repl, port = emu.serial(0), emu.serial(1)
-        client = Client(port)
-        for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
-            client.request(Hi())
-            repl.write(b"\r\x03\r" + mode)
-            emu.advance(50)
-            port.write(b"DF")  # a frame that is never finished
-            emu.advance(5)
-            repl.write(b"\x04")
-            emu.advance(300)
-            port.write(bytes(100) + b"DF\x10\x00")  # while nobody listens
-            emu.advance(5500)
-            port.reset_input_buffer()
-            assert client.request(Hi()).name == "soft"
-            assert client.request(MotorStatus()).moving == []
-        assert "soft reboot" in repl.read_all().decode()
+    repl, port = image.serial(0), image.serial(1)
+    client = Client(port)
+    for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does
+        client.request(Hi())
+        repl.write(b"\r\x03\r" + mode)
+        image.advance(50)
+        port.write(b"DF")  # a frame that is never finished
+        image.advance(5)
+        repl.write(b"\x04")
+        image.advance(300)
+        port.write(bytes(100) + b"DF\x10\x00")  # while nobody listens
+        image.advance(2500)
+        port.reset_input_buffer()
+        assert client.request(Hi()).name == "soft"
+        assert client.request(MotorStatus()).moving == []
+    assert "soft reboot" in repl.read_all().decode()
 
 
-def test_in_motion():
+def test_in_motion(copied):
     """The motors stand at once, their drivers go off, and nothing strikes later; the host is told
     what is lost."""
-    with board("copied", {"remember_positions": True, "dmx": False}) as emu:
-        emu.wait_usb(20_000, ports=2)
-        client = Client(emu.serial(1))
-        client.request(Hi())
-        for motor in (1, 2):
-            client.request(MotorSetSpeed(motor, 10_000, 50_000))
-            client.request(MotorResetPosition(motor, 0))
-        client.request(MotorMove(1, 100_000))
-        client.request(MotorMove(2, -100_000))
-        emu.advance(500)
-        assert emu.pin(ENABLE) == 0
-        repl = emu.serial(0)
-        repl.write(b"\r\x03\r\x01")
-        emu.advance(20)
-        emu.trace_start([*STEP, ENABLE])
-        assert client.request(MotorStatus()).moving == [1, 2]
-        struck = emu.ns
-        repl.write(b"\x04")
-        emu.advance(9000)
-        edges = emu.trace_read()
-        for pin in STEP:
-            times = edge_times(edges, pin)
-            assert len(times) > 20
-            assert times[-1] < struck + 20_000_000, "no pulse after the soft reset"
-        assert emu.pin(ENABLE) == 1
-        assert all(emu.pin(pin) == 0 for pin in STEP)
-        assert not [event for event in emu.events() if event["type"] in ("reset", "halt")]
-        emu.serial(1).reset_input_buffer()
-        client.request(Hi())
-        assert client.request(MotorStatus()).moving == []
+    emu = copied
+    client = Client(emu.serial(1))
+    client.request(Hi())
+    for motor in (1, 2):
+        client.request(MotorSetSpeed(motor, 10_000, 50_000))
+        client.request(MotorResetPosition(motor, 0))
+    client.request(MotorMove(1, 100_000))
+    client.request(MotorMove(2, -100_000))
+    emu.advance(500)
+    assert emu.pin(ENABLE) == 0
+    repl = emu.serial(0)
+    repl.write(b"\r\x03\r\x01")
+    emu.advance(20)
+    emu.trace_start([*STEP, ENABLE])
+    assert client.request(MotorStatus()).moving == [1, 2]
+    struck = emu.ns
+    repl.write(b"\x04")
+    emu.advance(5500)
+    edges = emu.trace_stop()
+    for pin in STEP:
+        times = edge_times(edges, pin)
+        assert len(times) > 20
+        assert times[-1] < struck + 20_000_000, "no pulse after the soft reset"
+    assert emu.pin(ENABLE) == 1
+    assert all(emu.pin(pin) == 0 for pin in STEP)
+    assert not [event for event in emu.events() if event["type"] in ("reset", "halt")]
+    emu.serial(1).reset_input_buffer()
+    client.request(Hi())
+    assert client.request(MotorStatus()).moving == []
 
 
-def test_lights_leave_memory_alone():
+def test_lights_leave_memory_alone(copied):
     """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does
     not start again."""
-    with board("copied") as emu:
-        emu.wait_usb(20_000, ports=2)
-        emu.advance(200)
-        repl = emu.repl()
-        repl.exec("import os; os.rename('/main.py', '/main.txt')")
-        repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
-        repl.enter()
-        repl.serial.write(b"\x04")
-        emu.advance(500)
-        repl = emu.repl()
-        assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
-        assert (
-            repl.eval(
-                "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
-            )
-            == [0] * 12
-        )
+    repl = copied.repl()
+    assert dma_running(repl)
+    repl.exec("import os; os.rename('/main.py', '/main.txt')")
+    repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
+    repl.enter()
+    repl.serial.write(b"\x04")
+    copied.advance(500)
+    repl = copied.repl()
+    assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
+    assert (
+        repl.eval("[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]")
+        == [0] * 12
+    )
 
 
 def dma_running(repl):
@@ -177,8 +186,8 @@ def test_an_image_beside_a_boot_py(beside):
             assert Client(emu.serial(1)).request(Hi()).motors == 8
 
 
-@pytest.mark.parametrize("kind", ["copied", "image"])
-def test_one_port_set_on_a_board_that_has_two(kind):
+@pytest.mark.parametrize("kind, start_ms", [("copied", 6000), ("image", 2500)])
+def test_one_port_set_on_a_board_that_has_two(kind, start_ms):
     """mpremote's raw REPL comes: framestep does not take it from within boot.py. After Ctrl-D or a
     reset framestep has the one port."""
     with board(kind) as emu:
@@ -191,15 +200,22 @@ def test_one_port_set_on_a_board_that_has_two(kind):
             emu.advance(50)
             repl.serial.read_all()
             repl.serial.write(b"\x04")
-            emu.advance(8000)
+            emu.advance(start_ms)
             assert repl.serial.read_all().endswith(b"raw REPL; CTRL-B to exit\r\n>")
             assert repl.eval("6 * 7") == 42
             assert emu.pin(ENABLE) == 1, "the drivers are off"
         repl.leave()
         repl.serial.write(b"\x04")
-        emu.advance(8000)
+        emu.advance(start_ms)
         repl.serial.reset_input_buffer()
         assert Client(repl.serial).request(Hi()).name == "one"
+
+
+def test_drivers_are_off_before_framestep_has_been_loaded():
+    """Copied code takes four seconds for that."""
+    with board("copied", boot=False) as emu:
+        emu.advance(310)
+        assert emu.pin(ENABLE) == 1
 
 
 def test_a_boot_py_that_knows_nothing_of_framestep():
@@ -221,27 +237,25 @@ def test_a_boot_py_that_knows_nothing_of_framestep():
         assert dma_running(repl) == []
 
 
-def test_a_host_that_closes_its_port_while_framestep_restarts():
+def test_a_host_that_closes_its_port_while_framestep_restarts(image):
     """Nobody hears it. The port counts as closed all the same, as nobody collects a packet: no
     motion is stopped for want of a host, and whoever comes next begins anew."""
-    with board("image") as emu:
-        emu.wait_usb(20_000, ports=2)
-        repl, port = emu.serial(0), emu.serial(1)
-        client = Client(port)
-        client.request(Hi())
-        repl.write(b"\r\x03\r\x02")
-        emu.advance(50)
-        repl.write(b"\x04")
-        emu.advance(300)
-        port.close()
-        emu.advance(6000)
-        raw = emu.repl()
-        raw.exec("import framestep.repl, framestep.boot as boot")
-        raw.exec("move(1, 100000)")
-        emu.advance(5000)
-        assert raw.eval("boot.controller.reports.was_moving") is True
-        assert raw.eval("boot.hal.port.open") is False
-        openings = raw.eval("boot.hal.port.openings")
-        port.open()
-        assert Client(port).request(MotorStatus()).moving == [1]
-        assert raw.eval("boot.hal.port.openings") == openings + 1
+    repl, port = image.serial(0), image.serial(1)
+    client = Client(port)
+    client.request(Hi())
+    repl.write(b"\r\x03\r\x02")
+    image.advance(50)
+    repl.write(b"\x04")
+    image.advance(300)
+    port.close()
+    image.advance(2500)
+    raw = image.repl()
+    raw.exec("import framestep.repl, framestep.boot as boot")
+    raw.exec("move(1, 100000)")
+    image.advance(5000)
+    assert raw.eval("boot.controller.reports.was_moving") is True
+    assert raw.eval("boot.hal.port.open") is False
+    openings = raw.eval("boot.hal.port.openings")
+    port.open()
+    assert Client(port).request(MotorStatus()).moving == [1]
+    assert raw.eval("boot.hal.port.openings") == openings + 1
