@@ -106,7 +106,8 @@ bench: setup node micropython ## measure the firmware on the emulated board besi
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
 
-soak: setup ## two emulated hours of a host's work: heap flat, positions exact, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
+soak: setup node ## two emulated hours of a host's work: heap flat, positions exact, ticks in time, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
+	@tools/micropython/build.sh rp2
 	@tools/micropython/build.sh unix32f
 	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
 

@@ -4,8 +4,9 @@ to the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
     python -m host_tests.board.strain [--requests 20000] [--seed 1]      (make strain)
 
 Every sound request is answered once and in time, whatever stops the motors is answered for, the
-motors end where their edges say, and the firmware is alive at the end. HARD_STOP 100 may come where
-the REPL keeps passes away for longer than queues last; how often it came, and why, is told.
+motors end where their edges say, no tick in motion comes late, and the firmware is alive at the
+end. HARD_STOP 100 may come where the REPL keeps passes away for longer than queues last; how often
+it came, and why, is told.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from framestep.protocol import messages as m
 from framestep_emulator import ReplError
 from framestep_tools.boards import EmulatedBoard
 from framestep_tools.wire import FrameDecoder, encode
+from host_tests.soak import on_board
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
 SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")
@@ -359,6 +361,7 @@ class Strain:
         return self.counts["HARD_STOP 100"] > self.faults
 
     faults = 0
+    late_us = 0  # of the worst tick in motion
     heard = b""
     piece = ""
     answer = None
@@ -389,6 +392,9 @@ class Strain:
             with contextlib.suppress(ReplError):
                 if self.repl.eval(alive) != (True, None):
                     raise self.broken("the firmware is not alive")
+                self.late_us = on_board.worst_late(self.repl)[0]
+                if wrong := on_board.late(self.late_us):
+                    raise self.broken(wrong)
                 return self
         raise self.broken("the REPL finds no memory")
 
@@ -397,7 +403,7 @@ class Strain:
             self.say(f"{count:7} {name}")
         for line, count in self.told.most_common():
             self.say(f"{count:7} × {line}")
-        self.say(f"slowest answer {self.slowest / 1e6:.0f} ms")
+        self.say(f"slowest answer {self.slowest / 1e6:.0f} ms, worst tick {self.late_us} µs late")
 
 
 def strain(seed, requests, say=print):

@@ -30,6 +30,9 @@ from framestep.rig import Rig
 
 CYCLES = 125000
 LOG = 512
+DEEP = 40  # calls: more than any pass has
+PIECE = 5 << 16  # bytes; the longest line tells of INCOMING ones
+ZEROS = bytes(4096)
 INCOMING = 1 << 17
 OUTGOING = 1 << 16
 OUTPUT, ENABLE, LED, CHOOSE = "oelc"  # what is noted with two numbers
@@ -303,16 +306,65 @@ class Hal:
         pass
 
 
-def weigh(deep):
-    """Bytes of the heap that are taken. Deep down, so that what has been left on the stack by
-    what ran before, and looks like pointers, is written over."""
+def wipe(deep):
+    """Write over the stack below the caller: what has been left there by what ran before looks
+    like pointers to things that are gone."""
     a = b = c = d = e = f = g = h = 0
     if deep:
-        weigh(deep - 1)
-    if deep == 40:
-        gc.collect()
-        return gc.mem_alloc()
+        wipe(deep - 1)
     return a + b + c + d + e + f + g + h
+
+
+def numbers_in(thing, seen, found):
+    """Add the arrays and bytearrays that are reached from a thing to `found`."""
+    if id(thing) in seen:
+        return
+    seen.add(id(thing))
+    if isinstance(thing, (array, bytearray)):
+        found.append(thing)
+        return
+    if isinstance(thing, dict):
+        parts = thing.values()
+    elif isinstance(thing, (list, tuple)):
+        parts = thing
+    else:  # made anew each time, so that it is not what `seen` has
+        parts = thing.__dict__.values() if hasattr(thing, "__dict__") else ()
+    for part in parts:
+        numbers_in(part, seen, found)
+
+
+class Scales:
+    """Tells how much of the heap is taken, to the byte.
+
+    A number in memory that looks like the address of something keeps that, though it is not in use
+    any more. So what has been left on the stack is written over, and what is in arrays is put into
+    a file for the time being.
+    """
+
+    def __init__(self, path, things):
+        self.file = open(path, "w+b")  # noqa: SIM115 -- lives as long as this
+        self.arrays = []
+        numbers_in(things, set(), self.arrays)
+
+    def weigh(self):
+        """Bytes of the heap that are taken. To be called from the outermost function: nothing of a
+        pass is on the stack then."""
+        self.file.seek(0)
+        for each in self.arrays:
+            clear(each, self.file.write(each))
+        wipe(DEEP)
+        gc.collect()
+        found = gc.mem_alloc()
+        self.file.seek(0)
+        for each in self.arrays:
+            self.file.readinto(each)
+        return found
+
+
+def clear(numbers, size):
+    """Make its bytes all zeros."""
+    for at in range(0, size, len(ZEROS)):
+        copy_bytes(numbers, at, ZEROS, 0, min(len(ZEROS), size - at))
 
 
 class Replay:
@@ -395,8 +447,6 @@ class Replay:
         elif verb == b"C":
             hal.port.open = False
             hal.port.begin = hal.port.end = 0
-        elif verb == b"G":
-            print("heap", weigh(40))
         elif verb == b"L":
             hal.set_level(int(words[1]), int(words[2]))
         elif verb == b"F":
@@ -416,14 +466,43 @@ class Replay:
             raise ValueError(verb)
 
 
+class Lines:
+    """The lines of a file, as bytes: each new str is searched for among all names. A piece of the
+    file is in memory at a time, always as much; readline of the file itself asks the system for
+    every byte."""
+
+    def __init__(self, file):
+        self.file = file
+        self.lines = io.BytesIO(PIECE)  # room for so much
+        self.end = 0  # of the last whole line that is in it
+
+    def next(self):
+        """The next line, without its end; None after the last."""
+        if self.lines.tell() == self.end and not self._more():
+            return None
+        return self.lines.readline()[:-1]
+
+    def _more(self):
+        text = self.file.read(PIECE)
+        self.end = text.rfind(b"\n") + 1
+        self.file.seek(self.end - len(text), 1)
+        self.lines.seek(0)
+        self.lines.write(text)
+        self.lines.seek(0)
+        return self.end > 0
+
+
 def play(path, ticks, ms):
-    # As bytes: each new str is searched for among all names. In memory: readline asks the system
-    # for every byte.
     with open(path, "rb") as file:
-        lines = io.BytesIO(file.read())
-    replay = Replay(json.loads(lines.readline()), ticks, ms)
-    for line in lines:
-        replay.happen(line.split())
+        lines = Lines(file)
+        replay = Replay(json.loads(lines.next()), ticks, ms)
+        scales = None
+        while line := lines.next():
+            if line == b"G":
+                scales = scales or Scales(path + ".kept", replay)
+                print("heap", scales.weigh())
+            else:
+                replay.happen(line.split())
     print("at", *[block[stepper.POSITION] for block in replay.hal.kernel.blocks])
 
 
