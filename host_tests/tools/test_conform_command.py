@@ -198,3 +198,37 @@ def test_a_device_that_says_nothing_any_more_ends_the_checks(conform, board, mon
     assert status == FAILED
     assert err.startswith("framestep: socket://x cannot be checked after ")
     assert err.endswith(" checks: it does not answer any more, not even HI\n")
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "1000", "nan"])
+def test_a_speed_that_no_device_has(conform, speed):
+    status, _, err = conform("--speed", speed)
+    assert status == USAGE
+    assert "--speed is more than 0 and at most 100" in err
+
+
+def test_a_device_that_runs_at_a_tenth_of_real_time(conform, board, monkeypatch):
+    """On the computer's clock, which goes ten times as far as the device's."""
+
+    class Slow:
+        def __init__(self):
+            self.port = Port(board)
+            self.timeout = 1.0
+
+        def read(self, size=1):
+            self.port.timeout = None if self.timeout is None else self.timeout / 10
+            return self.port.read(size)
+
+        def write(self, data):
+            return self.port.write(data)
+
+        def close(self):
+            self.port.close()
+
+    monkeypatch.setattr("framestep_tools.conform.pace.time.monotonic", lambda: board.now_ns * 1e-8)
+    names = {"24 frames/s forward: frames come at their times"}
+    chosen = [one for one in kit.every_check() if one.name in names]
+    monkeypatch.setattr(kit, "every_check", lambda: chosen)
+    status, out, err = conform("--speed", "0.1", port=Slow())
+    assert (status, err) == (DONE, "")
+    assert out == "1 checks: 1 passed, 0 left out, 0 reading, 0 departs, 0 fault\n"

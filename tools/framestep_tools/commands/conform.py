@@ -7,6 +7,8 @@ import typer
 
 from .common import Json, Url, put, say_json
 
+_FASTEST = 100
+
 
 def conform(
     device: Url = None,
@@ -29,6 +31,13 @@ def conform(
         bool,
         typer.Option("--hands", help="ask for switches to be pressed: inputs, limits, E-stop"),
     ] = False,
+    speed: Annotated[
+        float,
+        typer.Option(
+            help="how fast the device's time runs, as `make sim` and `make emu` were told",
+            metavar="FACTOR",
+        ),
+    ] = 1,
     page: Annotated[
         Path | None, typer.Option("--html", help="write the report as a page", metavar="FILE")
     ] = None,
@@ -46,10 +55,13 @@ def conform(
     from ..conform import kit, report, spec
     from ..conform.bench import Bench
     from ..conform.link import Failed, Link
+    from ..conform.pace import HoldUps, PacedPort
     from ..conform.trace_tail import TraceTail
     from ..errors import ToolError
     from ..opening import close_port, open_port
 
+    if not 0 < speed <= _FASTEST:
+        raise typer.BadParameter(f"--speed is more than 0 and at most {_FASTEST}, found {speed:g}")
     checks = kit.every_check()
     names = {check.subject for check in checks}
     if unknown := set(subject or ()) - names:
@@ -74,12 +86,14 @@ def conform(
     url = device or ports.protocol_port()
     results: list[kit.Result] = []
     port = open_port(url, 1)
-    link = Link(port)
+    link = Link(PacedPort(port, speed) if speed != 1 else port)
+    # a port in lockstep has its own clock, which nothing holds up
+    hold_ups = None if hasattr(port, "clock") else HoldUps(speed).start()
     tail = None
     try:
         tail = TraceTail(trace) if trace else None
         link.pump(0.3)
-        bench = Bench(link, full, tail, _person() if hands else None)
+        bench = Bench(link, full, tail, _person() if hands else None, hold_ups)
         kit.run(bench, checks, tell)
         bench.recover()
     except Failed as failed:
@@ -94,6 +108,8 @@ def conform(
             raise
         raise BrokenOff(f"the connection to {url} broke off: {error}") from None
     finally:
+        if hold_ups:
+            hold_ups.stop()
         close_port(port)
         if tail:
             tail.close()

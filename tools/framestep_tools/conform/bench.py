@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from ..trace import Edge
 from . import spec
 from .link import Failed, Link, Reply
+from .pace import HoldUps
 from .spec import Request
 
 VELOCITY, ACCELERATION = 1000, 8000  # steps/s, steps/s²: slow for any rig
@@ -74,15 +75,22 @@ class Hands(Protocol):
 
 class Bench:
     """One device. `home` holds the positions found at the start, to which everything is
-    relative. `pins` and `hands`, where there are any, show its pins and press its switches."""
+    relative. `pins` and `hands`, where there are any, show its pins and press its switches.
+    `hold_ups`: how late this computer is, where the device is not in lockstep with it."""
 
     def __init__(
-        self, link: Link, full: bool = False, pins: Pins | None = None, hands: Hands | None = None
+        self,
+        link: Link,
+        full: bool = False,
+        pins: Pins | None = None,
+        hands: Hands | None = None,
+        hold_ups: HoldUps | None = None,
     ):
         self.link = link
         self.full = full
         self.pins = pins
         self.hands = hands
+        self.hold_ups = hold_ups
         self.kept: dict[Any, Any] = {}  # what several checks judge, by whatever names it
         self.hello = self._hello()
         self.home = self.positions().steps if self.hello.motors else ()
@@ -189,6 +197,11 @@ class Bench:
                 step()
         self.link.reports.clear()
         self.link.answers.clear()
+
+    def forget(self) -> None:
+        """What several checks judge is played anew."""
+        self.kept.clear()
+        self._played.clear()
 
     def return_home(self) -> None:
         """Every motor back to where it stood at the start."""

@@ -5,15 +5,16 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from .kit import DEPARTS, FAULT, LEFT_OUT, PASSED, READING, Result
+from .kit import DEPARTS, FAULT, LEFT_OUT, NOT_JUDGED, PASSED, READING, Result
 
-_ORDER = (FAULT, DEPARTS, READING, LEFT_OUT, PASSED)
+_ORDER = (FAULT, DEPARTS, NOT_JUDGED, READING, LEFT_OUT, PASSED)
 
 
 def counts(results: Iterable[Result]) -> str:
     """One line of numbers."""
     found = Counter(result.verdict for result in results)
-    return ", ".join(f"{found[verdict]} {verdict}" for verdict in reversed(_ORDER))
+    told = [v for v in reversed(_ORDER) if v != NOT_JUDGED or found[v]]
+    return ", ".join(f"{found[verdict]} {verdict}" for verdict in told)
 
 
 def line(result: Result) -> str:
