@@ -3,7 +3,9 @@
 import pytest
 
 from framestep import rig, rig_home, rig_servos, rig_settings
-from framestep_tools import cli, rig_file
+from framestep_tools import cli, rig_change, rig_file
+from framestep_tools.device import State
+from framestep_tools.errors import ToolError
 from framestep_tools.files import board_data
 from framestep_tools.rig_file import RigFileError
 
@@ -212,3 +214,45 @@ def test_what_is_copied_out_of_the_comments(tmp_path):
         rig_file.edit_until_right(
             file, board_data("pico"), lambda p: p.write_text("\n".join(lines)), lambda m: False
         )
+
+
+def test_a_file_that_only_the_board_refuses_leaves_the_draft(tmp_path, monkeypatch):
+    """As firmware of another version may; that the board has the file of before again is in
+    console/test_board.py."""
+
+    class Board:
+        state = State(True, 0, True)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def board(self):
+            return board_data("pico")
+
+        def read(self, name):
+            return b'{"name": "before"}'
+
+    class Change:
+        def __init__(self, device, content):
+            assert content == b'{"name": "after"}'
+
+        def see(self, opened, protocol, ports):
+            assert (protocol, ports) == ("/dev/protocol", 2)
+            raise rig_change.Refused("the board does not take it (why)")
+
+    def run_editor(draft):
+        draft.write_text(draft.read_text().replace("before", "after"))
+
+    monkeypatch.setattr(rig_change, "RigChange", Change)
+    monkeypatch.setattr(rig_file, "run_editor", run_editor)
+    monkeypatch.setattr(rig_file.tempfile, "mkdtemp", lambda prefix: str(tmp_path))
+    with pytest.raises(ToolError) as caught:
+        rig_file.edit(Board(), "/dev/protocol")
+    draft = tmp_path / "rig.json"
+    assert str(caught.value) == (
+        f"the board does not take it (why); framestep rig edit {draft} goes on with the draft"
+    )
+    assert "after" in draft.read_text()

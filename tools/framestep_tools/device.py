@@ -57,6 +57,15 @@ else:
     if c: r.stop()
     print(0)
 """
+# What the board finds wrong with its rig file; None where that can be read now
+MISTAKE = """
+print("\\x02")
+try:
+    from framestep import rig
+    from framestep.board import BOARD
+    print(rig.load(board=BOARD)[1])
+except MemoryError: print("it has no memory left to tell")
+"""
 _WHO = """
 import sys, machine
 i = sys.implementation

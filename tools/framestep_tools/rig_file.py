@@ -237,6 +237,7 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
     """
     from .device import RIG_FILE
     from .restart import greeting, hello
+    from .rig_change import Refused, RigChange
 
     begin = None if file is None else content_of(file)
 
@@ -259,16 +260,16 @@ def edit(device: "Device", protocol: str | None, file: Path | None = None) -> No
             shutil.rmtree(folder)
             return
         with device:
-            device.halt()
-            device.replace(RIG_FILE, new)
-            device.restart()
+            change = RigChange(device, new)
     except (ToolError, KeyboardInterrupt) as error:
         said = f"{error}\n" if isinstance(error, ToolError) else ""
         raise ToolError(
             f"{said}the board's rig file is as it was; "
             f"framestep rig edit {draft} goes on with the draft"
         ) from None
+    ports = check(parse(new, RIG_FILE), board, RIG_FILE).ports
+    try:
+        print(greeting(*change.see(lambda: device, protocol, ports)))
+    except Refused as error:
+        raise ToolError(f"{error}; framestep rig edit {draft} goes on with the draft") from None
     shutil.rmtree(folder)
-    print(
-        greeting(*hello(device.path, protocol, check(parse(new, RIG_FILE), board, RIG_FILE).ports))
-    )

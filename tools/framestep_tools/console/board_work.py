@@ -13,8 +13,9 @@ from typing import Any
 from .. import rig_file
 from ..device import RIG_FILE, Device, Moving
 from ..errors import ToolError
-from ..restart import greeting, hello, takes_rig
-from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD, MISTAKE
+from ..restart import greeting
+from ..rig_change import RigChange
+from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 
 
 class NoRepl(ToolError):
@@ -49,32 +50,14 @@ class BoardWork:
         }
 
     def write_rig(self, text: str) -> dict[str, Any]:
-        """Put a rig file onto the board and restart it. Nothing is changed where the file has a
-        mistake, or while motors move. A board that does not take it, as older firmware may not,
-        restarts once more with the file of before. The protocol's port must be closed
-        meanwhile."""
+        """Put a rig file onto the board and restart it; see RigChange. Nothing is changed where
+        the file has a mistake. The protocol's port must be closed meanwhile."""
         content = _bare(text)
         with self._device() as device:
             board = device.board()
             found = rig_file.check(rig_file.parse(content, "rig.json"), board, "rig.json")
-            before = device.read(RIG_FILE)
-            device.halt()
-            device.replace(RIG_FILE, content)
-            device.restart()
-            repl = device.path
-        path, info = hello(repl, self.protocol, found.ports)
-        if takes_rig(path):
-            return {"text": greeting(path, info)}
-        with self._device() as device:
-            why = device.run(MISTAKE).rpartition("\x02")[2].strip()
-            device.halt()
-            if before is None:
-                device.remove(RIG_FILE)
-            else:
-                device.replace(RIG_FILE, before)
-            device.restart()
-        hello(repl, self.protocol, 2)
-        raise ToolError(f"the board does not take it ({why}) and has restarted with that of before")
+            change = RigChange(device, content)
+        return {"text": greeting(*change.see(self._device, self.protocol, found.ports))}
 
     def see_that_all_stands(self) -> None:
         """Moving where motors move or are about to: then the port must stay open."""

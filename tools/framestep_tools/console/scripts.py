@@ -55,15 +55,6 @@ for each in ("rig", "rig_home", "rig_servos", "board"):
     if sys.modules.pop("framestep." + each, None) and hasattr(framestep, each): delattr(framestep, each)
 rig = Rig = RigError = BOARD = None
 """  # noqa: E501
-# What the board finds wrong with its rig file; None where that can be read now
-MISTAKE = """
-print("\\x02")
-try:
-    from framestep import rig
-    from framestep.board import BOARD
-    print(rig.load(board=BOARD)[1])
-except MemoryError: print("it has no memory left to tell")
-"""
 # 1: motors move, or are about to; then nothing has been stopped
 HALT = (
     STATE
