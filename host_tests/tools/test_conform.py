@@ -27,20 +27,30 @@ def test_the_simulator_passes_and_there_are_enough_checks():
     assert sum(result.verdict == kit.PASSED for result in results) >= 600
 
 
+def test_arms_and_couples_on_as_many_motors_as_they_take():
+    (all_of_them,) = [variant for variant in VARIANTS if variant.name == "as the simulator is"]
+    results = score.judge(all_of_them, ("arms", "couples"))
+    assert score.alarms(results) == []
+    assert {result.verdict for result in results} == {kit.PASSED}
+    assert len(results) >= 95
+
+
 @pytest.mark.parametrize("name", _PARTS)
 def test_devices_that_are_right_in_another_way_raise_no_alarm(name):
     (variant,) = [variant for variant in VARIANTS if variant.name == name]
     assert score.alarms(score.judge(variant, _PARTS[name])) == []
 
 
-@pytest.mark.parametrize("fault", score.FAULTS[4::24], ids=lambda fault: fault.name)
+@pytest.mark.parametrize(
+    "fault", (*score.FAULTS[4::24], *score.together.FAULTS[:6:2]), ids=lambda fault: fault.name
+)
 def test_faults_are_found(fault):
     assert score.found(fault)
 
 
 def test_there_are_enough_faults_and_most_are_of_behaviour():
     names = [fault.name for fault in score.FAULTS]
-    assert len(set(names)) == len(names) >= 140
+    assert len(set(names)) == len(names) >= 170
     assert len(score.motion.FAULTS) > len(names) / 2
 
 

@@ -156,7 +156,7 @@ def test_a_row_that_is_being_written_is_left_out(tmp_path, monkeypatch):
 def test_an_unknown_subject(conform):
     status, _, err = conform("--subject", "weather")
     assert status == USAGE
-    assert "weather is none of edges, framing" in err
+    assert "weather is none of arms, couples, edges, framing" in err
 
 
 def test_ctrl_c_brings_the_motors_to_rest(conform, board, monkeypatch):

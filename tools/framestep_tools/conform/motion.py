@@ -13,48 +13,19 @@ from ..wire import Frame
 from . import spec
 from .faults import Fault
 from .spoiled import Behaviour
+from .spoiled import asked as _asked
+from .spoiled import field as _field
 
 _FPS, _FIRST, _LAST, _PRE, _POST, _SYNC, _BLOOP, _CHANNEL, _BLOOP_MS, _FLAGS = range(10)
 _RUN = struct.Struct("<IiiIIBIHHH")
-
-
-def _field(layout: str, index: int, change: Callable[[int], int]) -> Callable[[bytes], bytes]:
-    """Change one field of a payload that is long enough."""
-    form = struct.Struct("<" + layout)
-
-    def changed(payload: bytes) -> bytes:
-        if len(payload) < form.size:
-            return payload
-        fields = list(form.unpack_from(payload))
-        fields[index] = change(fields[index])
-        return form.pack(*fields) + payload[form.size :]
-
-    return changed
 
 
 def _run(index: int, change: Callable[[int], int]) -> Callable[[bytes], bytes]:
     return _field("IiiIIBIHHH", index, change)
 
 
-class _Asked(Behaviour):
-    """Requests of a type reach the device changed, or not at all."""
-
-    def __init__(self, type: int, change: Callable[[bytes], bytes | None]):
-        self.type, self.change = type, change
-
-    def asked(self, frame: Frame) -> Frame | None:
-        if frame.type != self.type:
-            return frame
-        payload = self.change(frame.payload)
-        return None if payload is None else frame._replace(payload=payload)
-
-
-def _asked(type: int, change: Callable[[bytes], bytes | None]) -> Callable[[], Behaviour]:
-    return lambda: _Asked(type, change)
-
-
 def _ignored(type: int) -> Callable[[], Behaviour]:
-    return lambda: _Asked(type, lambda payload: None)
+    return _asked(type, lambda payload: None)
 
 
 class _Late(Behaviour):

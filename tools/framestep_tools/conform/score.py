@@ -3,13 +3,13 @@ fault. All of them are simulated boards, in virtual time."""
 
 from collections.abc import Iterable
 
-from . import faults, kit, motion, report
+from . import faults, kit, motion, report, together
 from .faults import Fault
 from .kit import Result
 from .simulated import results
 from .variants import VARIANTS, Variant
 
-FAULTS = faults.FAULTS + motion.FAULTS
+FAULTS = faults.FAULTS + motion.FAULTS + together.FAULTS
 _ALARMS = (kit.FAULT, kit.DEPARTS)
 
 

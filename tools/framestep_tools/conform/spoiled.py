@@ -1,7 +1,8 @@
 """A port that spoils one behaviour of the device behind it: what it is asked, what it says and
 when, what its pins show."""
 
-from collections.abc import Iterable
+import struct
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from ..trace import Edge
@@ -117,3 +118,35 @@ class Spoiled:
         for time, frame in [one for one in self._to_host if one[0] <= now]:
             self._to_host.remove((time, frame))
             self._out += encode(frame.type, frame.payload, frame.id)
+
+
+def field(layout: str, index: int, change: Callable[[int], int]) -> Callable[[bytes], bytes]:
+    """Change one field of a payload that is long enough."""
+    form = struct.Struct("<" + layout)
+
+    def changed(payload: bytes) -> bytes:
+        if len(payload) < form.size:
+            return payload
+        fields = list(form.unpack_from(payload))
+        fields[index] = change(fields[index])
+        return form.pack(*fields) + payload[form.size :]
+
+    return changed
+
+
+class _Asked(Behaviour):
+    """Requests of a type reach the device changed, or not at all."""
+
+    def __init__(self, type: int, change: Callable[[bytes], bytes | None]):
+        self.type, self.change = type, change
+
+    def asked(self, frame: Frame) -> Frame | None:
+        if frame.type != self.type:
+            return frame
+        payload = self.change(frame.payload)
+        return None if payload is None else frame._replace(payload=payload)
+
+
+def asked(type: int, change: Callable[[bytes], bytes | None]) -> Callable[[], Behaviour]:
+    """The same, as a fault has it. None: the request is acknowledged and nothing is done."""
+    return lambda: _Asked(type, change)

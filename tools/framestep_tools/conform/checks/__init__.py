@@ -1,6 +1,8 @@
 """The checks, a module for each subject."""
 
 from . import (
+    arms,
+    couples,
     edges,
     framing,
     inputs,
@@ -29,6 +31,8 @@ SUBJECTS = (
     loops,
     shoot,
     virtuals,
+    arms,
+    couples,
     edges,
     lights,
     inputs,

@@ -1,7 +1,7 @@
 """Virtual axes in type 1 with nothing but a head: pan, tilt and, where there are motors, track.
 
-Only the head and the track are judged, which need no lengths: what they do follows from steps per
-unit. The other types, and what an arm does, are in no public description that is sure.
+Only the head and the track are judged here, which need no lengths: what they do follows from steps
+per unit. arms.py has the other types, and what an arm does.
 """
 
 import struct

@@ -1,0 +1,351 @@
+"""Virtual axes of an arm, a column and straight axes: types 1 to 4, where motors are enough.
+
+VIRT_MOVE must end where it was asked to; that is in the specification. Formulas, signs and the
+layouts of types 3 and 4 are in no public description that is sure (notes 9.2 to 9.4), so what
+rests on them is a should.
+"""
+
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ...virtual_reference import NAMES, POSE, Axis, Rig, line_direction
+from .. import spec
+from ..bench import Bench
+from ..kit import MUST, SHOULD, Check
+from ..link import Failed
+from ..sampling import motion, no_faster
+from ..spec import Request
+
+CHECKS: list[Check] = []
+TRACK, EW, NS, PAN, TILT, ROLL = range(6)  # in a pose
+_UNIT = 100_000
+_LAYOUT = {1: "MSG_VIRT_CONFIG", 2: "MSG_VIRT_CONFIG", 3: "note 9.3", 4: "note 9.3"}
+_CAN = {1: 0x04, 2: 0x08, 3: 0x10, 4: 0x20}
+_LENGTH, _EXT = 200.0, 40.0
+_STRAIGHT = 5.0  # steps per unit
+_TURN = 20.0  # steps per degree, where the motor stands near a whole turn
+_SLACK = 1.6  # steps that the motors together may be beside a point
+_VELOCITY = 1000
+
+
+class Arm(NamedTuple):
+    """A type and the axes that have motors: those of the motors 1, 2, ... in this order."""
+
+    kind: int
+    driven: tuple[str, ...]
+    nodal: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    safe: float | None = None
+    told: tuple[float, ...] = (0.0,) * 6
+    table: int = 0  # steps per degree of a boom table
+
+    def __str__(self) -> str:
+        besides = " with a nodal offset" if any(self.nodal) else ""
+        if self.table:
+            besides += f" with a boom table that {'rises' if self.table > 0 else 'falls'}"
+        return f"type {self.kind} of {', '.join(self.driven)}{besides}"
+
+
+def _per_degree(step: int) -> float:
+    """Steps per degree with which this step is a whole number of turns, or nearly level."""
+    if abs(step) <= 8 * _TURN:
+        return _TURN
+    turns = max(1, round(abs(step) / (360 * _TURN)))
+    return round(abs(step) / (360 * turns), 3)
+
+
+def _rig(bench: Bench, arm: Arm) -> Rig:
+    axes = []
+    for i, name in enumerate(NAMES[arm.kind]):
+        motor = arm.driven.index(name) + 1 if name in arm.driven else 0
+        step = bench.home[motor - 1] if motor else 0
+        steps = _STRAIGHT if name in ("TRACK", "X", "Y", "Z") else _per_degree(step)
+        axes.append(Axis(motor, steps, arm.told[i], step) if motor else Axis(0, 0.0, arm.told[i]))
+    table = None
+    if arm.table:  # it counts instead of the boom's steps per unit, which are others
+        table = tuple(axes[0].step + arm.table * degree for degree in range(-60, 61))
+    return Rig(arm.kind, tuple(axes), _LENGTH, _EXT, arm.nodal, table, arm.safe)
+
+
+def _put(name, source, arm: Arm, check: Callable[[Bench, Rig], None], level=SHOULD, can=0):
+    """`check` is run with the arm configured; afterwards there is none, the motors are back."""
+
+    def needs(bench: Bench) -> bool:
+        bits = _CAN[arm.kind] | can
+        return bench.hello.can & bits == bits and bench.hello.motors >= len(arm.driven)
+
+    def run(bench: Bench) -> None:
+        rig = _rig(bench, arm)
+        bench.expect(Request(spec.VIRT_CONFIG, rig.payload()))
+        try:
+            check(bench, rig)
+        finally:
+            bench.idle()
+            bench.expect(Request(spec.VIRT_CONFIG, b"\0"))
+            bench.return_home()
+
+    CHECKS.append(Check("arms", f"{arm}: {name}", source, run, level, needs))
+
+
+# ---- where the camera is
+
+
+def _pose(bench: Bench) -> np.ndarray:
+    """VIRT_GET_POSITION, in units and degrees."""
+    data = bench.data(spec.VIRT_GET_POSITION)
+    if len(data) not in (24, 37):
+        raise Failed(f"VIRT_GET_POSITION has {len(data)} bytes, expected 24 or 37")
+    return np.array(struct.unpack_from("<6i", data)) / _UNIT
+
+
+def _joints(bench: Bench, rig: Rig) -> np.ndarray:
+    steps = bench.positions().steps
+    return rig.joints([steps[a.motor - 1] if a.motor else 0 for a in rig.axes])
+
+
+def _grain(rig: Rig, joints: np.ndarray) -> np.ndarray:
+    """How far each number of the pose may be off where no motor is off by more than _SLACK."""
+    here, out = rig.forward(joints), np.full(6, 2 / _UNIT)
+    for i, axis in enumerate(rig.axes):
+        if axis.motor:
+            beside = joints.copy()
+            beside[i] += _SLACK / axis.steps_per_unit
+            out += np.abs(rig.forward(beside) - here)
+    return out
+
+
+def _compare(found: np.ndarray, expected: np.ndarray, grain: np.ndarray, when: str) -> None:
+    for name, is_, should, within in zip(POSE, found, expected, grain, strict=True):
+        if abs(is_ - should) > within:
+            raise Failed(f"{when} {name} is {is_:.3f}, expected {should:.3f}")
+
+
+def _stands(bench: Bench, rig: Rig, when: str) -> None:
+    """The reported pose is the one that the motors' steps make."""
+    joints = _joints(bench, rig)
+    _compare(_pose(bench), rig.told(rig.forward(joints)), _grain(rig, joints), when)
+
+
+def _cut_short(bench: Bench, rig: Rig) -> None:
+    """Refused; the configuration that there was stays."""
+    request = Request(spec.VIRT_CONFIG, rig.payload()[:-1])
+    bench.expect(request, spec.ERR_RANGE)
+    _stands(bench, rig, "after a VIRT_CONFIG that was refused")
+
+
+def _at_first(bench: Bench, rig: Rig) -> None:
+    expected = rig.told(rig.forward(rig.home))
+    _compare(_pose(bench), expected, np.full(6, 2 / _UNIT), "right after VIRT_CONFIG")
+
+
+def _jointwise(name: str, steps: int):
+    """A motor is moved by itself; the camera goes where the formulas say."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        motor = rig.axes[NAMES[rig.kind].index(name)].motor
+        for went in (steps, -steps):
+            bench.go(motor, went)
+            _stands(bench, rig, f"with {name} at {went} steps from its start")
+
+    return check
+
+
+def _turned_out(first: str, second: str):
+    """The same with another motor away from its start, where formulas with two angles differ."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        for name, steps in ((first, 300), (second, -260)):
+            bench.go(rig.axes[NAMES[rig.kind].index(name)].motor, steps)
+        _stands(bench, rig, f"with {first} and {second} turned")
+
+    return check
+
+
+# ---- moves
+
+
+def _reached(axis: int, by: float):
+    """A virtual axis ends where it was asked to, by its own report."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        target, _ = _go(bench, rig, axis, by)
+        grain = _grain(rig, _joints(bench, rig))
+        found = _pose(bench)[axis]
+        if abs(found - target[axis]) > grain[axis]:
+            raise Failed(f"{POSE[axis]} was sent to {target[axis]:.3f}, reports {found:.3f}")
+
+    return check
+
+
+def _inverse(axis: int, by: float):
+    """The motors stand where the formulas have the camera at its target, all else as before."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        before = _joints(bench, rig)
+        target, _ = _go(bench, rig, axis, by)
+        wanted = rig.steps(rig.inverse(rig.meant(target), before))
+        steps = bench.positions().steps
+        for one, name, should in zip(rig.axes, NAMES[rig.kind], wanted, strict=True):
+            if one.motor and abs(steps[one.motor - 1] - should) > _SLACK:
+                raise Failed(
+                    f"for {POSE[axis]} {target[axis]:.3f} the motor of {name} stands at "
+                    f"{steps[one.motor - 1]}, expected {should:.1f}"
+                )
+
+    return check
+
+
+def _straight(axis: int, by: float):
+    """On the way no other virtual axis leaves its place, and no motor is too fast."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        start = _pose(bench)
+        _, seen = _go(bench, rig, axis, by)
+        for moment in seen:
+            steps = [h + s for h, s in zip(bench.home, moment.steps, strict=True)]
+            joints = rig.joints([steps[a.motor - 1] if a.motor else 0 for a in rig.axes])
+            pose, grain = rig.told(rig.forward(joints)), _grain(rig, joints)
+            pose[axis] = start[axis]
+            _compare(pose, start, grain, f"on the way of {POSE[axis]}")
+        for motor in sorted(a.motor for a in rig.axes if a.motor):
+            no_faster(seen, motor, _VELOCITY)
+
+    return check
+
+
+def _go(bench: Bench, rig: Rig, axis: int, by: float):
+    """The target, as a pose; the positions on the way."""
+    target = _pose(bench)
+    target[axis] += by
+    return target, motion(bench, _to(axis, target[axis]))
+
+
+def _to(axis: int, units: float) -> Request:
+    return Request(spec.VIRT_MOVE, struct.pack("<Bi", axis + 1, round(units * _UNIT)))
+
+
+def _too_far(axis: int, units: float):
+    def check(bench: Bench, rig: Rig) -> None:
+        before = bench.positions().steps
+        bench.refused(_to(axis, _pose(bench)[axis] + units))
+        bench.idle()
+        if bench.positions().steps != before:
+            raise Failed("a refused move has moved motors")
+
+    return check
+
+
+def _along_line(line: int, axis: int, speed: int):
+    """JOG_ON_LINE goes along the camera's own direction, turned by its pan."""
+
+    def check(bench: Bench, rig: Rig) -> None:
+        bench.expect(_to(PAN, _pose(bench)[PAN] + 30))
+        bench.idle()
+        before = _pose(bench)
+        bench.expect(Request(spec.VIRT_JOG_ON_LINE, struct.pack("<Bh", line, speed)))
+        bench.link.pump(0.5)
+        bench.expect(Request(spec.VIRT_STOP, bytes((axis + 1,))))
+        bench.idle()
+        after = _pose(bench)
+        x, y, z = line_direction(line, *rig.forward(_joints(bench, rig))[3:])
+        way, wanted = (after - before)[:3], np.array([z, x, y])
+        gone = float(way @ wanted) * (1 if speed > 0 else -1)
+        if gone < 5:
+            raise Failed(f"in 0.5 s the camera went {gone:.1f} units along its line")
+        beside = np.abs(way - (way @ wanted) * wanted).max()
+        if beside > 0.03 * gone + 2 * _SLACK / _STRAIGHT:
+            raise Failed(f"after {gone:.1f} units the camera is {beside:.1f} beside its line")
+        _compare(after, before, np.array([np.inf] * 3 + [0.2] * 3), "after a jog on a line")
+
+    return check
+
+
+def _aim_inside(distance: float, codes: tuple[int, ...]):
+    def check(bench: Bench, rig: Rig) -> None:
+        track = _pose(bench)[TRACK]
+        point = struct.pack("<B3i", 1, 0, 0, round((track - distance) * 1000))
+        reply = bench.ask(Request(spec.AIM, point))
+        bench.ask(Request(spec.AIM, bytes(13)))
+        code = spec.OK if reply.code is None else reply.code
+        if code not in codes:
+            raise Failed(
+                f"an aim point {distance:g} units away is answered with 0x{code:04X}, "
+                f"the safe distance is {rig.safe:g}"
+            )
+
+    return check
+
+
+# ---- the list
+
+_TOLD = (7.0, -3.5, 150.0, 12.25, -4.0, 2.5)
+_FORWARD = "MSG_VIRT_GET_POSITION; note 9.4"
+_ENDS = "MSG_VIRT_MOVE: Target position * 100000"
+
+for _kind, _driven in (
+    (1, ("SWING", "BOOM")),
+    (2, ("SWING", "PAN")),
+    (3, ("SWING", "Y")),
+    (4, ("X", "Y")),
+):
+    _arm = Arm(_kind, _driven)
+    _put(
+        "VIRT_CONFIG is taken",
+        _LAYOUT[_kind],
+        _arm,
+        lambda bench, rig: None,
+        MUST if _kind < 3 else SHOULD,
+    )
+    _put("VIRT_CONFIG that is a byte too short is refused", "ERR_RANGE; note 1.8", _arm, _cut_short)
+    if _kind != 2:
+        _put("it reads what `pos` has said", "note 9.2", _arm._replace(told=_TOLD), _at_first)
+    for _name in _driven:
+        _put(f"{_name} moves the camera as the formulas say", _FORWARD, _arm,
+             _jointwise(_name, 300))  # fmt: skip
+    _put("both together do so", _FORWARD, _arm, _turned_out(*_driven))
+
+for _arm, _moves in (
+    (Arm(1, ("SWING", "TRACK", "PAN")), ((EW, 25.0), (EW, -40.0), (TRACK, 30.0), (PAN, 20.0))),
+    (Arm(1, ("SWING", "TRACK", "PAN", "BOOM")), ((NS, 30.0), (NS, -45.0), (EW, 35.0))),
+    (Arm(2, ("PAN", "SWING")), ((PAN, 15.0), (PAN, -10.5))),
+    (Arm(3, ("SWING", "TRACK", "PAN", "Y")), ((EW, 35.0), (EW, -20.0), (NS, 50.0))),
+    (Arm(4, ("X", "Z")), ((EW, 60.0), (EW, -25.5), (TRACK, -60.0))),
+    (Arm(4, ("X", "Z", "PAN"), (20.0, 35.5, -12.0)), ((PAN, 20.0), (EW, 30.0))),
+):
+    for _axis, _by in _moves:
+        _name = f"{POSE[_axis]} by {_by:g}"
+        _put(f"{_name} ends at its target", _ENDS, _arm, _reached(_axis, _by), MUST)
+        _put(f"{_name} has the motors there", "note 9.4", _arm, _inverse(_axis, _by))
+        if _arm.kind != 2:
+            _put(f"{_name} is a straight line", "MSG_MOTOR_SET_SPEED; note 9.5", _arm,
+                 _straight(_axis, _by))  # fmt: skip
+
+for _slope in (12, -12):
+    _arm = Arm(1, ("BOOM", "SWING"), table=_slope)
+    _put("BOOM moves the camera as the table says", "Boom Compensation Table; note 9.2", _arm,
+         _jointwise("BOOM", 250))  # fmt: skip
+
+_HEAD = Arm(4, ("X", "Z", "PAN"), (20.0, 35.5, -12.0))
+_put("the nodal offset turns with the camera", "NODAL OFF X, Y, Z; note 9.4", _HEAD,
+     _jointwise("PAN", 400))  # fmt: skip
+_put("vEW farther than the arm is refused", "ERR_RANGE", Arm(1, ("SWING", "TRACK", "PAN")),
+     _too_far(EW, 1000))  # fmt: skip
+_put("vNS higher than the boom is refused", "ERR_RANGE", Arm(1, ("SWING", "TRACK", "PAN", "BOOM")),
+     _too_far(NS, 500))  # fmt: skip
+for _line, _axis, _speed, _text in (
+    (2, TRACK, -6000, "Z backward"),
+    (2, TRACK, 6000, "Z"),
+    (0, EW, 6000, "X"),
+):
+    _put(f"JOG_ON_LINE of {_text} goes along the camera's own axis",
+         "MSG_VIRT_JOG_ON_LINE: along the direction of the camera; notes 9.4, 9.6",
+         Arm(4, ("X", "Z", "PAN")), _along_line(_line, _axis, _speed))  # fmt: skip
+for _distance, _codes, _text in (
+    (20.0, (0x19,), "inside the safe distance is refused"),
+    (200.0, (spec.OK,), "outside the safe distance is taken"),
+):
+    _put(f"an aim point {_text}", "SAFE DISTANCE; notes 3.2, 9.7",
+         Arm(4, ("X", "Z", "PAN", "Y", "TILT"), safe=50.0), _aim_inside(_distance, _codes),
+         can=spec.CAN_AIM)  # fmt: skip

@@ -1,0 +1,225 @@
+"""Coupled motors: motor 2 does what motor 1 does, or the opposite.
+
+The specification has the capability's name only, the flags are of Dragonframe's own header (note
+3.1): so nothing here is a must.
+"""
+
+from collections.abc import Callable
+
+from .. import spec
+from ..bench import FRAMES, Bench
+from ..kit import SHOULD, Check
+from ..link import Failed
+from ..sampling import Sample, motion, no_faster, ramps_down, ramps_up, watch
+from ..spec import Request
+
+CHECKS: list[Check] = []
+_SAME, _REVERSED = 0x11, 0x31  # enabled and coupled
+_SOURCE = "HI: Couple motors; note 3.1"
+_STEPS = 300
+_APART = 2  # steps that one look may find between them
+
+
+def _can(bench: Bench) -> bool:
+    return bool(bench.hello.can & spec.CAN_COUPLE) and bench.hello.motors > 1
+
+
+def _runs(bench: Bench) -> bool:
+    return _can(bench) and bool(bench.hello.can & spec.CAN_RUN)
+
+
+def _put(name, run, needs=_can):
+    CHECKS.append(Check("couples", name, _SOURCE, run, SHOULD, needs))
+
+
+def _sense(flags: int) -> int:
+    return 1 if flags == _SAME else -1
+
+
+def _coupled(flags: int, check: Callable[[Bench], None]):
+    """Motors 1 and 2 coupled, and each by itself again afterwards."""
+
+    def run(bench: Bench):
+        bench.expect(spec.configure(1, flags))
+        check(bench)
+        bench.prepare()
+        bench.return_home()
+
+    return run
+
+
+def _both_at(bench: Bench, steps: int, flags: int, within: int = 0) -> None:
+    bench.at(1, steps, within)
+    bench.at(2, _sense(flags) * steps, within)
+
+
+def _together(seen: list[Sample], flags: int) -> None:
+    """At each moment motor 2 has gone as far as motor 1."""
+    first = seen[0].steps
+    for moment in seen:
+        lead, follow = moment.steps[0] - first[0], moment.steps[1] - first[1]
+        if abs(follow - _sense(flags) * lead) > _APART:
+            raise Failed(f"motor 1 has gone {lead} steps, motor 2 {follow}")
+    if abs(seen[-1].steps[0] - first[0]) < 10:
+        raise Failed("the coupled motors did not move")
+
+
+def _moves(flags: int):
+    def check(bench: Bench):
+        for steps in (_STEPS, -100):
+            _together(motion(bench, spec.move(1, bench.home[0] + steps)), flags)
+            _both_at(bench, steps, flags)
+
+    return check
+
+
+def _jogs(flags: int):
+    def check(bench: Bench):
+        _together(motion(bench, spec.jog(1, 10000, bench.home[0] + 200)), flags)
+        _both_at(bench, 200, flags)
+
+    return check
+
+
+def _stops(request: Request, flags: int):
+    def check(bench: Bench):
+        bench.expect(spec.move(1, bench.home[0] + 900))
+        bench.link.pump(0.3)
+        bench.expect(request)
+        _together(watch(bench, lambda: not bench.moving()), flags)
+        found = bench.positions().steps[0] - bench.home[0]
+        if found >= 800:
+            raise Failed(f"after 0.3 s it was to stop; motor 1 came to rest at {found} of 900")
+        _both_at(bench, found, flags)
+
+    return check
+
+
+def _slower(flags: int):
+    """The follower's speed and acceleration are less than the leader's."""
+
+    def check(bench: Bench):
+        bench.expect(spec.speed(2, 250, 500))
+        seen = motion(bench, spec.move(1, bench.home[0] + _STEPS))
+        for motor in (1, 2):
+            no_faster(seen, motor, 250)
+            ramps_up(seen, motor, 500)
+            ramps_down(seen, motor, 500)
+        _together(seen, flags)
+
+    return check
+
+
+def _limited(flags: int):
+    """A soft limit of the follower is the leader's too."""
+
+    def check(bench: Bench):
+        home, up = bench.home[1], _sense(flags) > 0
+        bench.expect(spec.limits(2, None, home + 80) if up else spec.limits(2, home - 80, None))
+        bench.ask(spec.move(1, bench.home[0] + _STEPS))
+        bench.idle()
+        lead, follow = (
+            p - h for p, h in zip(bench.positions().steps, bench.home[:2], strict=False)
+        )
+        if abs(follow) > 80 or lead != _sense(flags) * follow:
+            raise Failed(
+                f"motor 2 has its limit at 80; motor 1 went {lead} steps, motor 2 {follow}"
+            )
+
+    return check
+
+
+def _refused(request: Callable[[Bench], Request]):
+    def check(bench: Bench):
+        bench.refused(request(bench))
+        bench.idle()
+        _both_at(bench, 0, _SAME)
+
+    return check
+
+
+def _disabled(motor: int):
+    def check(bench: Bench):
+        bench.expect(spec.configure(motor, _SAME & ~1 if motor == 1 else 0))
+        bench.refused(spec.move(1, bench.home[0] + 50))
+        bench.link.pump(0.3)
+        _both_at(bench, 0, _SAME)
+
+    return check
+
+
+def _plays(flags: int):
+    """What is uploaded for the leader moves both, frame by frame."""
+
+    def check(bench: Bench):
+        path = [10 * i for i in range(FRAMES)]
+        bench.expect(spec.begin(1, FRAMES))
+        bench.expect(spec.axis(1, spec.LAST, [bench.home[0] + p for p in path]))
+        bench.expect(Request(spec.UPLOAD_END))
+        bench.expect(spec.run(12, 1, FRAMES))
+        bench.idle()
+        bench.link.reports.clear()
+        bench.expect(Request(spec.GO))
+        end = bench.link.clock() + 8
+        while not bench.ends() and bench.link.clock() < end:
+            bench.link.pump(0.1)
+        bench.idle()
+        frames = [p for p in bench.reports() if p.move_time % 1000 == 0]
+        if len(frames) < FRAMES - 1:
+            raise Failed(f"a run of {FRAMES} frames reported {len(frames)}")
+        for position in frames:
+            lead, follow = (position.steps[i] - bench.home[i] for i in range(2))
+            if abs(follow - _sense(flags) * lead) > _APART:
+                frame = position.move_time // 1000
+                raise Failed(f"at frame {frame} motor 1 has gone {lead} steps, motor 2 {follow}")
+
+    return check
+
+
+def _apart(bench: Bench):
+    """They keep the distance that they have when they are coupled."""
+    bench.go(2, 70)
+    bench.expect(spec.configure(1, _SAME))
+    bench.go(1, _STEPS)
+    bench.at(1, _STEPS)
+    bench.at(2, _STEPS + 70)
+    bench.prepare()
+    bench.return_home()
+
+
+def _released(bench: Bench):
+    bench.expect(spec.configure(1, _SAME))
+    bench.expect(spec.configure(1, 1))
+    bench.go(1, 100)
+    bench.at(2, 0)
+    bench.go(2, -50)
+    bench.at(1, 100)
+    bench.return_home()
+
+
+for _flags, _how in ((_SAME, "coupled"), (_REVERSED, "coupled in reverse")):
+    _put(f"MOVE of motor 1 takes motor 2 along, {_how}", _coupled(_flags, _moves(_flags)))
+    _put(f"JOG of motor 1 takes motor 2 along, {_how}", _coupled(_flags, _jogs(_flags)))
+    for _name, _request in (
+        ("STOP of the leader", spec.stop(1)),
+        ("STOP of the follower", spec.stop(2)),
+        ("STOP_ALL", Request(spec.STOP_ALL)),
+    ):
+        _put(f"{_name} stops both by one ramp, {_how}", _coupled(_flags, _stops(_request, _flags)))
+    _put(f"the slower motor's speed counts for both, {_how}", _coupled(_flags, _slower(_flags)))
+    _put(f"a soft limit of motor 2 counts for both, {_how}", _coupled(_flags, _limited(_flags)))
+    _put(
+        f"what is uploaded for motor 1 moves both, {_how}", _coupled(_flags, _plays(_flags)), _runs
+    )
+for _name, _make in (
+    ("MOVE", lambda b: spec.move(2, b.home[1] + 50)),
+    ("JOG", lambda b: spec.jog(2, 10000, b.home[1] + 50)),
+):
+    _put(f"{_name} of the follower is refused", _coupled(_SAME, _refused(_make)))
+for _motor, _who in ((1, "leader"), (2, "follower")):
+    _put(
+        f"with the {_who} switched off MOVE is refused and neither motor moves",
+        _coupled(_SAME, _disabled(_motor)),
+    )
+_put("motors that stand apart keep their distance", _apart)
+_put("motors that are not coupled any more move by themselves", _released)
