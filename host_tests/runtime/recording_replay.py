@@ -475,6 +475,7 @@ class Lines:
         self.file = file
         self.lines = io.BytesIO(PIECE)  # room for so much
         self.end = 0  # of the last whole line that is in it
+        self.at = 0  # of what follows that, in the file
 
     def next(self):
         """The next line, without its end; None after the last."""
@@ -483,9 +484,10 @@ class Lines:
         return self.lines.readline()[:-1]
 
     def _more(self):
+        self.file.seek(self.at)
         text = self.file.read(PIECE)
         self.end = text.rfind(b"\n") + 1
-        self.file.seek(self.end - len(text), 1)
+        self.at += self.end
         self.lines.seek(0)
         self.lines.write(text)
         self.lines.seek(0)
