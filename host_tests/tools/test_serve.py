@@ -295,6 +295,30 @@ def test_pace_does_not_make_up_for_a_long_pause(monkeypatch):
     first = pace.target(2 * MS, MS, False)
     assert first == 3 * MS
     assert pace.target(first, MS, False) == first  # and from there on anew
+    assert pace.lost_ns == pytest.approx(10_000 * MS - MS, abs=1000)
+
+
+@pytest.mark.parametrize(
+    ("speed", "lost_ns", "said"),
+    [
+        (0.5, 0, ""),
+        (None, 3 * 10**9, ""),
+        (
+            0.5,
+            3_210_000_000,
+            "this computer did not keep up with --speed 0.5: the board's time lost 3.2 s, "
+            "so times that clients took are wrong\n",
+        ),
+    ],
+)
+def test_time_that_was_lost_is_told(speed, lost_ns, said, capsys):
+    server = Server(FakeBoard(), speed)
+    try:
+        server.pace.lost_ns = lost_ns
+        server.tell_lost_time()
+        assert capsys.readouterr().err == said
+    finally:
+        server.close()
 
 
 @pytest.mark.parametrize(

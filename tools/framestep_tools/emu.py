@@ -53,7 +53,9 @@ def main(
     print("starting the emulated board", file=sys.stderr)
     emulated = EmulatedBoard(settings, trace is not None, flash, board)
     emulated.wire_switches()
-    Server(emulated, pace, tcp, trace, repl, repl_tcp).run()
+    server = Server(emulated, pace, tcp, trace, repl, repl_tcp)
+    server.run()
+    server.tell_lost_time()
 
 
 if __name__ == "__main__":

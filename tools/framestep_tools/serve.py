@@ -17,6 +17,7 @@ import contextlib
 import select
 import signal
 import socket
+import sys
 import time
 from typing import Protocol
 
@@ -192,6 +193,7 @@ class Pace:
 
     def __init__(self, speed: float | None, now_ns: int):
         self.speed = speed  # None: as fast as possible
+        self.lost_ns = 0  # of the board's time, which was not made up for
         self._start(now_ns)
 
     def _start(self, now_ns: int) -> None:
@@ -204,6 +206,7 @@ class Pace:
             return now_ns + slice_ns
         allowed = self._virtual + int((time.monotonic() - self._real) * (self.speed or 1.0) * 1e9)
         if allowed - now_ns > _LONGEST_CATCH_UP_NS * max(1.0, self.speed or 1.0):
+            self.lost_ns += allowed - now_ns - slice_ns
             self._start(now_ns + slice_ns)
             return now_ns + slice_ns
         longest = max(slice_ns, int(slice_ns * (self.speed or 1.0)))
@@ -278,6 +281,15 @@ class Server:
             for number, handler in before.items():
                 signal.signal(number, handler)
             self.close()
+
+    def tell_lost_time(self) -> None:
+        """Say on standard error whether the computer did not keep up with the speed."""
+        if self.pace.speed is not None and self.pace.lost_ns:
+            print(
+                f"this computer did not keep up with --speed {self.pace.speed:g}: the board's "
+                f"time lost {self.pace.lost_ns * 1e-9:.1f} s, so times that clients took are wrong",
+                file=sys.stderr,
+            )
 
     def announce(self) -> None:
         """Print the ports' paths, then `ready`."""

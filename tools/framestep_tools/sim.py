@@ -65,9 +65,11 @@ def main(
     if not plain and _takes_a_view():
         from .live import LiveServer
 
-        LiveServer(simulated, pace, tcp, trace).run()
+        server: Server = LiveServer(simulated, pace, tcp, trace)
     else:
-        Server(simulated, pace, tcp, trace).run()
+        server = Server(simulated, pace, tcp, trace)
+    server.run()
+    server.tell_lost_time()
 
 
 if __name__ == "__main__":

@@ -57,6 +57,7 @@ def conform(
     from ..conform.link import Failed, Link
     from ..conform.pace import HoldUps, PacedPort
     from ..conform.trace_tail import TraceTail
+    from ..device import PATIENCE
     from ..errors import ToolError
     from ..opening import close_port, open_port
 
@@ -86,7 +87,7 @@ def conform(
     url = device or ports.protocol_port()
     results: list[kit.Result] = []
     port = open_port(url, 1)
-    link = Link(PacedPort(port, speed) if speed != 1 else port)
+    link = Link(PacedPort(port, speed) if speed != 1 else port, PATIENCE)
     # a port in lockstep has its own clock, which nothing holds up
     hold_ups = None if hasattr(port, "clock") else HoldUps(speed).start()
     tail = None

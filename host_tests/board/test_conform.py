@@ -1,0 +1,62 @@
+"""`framestep conform` against the emulated board through its port, as `make emu` serves it.
+
+Short, and nothing that is judged by a clock: how fast the board is emulated is up to the computer.
+"""
+
+import contextlib
+import itertools
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from framestep_tools import cli
+from framestep_tools.errors import DONE
+from framestep_tools.files import ROOT
+
+
+@contextlib.contextmanager
+def served(rig):
+    """The lines that `make emu` prints: its pseudo-terminal, its address."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "framestep_tools.emu", "--speed", "max",
+         "--tcp", "127.0.0.1:0", "--rig", str(rig)],
+        cwd=ROOT, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        lines = map(str.strip, process.stdout)
+        said = list(itertools.takewhile(lambda line: line != "ready", lines))
+        assert process.poll() is None
+        yield said
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
+    assert process.returncode == 0
+
+
+@pytest.fixture
+def conform(capsys):
+    """The command on a device: its last line, what it complains."""
+
+    def run(device, *subjects):
+        words = [word for subject in subjects for word in ("--subject", subject)]
+        status = cli.app.status(["conform", device, "--yes", *words])
+        said = capsys.readouterr()
+        assert status == DONE, said
+        return said.out.splitlines()[-1], said.err
+
+    return run
+
+
+def test_no_false_alarm(conform, tmp_path):
+    """By either port, one after the other."""
+    rig = tmp_path / "rig.json"
+    rig.write_text('{"motor_count": 2}')
+    with served(rig) as (terminal, tcp):
+        line, err = conform(terminal, "framing")
+        assert line == "65 checks: 63 passed, 0 left out, 2 reading, 0 departs, 0 fault"
+        assert err == ""
+        line, err = conform(tcp.replace("tcp ", "socket://"), "numbers")
+        assert line == "62 checks: 55 passed, 7 left out, 0 reading, 0 departs, 0 fault"
+        assert err == ""
