@@ -15,7 +15,7 @@ _PARTS = {
     "no lights": ("lengths", "lights"),
     "lights that no trace shows": ("lights",),
     "answers after 20 ms": ("shoot",),
-    "S-curve ramps and play in the gears": ("edges",),
+    "S-curve ramps and play in the gears": ("edges", "couples"),
     "no inputs, outputs or switches": ("inputs", "lights"),
 }
 
