@@ -27,12 +27,12 @@ def test_the_simulator_passes_and_there_are_enough_checks():
     assert sum(result.verdict == kit.PASSED for result in results) >= 600
 
 
-def test_arms_and_couples_on_as_many_motors_as_they_take():
+def test_arms_on_as_many_motors_as_they_take():
     (all_of_them,) = [variant for variant in VARIANTS if variant.name == "as the simulator is"]
-    results = score.judge(all_of_them, ("arms", "couples"))
+    results = score.judge(all_of_them, ("arms",))
     assert score.alarms(results) == []
     assert {result.verdict for result in results} == {kit.PASSED}
-    assert len(results) >= 95
+    assert len(results) >= 80
 
 
 @pytest.mark.parametrize("name", _PARTS)
