@@ -16,7 +16,7 @@ _TYPE_4 = 21  # fields of type 4: six axes of three, the nodal offset
 
 
 class _Config(Behaviour):
-    """Fields of VIRT_CONFIG reach the device changed, in these types."""
+    """Fields of VIRT_CONFIG reach the device changed, in these types, if they are whole."""
 
     def __init__(self, change: Callable[[list[int]], list[int]], *kinds: int):
         self.change, self.kinds = change, kinds
@@ -24,6 +24,8 @@ class _Config(Behaviour):
     def asked(self, frame: Frame) -> Frame | None:
         data = frame.payload
         if frame.type != spec.VIRT_CONFIG or data[:1] not in map(_byte, self.kinds):
+            return frame
+        if len(data) % 4 != 1:
             return frame
         count = (len(data) - 1) // 4
         fields = self.change(list(struct.unpack_from(f"<{count}i", data, 1)))
