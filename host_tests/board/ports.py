@@ -38,6 +38,20 @@ def port_files():
     }
 
 
+def power_cycle(emu):
+    """A board fresh from its start, and a host that has opened nothing: for the price of a start of
+    the chip, not of an emulator."""
+    emu.cmd("usb", plugged=True)
+    for port in range(2):
+        emu.cmd("hold", port=port, on=False)
+        emu.cmd("dtr", port=port, on=True)
+        emu.cmd("open", port=port, on=False)
+    emu.reset()
+    for port in range(2):
+        emu.cmd("read", port=port)  # what the test before has not read
+    return emu
+
+
 def sealed(number, payload):
     """A good frame with this payload."""
     data = struct.pack("<2sIHH", b"DF", number, 0x0123, len(payload)) + payload

@@ -174,7 +174,7 @@ def test_an_image_beside_a_boot_py(beside):
             repl.serial.write(b"\r\x03\r" + mode)
             emu.advance(50)
             repl.serial.write(b"\x04")
-            emu.advance(4000)
+            emu.advance(2500)
             repl = emu.repl()
             assert len(dma_running(repl)) > 0, "DMX512 is dead"
             emu.uart_start(0)

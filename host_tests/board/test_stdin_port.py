@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from framestep_emulator import ReplError
-from host_tests.board.ports import answered, frame, port_files, sealed, stop
+from framestep_emulator import Emulator, ReplError
+from host_tests.board.ports import answered, frame, port_files, power_cycle, sealed, stop
 
 STDIN_SETUP = """
 import gc, time, micropython
@@ -25,10 +25,17 @@ def run(turn):
 """
 
 
+@pytest.fixture(scope="module")
+def emu():
+    with Emulator(files=port_files()) as emu:
+        yield emu
+
+
 @pytest.fixture
-def stdin(emulator):
-    """(emulator, REPL, its port): the board with a StdinPort made, not started."""
-    emu = emulator(files=port_files())
+def stdin(emu):
+    """(emulator, REPL, its port): the board, fresh from its start, with a StdinPort made, not
+    started."""
+    power_cycle(emu)
     repl = emu.repl()
     repl.exec(STDIN_SETUP)
     return emu, repl, repl.serial

@@ -5,7 +5,8 @@ import struct
 
 import pytest
 
-from host_tests.board.ports import answered, frame, port_files, run, stop
+from framestep_emulator import Emulator
+from host_tests.board.ports import answered, frame, port_files, power_cycle, run, stop
 
 SETUP = """
 import gc, time, micropython
@@ -17,10 +18,17 @@ count = Count()
 """
 
 
+@pytest.fixture(scope="module")
+def emu():
+    with Emulator(files=port_files()) as emu:
+        yield emu
+
+
 @pytest.fixture
-def usb(emulator):
-    """(emulator, REPL, the protocol port, open): the board with its two ports up."""
-    emu = emulator(files=port_files())
+def usb(emu):
+    """(emulator, REPL, the protocol port, open): the board, fresh from its start, with its two
+    ports up."""
+    power_cycle(emu)
     repl = emu.repl()
     repl.exec(SETUP)
     return emu, start_port(emu, repl), emu.serial(1)

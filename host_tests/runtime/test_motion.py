@@ -105,9 +105,9 @@ def requests(rng, motors, count):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_requests(words, seed):
+def test_any_requests(words, runtime, seed):
     rng = random.Random(seed)
-    lines = [line for _ in range(3) for line in requests(rng, 3, 12)]
+    lines = [line for _ in runtime.share(range(3)) for line in requests(rng, 3, 12)]
     compare(words, lines, 3)
 
 
@@ -228,11 +228,12 @@ def test_any_requests_of_coupled_motors(words, seed):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_numbers(words, seed):
+def test_numbers(words, runtime, seed):
     """The planner's arithmetic and the kernels of segments, word by word."""
-    there = words(seed, 800)
+    count = len(runtime.share(range(800)))
+    there = words(seed, count)
     here = bytearray()
-    motion_replay.numbers(seed, 800, here.extend)
+    motion_replay.numbers(seed, count, here.extend)
     assert np.array_equal(there, np.frombuffer(bytes(here), "<i4"))
 
 
