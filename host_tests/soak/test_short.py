@@ -6,7 +6,7 @@ import pytest
 
 from host_tests.end_to_end.session import simulated
 from host_tests.recording import REPLAY
-from host_tests.soak import stretch
+from host_tests.soak import on_board, stretch
 from host_tests.soak.rounds import MOTORS, RIG, Rounds
 
 
@@ -87,3 +87,10 @@ def test_the_counters_wrap_inside_the_run():
     assert stretch._inside((2.1, 5.6)) == 4096
     with pytest.raises(AssertionError, match="no such moment"):
         stretch._inside((0.1, 2.2))
+
+
+def test_a_late_tick_is_told():
+    """And a figure that says nothing, as no motor has moved."""
+    assert on_board.late(136) == ""
+    assert "was 401 µs late" in on_board.late(on_board.LATE_US + 1)
+    assert on_board.late(0)
