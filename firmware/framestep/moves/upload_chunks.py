@@ -40,7 +40,8 @@ NOT_SENT = const(0x8080)  # two codes of a chunk without units
 
 MOST_POSITIONS = const(257)  # of a section: what the largest frame of the protocol holds
 
-# The block `words`
+# The block `words`. What has a constant place lies below 256: MicroPython 1.26 for Xtensa loads a
+# word from a constant place beyond that with a wrong address.
 SIZE = const(0)  # half words of the memory
 BOTTOM = const(1)  # those that regions take
 FREE = const(2)  # first free unit of those that have been in use, the others hang on it; 0: none
@@ -52,11 +53,11 @@ NEEDED = const(6)  # units that the changes so far would have taken, and
 FRAMES = const(7)  # of the upload
 MOTORS = const(8)
 STATE = const(9)  # of the store
-VALUES = const(10)  # positions of a chunk
-SECTION = const(140)  # positions of a section, behind the two before them
-PEAK = const(397)  # the most that they would have taken at once
-ASKED = const(398)  # bytes that were asked for in vain, 0: none were
-LEFT = const(399)  # bytes that were free then
+PEAK = const(10)  # the most that they would have taken at once
+ASKED = const(11)  # bytes that were asked for in vain, 0: none were
+LEFT = const(12)  # bytes that were free then
+VALUES = const(13)  # positions of a chunk
+SECTION = const(143)  # positions of a section, behind the two before them
 RECORDS = const(400)  # a record for each motor:
 REGION = const(0)  # where its chunks begin, half words; -1: no data
 UNBROKEN = const(1)  # frames sent without a gap, from the first on
