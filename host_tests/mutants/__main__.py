@@ -20,7 +20,7 @@ from pathlib import Path
 
 from framestep_tools.files import FIRMWARE
 
-from .judging import KILLED, TIME_OUT, UNCALLED, Calls, Judge, calls_of, learn
+from .judging import KILLED, SURVIVED, TIME_OUT, UNCALLED, Calls, Judge, calls_of, learn
 from .mutations import Mutant, sample
 
 CORE = FIRMWARE / "framestep"
@@ -83,14 +83,16 @@ def tell(mutants: list[Mutant], verdicts: list[str]) -> None:
     """The share that is killed, by package and in all."""
     for name in (*PACKAGES, ""):
         found = [v for m, v in zip(mutants, verdicts, strict=True) if m.path.startswith(name)]
-        if not found:
+        called = [verdict for verdict in found if verdict != UNCALLED]
+        if not called:
             continue
-        killed = sum(verdict in (KILLED, TIME_OUT) for verdict in found)
-        low, high = interval(killed, len(found))
+        killed = sum(verdict != SURVIVED for verdict in called)
+        low, high = interval(killed, len(called))
         print(
-            f"{name or 'in all'}: {killed} of {len(found)} killed, {100 * killed / len(found):.0f} "
-            f"% (95 % interval {100 * low:.0f} to {100 * high:.0f} %), "
-            f"{found.count(TIME_OUT)} of them by a time-out, {found.count(UNCALLED)} never called"
+            f"{name or 'in all'}: {killed} of {len(called)} killed, "
+            f"{100 * killed / len(called):.0f} % (95 % interval {100 * low:.0f} to "
+            f"{100 * high:.0f} %), {called.count(TIME_OUT)} of them by a time-out; "
+            f"{len(found) - len(called)} more in functions that no test calls"
         )
 
 

@@ -109,6 +109,14 @@ def test_a_length_that_does_not_fit_is_no_frame():
     assert found(too_long + HI) == [(FRAME, 1, 1, b"")]
 
 
+@pytest.mark.parametrize("second", [0x00, 0x44, 0x45, 0x47, 0x80, 0xFF])
+def test_half_a_marker_is_no_frame(second):
+    """A D and something else than an F behind it, whatever that is."""
+    reader = FrameReader(2000)
+    assert found(bytes((0x44, second)) + HI, reader) == [(FRAME, 1, 1, b"")]
+    assert reader.waiting == 0
+
+
 def test_the_largest_frame():
     payload = bytes(range(256)) * 4 + bytes(12)
     frame = wire.encode(0x101, payload, 3)
@@ -255,6 +263,34 @@ def test_writer_holds_whole_frames_or_none(steps, take_inside):
                 writer.clear()
                 held = b""
         assert writer.pending == len(held)
+
+
+@pytest.mark.parametrize("left", range(14))
+def test_the_last_bytes_of_the_buffer(left):
+    """A frame without a payload has twelve bytes. In less room there is none, nor a part of one."""
+    writer, out = FrameWriter(2000), bytearray(2000)
+    held = b""
+    for size in (1000, 2000 - 1000 - left):
+        payload = bytes(range(250)) * 4
+        payload = payload[: size - 12]
+        writer.begin(1, None)
+        writer.text(payload, len(payload))
+        assert writer.end()
+        held += wire.encode(1, payload)
+    assert writer.room() == left - 12
+    writer.begin(0x203, None)
+    assert writer.end() == (left >= 12)
+    if left >= 12:
+        held += wire.encode(0x203)
+    assert writer.pending == len(held)
+    assert writer.take(out, 2000) == writer.taken == len(held)
+    assert bytes(out[: len(held)]) == held
+
+
+def test_room_is_that_of_a_payload():
+    writer = FrameWriter(4096)
+    assert (writer.room(), writer.taken) == (messages.LARGEST_PAYLOAD, 0)
+    assert FrameWriter(1048).room() == messages.LARGEST_PAYLOAD
 
 
 def test_a_cleared_frame_is_not_sent():
