@@ -174,6 +174,27 @@ def test_a_quick_return_is_seen_as_closing_and_opening():
         assert board.protocol.log == [True, False] * 5
 
 
+def test_a_client_that_comes_as_the_one_before_leaves_is_not_turned_away():
+    """It may come after the last read of a client, and before it is asked whether it is there."""
+    link = TcpLink("127.0.0.1:0")
+    host, port = link.address.split(":")
+    try:
+        first = socket.create_connection((host, int(port)))
+        until(lambda: link.is_open(False))
+        first.sendall(b"last")
+        first.close()
+        second = socket.create_connection((host, int(port)))
+        second.sendall(b"first")
+        assert link.is_open(False)
+        until(lambda: link.read() == b"last")
+        until(lambda: link.read() == b"" and not link.is_open(False))
+        until(lambda: link.is_open(False))
+        until(lambda: link.read() == b"first")
+        second.close()
+    finally:
+        link.close()
+
+
 def test_what_was_sent_before_leaving_arrives():
     board = FakeBoard()
     with serving(board, tcp="127.0.0.1:0") as server:

@@ -13,7 +13,6 @@ One client at a time: while one is there a further connection is closed at once,
 a further terminal is dropped.
 """
 
-import contextlib
 import select
 import signal
 import socket
@@ -75,21 +74,43 @@ class TcpLink:
         self._server.setblocking(False)
         self.address = f"{host}:{self._server.getsockname()[1]}"
         self._client: socket.socket | None = None
+        self._next: socket.socket | None = None  # came when the client had perhaps left
         self._left = False
 
     def is_open(self, taken: bool) -> bool:
         if self._left:  # to be seen even when the next client is already waiting
             self._left = False
             return False
-        with contextlib.suppress(BlockingIOError, OSError):
-            client, _ = self._server.accept()
-            if taken or self._client:
-                client.close()
-            else:
-                client.setblocking(False)
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._client = client
+        if self._next:
+            client = self._next
+        else:
+            try:
+                client, _ = self._server.accept()
+            except OSError:
+                return self._client is not None
+        if self._client and self._at_rest():
+            taken = True
+        self._next = None
+        if taken:
+            client.close()
+        elif self._client:
+            self._next = client
+        else:
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._client = client
         return self._client is not None
+
+    def _at_rest(self) -> bool:
+        """Whether the client is there and has sent nothing that is still to be read."""
+        assert self._client
+        try:
+            self._client.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass
+        return False
 
     def read(self) -> bytes:
         if self._client:
@@ -124,6 +145,8 @@ class TcpLink:
 
     def close(self) -> None:
         self._leave()
+        if self._next:
+            self._next.close()
         self._server.close()
 
 
