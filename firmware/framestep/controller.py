@@ -92,6 +92,10 @@ class Controller:
         self.moves = Moves(self)
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
+        if rig.smoothing:
+            from framestep.moves.smoothing import velocity
+
+            self.operations.player.smooth(velocity)
         self.journal = self._restore_positions() if rig.remember_positions else None
         self.run_outputs = self.moves.run_outputs
         self.now = 0

@@ -52,6 +52,7 @@ class Rig:
         self.report_ms = settings["report_ms"]
         self.go_input = settings["go_input"]
         self.strict_moves = settings["strict_moves"]
+        self.smoothing = settings["smoothing"]
         self.estop = settings["estop"]
         self.estop_cuts_power = settings["estop_cuts_power"]
         self.shutter_on = settings["shutter_on"]

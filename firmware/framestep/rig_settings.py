@@ -23,6 +23,10 @@ SETTINGS = {
     "strict_moves": (bool, None, None, False, "",
         "refuses moves whose corners ask for more than a motor's acceleration; without it "
         "they are played as uploaded"),
+    "smoothing": (bool, None, None, False, "",
+        "takes the unrest of rounding to whole steps out of runs: at a frame's time the motor "
+        "stands on the uploaded position as without it, but the step that leads there comes "
+        "earlier"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "",
         "how many motors; the others' pins are free then. 0: all that the board has"),

@@ -104,7 +104,7 @@ def test_turning_a_window_round_gives_the_slope_of_the_move_backward(frames):
         window = array(
             "i", [frames[min(max(index + i, 0), last)] for i in range(-2, 3)] + [path.MONOTONE]
         )
-        path.reverse(window)
+        path.reverse(window, 2)
         bounds = array("i", (*FREE, 0))
         assert path.slope(window, bounds, last - index, index) == -12 * slope(frames, index)
 

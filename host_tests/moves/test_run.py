@@ -204,7 +204,7 @@ def test_the_durations_of_a_thousand_frames_add_up_to_the_time_of_the_last(fps):
     run.prepare(fps)
     run.run.begin_pass()
     player, durations = run.bench.player, []
-    player.append_frame = lambda bits, index, step, duration: durations.append(
+    player.append_frame = lambda bits, index, step, duration, *more: durations.append(
         reals.value(player.numbers, duration)
     )
     for _ in range(1000):

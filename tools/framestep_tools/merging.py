@@ -28,7 +28,7 @@ TOGETHER: Mapping[str, Sequence[str]] = {
     "framestep/motion/ramps.py": (  # with phases alone
         *("compute", "formula", "kernel", "reals", "segments", "stepper", "tick"),
     ),
-    "framestep/moves/requests.py": ("registers",),
+    "framestep/moves/requests.py": ("registers", "smoothing"),  # only where a rig asks for it
     "framestep/virtuals/requests.py": (  # types that a rig may do without, and what they need
         *(
             "absent",

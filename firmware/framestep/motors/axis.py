@@ -233,13 +233,15 @@ class Axis(Motor):
         motor_step(self.planned, self.limits, targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
 
-    def append_coasting_phase(self, duration, start, end, numbers, positions, i, part=0):
+    def append_coasting_phase(self, duration, start, end, numbers, positions, i, part=0, beyond=0):
         """As append_phase(), but leave the play as it is: for ramps and virtual motion.
 
-        If the phase turns the motion, the load lags by the play.
+        If the phase turns the motion, the load lags by the play. beyond: Q16 of a step farther,
+        without which the motor stands on the same position.
         """
         same_side(self.planned, self.limits, positions, i, part)
-        self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
+        limits = self.limits
+        self.phases.aim(duration, start, end, numbers, limits, backlash.PHYSICAL, part + beyond)
 
     def cut_queue(self, ticks):
         """Cut the queue off about `ticks` from now; resume_from_cut() goes on from there.

@@ -337,7 +337,7 @@ class JogAll(Operation):
         self.phases.add(begin)
         compute(0, 0, r, _FRAME_SCALE)
         player.window[path.MOST] = path.FROM_REST
-        player.append_frame(self.bits, end, self.step, T, FRAME_SCALE)
+        player.append_frame(self.bits, end, self.step, T, FRAME_SCALE, player.window, path.velocity)
         player.window[path.MOST] = path.MONOTONE
         reals.copy(r, RATE, NEXT)
         self.last_queued = end

@@ -127,6 +127,8 @@ class MoveCheck:
         self.numbers = array("i", [0] * REGISTERS)
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
+        self.view = self.window  # of a run, and what makes its velocities: others where it
+        self.curve = path.velocity  # is smoothed
         self.words = array("i", [0] * path_check.CHECK_WORDS)
         # at which the motors can follow the move checked last, thousandths of a frame per second
         self.rate = 0

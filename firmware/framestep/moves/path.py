@@ -19,6 +19,11 @@ from framestep.native import const, micropython, ptr32
 FRAMES = const(0)
 MOST = const(5)
 WINDOW_WORDS = const(6)
+# Words of the window of a run that is smoothed (smoothing.py): positions of frame -8 to frame 8 and
+# what is made of them; how far beyond its position the middle frame is passed, Q16 of a step
+BESIDE = const(8)
+PART = const(27)
+SMOOTH_WORDS = const(28)
 MONOTONE = const(36)  # at a constant rate
 # also where the motion starts or stops within a frame, which takes twice as long
 FROM_REST = const(18)
@@ -154,14 +159,19 @@ def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, to
 
 
 @micropython.viper
-def reverse(window: ptr32):
-    """Look at the five frames of a window from the other side, for playing backward."""
-    t = window[0]
-    window[0] = window[4]
-    window[4] = t
-    t = window[1]
-    window[1] = window[3]
-    window[3] = t
+def reverse(window: ptr32, beside: int):
+    """Look at the frames of a window from the other side, for playing backward.
+
+    beside: frames on either side of the middle one.
+    """
+    i = 0
+    k = beside + beside
+    while i < k:
+        t = window[i + 0]
+        window[i + 0] = window[k + 0]
+        window[k + 0] = t
+        i += 1
+        k -= 1
 
 
 @micropython.viper

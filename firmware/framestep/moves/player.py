@@ -3,6 +3,8 @@
 The checks are in move_check.py. Nothing allocates after construction.
 """
 
+from array import array
+
 from framestep.motion import phases, reals, stepper
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -45,6 +47,7 @@ def _hop(
     bits: int,
     store,
     window,
+    velocity,
     r,
     position,
     index: int,
@@ -55,23 +58,28 @@ def _hop(
 ):
     motor = 0
     own = SPEEDS
+    part = 0
+    beside = 2
+    if int(len(window)) > path.WINDOW_WORDS:
+        beside = path.BESIDE
+    before = index
+    after = last - index
+    if step < 0:
+        before = after
+        after = index
     while bits:
         if bits & 1:
             axis = axes[motor]
-            store.positions(motor, index - 2, 5, window, 0)
+            store.positions(motor, index - beside, beside + beside + 1, window, 0)
+            ptr32(position)[0] = ptr32(window)[beside]
             if step < 0:
-                path.reverse(window)
-                path.velocity(
-                    r, X, window, axis.bounds, last - index, index, scale, own + TOPS - SPEEDS
-                )
-            else:
-                path.velocity(
-                    r, X, window, axis.bounds, index, last - index, scale, own + TOPS - SPEEDS
-                )
-            ptr32(position)[0] = ptr32(window)[2]
+                path.reverse(window, beside)
+            velocity(r, X, window, axis.bounds, before, after, scale, own + TOPS - SPEEDS)
+            if beside > 2:
+                part = ptr32(window)[path.PART]
             limits = axis.limits
             motor_step(axis.planned, limits, position, 0, 0)
-            put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, 0)
+            put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, part)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]
         bits >>= 1
@@ -82,37 +90,47 @@ def _hop(
 class UploadPlayer(MoveCheck):
     """Plays the path through the uploaded frames on the axes."""
 
+    def smooth(self, velocity):
+        """From now on runs have velocities of this function, smoothing.velocity(). Allocates."""
+        self.view = array("i", [0] * path.SMOOTH_WORDS)
+        self.curve = velocity
+
     def slope(self, motor, index, step):
         """The slope at a frame, in twelfths of a step per frame of travel in direction `step`.
 
         index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
         """
-        after = self._fill_window(motor, index, step)
-        if step < 0:
-            return path.slope(self.window, self.axes.axes[motor].bounds, after, index)
-        return path.slope(self.window, self.axes.axes[motor].bounds, index, after)
-
-    def _fill_window(self, motor, index, step):
-        """Fill the window around a frame. Returns how many frames follow it in the upload."""
-        store = self.store
         window = self.window
-        store.positions(motor, index - 2, 5, window, path.FRAMES)
+        after = self._fill(window, 2, motor, index, step)
         if step < 0:
-            path.reverse(window)
+            return path.slope(window, self.axes.axes[motor].bounds, after, index)
+        return path.slope(window, self.axes.axes[motor].bounds, index, after)
+
+    def _fill(self, window, beside, motor, index, step):
+        """Fill a window around a frame, with so many frames on either side. Returns how many follow
+        it in the upload."""
+        store = self.store
+        store.positions(motor, index - beside, 2 * beside + 1, window, 0)
+        if step < 0:
+            path.reverse(window, beside)
         return store.end - store.start - index
 
     def velocity(self, to, motor, index, step):
-        """numbers[to] = velocity at a frame, at the rate of SCALE, in steps per tick; see slope().
+        """numbers[to] = a run's velocity at a frame, at the rate of SCALE, in steps per tick.
 
-        No more than the motor's top velocity when check() last saw it.
+        index, step: as for slope(). No more than the motor's top velocity when check() last saw it.
+        Returns where the run passes the frame: Q16 of a step beyond its position.
         """
-        after = self._fill_window(motor, index, step)
+        window = self.view
         bounds = self.axes.axes[motor].bounds
         top = TOPS + 2 * motor
+        beside = 2 if window is self.window else path.BESIDE
+        after = self._fill(window, beside, motor, index, step)
         if step < 0:
-            path.velocity(self.numbers, to, self.window, bounds, after, index, SCALE, top)
+            self.curve(self.numbers, to, window, bounds, after, index, SCALE, top)
         else:
-            path.velocity(self.numbers, to, self.window, bounds, index, after, SCALE, top)
+            self.curve(self.numbers, to, window, bounds, index, after, SCALE, top)
+        return 0 if beside == 2 else window[path.PART]
 
     def apply_roll(self, motor, velocity, ticks, backward, positions):
         """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
@@ -181,8 +199,11 @@ class UploadPlayer(MoveCheck):
         """How many phases wait for the first of these motors; the others have about as many."""
         return _ahead(self.axes.axes, bits)
 
-    def append_frame(self, bits, index, step, duration, scale=SCALE):
+    def append_frame(self, bits, index, step, duration, scale, window, velocity):
         """Append the cubic to frame `index` for each motor of these bits; step: 1 or -1 (backward).
+
+        window, velocity: view and curve, or `window` and path.velocity for a path
+        through the positions themselves.
 
         duration: register, in ticks. The cubic begins with the motor's velocity in SPEEDS and
         ends with that at the frame, at the rate of the register `scale`, which then is
@@ -193,7 +214,8 @@ class UploadPlayer(MoveCheck):
             self.axes.axes,
             bits,
             store,
-            self.window,
+            window,
+            velocity,
             self.numbers,
             self.position,
             index,

@@ -27,6 +27,7 @@ from framestep.moves.registers import FRAME_TICKS, LONGER_FRAME_TICKS, ROLL_TICK
 from framestep.moves.run_plan import PreparedRun
 from framestep.native import const
 
+_LONG_ROLL = const(64)  # ticks
 _AHEAD = const(3)  # phases that wait before the next is queued
 
 # How long a motor waits whose ramp is shorter than X.
@@ -83,8 +84,9 @@ class RunMove(PreparedRun):
         axis = player.axes[motor]
         onward = self.step == plan.step
         own = SPEEDS + 2 * motor
+        beyond = 0
         if plan.frames:
-            player.velocity(own, motor, self.first, self.step)
+            beyond = player.velocity(own, motor, self.first, self.step)
         else:
             reals.put(r, own, 0, 0)
         reals.fetch(r, ROLL_TICKS, plan.pre_rolls if onward else plan.post_rolls, 2 * motor)
@@ -96,7 +98,8 @@ class RunMove(PreparedRun):
             )
         if reals.sign(r, ROLL_TICKS):
             self.store.position(motor, self.first, player.position, 0)
-            axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.position, 0)
+            beyond = self._possible(beyond)
+            axis.append_coasting_phase(ROLL_TICKS, ZERO, own, r, player.position, 0, 0, beyond)
 
     def started(self, tick):
         first = after(tick, self.begin_ms)
@@ -133,7 +136,15 @@ class RunMove(PreparedRun):
             self._close()
             return
         self.queued = k
-        player.append_frame(plan.bits, self.first + self.step * k, self.step, duration)
+        player.append_frame(
+            plan.bits,
+            self.first + self.step * k,
+            self.step,
+            duration,
+            registers.SCALE,
+            player.view,
+            player.curve,
+        )
 
     def _close(self):
         """Append the post-roll of the next motor, in the last pass after the end frame's period."""
@@ -152,14 +163,24 @@ class RunMove(PreparedRun):
             own = SPEEDS + 2 * motor
             reals.fetch(r, ROLL_TICKS, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
             if self.last_pass:
+                beyond = 0
+                if plan.frames:
+                    beyond = self._possible(player.velocity(X, motor, self.end, self.step))
                 self.find_end(motor, self.end)
-                axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor)
+                axis.append_coasting_phase(self.period, own, own, r, self.lasts, motor, 0, beyond)
                 positions = self.rests
             if reals.sign(r, ROLL_TICKS):
                 axis.append_coasting_phase(ROLL_TICKS, own, ZERO, r, positions, motor)
         if not self.unclosed:
             player.end_phases(plan.bits)
             self.closed = True
+
+    def _possible(self, beyond):
+        """How far beyond an end of the pass a motor goes, or 0 where ROLL_TICKS are too few for
+        that: what it takes of acceleration on top, 6 / ROLL_TICKS², must not count."""
+        if reals.floor(self.player.numbers, ROLL_TICKS, _LONG_ROLL) < _LONG_ROLL:
+            return 0
+        return beyond
 
     def play_head(self, tick, frame):
         reported = self.reported

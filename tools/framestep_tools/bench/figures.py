@@ -69,6 +69,16 @@ FIGURES = (
         "over all frames in motion; one origin of time for all motors",
     ),
     Figure(
+        "velocity_unrest",
+        "",
+        None,
+        0.25,
+        "pins, with `smoothing` in the rig file: velocity's rms against the path before it was "
+        "rounded to steps, over the same without it; lines, eases and sines of 0.4 to 500 "
+        "steps/frame at 12, 24 and 60 frames/s",
+    ),
+    Figure("acceleration_unrest", "", None, 0.15, "the same of the acceleration"),
+    Figure(
         "tick_us_8",
         "µs",
         None,

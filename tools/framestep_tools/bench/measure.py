@@ -39,6 +39,7 @@ from ..wire import encode
 from .figures import FIGURES
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
+from .smoothness import unrest_ratios
 
 _CHANNELS = 512
 LEVELS_AT_ONCE = 1000
@@ -214,6 +215,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
     say("upload through a single port")
     with EmulatedBoard({**rig, "ports": 1}, trace=False, frozen=True, args=args) as board:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
+    figures["velocity_unrest"], figures["acceleration_unrest"] = unrest_ratios(rig, args, say)
     say("copied files: mixed move")
     with EmulatedBoard(rig, trace=False, args=args) as board:
         session = Session(board)

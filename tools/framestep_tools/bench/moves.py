@@ -1,5 +1,7 @@
 """The moves that are played."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 MOTORS = 8
@@ -41,3 +43,33 @@ def steady_move(rate: int, motors: int, frames: int = 11) -> dict[int, np.ndarra
         motor: rate // FPS * np.arange(frames) * (1 if motor % 2 else -1)
         for motor in range(1, motors + 1)
     }
+
+
+UNREST_FRAMES = 96
+UNREST_RATES = (12, 24, 60)  # frames per second
+
+
+Shape = Callable[[np.ndarray], np.ndarray]  # a path before rounding: steps at times in frames
+
+
+def _ease(steps: float) -> Shape:
+    """From rest to rest, velocity and acceleration without jumps."""
+    return lambda t: steps * np.polyval((6, -15, 10, 0, 0, 0), t / (UNREST_FRAMES - 1))
+
+
+def _line(rate: float) -> Shape:
+    return lambda t: rate * t + 0.317
+
+
+def _sine(steps: float, period: float) -> Shape:
+    return lambda t: steps * np.sin(2 * np.pi * t / period + 0.4)
+
+
+def unrest_paths() -> dict[int, Shape]:
+    """Lines, eases and sines of 0.4 to 500 steps per frame, one for each of eight motors."""
+    shapes = (
+        *(_line(rate) for rate in (0.4, 7.3, -60.7, 500.3)),
+        *(_ease(steps) for steps in (97.3, -5000.7)),
+        *(_sine(steps, period) for steps, period in ((40.2, 30), (1000.4, 60))),
+    )
+    return dict(enumerate(shapes, 1))

@@ -1,0 +1,85 @@
+"""How much unrest `smoothing` takes out of a run: edges on the pins of two boards, with and
+without it."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..boards import EmulatedBoard
+from ..errors import ToolError
+from ..judge import frame_times_ns, judge
+from ..payloads import RtEnd, RtGo
+from ..trace import Trace
+from ..unrest import Unrest, origins_ns, unrest
+from .moves import UNREST_FRAMES, UNREST_RATES, unrest_paths
+from .session import Session
+
+
+def unrest_ratios(
+    rig: dict[str, Any], args: Sequence[str], say: Callable[[str], None]
+) -> tuple[float, float]:
+    """Unrest of velocity and of acceleration with `smoothing`, as parts of that without it."""
+    found = []
+    for smoothing in (True, False):
+        say(f"unrest of rounding, {'with' if smoothing else 'without'} smoothing")
+        with EmulatedBoard(
+            {**rig, "smoothing": smoothing}, trace=False, frozen=True, args=args
+        ) as board:
+            session = Session(board)
+            found.append(sum((_played(session, fps, smoothing) for fps in UNREST_RATES), Unrest()))
+    smooth, rough = found
+    return (
+        smooth.velocity_rms / rough.velocity_rms,
+        smooth.acceleration_rms / rough.acceleration_rms,
+    )
+
+
+def _played(session: Session, fps: int, smoothing: bool) -> Unrest:
+    """The unrest of all paths at this rate. ToolError where a motor was beside its position."""
+    paths = unrest_paths()
+    at = np.arange(UNREST_FRAMES)
+    rounded = {motor: np.rint(path(at)).astype(int) for motor, path in paths.items()}
+    stands = session.positions
+    moved = session.prepare(rounded, 100_000, fps)
+    start = session.positions
+    emulator = session.board.emulator
+    emulator.trace_start(session.board.pins.pins)
+    session.client.events.clear()
+    session.client.request(RtGo())
+    begun = session.client.clock()
+    while not session.client.take_event(RtEnd):
+        if session.client.clock() - begun > 60:
+            raise ToolError("the run did not end: no RT_END came from the board")
+        session.client.pump(0.05)
+    trace = Trace.from_records(emulator.trace_stop(), session.board.pins)
+    session.client.wait_idle()
+    if smoothing:
+        origin = _origin(trace, start, moved, fps)
+    else:
+        origin = judge(trace, moved, 1000 * fps, start).origin_ns
+    result = Unrest()
+    for motor, path in paths.items():
+        times, ways = trace.steps(motor)
+        frames = (times - origin) * fps / 1e9
+        begins = start[motor] - stands[motor]
+        result += unrest(frames, ways, begins, path, UNREST_FRAMES - 1)
+    return result
+
+
+def _origin(trace: Trace, start: dict[int, int], moved: dict[int, np.ndarray], fps: int) -> float:
+    """When the first frame was, ns: the one moment that has each motor on its position at each
+    frame's time."""
+    due = frame_times_ns(UNREST_FRAMES, 1000 * fps)
+    low, high = -(1 << 62), 1 << 62
+    for motor, positions in moved.items():
+        spans = origins_ns(*trace.steps(motor), start[motor], positions.tolist(), due)
+        fitting = [(max(low, a), min(high, b)) for a, b in spans if max(low, a) < min(high, b)]
+        if not fitting:
+            raise ToolError(
+                f"motor {motor} was beside an uploaded position at a frame's time, at {fps} "
+                "frames/s with smoothing"
+            )
+        if len(fitting) == 1:
+            low, high = fitting[0]
+    return (low + high) / 2
