@@ -6,23 +6,36 @@ import json
 import numpy as np
 import pytest
 
+from framestep_tools import ports
+from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.cli import app
-from framestep_tools.files import ROOT
+from framestep_tools.client import Client
+from framestep_tools.files import ROOT, board_data, board_names
+from framestep_tools.payloads import (
+    DeviceInfo,
+    MotorConfigure,
+    MotorGetPosition,
+    MotorSetLimits,
+)
 from framestep_tools.prove import report
-from framestep_tools.prove.board import Board
+from framestep_tools.prove.board import Board, real
+from framestep_tools.prove.check import check
 from framestep_tools.prove.figures import (
     AS_EMULATED,
     BETTER,
     FIGURES,
     LESS,
     MORE,
+    NOT_COMPARED,
     NOT_MEASURED,
+    OF_THE_RIG,
     SAME,
     WORSE,
     Figure,
 )
-from framestep_tools.prove.instrument import program, times_ns
+from framestep_tools.prove.layout import Layout, layout
 from framestep_tools.prove.measure import HELD, RATES, trapezoids
+from framestep_tools.prove.watching import program, times_ns
 
 HZ = 125_000_000
 
@@ -43,7 +56,9 @@ HZ = 125_000_000
 )
 def test_verdicts(better, measured, verdict):
     assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, 100) == verdict
-    assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, None) == NOT_MEASURED
+    assert Figure("figure", "µs", better, 2, 0.1, "").verdict(measured, None) == (
+        NOT_COMPARED if measured else NOT_MEASURED
+    )
 
 
 def test_the_slack_holds_where_the_share_is_less():
@@ -100,15 +115,28 @@ def test_the_motors_of_a_run_begin_and_end_at_rest(fps_milli):
         assert np.diff(steps).max() * fps_milli / 1000 == pytest.approx(rate, rel=0.05)
 
 
-def test_every_figure_is_known_of_the_emulated_board_and_explained():
-    emulated = report.emulated_figures()
-    assert set(emulated) == {figure.key for figure in FIGURES}
+def test_every_figure_is_known_of_the_emulated_boards_and_explained():
+    """But for DMX on a board without it."""
+    boards = report.emulated_boards()
+    emulated = [name for name in board_names() if board_data(name)["chip"] == "rp2040"]
+    assert sorted(boards) == emulated
+    for name in emulated:
+        dmx = "dmx" in board_data(name)
+        figures = {f.key for f in FIGURES if dmx or not f.key.startswith("dmx")}
+        assert set(boards[name].figures) == figures
     page = (ROOT / "docs/hardware-reports.md").read_text()
     assert [f.key for f in FIGURES if f"`{f.key}`" not in page] == []
 
 
+def test_what_depends_on_the_rig_file_is_compared_with_the_same_only():
+    pico = report.emulated_boards()["pico"]
+    assert pico.beside(8, True) == pico.figures
+    assert set(pico.figures) - set(pico.beside(4, True)) == OF_THE_RIG
+    assert pico.beside(8, False) == pico.beside(4, True)
+
+
 def a_report(**figures):
-    emulated = report.emulated_figures()
+    emulated = report.emulated_boards()["pico"].figures
     return report.Report(
         "pico", "emulated", HZ, "MicroPython", {**emulated, **figures}, [], emulated
     )
@@ -130,10 +158,10 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 
 def test_figures_of_another_version_are_not_compared(tmp_path, monkeypatch):
     other = tmp_path / "emulated.json"
-    other.write_text('{"framestep": "0.0.1", "figures": {}}')
+    other.write_text('{"framestep": "0.0.1", "boards": {}}')
     monkeypatch.setattr(report, "EMULATED", other)
     with pytest.raises(report.ToolError, match=r"of framestep 0\.0\.1"):
-        report.emulated_figures()
+        report.emulated_boards()
 
 
 def test_it_asks_before_pins_move(monkeypatch, capsys):
@@ -147,17 +175,122 @@ def test_it_asks_before_pins_move(monkeypatch, capsys):
 
 
 class Silent:
-    """A client and a REPL of a board that has four motors."""
+    """A client and a REPL of a board that only says who it is."""
+
+    def __init__(self, name, chip):
+        self.data = {"name": name, "chip": chip, "step": [1, 2, 3, 4]}
 
     def request(self, _message):
         return None
 
     def run(self, code):
-        if "dumps" in code:
-            return '{"name": "a board", "chip": "rp2040", "step": [1, 2, 3, 4]}'
-        return "1000"
+        return json.dumps(self.data) if "dumps" in code else "1000"
 
 
-def test_a_board_that_cannot_watch_itself():
-    with pytest.raises(report.ToolError, match="eight motors"):
-        Board(Silent(), Silent().run, {}, "here")
+@pytest.mark.parametrize(
+    "name, chip, expected, text",
+    [
+        ("Raspberry Pi Pico", "esp32", None, "cannot measure itself"),
+        ("Raspberry Pi Pico", "esp32", "pico", "cannot measure itself"),
+        ("Raspberry Pi Pico", "rp2040", "skr_pico", "is pico .*, not skr_pico: .*--board pico"),
+    ],
+)
+def test_a_board_that_is_another_one_or_cannot_watch_itself(name, chip, expected, text):
+    silent = Silent(name, chip)
+    with pytest.raises(report.ToolError, match=text):
+        Board(silent, silent.run, {}, "here", expected)
+
+
+def test_a_board_that_there_is_not(capsys):
+    """Refused before a port is looked for."""
+    assert app.status(["prove", "--board", "nano", "--yes"]) != 0
+    assert "no board 'nano': there are" in capsys.readouterr().err
+
+
+def test_a_board_with_one_port_is_refused_before_a_ctrl_c(monkeypatch):
+    one = ports.Port("/dev/one", ports.SINGLE, "board", "framestep", "1", 0)
+    monkeypatch.setattr(ports, "listed", lambda: [one])
+    for device, port in ((None, None), ("/dev/one", None), (None, "/dev/one")):
+        with (
+            pytest.raises(report.ToolError, match='set "ports" to 2'),
+            real(device, port, None, print),
+        ):
+            pass
+
+
+# ---- which machines watch
+
+
+PICO = {"step": list(range(8))}
+
+
+def test_half_of_the_motors_watch_the_other_half():
+    found = layout(PICO, {}, set(), [0, 1])
+    assert found.groups == [(1, 2, 3, 4), (5, 6, 7, 8)]
+    assert found.watchers(found.groups[0]) == [4, 5, 6, 7]
+    assert found.watchers(found.groups[1]) == [0, 1, 2, 3]
+    assert found.watchers([1, 2, 3, 4, 5, 6, 7]) == [7]
+    assert found.watchers(range(1, 9)) == []
+    found.check()
+
+
+def test_machines_that_nobody_has_come_first():
+    found = layout({"step": [1, 2, 3, 4, 5]}, {}, {5, 6, 7}, [0, 1])
+    assert found.watchers((1, 2, 3, 4)) == [5, 6, 7, 4]
+    assert found.watchers(range(1, 6)) == [5, 6, 7]
+
+
+def test_the_third_block_of_an_rp2350_watches_all_motors():
+    found = layout(PICO, {"motor_count": 8}, {8, 9, 10, 11}, [0, 1, 2])
+    assert found.watchers(range(1, 9)) == [8, 9, 10, 11]
+
+
+def test_a_servo_is_neither_measured_nor_borrowed():
+    rig = {"motors": [{}, {"servo": {}}, {"backlash": 3}, {"jerk": 5, "backlash": 0}, None]}
+    found = layout(PICO, rig, set(), [0, 1])
+    assert found.groups == [(1,), (5, 6, 7, 8)]
+    assert found.left_out == {3: "has backlash", 4: "has jerk"}
+    assert found.watchers((5, 6, 7, 8)) == [0, 2, 3]
+
+
+@pytest.mark.parametrize(
+    "found, text",
+    [
+        (Layout(2, (), {}, {3}, [1]), "too few of the chip's state machines .* motors 1 to 2"),
+        (Layout(2, (), {}, {3, 4, 5}, []), "too few"),
+        (Layout(1, (), {1: "has jerk"}, range(1, 8), [0, 1]), "motor 1 has jerk"),
+        (Layout(1, (1,), {}, range(1, 8), [0, 1]), "all are servos"),
+    ],
+)
+def test_a_layout_that_does_not_suffice(found, text):
+    with pytest.raises(report.ToolError, match=text):
+        found.check()
+
+
+# ---- what is asked before anything moves
+
+
+@pytest.mark.parametrize(
+    "rig, requests, text",
+    [
+        ({"estop": "no"}, [MotorSetLimits(2, 0, 0, 0, 0, 0)], None),
+        ({}, [MotorSetLimits(2, 1, -20_000, 1, 200_000, 0)], None),
+        ({}, [MotorSetLimits(2, 1, -20_000, 1, 2000, 0)], "soft limits of motor 2"),
+        ({}, [MotorSetLimits(3, 1, -10, 0, 0, 0)], "soft limits of motor 3"),
+        ({}, [MotorConfigure(1, 0)], "motor 1 is switched off"),
+        ({"limits": [{"low": 27}]}, [MotorSetLimits(2, 0, 0, 0, 0, 1)], "at a limit switch"),
+        ({"estop": "nc"}, [], "the E-stop is held"),
+    ],
+)
+def test_what_would_be_refused_is_told_before_anything_moves(rig, requests, text):
+    with SimulatedBoard(rig) as board:
+        client = Client(LockstepPort(board))
+        client.wait_event(DeviceInfo, 10)
+        for request in requests:
+            client.request(request)
+        stand = client.request(MotorGetPosition()).steps
+        if text:
+            with pytest.raises(report.ToolError, match=text):
+                check(client, [1, 2, 3], stand)
+        else:
+            check(client, [1, 2, 3], stand)

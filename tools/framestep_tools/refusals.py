@@ -151,14 +151,14 @@ def _moving(client: Client, named: list[int]) -> str:
     return f"{_named(which)} move{'s' * (len(which) == 1)}; wait, or framestep stop"
 
 
-def _stopped(client: Client) -> str | None:
+def what_stops(client: Client) -> str | None:
     """What keeps the device from moving anything."""
     bits = client.request(GetCondition()).bits
     return next((text for bit, text in _STOPPED if bits & bit), None)
 
 
 def _general(client: Client, request: Payload) -> str | None:
-    stopped = _stopped(client)
+    stopped = what_stops(client)
     if stopped:
         return stopped
     if isinstance(request, RtGo):
@@ -442,7 +442,7 @@ def _limit(value: int | None, bits: int | None, which: int) -> str:
 
 def _virtual(client: Client, request: Payload, code: Ack) -> str | None:
     if code == Ack.ERR_GENERAL:
-        stopped = None if isinstance(request, VirtGetPosition) else _stopped(client)
+        stopped = None if isinstance(request, VirtGetPosition) else what_stops(client)
         if stopped:
             return stopped
         if client.code(VirtGetPosition()) == Ack.ERR_GENERAL:

@@ -25,11 +25,18 @@ def prove(
         str | None,
         typer.Option(help="port of the REPL, where it is not found by itself", metavar="PORT"),
     ] = None,
+    board: Annotated[
+        str | None,
+        typer.Option(
+            help="the board that it should be, a folder in boards/ such as pico; without it, any",
+            metavar="NAME",
+        ),
+    ] = None,
     with_drivers: Annotated[
         bool, typer.Option("--with-drivers", help="let drivers be switched on: motors turn")
     ] = False,
     short: Annotated[
-        bool, typer.Option("--short", help="half of the motors, one frame rate")
+        bool, typer.Option("--short", help="the first four motors, one frame rate")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="do not ask before pins move")] = False,
     out: Annotated[Path, typer.Option(help="folder for the report", metavar="DIR")] = Path(),
@@ -42,8 +49,11 @@ def prove(
         from ..prove.work import Options
         from ..prove.work import prove as measure
     from ..errors import ToolError
+    from ..files import board_data
 
-    emulated = report.emulated_figures()
+    if board:
+        board_data(board)  # there is one of this name
+    emulated = report.emulated_boards()
     if not yes:
         text = _ASK.format(drivers=_ON if with_drivers else _OFF)
         if not typer.confirm(text, err=True):
@@ -52,8 +62,8 @@ def prove(
     def say(line: str) -> None:
         typer.echo(line, err=True)
 
-    with real(device, port, say) as board:
-        found = measure(board, Options(with_drivers, short), emulated, say)
+    with real(device, port, board, say) as connected:
+        found = measure(connected, Options(with_drivers, short), emulated, say)
     paths = found.write(out)
     if json:
         say_json(found.as_json())

@@ -1,7 +1,13 @@
 """`framestep prove`: a board measures itself, without wires.
 
-instrument  edges stamped by the chip: state machines that stand, and DMA
+instrument  edges stamped by the chip: state machines that are free or stand, and DMA
+borrowed    what of the chip is borrowed for it, and given back
+watching    the program with which a state machine watches a pin
+chips       registers, where chips differ
+layout      which motors are measured, and which state machines watch them
 board       a board to measure, a real one or the emulated one: its protocol port and its REPL
+check       what would keep motors from moving, asked before any does
+flash       how long the flash takes
 figures     the figures, and the verdict on each beside the emulated board's
 measure     how each is measured
 work        one measurement from its begin to its report

@@ -7,9 +7,9 @@ import typer
 
 from .. import builds
 from ..errors import Command, ToolError
-from ..files import ROOT
+from ..files import ROOT, board_data
 from . import report
-from .board import emulated
+from .board import EMULATED_CHIP, emulated
 from .work import Options, prove
 
 app = Command("prove")
@@ -21,19 +21,24 @@ def main(
         bool, typer.Option("--renew", help="keep the figures as those to compare others with")
     ] = False,
     short: Annotated[bool, typer.Option("--short", help="fewer moves")] = False,
+    board: Annotated[str, typer.Option(help="folder in boards/ of the board")] = "pico",
     chip: Annotated[str, typer.Option(help="stepping of the chip: B1 or B2")] = "B2",
     out: Annotated[Path, typer.Option(help="folder for the report", metavar="DIR")] = ROOT
     / "build"
     / "prove",
 ) -> None:
-    """Measure the emulated board as `framestep prove` measures a real one."""
-    builds.frozen()
-    with emulated(("--chip", chip)) as board:
-        beside = {} if renew else report.emulated_figures()
-        found = prove(board, Options(short=short), beside, print)
+    """Measure an emulated board as `framestep prove` measures a real one."""
+    data = board_data(board)
+    if data["chip"] != EMULATED_CHIP:
+        raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
+    builds.frozen(board)
+    with emulated(("--chip", chip), board) as measured:
+        beside = {} if renew else report.emulated_boards()
+        found = prove(measured, Options(short=short), beside, print)
+        count = len(measured.layout.measured)
     if renew:
-        report.renew(found.figures)
-        print(f"{report.EMULATED} has {len(found.figures)} figures")
+        report.renew(board, count, found.figures)
+        print(f"{report.EMULATED} has {len(found.figures)} figures of {board}")
         return
     report.show(found)
     print(*found.write(out), sep="\n")

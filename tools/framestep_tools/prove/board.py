@@ -1,7 +1,7 @@
 """A board to measure: its protocol port, its REPL, its pins. A real one, or the emulated one."""
 
-import ast
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,43 +9,65 @@ from typing import Any
 
 from ..client import Client
 from ..errors import ToolError
+from ..files import board_data
 from ..payloads import DeviceInfo, Hi
+from .chips import CHIPS
 from .instrument import Instrument
+from .layout import Layout, layout
+from .report import folder_of
 
-MOTORS_OF_A_BLOCK = 4
-# of the emulated board: a pulse of the default width is too long for 500 000 steps/s
-EMULATED_RIG: dict[str, Any] = {"motors": [*[{}] * 7, {"pulse_us": 0.5}]}
-_CHIP = "rp2040"
-_IO_BANK = 0x40014000  # RP2040 datasheet 2.19.6: status and control of each pin
-_FORCED_LOW, _FORCED_HIGH = 2 << 8, 3 << 8
-_FORCED = 3 << 8
+# of an emulated board's last motor: a pulse of the default width is too long for 500 000 steps/s
+EMULATED_PULSE_US = 0.5
+EMULATED_CHIP = "rp2040"
+_FORCED_LOW, _FORCED_HIGH = 2, 3  # of a pin's output
+_REMARK = re.compile(r"framestep: .*\r?\n?")  # what framestep tells the user at any time
 _BOARD = "print(__import__('json').dumps(boot.hal.board))"
 _FREE = "import gc\ngc.collect()\nprint(gc.mem_free())"
 
 
 @dataclass
 class Board:
-    """What is measured. run: code on the REPL, and what it prints; rig: its rig file's settings."""
+    """What is measured. run: code on the REPL, and what it prints; rig: its rig file's settings;
+    expected: the folder in boards/ of the board that the user expects, None for any. ToolError for
+    another one, or one that cannot measure itself; no motor has moved then."""
 
     client: Client
     run: Callable[[str], str]
     rig: Mapping[str, Any]
     where: str
+    expected: str | None = None
 
     def __post_init__(self) -> None:
+        plain = self.run
+        self.run = lambda code: _REMARK.sub("", plain(code))
         self.info: DeviceInfo = self.client.request(Hi())
         self.run("from framestep import boot")
         self.free_bytes = int(self.run(_FREE))
         self.data: dict[str, Any] = json.loads(self.run(_BOARD))
-        self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))
-        if self.data.get("chip") != _CHIP or len(self.data["step"]) != 2 * MOTORS_OF_A_BLOCK:
+        self.folder = folder_of(self.data["name"])
+        if self.expected not in (None, self.folder):
             raise ToolError(
-                f"{self.data['name']} cannot measure itself yet: that takes an RP2040 with eight "
-                "motors, so that four of them can stand while the others are watched"
+                f"the board on {self.where} is {self.folder} ({self.data['name']}), not "
+                f"{self.expected}: connect that one, or name this one with --board {self.folder}"
             )
-        if self.rig.get("servos") or self.rig.get("virtuals"):
-            raise ToolError("the rig file has servos or virtual axes: set them aside first")
-        self.instrument = Instrument(self.run, self.clock_hz)
+        chip = CHIPS.get(self.data.get("chip", ""))
+        if chip is None:
+            raise ToolError(
+                f"{self.data['name']} cannot measure itself: that takes one of the chips "
+                f"{' and '.join(CHIPS)}, whose state machines can watch its pins"
+            )
+        self._chip = chip
+        self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))
+        self.instrument = Instrument(self.run, chip, self.clock_hz)
+        self.layout: Layout = layout(
+            self.data, self.rig, self.instrument.unused(), self.instrument.blocks()
+        )
+        self.layout.check()
+
+    def settings(self, motor: int) -> Mapping[str, Any]:
+        """What the rig file has for a motor."""
+        motors = self.rig.get("motors") or []
+        return motors[motor - 1] or {} if motor <= len(motors) else {}
 
     def step(self, motor: int) -> int:
         """The pin of a motor's steps; motors from 1."""
@@ -55,38 +77,31 @@ class Board:
         """The pin of a motor's direction."""
         return self.data["dir"][motor - 1]
 
-    def watchers(self, motor: int) -> int:
-        """The PIO block whose motors are others than those of this one."""
-        return 1 - (motor - 1) // MOTORS_OF_A_BLOCK
-
     @property
     def kept_off(self) -> dict[int, int]:
         """Pins that enable drivers, and the level at which they are off."""
         enable = self.data["enable"]
         pins = enable if isinstance(enable, list) else [enable]
-        motors = self.rig.get("motors") or []
-        found = {}
-        for i, pin in enumerate(pins):
-            high = i < len(motors) and bool((motors[i] or {}).get("enable_high"))
-            found[pin] = 0 if high else 1
-        return found
+        return {
+            pin: 0 if self.settings(motor).get("enable_high") else 1
+            for motor, pin in enumerate(pins, 1)
+        }
 
     @contextmanager
     def drivers_off(self) -> Iterator[None]:
         """The chip itself holds the drivers' pins at the level at which they are off, whatever
         framestep wants of them; as they were afterwards."""
         pins = self.kept_off
-        registers = {pin: _IO_BANK + 8 * pin + 4 for pin in pins}
-        before = ast.literal_eval(self.run(f"get({','.join(map(str, registers.values()))})"))
-        words = dict(zip(pins, before, strict=True))
+        registers = {pin: self._chip.pin_control + 8 * pin for pin in pins}
+        words = dict(zip(pins, self.instrument.get([*registers.values()]), strict=True))
+        shift = self._chip.output_override
 
         def write(values: Mapping[int, int]) -> None:
-            pairs = ",".join(f"{registers[pin]},{word}" for pin, word in values.items())
-            self.run(f"put({pairs})")
+            self.instrument.put(*((registers[pin], word) for pin, word in values.items()))
 
         write(
             {
-                pin: words[pin] & ~_FORCED | (_FORCED_HIGH if level else _FORCED_LOW)
+                pin: words[pin] & ~(3 << shift) | (_FORCED_HIGH if level else _FORCED_LOW) << shift
                 for pin, level in pins.items()
             }
         )
@@ -96,12 +111,21 @@ class Board:
             write(words)
 
 
+def emulated_rig(board: str = "pico") -> dict[str, Any]:
+    """The rig file with which an emulated board is measured."""
+    others = len(board_data(board)["step"]) - 1
+    return {"motors": [*[{}] * others, {"pulse_us": EMULATED_PULSE_US}]}
+
+
 @contextmanager
-def emulated(args: tuple[str, ...] = (), board: str = "pico") -> Iterator[Board]:
-    """The emulated board with the frozen image."""
+def emulated(
+    args: tuple[str, ...] = (), board: str = "pico", rig: Mapping[str, Any] | None = None
+) -> Iterator[Board]:
+    """An emulated board with its frozen image. args: of the emulator."""
     from ..boards import EmulatedBoard, LockstepPort
 
-    with EmulatedBoard(EMULATED_RIG, trace=False, board=board, frozen=True, args=args) as chip:
+    settings = emulated_rig(board) if rig is None else rig
+    with EmulatedBoard(settings, trace=False, board=board, frozen=True, args=args) as chip:
         client = Client(LockstepPort(chip))
         client.wait_event(DeviceInfo, 10)
         repl = chip.emulator.repl()
@@ -111,14 +135,23 @@ def emulated(args: tuple[str, ...] = (), board: str = "pico") -> Iterator[Board]
             chip.run_until(chip.emulator.ns)  # the clock of the client goes on as well
             return printed
 
-        found = Board(client, run, EMULATED_RIG, "emulated")
+        found = Board(client, run, settings, "emulated", board)
         found.chip = chip  # type: ignore[attr-defined]
         yield found
 
 
+_TWO_PORTS = (
+    "this board has one port for the protocol and the REPL, and prove needs both: "
+    'set "ports" to 2 in the rig file first (framestep rig edit)'
+)
+
+
 @contextmanager
-def real(device: str | None, port: str | None, say: Callable[[str], None]) -> Iterator[Board]:
-    """The board on USB. device: the protocol's port, port: the REPL's, where they are not found."""
+def real(
+    device: str | None, port: str | None, expected: str | None, say: Callable[[str], None]
+) -> Iterator[Board]:
+    """The board on USB. device: the protocol's port, port: the REPL's, where they are not found;
+    expected: as Board has it."""
     from .. import ports
     from ..commands.common import talking
     from ..device import RIG_FILE, Device
@@ -126,15 +159,19 @@ def real(device: str | None, port: str | None, say: Callable[[str], None]) -> It
 
     if port is None and device is not None:
         port = next((p.path for p in ports.siblings(device) if p.use == ports.REPL), None)
+    named = port or device or ports.repl_port()
+    known = ports.known(named)
+    if known and known.use == ports.SINGLE:  # a Ctrl-C would end framestep there
+        raise ToolError(f"{named}: {_TWO_PORTS}")
     with Device(port, say) as repl:
         if not repl.state.background:
             raise ToolError(
-                "framestep does not run on this board with a REPL beside it: "
-                'prove needs both ports ("ports": 2)'
+                f"{repl.path}: framestep does not run there with a REPL beside it: put it there "
+                'with framestep install, set "ports" to 2 in the rig file, or reset the board'
             )
         if repl.state.moving:
             raise ToolError("motors move, or a run is prepared: stop them first")
         content = repl.read(RIG_FILE)
         rig = parse(content, RIG_FILE) if content else {}
         with talking(device or ports.protocol_of(repl.path)) as client:
-            yield Board(client, repl.run, rig, client.name)
+            yield Board(client, repl.run, rig, client.name, expected)

@@ -1,7 +1,7 @@
 """What is measured, one figure of figures.py after another."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -24,13 +24,16 @@ from ..payloads import (
 from ..reference import Reference
 from ..trace import Trace
 from ..wire import encode
-from .board import MOTORS_OF_A_BLOCK, Board
+from . import flash
+from .board import Board
+from .borrowed import BLOCK_MACHINES
+from .check import check
 from .instrument import Edges
 
-FIRST_HALF, SECOND_HALF = (1, 2, 3, 4), (5, 6, 7, 8)
+DEFAULT_PULSE_US = 1.0
 STEEPEST = 4_000_000  # steps/s²
 KEPT = 2000  # edges of a motor at constant velocity
-CRUISE = 12_000  # steps at constant velocity
+CRUISE, SHORT_CRUISE = 12_000, 4_000  # steps at constant velocity
 RATES = (5000, 3000, 1500, 600)  # steps/s of the four motors of a run
 RAMP = 25_000  # steps/s²
 RUN_S = 0.6
@@ -64,17 +67,6 @@ del boot.controller.poll
 print(prove_watch.count, prove_watch.sum, prove_watch.most)
 del Watch, prove_watch
 """
-_WRITE = """
-import os
-from time import ticks_diff, ticks_us
-piece = bytes(256)
-begun = ticks_us()
-with open("/prove.tmp", "wb") as file:
-    for _ in range(16): file.write(piece)
-took = ticks_diff(ticks_us(), begun)
-os.remove("/prove.tmp")
-print(took)
-"""
 _WRAP_US = 1 << 32
 _BREAK_US = 60  # a longer low on a DMX line is no slot
 _TICK = re.compile(r"interrupts: (\d+) us .*, (\d+) us at a time")
@@ -82,42 +74,51 @@ _LATE = re.compile(r"worst lateness of a tick in motion: (\d+) us")
 
 
 class Measuring:
-    """Measures a board; the figures gather in `figures`. say: told what comes next. short: one
-    half of the motors, and one frame rate."""
+    """Measures a board; the figures gather in `figures`. say: told what comes next. short: the
+    motors of one PIO block, and one frame rate."""
 
     def __init__(self, board: Board, say: Callable[[str], None], short: bool = False):
         self.board, self.client, self._say, self._short = board, board.client, say, short
         self.figures: dict[str, float] = {"steps_wrong": 0}
         self.complaints: list[str] = []
+        self._began_at: Sequence[int] = ()
 
     def everything(self) -> dict[str, float]:
-        """All of it, one after the other; motors stand again where they began."""
-        stood = self._stands()
+        """All of it, one after the other; motors stand again where they began. ToolError before
+        anything moves where something would keep them from it."""
+        layout = self.board.layout
+        self._began_at = self._stands()
+        check(self.client, layout.measured, self._began_at)
         begun = self._clocks()
         self.figures["upload_frames"] = self.board.info.upload_frames
         self.figures["heap_bytes"] = self.board.free_bytes
-        halves = (FIRST_HALF,) if self._short else (FIRST_HALF, SECOND_HALF)
-        for motors in halves:
-            self._say(f"motors {motors[0]} to {motors[-1]} at 350 000 steps/s")
+        for motor, why in layout.left_out.items():
+            self._say(f"motor {motor} is left out: it {why}")
+        groups = layout.groups[: 1 if self._short else None]
+        for motors in groups:
+            self._say(f"{_named(motors)} at 350 000 steps/s")
             self._steady(motors, 350_000, "rate_350k", "edge_350k_us")
-        self._say("motor 8 at 500 000 steps/s")
-        self._steady(SECOND_HALF[-1:], 500_000, "rate_500k", "edge_500k_us")
-        for motors in halves:
-            self._say(f"turns, retargets and a hard stop of motors {motors[0]} and {motors[1]}")
+        self._together()
+        last = layout.measured[-1:]
+        self._say(f"{_named(last)} at 500 000 steps/s")
+        self._steady(last, 500_000, "rate_500k", "edge_500k_us")
+        for motors in groups:
+            self._say(f"turns, retargets and a hard stop of {_named(motors[:2])}")
             self._turns(motors[:2])
         for key, fps_milli in list(RUNS.items())[: 1 if self._short else None]:
-            for motors in halves:
-                self._say(f"a run of motors {motors[0]} to {motors[-1]} at {fps_milli / 1000} fps")
+            for motors in groups:
+                self._say(f"a run of {_named(motors)} at {fps_milli / 1000} fps")
                 self._run_frames(motors, fps_milli, key)
         self._say("DMX, answers, an upload, the interrupt")
         self._dmx()
         self._replies()
         self._upload()
         self._passes()
-        self._tick()
-        self.figures["file_ms"] = int(self.board.run(_WRITE)) / 1000
-        for motor, at in enumerate(stood, 1):
-            self.client.request(MotorMove(motor, at))
+        self._tick(layout.groups[0], "tick_us", "tick_us_most")
+        self._tick(layout.measured, "tick_all_us", "tick_all_us_most")
+        self._flash()
+        for motor in layout.measured:
+            self.client.request(MotorMove(motor, self._began_at[motor - 1]))
         self.client.wait_idle()
         ended = self._clocks()
         host, own = ended[0] - begun[0], (ended[1] - begun[1]) % _WRAP_US
@@ -127,7 +128,7 @@ class Measuring:
     # ---- help
 
     def _stands(self) -> Sequence[int]:
-        return self.client.request(MotorGetPosition()).steps[: 2 * MOTORS_OF_A_BLOCK]
+        return self.client.request(MotorGetPosition()).steps[: self.board.layout.motors]
 
     def _clocks(self) -> tuple[float, int]:
         """The host's clock in seconds, and the board's in microseconds, at one moment: of some
@@ -150,41 +151,75 @@ class Measuring:
             self.figures["steps_wrong"] += abs(made - moved)
             self.complaints.append(f"motor {motor}: {made} steps at its pin, {moved} reported")
 
+    def _away(self, motor: int, stands: Sequence[int], way: int) -> int:
+        """So many steps from where a motor stands: back where that is not past its begin, so that
+        it stays near that."""
+        at = stands[motor - 1]
+        return at - way if at - way >= self._began_at[motor - 1] else at + way
+
     def _up(self, motor: int) -> int:
         """The level of a motor's direction pin when it counts up."""
-        motors = self.board.rig.get("motors") or []
-        inverted = motor <= len(motors) and bool((motors[motor - 1] or {}).get("invert"))
-        return 0 if inverted else 1
+        return 0 if self.board.settings(motor).get("invert") else 1
 
     # ---- edges
 
-    def _steady(self, motors: Sequence[int], rate: int, rate_key: str, edge_key: str) -> None:
-        ramp = rate * rate // (2 * STEEPEST)
-        way = 2 * ramp + CRUISE
-        before = self._stands()
+    def _watched(
+        self, moving: Sequence[int], pins_of_one: int = 1, only: Sequence[int] = ()
+    ) -> Iterator[tuple[list[int], Sequence[int]]]:
+        """Which state machines watch which of these motors (or only those), so many pins of each;
+        with few machines some motors at a time."""
+        machines = self.board.layout.watchers(moving)
+        at_once = min(len(machines), BLOCK_MACHINES) // pins_of_one
+        watched = only or moving
+        for begin in range(0, len(watched), at_once):
+            yield machines, watched[begin : begin + at_once]
 
+    def _steady(
+        self,
+        motors: Sequence[int],
+        rate: int,
+        rate_key: str,
+        edge_key: str,
+        only: Sequence[int] = (),
+    ) -> None:
+        """Motors at a rate, all of them watched or only some."""
         try:
             for motor in motors:
                 self.client.request(MotorSetSpeed(motor, rate, STEEPEST))
         except RequestRefused:
             self._say(f"left out: pulse_us of the rig file is too long for {rate} steps/s")
             return
+        for machines, watched in self._watched(motors, only=only):
+            self._cruise(motors, machines, watched, rate, rate_key, edge_key)
+
+    def _cruise(
+        self,
+        motors: Sequence[int],
+        machines: Sequence[int],
+        watched: Sequence[int],
+        rate: int,
+        rate_key: str,
+        edge_key: str,
+    ) -> None:
+        """Motors at this rate, which has been set; some of them are watched."""
+        ramp = rate * rate // (2 * STEEPEST)
+        cruise = SHORT_CRUISE if self._short else CRUISE
+        before = self._stands()
 
         def move() -> None:
             for motor in motors:
-                self.client.request(MotorMove(motor, before[motor - 1] + way))
+                self.client.request(MotorMove(motor, self._away(motor, before, 2 * ramp + cruise)))
             self.client.wait_idle()
 
-        pins = [self.board.step(motor) for motor in motors]
         found = self.board.instrument.capture(
-            self.board.watchers(motors[0]),
-            pins,
+            machines,
+            [self.board.step(motor) for motor in watched],
             move,
-            skip=ramp + CRUISE // 4,
+            skip=ramp + cruise // 4,
             most=KEPT // 4 if self._short else KEPT,
         )
         after = self._stands()
-        for motor, edges in zip(motors, found, strict=True):
+        for motor, edges in zip(watched, found, strict=True):
             self._count(motor, edges.count, abs(after[motor - 1] - before[motor - 1]))
             times = edges.times_ns
             if len(times) < 2:
@@ -194,8 +229,27 @@ class Measuring:
             self._note(rate_key, 1e9 / float(line[0]), min)
             self._note(edge_key, float(off) / 1000, max)
 
+    def _together(self) -> None:
+        """As many motors at once as can be watched: all, if machines are left that no motor has;
+        else all but one, whose machine watches one of the others."""
+        motors = self.board.layout.measured
+        keys = "rate_together", "edge_together_us"
+        if self.board.layout.watchers(motors):
+            self._say(f"{_named(motors)} at once")
+            self._steady(motors, 350_000, *keys)
+            return
+        self._say(f"{len(motors) - 1} of {_named(motors)} at once")
+        for motor in (motors[0], motors[-1]) if self._short else motors:
+            rests = motors[0] if motor == motors[-1] else motors[-1]
+            moving = [m for m in motors if m != rests]
+            self._steady(moving, 350_000, *keys, only=[motor])
+
     def _turns(self, motors: Sequence[int]) -> None:
         """To and fro: retargeted in motion, turned, stopped hard."""
+        for machines, watched in self._watched(motors, pins_of_one=2):
+            self._turn(machines, watched)
+
+    def _turn(self, machines: Sequence[int], motors: Sequence[int]) -> None:
         before = self._stands()
         client = self.client
 
@@ -220,16 +274,17 @@ class Measuring:
 
         board = self.board
         pins = [pin for m in motors for pin in (board.step(m), board.direction(m))]
-        found = board.instrument.capture(board.watchers(motors[0]), pins, move, both=True)
+        found = board.instrument.capture(machines, pins, move, both=True)
         after = self._stands()
         for i, motor in enumerate(motors):
             steps, turns = found[2 * i], found[2 * i + 1]
             self._count(
                 motor, self._signed(motor, steps, turns), after[motor - 1] - before[motor - 1]
             )
-            wide = (steps.falls_ns - steps.rises_ns[: len(steps.falls_ns)]) / 1000
-            self._note("pulse_us_least", float(wide.min()), min)
-            self._note("pulse_us_most", float(wide.max()), max)
+            if board.settings(motor).get("pulse_us", DEFAULT_PULSE_US) == DEFAULT_PULSE_US:
+                wide = (steps.falls_ns - steps.rises_ns[: len(steps.falls_ns)]) / 1000
+                self._note("pulse_us_least", float(wide.min()), min)
+                self._note("pulse_us_most", float(wide.max()), max)
             later = np.searchsorted(steps.rises_ns, turns.times_ns)
             within = later < len(steps.rises_ns)
             setup = steps.rises_ns[later[within]] - turns.times_ns[within]
@@ -243,15 +298,27 @@ class Measuring:
         return up - (len(levels) - up)
 
     def _run_frames(self, motors: Sequence[int], fps_milli: int, key: str) -> None:
-        client, board = self.client, self.board
         stands = self._stands()
         positions = {
             motor: steps * (1 if motor % 2 else -1) + stands[motor - 1]
-            for motor, steps in zip(motors, trapezoids(fps_milli), strict=True)
+            for motor, steps in zip(motors, trapezoids(fps_milli), strict=False)
         }
-        for motor in motors:
+        for machines, watched in self._watched(motors):
+            self._run_once(positions, machines, watched, fps_milli, key)
+
+    def _run_once(
+        self,
+        positions: Mapping[int, np.ndarray],
+        machines: Sequence[int],
+        motors: Sequence[int],
+        fps_milli: int,
+        key: str,
+    ) -> None:
+        """A run of all these positions, of which those of some motors are watched."""
+        client, board = self.client, self.board
+        for motor in positions:
             client.request(MotorSetSpeed(motor, 20_000, STEEPEST))
-        count = len(positions[motors[0]])
+        count = len(next(iter(positions.values())))
         client.upload_move(1, count, positions, WINDOW)
         client.request(RtRunMove(fps_milli, 1, count, ROLL_MS, ROLL_MS))
         client.wait_idle()
@@ -268,7 +335,7 @@ class Measuring:
             client.wait_idle()
 
         pins = [board.step(motor) for motor in motors]
-        found = board.instrument.capture(board.watchers(motors[0]), pins, play)
+        found = board.instrument.capture(machines, pins, play)
         after = self._stands()
         signals = {}
         for motor, edges in zip(motors, found, strict=True):
@@ -276,10 +343,11 @@ class Measuring:
             self._count(motor, sign * edges.count, after[motor - 1] - before[motor - 1])
             times = edges.times_ns.astype(np.int64)
             signals[f"m{motor}"] = times, np.full(len(times), sign, np.int64)
-        path = Reference(positions, fps_milli, ROLL_MS, ROLL_MS)
+        seen = {motor: positions[motor] for motor in motors}
+        path = Reference(seen, fps_milli, ROLL_MS, ROLL_MS)
         start = {motor: before[motor - 1] for motor in motors}
         verdict = judge(
-            Trace(signals), positions, fps_milli, start, None, path, limits=Limits(velocity_share=1)
+            Trace(signals), seen, fps_milli, start, None, path, limits=Limits(velocity_share=1)
         )
         self.complaints += [f"{fps_milli / 1000} fps: {text}" for text in verdict.complaints]
         played = Played(verdict, path, {}, 0, [])
@@ -295,7 +363,10 @@ class Measuring:
         if not wiring or self.board.rig.get("dmx") is False:
             return
         pin = wiring["tx"]
-        seen = self.board.instrument.capture(1, [pin], lambda: self.client.pump(0.06), both=True)[0]
+        machines = self.board.layout.watchers(())
+        seen = self.board.instrument.capture(
+            machines, [pin], lambda: self.client.pump(0.06), both=True
+        )[0]
         rises, falls = seen.rises_ns / 1000, seen.falls_ns / 1000
         rises = rises[np.searchsorted(rises, falls[0]) :]
         count = min(len(rises), len(falls) - 1)
@@ -310,14 +381,13 @@ class Measuring:
 
     # ---- the processor, the ports, memory
 
-    def _turning(self, seconds: float) -> None:
-        """Four motors on their way for so long at least."""
+    def _turning(self, seconds: float, motors: Sequence[int] = ()) -> None:
+        """These motors, or the first four, on their way for so long at least."""
         stands = self._stands()
-        for motor in FIRST_HALF:
+        for motor in motors or self.board.layout.groups[0]:
+            way = round(TICK_HZ * (seconds + 0.2))
             self.client.request(MotorSetSpeed(motor, TICK_HZ, STEEPEST))
-            self.client.request(
-                MotorMove(motor, stands[motor - 1] + round(TICK_HZ * (seconds + 0.2)))
-            )
+            self.client.request(MotorMove(motor, self._away(motor, stands, way)))
 
     def _replies(self) -> None:
         client = self.client
@@ -339,7 +409,7 @@ class Measuring:
         t = np.arange(UPLOADED)
         positions: Mapping[int, np.ndarray] = {
             motor: (100 * motor * np.sin(t / 300)).astype(np.int64)
-            for motor in FIRST_HALF + SECOND_HALF
+            for motor in range(1, self.board.layout.motors + 1)
         }
         requests = list(upload_requests(1, UPLOADED, positions))
         size = sum(len(encode(request.TYPE, request.pack(), 1)) for request in requests[1:-1])
@@ -364,16 +434,27 @@ class Measuring:
         self.figures["pass_us"] = total / count
         self.figures["pass_us_most"] = most
 
-    def _tick(self) -> None:
-        self._turning(1.0)
+    def _tick(self, motors: Sequence[int], mean_key: str, most_key: str) -> None:
+        self._turning(1.0, motors)
         said = self.board.run("from framestep.repl import timing\ntiming()")
         self.client.request(MotorStopAll())
         self.client.wait_idle()
         cost, late = _TICK.search(said), _LATE.search(said)
         if not cost or not late:
             raise ToolError(f"timing() on the board's REPL said something else: {said.strip()}")
-        self.figures["tick_us"], self.figures["tick_us_most"] = map(float, cost.groups())
+        self.figures[mean_key], self.figures[most_key] = map(float, cost.groups())
         self.figures["late_us"] = float(late[1])
+
+    def _flash(self) -> None:
+        found = flash.measure(self.board.run)
+        for key, value in found._asdict().items():
+            if value is not None:
+                self.figures[key] = value
+
+
+def _named(motors: Sequence[int]) -> str:
+    """Such as "motor 3" or "motors 1, 2"."""
+    return f"motor{'s' * (len(motors) > 1)} {', '.join(map(str, motors))}"
 
 
 def trapezoids(fps_milli: int) -> list[np.ndarray]:

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import ToolError
 from ..home import BOARDS, version
-from .figures import FIGURES, WORSE
+from .figures import FIGURES, OF_THE_RIG, WORSE
 
 EMULATED = Path(__file__).with_name("emulated.json")
 FORM = 1  # of the files
@@ -18,7 +18,8 @@ FORM = 1  # of the files
 @dataclass(frozen=True)
 class Report:
     """board: its folder in boards/; where: its port; figures: what was measured; complaints: what
-    was wrong, as text; emulated: the figures beside them."""
+    was wrong, as text; emulated: the figures beside them; remarks: what was measured otherwise than
+    on a board without a rig file, as text."""
 
     board: str
     where: str
@@ -27,6 +28,7 @@ class Report:
     figures: Mapping[str, float]
     complaints: Sequence[str]
     emulated: Mapping[str, float]
+    remarks: Sequence[str] = ()
 
     @property
     def rows(self) -> list[tuple[str, str, str, str, str]]:
@@ -60,6 +62,7 @@ class Report:
             "figures": dict(self.figures),
             "verdicts": {key: verdict for key, _, _, _, verdict in self.rows},
             "complaints": list(self.complaints),
+            "remarks": list(self.remarks),
         }
 
     def as_markdown(self) -> str:
@@ -76,6 +79,7 @@ class Report:
             "",
         ]
         lines += [f"* {text}" for text in self.complaints] or ["Every edge is where it should be."]
+        lines += [f"* {text}" for text in self.remarks]
         lines += ["", "How each is measured:", ""]
         lines += [f"* {figure.key}: {figure.how}" for figure in FIGURES]
         return "\n".join(lines) + "\n"
@@ -105,21 +109,38 @@ def number(value: float | None) -> str:
     return f"{value:.3g}"
 
 
-def emulated_figures() -> dict[str, float]:
-    """The figures of the emulated board; ToolError where they are those of another version."""
+class Emulated(NamedTuple):
+    """What an emulated board has measured. motors: how many of its motors were measured."""
+
+    motors: int
+    figures: Mapping[str, float]
+
+    def beside(self, motors: int, plain: bool) -> dict[str, float]:
+        """The figures to compare those of a board with that many motors with; plain: its rig file
+        asks for nothing that costs time or memory, or changes pulses."""
+        same = plain and motors == self.motors
+        return {key: self.figures[key] for key in self.figures if same or key not in OF_THE_RIG}
+
+
+def emulated_boards() -> dict[str, Emulated]:
+    """{folder in boards/: what that board has measured, emulated}; ToolError where the figures are
+    those of another version."""
     found = json.loads(EMULATED.read_text(encoding="utf-8"))
     if found["framestep"] != version():
         raise ToolError(
-            f"the emulated board's figures are of framestep {found['framestep']}, this is "
-            f"{version()}: make prove ARGS=--renew measures them again"
+            f"the emulated boards' figures are of framestep {found['framestep']}, this is "
+            f"{version()}: make prove ARGS=--renew measures them again, for each board"
         )
-    return found["figures"]
+    return {name: Emulated(**board) for name, board in found["boards"].items()}
 
 
-def renew(figures: Mapping[str, float]) -> None:
-    """Keep these as the figures of the emulated board."""
+def renew(board: str, motors: int, figures: Mapping[str, float]) -> None:
+    """Keep these as the figures of an emulated board; those of another version go."""
     rounded = {key: float(f"{value:.6g}") for key, value in figures.items()}
-    text = json.dumps({"framestep": version(), "figures": rounded}, indent=2)
+    found = json.loads(EMULATED.read_text(encoding="utf-8"))
+    boards = found["boards"] if found["framestep"] == version() else {}
+    boards[board] = {"motors": motors, "figures": rounded}
+    text = json.dumps({"framestep": version(), "boards": dict(sorted(boards.items()))}, indent=2)
     EMULATED.write_text(text + "\n", encoding="utf-8")
 
 
@@ -143,5 +164,5 @@ def show(found: Report) -> None:
     for row in found.rows:
         table.add_row(*row)
     Console(highlight=False).print(table)
-    for text in found.complaints:
+    for text in (*found.complaints, *found.remarks):
         print(text)

@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 from .board import Board
 from .measure import Measuring
-from .report import Report, folder_of
+from .report import Emulated, Report
 
 _MICROPYTHON = "import sys\nprint(sys.version.split('; ')[-1])"
+_PLAIN = {"motors", "motor_count", "name", "dialect", "ports"}  # settings that cost nothing
+_PLAIN_MOTOR = {"invert", "enable_high", "pulse_us"}
 
 
 class Options(NamedTuple):
@@ -21,19 +23,44 @@ class Options(NamedTuple):
 def prove(
     board: Board,
     options: Options,
-    emulated: Mapping[str, float],
+    emulated: Mapping[str, Emulated],
     say: Callable[[str], None],
 ) -> Report:
-    """Measure a board. emulated: the figures to compare with; say: told what comes next."""
+    """Measure a board. emulated: the boards to compare it with; say: told what comes next."""
     measuring = Measuring(board, say, options.short)
     with nullcontext() if options.with_drivers else board.drivers_off():
         figures = measuring.everything()
+    known = emulated.get(board.folder)
+    count, plain = len(board.layout.measured), is_plain(board)
     return Report(
-        folder_of(board.data["name"]),
+        board.folder,
         board.where,
         board.clock_hz,
         board.run(_MICROPYTHON).strip(),
         figures,
         measuring.complaints,
-        emulated,
+        known.beside(count, plain) if known else {},
+        _remarks(board, known, count, plain),
     )
+
+
+def is_plain(board: Board) -> bool:
+    """Whether the rig file has nothing that takes time or memory."""
+    motors = range(1, board.layout.motors + 1)
+    return set(board.rig) <= _PLAIN and all(set(board.settings(m)) <= _PLAIN_MOTOR for m in motors)
+
+
+def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> list[str]:
+    """What stands in the report about the board and its rig file."""
+    found = [f"motor {m} was left out: it {why}" for m, why in board.layout.left_out.items()]
+    if board.layout.servos:
+        servos = ", ".join(map(str, sorted(board.layout.servos)))
+        found.append(f"servos were left out: {servos}")
+    if known is None:
+        found.append("no emulated board is of this kind, so nothing stands beside these figures")
+    elif not plain or count != known.motors:
+        found.append(
+            "figures that depend on the rig file are not compared: the emulated board has "
+            f"{known.motors} motors and none of these settings"
+        )
+    return found

@@ -1,0 +1,59 @@
+"""What would keep motors from being measured, asked before any of them moves."""
+
+from collections.abc import Sequence
+
+from framestep.protocol.messages import (
+    SET_AT_LOWER,
+    SET_AT_UPPER,
+    SET_ENABLED,
+    SET_FOLLOWS,
+    SET_LOWER,
+    SET_UPPER,
+)
+
+from ..client import Client, RequestRefused
+from ..errors import ToolError
+from ..payloads import GetExceeded, VirtGetPosition
+from ..refusals import what_stops
+
+# How far a motor goes from where it stands: to and fro, so that it stays near
+ROOM_UP, ROOM_DOWN = 150_000, 12_000  # steps
+_FORGET = "reset the board, which forgets what a host has set, and begin again"
+
+
+def check(client: Client, motors: Sequence[int], stand: Sequence[int]) -> None:
+    """ToolError if one of these motors would be refused to move as far as it has to; the text says
+    what to do. stand: the position of motor 1, 2, …"""
+    why = what_stops(client)
+    if why:
+        raise ToolError(f"{why}: put that right first, as nothing can be measured so")
+    if _aims(client):
+        raise ToolError(f"the camera is aimed at a point, and motors move together: {_FORGET}")
+    for motor in motors:
+        told = client.request(GetExceeded(motor))
+        bits, at = told.bits or 0, stand[motor - 1]
+        if bits & SET_FOLLOWS:
+            raise ToolError(f"motor {motor} is coupled to the one before it: {_FORGET}")
+        if not bits & SET_ENABLED:
+            raise ToolError(f"motor {motor} is switched off by the host: {_FORGET}")
+        if bits & (SET_AT_UPPER | SET_AT_LOWER):
+            raise ToolError(
+                f"motor {motor} stands at a limit switch: move it off, or where no switch is "
+                "connected take `limits` out of the rig file (framestep rig edit)"
+            )
+        upper, lower = told.upper, told.lower
+        if (bits & SET_UPPER and upper is not None and upper < at + ROOM_UP) or (
+            bits & SET_LOWER and lower is not None and lower > at - ROOM_DOWN
+        ):
+            raise ToolError(
+                f"the soft limits of motor {motor} leave it less than {ROOM_DOWN} steps down and "
+                f"{ROOM_UP} up from where it stands: {_FORGET}"
+            )
+
+
+def _aims(client: Client) -> bool:
+    """Whether pan and tilt follow other motors, as an aim point is on."""
+    try:
+        return bool(client.request(VirtGetPosition()).aim_enabled)
+    except RequestRefused:  # no virtual axes are set up
+        return False

@@ -1,0 +1,62 @@
+"""Registers of the chips that can measure themselves, where these differ.
+
+RP2040 datasheet 2.5.7 (DMA), 2.19.6 (pins), 4.6.5 (timer); RP2350 datasheet 12.6.10, 9.11, 12.8.5.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Registers:
+    """blocks: of PIO; microseconds: the timer's raw counter; pin_control: of pin 0, eight bytes a
+    pin; output_override: the bit with which its two begin.
+
+    Of DMA: trigger, abort: addresses from its first; increment, silent, busy: bits of a channel's
+    control; chain, request: where these fields of it begin; count: the greatest count.
+    """
+
+    blocks: int
+    microseconds: int
+    pin_control: int
+    output_override: int
+    trigger: int
+    abort: int
+    increment: int
+    silent: int
+    busy: int
+    chain: int
+    request: int
+    count: int
+
+
+CHIPS = {
+    "rp2040": Registers(
+        blocks=2,
+        microseconds=0x40054028,
+        pin_control=0x40014004,
+        output_override=8,
+        trigger=0x430,
+        abort=0x444,
+        increment=1 << 5,
+        silent=1 << 21,
+        busy=1 << 24,
+        chain=11,
+        request=15,
+        count=0x7FFFFFFF,
+    ),
+    # not emulated, and not tried on a chip yet
+    "rp2350": Registers(
+        blocks=3,
+        microseconds=0x400B0028,
+        pin_control=0x40028004,
+        output_override=12,
+        trigger=0x450,
+        abort=0x464,
+        increment=1 << 6,
+        silent=1 << 23,
+        busy=1 << 26,
+        chain=13,
+        request=17,
+        count=0x0FFFFFFF,
+    ),
+}

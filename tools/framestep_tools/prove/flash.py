@@ -1,0 +1,72 @@
+"""How long a board's flash takes to erase a sector and to program a page, each by itself.
+
+Only a sector that belongs to a file of our own is touched past the file system, as framestep does
+for positions that it remembers (firmware/framestep/hal/rp2_flash.py): the file is one sector long,
+so it lies in one; that is found by its first bytes, which are random. If the power fails meanwhile
+the file has lost its content, and nothing else has changed; the next measurement writes it anew.
+"""
+
+import ast
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ToolError
+
+_ROUNDS = 3
+_SCRIPT = """
+import os, rp2
+from time import ticks_diff, ticks_us
+def prove_flash(rounds):
+    head, look, page = os.urandom(16), bytearray(16), bytearray(256)
+    times = []
+    try:
+        page[:16] = head
+        begun = ticks_us()
+        with open("/prove.tmp", "wb") as file:
+            for _ in range(16):
+                file.write(page)
+                page[:16] = bytes(16)
+        times.append(ticks_diff(ticks_us(), begun))
+        flash = rp2.Flash()
+        found = []
+        for place in range(flash.ioctl(4, 0)):
+            flash.readblocks(place, look, 0)
+            if look == head: found.append(place)
+        if len(found) == 1:
+            for _ in range(rounds):
+                begun = ticks_us()
+                flash.ioctl(6, found[0])
+                erased = ticks_us()
+                flash.writeblocks(found[0], page, 256)
+                done = ticks_us()
+                times.append(ticks_diff(erased, begun))
+                times.append(ticks_diff(done, erased))
+    except OSError as error: times = "%r" % error
+    try: os.remove("/prove.tmp")
+    except OSError: pass
+    print(repr(times))
+prove_flash({rounds})
+del prove_flash
+"""
+
+
+class FlashTimes(NamedTuple):
+    """In milliseconds: a file of 4 kB written, a sector of 4 kB erased, a page of 256 bytes
+    programmed; the last two None where the file's sector was not found."""
+
+    file_ms: float
+    erase_ms: float | None
+    program_ms: float | None
+
+
+def measure(run: Callable[[str], str]) -> FlashTimes:
+    """Measure on the board whose REPL runs code. ToolError where its file system has no room."""
+    found = ast.literal_eval(run(_SCRIPT.format(rounds=_ROUNDS)).strip())
+    if isinstance(found, str):
+        raise ToolError(f"the board cannot write a file of 4 kB ({found}): delete files on it")
+    file, *rounds = (us / 1000 for us in found)
+    if not rounds:
+        return FlashTimes(file, None, None)
+    return FlashTimes(file, float(np.median(rounds[::2])), float(np.median(rounds[1::2])))

@@ -1,0 +1,83 @@
+"""Which motors are measured, and which state machines watch them."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..errors import ToolError
+from .borrowed import BLOCK_MACHINES
+
+_PINS_AT_ONCE = 2  # steps and direction of a motor
+
+
+class Layout(NamedTuple):
+    """motors: how many the board has, motor 1 on state machine 0 and so on; servos: those of them
+    that are; left_out: {motor: why} of what else is not measured; unused: state machines that
+    nothing has set up; blocks: those of PIO that have room for the program that watches."""
+
+    motors: int
+    servos: Collection[int]
+    left_out: Mapping[int, str]
+    unused: Collection[int]
+    blocks: Collection[int]
+
+    @property
+    def measured(self) -> list[int]:
+        """The motors that are measured."""
+        return [m for m in self._steppers if m not in self.left_out]
+
+    @property
+    def _steppers(self) -> list[int]:
+        return [m for m in range(1, self.motors + 1) if m not in self.servos]
+
+    @property
+    def groups(self) -> list[tuple[int, ...]]:
+        """The motors that are measured together: those of each PIO block."""
+        found: dict[int, list[int]] = {}
+        for motor in self.measured:
+            found.setdefault((motor - 1) // BLOCK_MACHINES, []).append(motor)
+        return [tuple(motors) for motors in found.values()]
+
+    def watchers(self, moving: Collection[int]) -> list[int]:
+        """The state machines that can watch while these motors move: of one block, the one that has
+        most of them; those first that no motor has."""
+        standing = [m - 1 for m in self._steppers if m not in moving]
+        best: list[int] = []
+        for block in self.blocks:
+            mine = range(BLOCK_MACHINES * block, BLOCK_MACHINES * (block + 1))
+            found = [i for i in mine if i in self.unused]
+            found += [i for i in mine if i in standing and i not in found]
+            if len(found) > len(best):
+                best = found
+        return best
+
+    def check(self) -> None:
+        """ToolError if there is nothing to measure, or nothing to watch it with."""
+        if not self.measured:
+            why = ", ".join(f"motor {m} {text}" for m, text in self.left_out.items())
+            raise ToolError(
+                f"the rig file leaves no motor that can be measured ({why or 'all are servos'}): "
+                "take these settings out of it first (framestep rig edit)"
+            )
+        for motors in self.groups:
+            if len(self.watchers(motors)) < _PINS_AT_ONCE:
+                raise ToolError(
+                    "too few of the chip's state machines are free to watch "
+                    f"motors {motors[0]} to {motors[-1]}: take `driver` and `servo` out of the rig "
+                    "file first (framestep rig edit), and reset the board if a program on the REPL "
+                    "has used PIO"
+                )
+
+
+def layout(
+    data: Mapping[str, Any], rig: Mapping[str, Any], unused: Collection[int], blocks: Sequence[int]
+) -> Layout:
+    """The layout of a board. data: its board's; rig: the settings in its rig file."""
+    motors = [settings or {} for settings in rig.get("motors") or []]
+    servos, left_out = set(), {}
+    for motor, settings in enumerate(motors, 1):
+        if settings.get("servo") is not None:
+            servos.add(motor)
+        elif settings.get("backlash") or settings.get("jerk"):
+            named = " and ".join(key for key in ("backlash", "jerk") if settings.get(key))
+            left_out[motor] = f"has {named}"
+    return Layout(len(data["step"]), servos, left_out, unused, blocks)
