@@ -22,6 +22,7 @@ EMULATED_CHIP = "rp2040"
 _FORCED_LOW, _FORCED_HIGH = 2, 3  # of a pin's output
 _REMARK = re.compile(r"framestep: .*\r?\n?")  # what framestep tells the user at any time
 _BOARD = "print(__import__('json').dumps(boot.hal.board))"
+_FROZEN = "import framestep\nprint(framestep.__file__)"
 _FREE = "import gc\ngc.collect()\nprint(gc.mem_free())"
 
 
@@ -57,6 +58,7 @@ class Board:
                 f"{' and '.join(CHIPS)}, whose state machines can watch its pins"
             )
         self._chip = chip
+        self.copied = self.run(_FROZEN).startswith("/")  # files, not an image
         self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))
         self.instrument = Instrument(self.run, chip, self.clock_hz)
         self.layout: Layout = layout(

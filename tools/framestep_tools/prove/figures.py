@@ -80,6 +80,11 @@ FIGURES = (
     ),
     Figure("pulse_us_most", "µs", SAME, _GRAIN_US, 0, "the longest of them"),
     Figure(
+        "turns_rate_most", "steps/s", LESS, 0, 0.01,
+        "a move that is retargeted, turned and stopped hard, at 5000 steps/s: what the least time "
+        "between two steps comes to; more would be a jerk",
+    ),
+    Figure(
         "setup_us_least", "µs", MORE, _GRAIN_US, 0.05,
         "a move to and fro: the least time from a change of direction to the next step",
     ),

@@ -285,6 +285,7 @@ class Measuring:
                 wide = (steps.falls_ns - steps.rises_ns[: len(steps.falls_ns)]) / 1000
                 self._note("pulse_us_least", float(wide.min()), min)
                 self._note("pulse_us_most", float(wide.max()), max)
+            self._note("turns_rate_most", 1e9 / float(np.diff(steps.rises_ns).min()), max)
             later = np.searchsorted(steps.rises_ns, turns.times_ns)
             within = later < len(steps.rises_ns)
             setup = steps.rises_ns[later[within]] - turns.times_ns[within]

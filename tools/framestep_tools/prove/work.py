@@ -45,9 +45,13 @@ def prove(
 
 
 def is_plain(board: Board) -> bool:
-    """Whether the rig file has nothing that takes time or memory."""
+    """Whether the board runs an image, and its rig file has nothing that takes time or memory."""
     motors = range(1, board.layout.motors + 1)
-    return set(board.rig) <= _PLAIN and all(set(board.settings(m)) <= _PLAIN_MOTOR for m in motors)
+    return (
+        not board.copied
+        and set(board.rig) <= _PLAIN
+        and all(set(board.settings(m)) <= _PLAIN_MOTOR for m in motors)
+    )
 
 
 def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> list[str]:
@@ -56,11 +60,13 @@ def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> l
     if board.layout.servos:
         servos = ", ".join(map(str, sorted(board.layout.servos)))
         found.append(f"servos were left out: {servos}")
+    if board.copied:
+        found.append("framestep is there as copied files, which are slower than its image")
     if known is None:
         found.append("no emulated board is of this kind, so nothing stands beside these figures")
     elif not plain or count != known.motors:
         found.append(
-            "figures that depend on the rig file are not compared: the emulated board has "
-            f"{known.motors} motors and none of these settings"
+            "figures that depend on the rig file are not compared: the emulated board runs the "
+            f"image, with {known.motors} motors and no settings that take time"
         )
     return found
