@@ -137,7 +137,8 @@ def test_machines_that_no_motor_has_watch_as_well():
         assert board.layout.groups == [(1, 2, 3), (5, 6)]
         assert board.layout.watchers((1, 2, 3)) == [6, 7, 4, 5]
         assert board.layout.watchers((5, 6)) == [0, 1, 2]
-        board.chip.emulator.trace_start([SERVO_PIN])
+        began = board.client.request(MotorGetPosition()).steps
+        board.chip.emulator.trace_start([SERVO_PIN, *map(board.step, (1, 2, 3, 5, 6))])
         for motors, machines, pins in (
             ((1, 2, 3), [6, 7, 4], (1, 2, 3)),
             ((5, 6), [0, 1], (5, 6)),
@@ -155,7 +156,13 @@ def test_machines_that_no_motor_has_watch_as_well():
             found = board.instrument.capture(machines, steps, move)
             assert [edges.count for edges in found] == [MOVED * motor for motor in pins]
         seen = board.chip.emulator.trace_stop()
-        rises = seen["t"][1:][seen["level"][1:] == 1]
+        rises = {
+            pin: seen["t"][(seen["pin"] == pin) & (seen["level"] == 1)] for pin in set(seen["pin"])
+        }
+        ended = board.client.request(MotorGetPosition()).steps
+        for motor in (1, 2, 3, 5, 6):
+            assert len(rises[board.step(motor)]) == ended[motor - 1] - began[motor - 1]
+        rises = rises[SERVO_PIN]
         assert len(rises) > 3
         assert np.diff(rises.astype(float)) == pytest.approx(20e6, abs=1.5e6)
         assert board.instrument.unused() == unused
