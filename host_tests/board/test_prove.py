@@ -119,9 +119,9 @@ def test_a_measurement_in_short(board):
     assert "dmx_break_us" in report.as_markdown()
     files = board.run("import os\nprint(os.listdir())")
     assert "prove.tmp" not in files
-    # W25Q16JV, typical: 45 ms for a sector, 0.4 ms for a page; calls take one more
-    assert 45 <= report.figures["erase_ms"] <= 47
-    assert 0.4 <= report.figures["program_ms"] <= 2
+    # W25Q16JV, typical: 45 ms for a sector, 0.4 ms for a page; the call takes up to one more
+    assert 45 <= report.figures["erase_ms"] <= 46.5
+    assert report.figures["program_ms"] == pytest.approx(0.4, rel=0.05)
 
 
 SERVO_PIN = 27
