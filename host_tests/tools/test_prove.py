@@ -19,7 +19,9 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.prove import report
 from framestep_tools.prove.board import Board, real
+from framestep_tools.prove.borrowed import Borrowed, CannotCapture, Registry
 from framestep_tools.prove.check import check
+from framestep_tools.prove.chips import CHIPS
 from framestep_tools.prove.figures import (
     AS_EMULATED,
     BETTER,
@@ -265,6 +267,78 @@ def test_a_servo_is_neither_measured_nor_borrowed():
 def test_a_layout_that_does_not_suffice(found, text):
     with pytest.raises(report.ToolError, match=text):
         found.check()
+
+
+class Memory(Registry):
+    """A board's registers as plain memory; two machines of block 2 wait for commands."""
+
+    base = 0x50400000
+    code = 18  # where the motors' program begins
+
+    def __init__(self):
+        super().__init__(self.answer)
+        self.words = {self.base: 0b0111}
+        for machine in range(3):
+            at = self.base + 0xC8 + 0x18 * machine
+            self.words |= {at: 0x20000 + machine, at + 4: 0x16B00, at + 8: 1 << 30}
+            self.words |= {at + 12: self.code, at + 16: 0x80A0, at + 20: 0x1234}
+        self.instructions = {self.base + 0xC8 + 0x18 * machine + 16 for machine in range(4)}
+        self.before = dict(self.words)
+        self.written = []
+
+    def answer(self, code):
+        if "addressof" in code:
+            return "536870912 64 40960"
+        if "rp2.DMA()" in code:
+            return "[2, 3, 4, 5]"
+        if code.startswith("put"):  # the one that lets them run, and the time
+            self.put(tuple(map(int, code[4 : code.index(")")].split(","))))
+            return "[0]"
+        return "10"
+
+    def put(self, *pairs):
+        self.written += pairs
+        for address, word in pairs:
+            register = address & ~0x3000
+            if address & 0x3000 == 0x3000:
+                word = self.words[register] & ~word
+            elif address & 0x3000 == 0x2000:
+                word = self.words[register] | word & 15  # the others act, and read as 0
+            if register not in self.instructions:  # which act
+                self.words[register] = word
+
+    def get(self, *addresses):
+        return [self.words.get(address, 0) for address in addresses]
+
+
+def test_what_is_borrowed_of_an_rp2350_and_given_back():
+    """By RP2350 datasheet 12.6.10: channel control, requests 20 and 21 of block 2's FIFOs."""
+    memory = Memory()
+    borrowed = Borrowed(memory, CHIPS["rp2350"], [8, 9], [4, 6], True, 0, 1000)
+    borrowed.begin()
+    for keep, drop, request in ((2, 3, 20), (4, 5, 21)):
+        for channel, other, increments in ((keep, drop, 1), (drop, keep, 0)):
+            word = memory.words[0x50000000 + 0x40 * channel + 0x10]
+            assert word & 1, "enabled"
+            assert word >> 2 & 3 == 2, "words"
+            assert (word >> 4 & 3, word >> 6 & 3) == (0, increments)
+            assert word >> 13 & 15 == other
+            assert word >> 17 & 63 == request
+            assert word >> 23 & 1, "no interrupt"
+    assert (0x50000450, 1 << 2 | 1 << 4) in memory.written
+    assert memory.words[memory.base] == 0b0111
+    borrowed.end()
+    assert (0x50000464, 0b111100) in memory.written
+    for address, word in memory.before.items():
+        assert memory.words[address] == word, hex(address)
+
+
+def test_machines_that_do_not_wait_are_left_alone():
+    memory = Memory()
+    memory.words[memory.base + 0xC8 + 16] = 0x0042
+    with pytest.raises(CannotCapture, match="let all motors stand"):
+        Borrowed(memory, CHIPS["rp2350"], [8, 9], [4, 6], True, 0, 1000).begin()
+    assert not memory.written
 
 
 # ---- what is asked before anything moves

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from .check import check
 from .instrument import Edges
 
 DEFAULT_PULSE_US = 1.0
+STEADY_HZ, FASTEST_HZ = 350_000, 500_000
 STEEPEST = 4_000_000  # steps/s²
 KEPT = 2000  # edges of a motor at constant velocity
 CRUISE, SHORT_CRUISE = 12_000, 4_000  # steps at constant velocity
@@ -97,11 +99,11 @@ class Measuring:
         groups = layout.groups[: 1 if self._short else None]
         for motors in groups:
             self._say(f"{_named(motors)} at 350 000 steps/s")
-            self._steady(motors, 350_000, "rate_350k", "edge_350k_us")
+            self._steady(motors, STEADY_HZ, "rate_350k", "edge_350k_us")
         self._together()
         last = layout.measured[-1:]
         self._say(f"{_named(last)} at 500 000 steps/s")
-        self._steady(last, 500_000, "rate_500k", "edge_500k_us")
+        self._steady(last, FASTEST_HZ, "rate_500k", "edge_500k_us")
         for motors in groups:
             self._say(f"turns, retargets and a hard stop of {_named(motors[:2])}")
             self._turns(motors[:2])
@@ -117,9 +119,7 @@ class Measuring:
         self._tick(layout.groups[0], "tick_us", "tick_us_most")
         self._tick(layout.measured, "tick_all_us", "tick_all_us_most")
         self._flash()
-        for motor in layout.measured:
-            self.client.request(MotorMove(motor, self._began_at[motor - 1]))
-        self.client.wait_idle()
+        self._go_back()
         ended = self._clocks()
         host, own = ended[0] - begun[0], (ended[1] - begun[1]) % _WRAP_US
         self.figures["clock_ppm"] = own / host - 1e6
@@ -129,6 +129,14 @@ class Measuring:
 
     def _stands(self) -> Sequence[int]:
         return self.client.request(MotorGetPosition()).steps[: self.board.layout.motors]
+
+    def _go_back(self) -> None:
+        """Every motor to where it stood at the begin, fast if its pulses allow it."""
+        for motor in self.board.layout.measured:
+            with suppress(RequestRefused):
+                self.client.request(MotorSetSpeed(motor, STEADY_HZ, STEEPEST))
+            self.client.request(MotorMove(motor, self._began_at[motor - 1]))
+        self.client.wait_idle()
 
     def _clocks(self) -> tuple[float, int]:
         """The host's clock in seconds, and the board's in microseconds, at one moment: of some
@@ -236,13 +244,13 @@ class Measuring:
         keys = "rate_together", "edge_together_us"
         if self.board.layout.watchers(motors):
             self._say(f"{_named(motors)} at once")
-            self._steady(motors, 350_000, *keys)
+            self._steady(motors, STEADY_HZ, *keys)
             return
         self._say(f"{len(motors) - 1} of {_named(motors)} at once")
         for motor in (motors[0], motors[-1]) if self._short else motors:
             rests = motors[0] if motor == motors[-1] else motors[-1]
             moving = [m for m in motors if m != rests]
-            self._steady(moving, 350_000, *keys, only=[motor])
+            self._steady(moving, STEADY_HZ, *keys, only=[motor])
 
     def _turns(self, motors: Sequence[int]) -> None:
         """To and fro: retargeted in motion, turned, stopped hard."""
