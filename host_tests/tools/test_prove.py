@@ -312,7 +312,7 @@ class Memory(Registry):
 
 
 def test_what_is_borrowed_of_an_rp2350_and_given_back():
-    """By RP2350 datasheet 12.6.10: channel control, requests 20 and 21 of block 2's FIFOs."""
+    """By RP2350 datasheet 12.6: channel control, requests 20 and 21 of block 2's FIFOs."""
     memory = Memory()
     borrowed = Borrowed(memory, CHIPS["rp2350"], [8, 9], [4, 6], True, 0, 1000)
     borrowed.begin()

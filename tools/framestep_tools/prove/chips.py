@@ -1,6 +1,7 @@
 """Registers of the chips that can measure themselves, where these differ.
 
-RP2040 datasheet 2.5.7 (DMA), 2.19.6 (pins), 4.6.5 (timer); RP2350 datasheet 12.6.10, 9.11, 12.8.5.
+RP2040 datasheet 2.5.7 (DMA), 2.19.6 (pins), 4.6.5 (timer); RP2350 datasheet 12.6, 9.11, 12.8.5; the
+numbers are those of the chips' SDK (hardware_regs).
 """
 
 from dataclasses import dataclass

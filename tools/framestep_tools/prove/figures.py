@@ -43,7 +43,7 @@ FIGURES = (
     ),
     Figure(
         "rate_350k", "steps/s", MORE, 0, 1e-4,
-        "four motors at 350 000 steps/s, the slowest of the eight (first four, then the others)",
+        "up to four motors, those of a PIO block, at 350 000 steps/s: the slowest of all",
     ),
     Figure(
         "edge_350k_us", "µs", LESS, _GRAIN_US, 0,
@@ -69,8 +69,8 @@ FIGURES = (
     ),
     Figure(
         "frame_us_23976", "µs", LESS, 1, 0.2,
-        "four motors, a run at 23.976 frames/s: the worst distance in time of a frame and the edge "
-        "onto its step",
+        "up to four motors, a run at 23.976 frames/s: the worst distance in time of a frame and "
+        "the edge onto its step",
     ),
     Figure("frame_us_24", "µs", LESS, 1, 0.2, "the same at 24 frames/s"),
     Figure("frame_us_60", "µs", LESS, 1, 0.2, "the same at 60 frames/s"),
@@ -95,7 +95,7 @@ FIGURES = (
     ),
     Figure(
         "tick_us", "µs", LESS, 2, _COMPUTED,
-        "four motors move at 20 000 steps/s: interrupts in a tick of 1000 µs, on average",
+        "up to four motors move at 20 000 steps/s: interrupts in a tick of 1000 µs, on average",
     ),
     Figure("tick_us_most", "µs", LESS, 5, _COMPUTED, "the same, the longest at a time"),
     Figure("tick_all_us", "µs", LESS, 3, _COMPUTED, "all motors that are measured move: the same"),
@@ -106,10 +106,11 @@ FIGURES = (
     Figure("passes_s", "1/s", MORE, 50, 0.3, "how many of them there are in a second"),
     Figure(
         "reply_ms_median", "ms", LESS, 0.5, 0.5,
-        "while four motors move: from writing a request to its whole reply, on the host's clock",
+        "while up to four motors move: from writing a request to its whole reply, on the host's "
+        "clock",
     ),
     Figure("reply_ms_most", "ms", LESS, 5, 0.5, "the slowest of these"),
-    Figure("upload_bytes_s", "bytes/s", MORE, 0, 0.2, "an upload of eight motors, host's clock"),
+    Figure("upload_bytes_s", "bytes/s", MORE, 0, 0.2, "an upload of all motors, host's clock"),
     Figure("upload_frames", "frames", MORE, 128, 0.02, "that HI promises"),
     Figure("heap_bytes", "bytes", MORE, 300, 0.05, "free on the REPL before anything is measured"),
     Figure(
