@@ -36,7 +36,7 @@ from framestep_tools.prove.figures import (
     Figure,
 )
 from framestep_tools.prove.layout import Layout, layout
-from framestep_tools.prove.measure import HELD, RATES, trapezoids
+from framestep_tools.prove.pins import HELD, RATES, trapezoids
 from framestep_tools.prove.watching import program, times_ns
 
 HZ = 125_000_000

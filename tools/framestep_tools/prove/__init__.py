@@ -9,7 +9,10 @@ board       a board to measure, a real one or the emulated one: its protocol por
 check       what would keep motors from moving, asked before any does
 flash       how long the flash takes
 figures     the figures, and the verdict on each beside the emulated board's
-measure     how each is measured
+measure     all of them, one after the other
+gathering   what every measurement has
+pins        edges, pulses, runs
+processor   the interrupt, answers, memory
 work        one measurement from its begin to its report
 report      the report as a table, for programs and for an issue
 """
