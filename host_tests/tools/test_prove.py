@@ -17,7 +17,7 @@ from framestep_tools.payloads import (
     MotorGetPosition,
     MotorSetLimits,
 )
-from framestep_tools.prove import report
+from framestep_tools.prove import flash, report
 from framestep_tools.prove.board import Board, real
 from framestep_tools.prove.borrowed import Borrowed, CannotCapture, Registry
 from framestep_tools.prove.check import check
@@ -218,6 +218,21 @@ def test_a_board_with_one_port_is_refused_before_a_ctrl_c(monkeypatch):
             real(device, port, None, print),
         ):
             pass
+
+
+def test_the_flash_of_what_the_board_says():
+    """A page's time without that of the call, of the rounds in which nothing came between."""
+    found = flash.measure(lambda code: "[121000, 46000, 1000, 4700, 45000, 1500, 4200]\r\n")
+    assert found == pytest.approx((121.0, 45.5, 0.4))
+
+
+def test_a_file_whose_sector_is_not_found():
+    assert flash.measure(lambda code: "[121000]") == (121.0, None, None)
+
+
+def test_a_file_system_without_room():
+    with pytest.raises(report.ToolError, match="cannot write a file of 4 kB .*delete files"):
+        flash.measure(lambda code: "'OSError(28,)'")
 
 
 # ---- which machines watch
