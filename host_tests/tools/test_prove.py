@@ -231,7 +231,7 @@ def test_a_file_whose_sector_is_not_found():
 
 
 def test_a_file_system_without_room():
-    with pytest.raises(report.ToolError, match="cannot write a file of 4 kB .*delete files"):
+    with pytest.raises(report.ToolError, match=r"cannot write a file of 4 kB .*delete files"):
         flash.measure(lambda code: "'OSError(28,)'")
 
 
