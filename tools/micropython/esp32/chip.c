@@ -1,0 +1,104 @@
+// Virtual time: nothing takes any but what says so, so every run is the same. The module `chip` is the script's hand on it.
+//
+//     chip.advance(us)           time passes: for a pass that takes long, or the wait for the next one
+//     chip.flash(us)             a sector is erased: time passes, no interrupt comes, DMA goes on
+//     chip.collection(us)        how long each garbage collection takes from now on
+//     chip.drive(pin, level)     the world outside puts a pin to a level
+//     chip.now()                 µs since the start
+//     chip.record(path)          what I2S plays goes to this file: see i2s.c
+#include "py/runtime.h"
+#include "../bare/host.h"
+#include "chip.h"
+
+uint64_t chip_now;
+bool chip_interrupts = true;
+static uint64_t collection_ns;
+
+void chip_advance(uint64_t ns) {
+    uint64_t end = chip_now + ns;
+    for (;;) {
+        uint64_t i2s = i2s_next(), timer = timers_next();
+        uint64_t next = i2s < timer ? i2s : timer;
+        if (next > end) {
+            break;
+        }
+        chip_now = next;
+        if (i2s <= timer) {
+            i2s_event();
+        } else {
+            timers_event();
+        }
+    }
+    chip_now = end;
+}
+
+void chip_collected(void) {
+    chip_advance(collection_ns);
+}
+
+static uint64_t ns_of(mp_obj_t us) {
+    mp_int_t number = mp_obj_get_int(us);
+    if (number < 0) {
+        mp_raise_ValueError(MP_ERROR_TEXT("time does not go back"));
+    }
+    return (uint64_t)number * 1000;
+}
+
+static mp_obj_t advance(mp_obj_t us) {
+    chip_advance(ns_of(us));
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(advance_obj, advance);
+
+static mp_obj_t flash(mp_obj_t us) {
+    uint64_t ns = ns_of(us);
+    chip_interrupts = false;
+    chip_advance(ns);
+    chip_interrupts = true;
+    i2s_interrupt();
+    timers_interrupt();
+    pins_interrupt();
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(flash_obj, flash);
+
+static mp_obj_t collection(mp_obj_t us) {
+    collection_ns = ns_of(us);
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(collection_obj, collection);
+
+static mp_obj_t drive(mp_obj_t pin, mp_obj_t level) {
+    if (!pins_drive(mp_obj_get_int(pin), mp_obj_is_true(level))) {
+        mp_raise_ValueError(MP_ERROR_TEXT("no such pin"));
+    }
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_2(drive_obj, drive);
+
+static mp_obj_t now(void) {
+    return mp_obj_new_int_from_ull(chip_now / 1000);
+}
+static MP_DEFINE_CONST_FUN_OBJ_0(now_obj, now);
+
+static mp_obj_t record(mp_obj_t path) {
+    i2s_record = host_open(mp_obj_str_get_str(path), HOST_WRITE);
+    if (i2s_record < 0) {
+        mp_raise_ValueError(MP_ERROR_TEXT("no such folder"));
+    }
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(record_obj, record);
+
+static const mp_rom_map_elem_t names[] = {
+    { MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_chip) },
+    { MP_ROM_QSTR(MP_QSTR_advance), MP_ROM_PTR(&advance_obj) },
+    { MP_ROM_QSTR(MP_QSTR_flash), MP_ROM_PTR(&flash_obj) },
+    { MP_ROM_QSTR(MP_QSTR_collection), MP_ROM_PTR(&collection_obj) },
+    { MP_ROM_QSTR(MP_QSTR_drive), MP_ROM_PTR(&drive_obj) },
+    { MP_ROM_QSTR(MP_QSTR_now), MP_ROM_PTR(&now_obj) },
+    { MP_ROM_QSTR(MP_QSTR_record), MP_ROM_PTR(&record_obj) },
+};
+static MP_DEFINE_CONST_DICT(globals, names);
+const mp_obj_module_t chip_module = { .base = { &mp_type_module }, .globals = (mp_obj_dict_t *)&globals };
+MP_REGISTER_MODULE(MP_QSTR_chip, chip_module);

@@ -1,0 +1,24 @@
+// The simulated chip: its time, its interrupts, and what was played.
+#pragma once
+#include <stdbool.h>
+#include <stdint.h>
+
+#define NEVER UINT64_MAX
+
+extern uint64_t chip_now;  // ns since the start
+extern bool chip_interrupts;  // false while flash is written: interrupts wait, hardware goes on
+
+void chip_advance(uint64_t ns);  // lets time pass; interrupts come when they are due
+void chip_collected(void);  // lets the time of a garbage collection pass
+
+// Each peripheral: when something happens next (at or after now), and doing it then.
+uint64_t i2s_next(void);
+void i2s_event(void);
+void i2s_interrupt(void);  // what waits while interrupts are held off
+uint64_t timers_next(void);
+void timers_event(void);
+void timers_interrupt(void);
+void pins_interrupt(void);
+bool pins_drive(unsigned pin, int level);  // the world outside puts a pin to a level; false if there is none
+
+extern int i2s_record;  // the file's handle, or -1

@@ -1,0 +1,1 @@
+#include "hal/timer_hal.h"

@@ -1,0 +1,1 @@
+#include "hal/gpio_types.h"

@@ -1,0 +1,15 @@
+// What mpconfigport.h has beyond a port without a machine.
+#undef MICROPY_PY_MACHINE
+#define MICROPY_PY_MACHINE                  (1)
+#define MICROPY_PY_MACHINE_INCLUDEFILE      "../esp32/machine.c"
+#define MICROPY_PY_MACHINE_SIGNAL           (0)
+#define MICROPY_PY_MACHINE_I2S              (1)
+#define MICROPY_PY_MACHINE_I2S_INCLUDEFILE  "ports/esp32/machine_i2s.c"
+#define MICROPY_PY_MACHINE_I2S_FINALISER    (1)
+#define MICROPY_PY_MACHINE_I2S_CONSTANT_RX  (I2S_DIR_RX)
+#define MICROPY_PY_MACHINE_I2S_CONSTANT_TX  (I2S_DIR_TX)
+#define MICROPY_PY_MACHINE_PIN_MAKE_NEW     mp_pin_make_new
+#define MICROPY_PY_SELECT                   (1)
+#define MICROPY_STREAMS_NON_BLOCK           (1)
+#define MICROPY_SCHEDULER_DEPTH             (8)
+#define MICROPY_HW_ENABLE_UART_REPL         (0)
