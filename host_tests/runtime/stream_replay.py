@@ -16,7 +16,7 @@ file.
 import sys
 from array import array
 
-from framestep.hal.engine import BATCH, CYCLES, WORDS
+from framestep.hal.engine import CYCLES, WORDS
 from framestep.hal.stream import Stream
 from framestep.motion.kernel import StepKernel
 from framestep.motion.samples import sample
@@ -34,6 +34,7 @@ except ImportError:
 
 SETUP = 640  # cycles: 5 µs
 AHEAD = 20
+LONGEST = 20  # batch, ticks
 
 
 class Rig:
@@ -49,7 +50,7 @@ class Rig:
         self.stream.attach(self.kernel, AHEAD)
         self.axes = Axes(self)
         self.target = array("i", [0, 0])
-        self.painted = array("i", [0] * (BATCH * WORDS))
+        self.painted = array("i", [0] * (LONGEST * WORDS))
 
     def irq_off(self):
         return 0

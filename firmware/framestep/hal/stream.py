@@ -181,9 +181,8 @@ class Stream:
         """Raise and lower the pins of these bits, from the words painted next on."""
         self._levels[0] = (self._levels[0] | high | low) ^ low
 
-    def fill(self, words, ticks):
-        """Do `ticks` ticks: they fill ticks · WORDS words of the array."""
-        at = 0
+    def fill(self, words, ticks, at=0):
+        """Do `ticks` ticks: they fill ticks · WORDS words of the array, from words[at] on."""
         while ticks:
             self._kernel.tick(None)
             self._clock[0] = (self._clock[0] + TICK_US) & WIDE_WRAP
@@ -191,14 +190,14 @@ class Stream:
             at += WORDS
             ticks -= 1
 
-    def miss(self, words, ticks):
+    def miss(self, words, ticks, at=0):
         """The words ran out for so many ticks, begun ones included: the first tick's words that are
-        sent after that.
+        sent after that, from words[at] on.
 
         The pulses that the motors still owe are in them. Whatever moves faults and ramps down with
         the next tick.
         """
-        self._lost |= paint(words, 0, self._words, self.motors, self._levels)
+        self._lost |= paint(words, at, self._words, self.motors, self._levels)
         self._clock[0] = (self._clock[0] + (ticks + 1) * TICK_US) & WIDE_WRAP
 
     def take_lost_commands(self):

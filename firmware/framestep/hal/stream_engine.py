@@ -32,7 +32,7 @@ SHORT_US = const(0)
 TICK_COST_US = const(0)
 CUE_DELAY_US = const(0)
 COMMANDS = const(8)
-BATCH = const(20)
+BATCH = const(48)
 
 RING = const(1)
 
