@@ -65,7 +65,9 @@ class Request:
 
     @property
     def moves(self):
-        """Whether it may move something."""
+        """Whether it may move something: an aim point that is switched off does not."""
+        if self.kind == m.MSG_VIRT_AIM_POINT and self.payload[:1] == b"\0":
+            return False
         return self.kind in MOTIONS
 
     @property

@@ -55,7 +55,7 @@ _CORNER = const(4)  # the same, on its position: as path.py has it
 
 @micropython.viper
 def smooth(w: ptr32, before: int, after: int):
-    """SMOOTHED and BITS from FRAMES; before, after: as for slope()."""
+    """Positions from the middle one on, SMOOTHED and BITS; before, after: as for slope()."""
     # halves first, since the difference of two words may need 33 bits
     here = w[BESIDE]
     w[_HERE] = here
@@ -241,7 +241,7 @@ def slope(window, bounds, before: int, after: int) -> int:
     PART.
 
     before, after: how many frames of the upload there are on either side; 8 are as good as more.
-    bounds: as for path.slope(). FRAMES and the rest of the window are changed.
+    bounds: as for path.slope(). The positions in the window are changed.
     """
     w = ptr32(window)
     smooth(window, before, after)
