@@ -96,7 +96,7 @@ class Controller:
             from framestep.moves.smoothing import velocity
 
             self.operations.player.smooth(velocity)
-        self.journal = self._restore_positions() if rig.remember_positions else None
+        self.journal = self._restore() if rig.remember_positions else None
         self.run_outputs = self.moves.run_outputs
         self.now = 0
         self.housekept_at = 0
@@ -138,7 +138,7 @@ class Controller:
             self.handlers.update(part.handlers)
             part.handlers = None  # gives its memory back
 
-    def _restore_positions(self):
+    def _restore(self):
         """Bring back the positions of before the power cut. Returns the journal, None without
         one."""
         from framestep.io.position_journal import PositionJournal

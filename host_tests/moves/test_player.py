@@ -108,7 +108,7 @@ def test_the_way_a_load_goes_first_is_found_behind_any_number_of_equal_frames(
     step, begin, frames, way
 ):
     player = player_of([5] * 45 + [6] * 35)
-    assert player.first_direction(0, begin, step, frames, anyway=True) == way
+    assert player.first_direction(0, begin, step, frames, always=True) == way
 
 
 def test_the_way_matters_to_a_motor_with_play_only():

@@ -45,7 +45,7 @@ class Motors:
         self.pending_acceleration = 0  # for which a lower acceleration waits
         self.jogging = 0
         self.homing = 0  # that are being homed, or wait for it (homing.py)
-        self.jogged_at = array("i", [0] * self.count)  # when the last JOG came, ms
+        self.heard_at = array("i", [0] * self.count)  # when the last JOG came, ms
         self.words = array("i", [0] * 2)  # of the request: a target, or two limits
         for i in range(self.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
@@ -219,7 +219,7 @@ class Motors:
         bit = 1 << motor
         if controller.virtuals.moves_camera(motor):
             return controller.virtuals.move_keeping_aim(motor, self.words, 0, speed)
-        self.jogged_at[motor] = controller.now
+        self.heard_at[motor] = controller.now
         if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
             self.jogging |= bit
             self.switch_on(bit)
@@ -236,7 +236,7 @@ class Motors:
                 axis = self.axes[motor]
                 if not axis.moving:
                     self.jogging &= ~bit
-                elif limit and elapsed(now, self.jogged_at[motor]) >= limit:
+                elif limit and elapsed(now, self.heard_at[motor]) >= limit:
                     axis.stop(self.hal, 1, True)
                     self.jogging &= ~bit
 

@@ -154,14 +154,14 @@ class MoveCheck:
         reals.put(r, SCALE, fps_milli, 0)
         compute(0, 0, r, _SCALE)
 
-    def first_direction(self, motor, index, step, count, anyway=False):
+    def first_direction(self, motor, index, step, count, always=False):
         """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
         down.
 
         step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
-        backlash, so that it does not matter; anyway: find it for such a motor, too.
+        backlash, so that it does not matter; always: find it for such a motor, too.
         """
-        if not anyway and not self.axes.axes[motor].backlash:
+        if not always and not self.axes.axes[motor].backlash:
             return 0
         found = 0
         while not found and count > 1:

@@ -49,10 +49,10 @@ class RunMove(PreparedRun):
         self.queued = 0
         self.unclosed = 0  # bits of motors that have yet to get their post-roll
         self.period = FRAME_TICKS  # register of the end frame's duration
-        self.last_pass = False
+        self.last = False  # the pass that is queued is the last one
         self.closed = False
         self.reported = 0
-        self.queue_clock = FrameClock()
+        self.clock = FrameClock()  # of what is queued
         self.report_clock = FrameClock()
         self.end = 0  # index of the frame with which the last pass queued ends
 
@@ -71,7 +71,7 @@ class RunMove(PreparedRun):
         plan = self.plan
         player.set_frame_rate(plan.fps_milli)
         self.set_durations(plan.fps_milli)
-        self.queue_clock.begin(plan.fps_milli, 0)
+        self.clock.begin(plan.fps_milli, 0)
         self.queued = 0
         self.unclosed = 0
         self.closed = False
@@ -127,11 +127,11 @@ class RunMove(PreparedRun):
         player = self.player
         plan = self.plan
         k = self.queued + 1
-        duration = LONGER_FRAME_TICKS if self.queue_clock.longer() else FRAME_TICKS
+        duration = LONGER_FRAME_TICKS if self.clock.longer() else FRAME_TICKS
         if k > plan.frames:
             self.period = duration
             self.end = self.first + self.step * plan.frames
-            self.last_pass = not self.looping
+            self.last = not self.looping
             self.unclosed = plan.bits
             self._close()
             return
@@ -162,7 +162,7 @@ class RunMove(PreparedRun):
             axis = player.axes[motor]
             own = SPEEDS + 2 * motor
             reals.fetch(r, ROLL_TICKS, plan.post_rolls if onward else plan.pre_rolls, 2 * motor)
-            if self.last_pass:
+            if self.last:
                 beyond = 0
                 if plan.frames:
                     beyond = self._possible(player.velocity(X, motor, self.end, self.step))

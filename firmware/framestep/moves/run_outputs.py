@@ -65,7 +65,7 @@ class RunOutputs:
         self.step = 1
         self.closing = True  # no further pass follows
         self.cue_clock = FrameClock()
-        self.level_clock = FrameClock()
+        self.clock = FrameClock()  # of the light levels
         self.queued = 0  # frames whose signals have been scheduled
         self.shown = 0  # frames whose levels are out
         self.until = 0  # tick of the last signal that belongs to the pass
@@ -170,7 +170,7 @@ class RunOutputs:
         self.step = step
         self.closing = closing
         self.cue_clock.begin(plan.fps_milli, tick)
-        self.level_clock.begin(plan.fps_milli, tick)
+        self.clock.begin(plan.fps_milli, tick)
         self.queued = 0
         self.shown = 0 if plan.sync and self.levels.ready else plan.frames + 1
         self.until = tick
@@ -285,7 +285,7 @@ class RunOutputs:
         ticks = self.axes.kernel.state[stepper.TICKS]
         plan = self.plan
         levels = plan is not None and self.shown <= plan.frames
-        changed = levels and self._levels(plan.frames, ticks, self.level_clock)
+        changed = levels and self._levels(plan.frames, ticks, self.clock)
         if self.bloop:
             changed |= self._bloop(elapsed(ticks, self.bloop_from))
         if changed:

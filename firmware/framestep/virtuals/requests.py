@@ -118,7 +118,7 @@ class Virtuals(VirtualAxes):
         self.point = array("i", [0] * 3)  # the aim point, units · 1000
         self.old = array("i", [0] * 6)  # the point before, if a new one is refused
         self.handlers = {
-            m.MSG_VIRT_CONFIG: self._config,
+            m.MSG_VIRT_CONFIG: self._configure,
             m.MSG_VIRT_MOVE: self._move,
             m.MSG_VIRT_STOP: self._stop,
             m.MSG_VIRT_JOG: self._jog,
@@ -130,7 +130,7 @@ class Virtuals(VirtualAxes):
 
     # ---------------------------------------------------------------- configuration
 
-    def _config(self):
+    def _configure(self):
         """MSG_VIRT_CONFIG: type 0, then what read_configuration() reads (field notes 9.2 and
         9.3)."""
         reader = self.reader
