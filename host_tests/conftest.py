@@ -19,7 +19,7 @@ _IN_CI = bool(os.environ.get("CI"))
 
 # Tools that the tests run, in this process or in others, wait long for a board that a busy computer
 # emulates
-os.environ.setdefault("FRAMESTEP_PATIENCE", "20")
+os.environ.setdefault("FRAMESTEP_PATIENCE", "8")
 
 # `make test` gives the same verdict each time: each test draws the same examples, in any order and
 # however busy the computer is. So there are no time limits, and nothing is remembered from the run

@@ -24,7 +24,7 @@ from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, 
 RIG = b'{"name": "my crane"}'
 HELLO = re.compile(r"my crane on \S+, firmware [\d.]+: 8 motors, .* \d{3,} frames")
 FILE_SYSTEM = 640 * 1024  # where it begins in the flash
-PATIENCE_S = 1200
+PATIENCE_S = 300
 
 
 @pytest.fixture(scope="module")
@@ -149,8 +149,10 @@ def edit(bench, monkeypatch, capsys, old, new, *file, status=0):
     monkeypatch.delenv("VISUAL", raising=False)
     monkeypatch.setattr("builtins.input", lambda question: "n")
     ports = ["--port", bench.repl, "--protocol", bench.protocol]
-    assert cli.app.status(["rig", "edit", *file, *ports]) == status
-    return "".join(capsys.readouterr())
+    result = cli.app.status(["rig", "edit", *file, *ports])
+    said = "".join(capsys.readouterr())
+    assert result == status, f"{said}\n{bench.emu.events()}"
+    return said
 
 
 def test_rig_edit(bench, monkeypatch, capsys):
