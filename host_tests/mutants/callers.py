@@ -2,16 +2,15 @@
 
     python -m pytest -p host_tests.mutants.callers --callers FOLDER …
 
-A file of JSON for each process: {test: [seconds, [[path, line], …]]}, a path below firmware/, the
-line that of the function's `def`, or of its first decorator. A test has what its own fixtures call,
-too.
+A file of JSON for each process: {test: [seconds, [[path, line], …]]}: seconds of a processor, a
+path below firmware/, the line of the function's `def` or of its first decorator. A test has what
+its own fixtures call, too.
 """
 
 import json
 import os
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -26,6 +25,11 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     if config.getoption("--callers"):
         config.pluginmanager.register(Callers(Path(config.getoption("--callers"))))
+
+
+def _processor_s() -> float:
+    """Seconds of a processor that this process and those it has waited for have taken."""
+    return sum(os.times()[:4])
 
 
 class Callers:
@@ -43,7 +47,7 @@ class Callers:
             if event == "call":
                 seen.add(frame.f_code)
 
-        begun = time.monotonic()
+        begun = _processor_s()
         threading.setprofile(look)
         sys.setprofile(look)
         yield
@@ -54,7 +58,7 @@ class Callers:
             for code in seen
             if PACKAGE in code.co_filename
         }
-        self.found[item.nodeid] = time.monotonic() - begun, sorted(calls)
+        self.found[item.nodeid] = _processor_s() - begun, sorted(calls)
 
     def pytest_sessionfinish(self):
         (self.folder / f"{os.getpid()}.json").write_text(json.dumps(self.found))
