@@ -29,7 +29,7 @@ from framestep.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
 from framestep.stops import TOLD_HOMING
 
 _PASS_MS = const(1)
-_BEHIND_TICK_US = const(250)  # of the passes: see _prepare()
+_BEHIND_TICK_US = const(50)  # of the passes: see _prepare()
 _SAYINGS = const(16)
 _BEAT_MS = const(128)
 _CTRL_C = const(3)
@@ -125,9 +125,9 @@ class Runner:
     def _prepare(self):
         """Wait for the moment between two ticks at which all passes are to begin.
 
-        The pass that reads a GO releases the motors about half a millisecond after it has begun.
-        Near a tick it would do so before it one time and behind it the next, and runs would begin
-        up to 2 ms apart instead of 1 (`make bench`: go_ms_spread; at 500 µs it is 1.76 ms).
+        The pass that reads a GO releases the motors a millisecond and a half after it has begun.
+        Were that near a tick, it would come before it one time and behind it the next, and runs
+        would begin up to 2 ms apart instead of 1 (`make bench`: go_ms_spread).
         """
         state = self._hal.kernel.state
         tick = state[TICKS]
