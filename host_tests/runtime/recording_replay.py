@@ -32,6 +32,7 @@ CYCLES = 125000
 LOG = 512
 DEEP = 40  # calls: more than any pass has
 PIECE = 5 << 16  # bytes; the longest line tells of INCOMING ones
+LINE_FEED = 10
 ZEROS = bytes(4096)
 INCOMING = 1 << 17
 OUTGOING = 1 << 16
@@ -468,11 +469,13 @@ class Replay:
 
 class Lines:
     """The lines of a file, as bytes: each new str is searched for among all names. A piece of the
-    file is in memory at a time, always as much; readline of the file itself asks the system for
-    every byte."""
+    file is in memory at a time, always as much and in the same place, since a heap that is in use
+    for long has no room for a new one; readline of the file itself asks the system for every
+    byte."""
 
     def __init__(self, file):
         self.file = file
+        self.piece = memoryview(bytearray(PIECE))
         self.lines = io.BytesIO(PIECE)  # room for so much
         self.end = 0  # of the last whole line that is in it
         self.at = 0  # of what follows that, in the file
@@ -485,13 +488,16 @@ class Lines:
 
     def _more(self):
         self.file.seek(self.at)
-        text = self.file.read(PIECE)
-        self.end = text.rfind(b"\n") + 1
-        self.at += self.end
+        piece = self.piece
+        count = end = self.file.readinto(piece)
+        while end and piece[end - 1] != LINE_FEED:
+            end -= 1
+        self.end = end
+        self.at += end
         self.lines.seek(0)
-        self.lines.write(text)
+        self.lines.write(piece[:count])
         self.lines.seek(0)
-        return self.end > 0
+        return end > 0
 
 
 def play(path, ticks, ms):
