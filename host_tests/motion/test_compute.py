@@ -41,6 +41,8 @@ def computed(r, *operation):
 @example((2**30 - 1, 0), (2**30 - 1, 0))
 @example((2**30 - 1, -1), (2**29, 0))  # the next smaller number: their difference is rounded to 0
 @example((-(2**29), 0), (1 - 2**30, -1))
+@example((2**29, 0), (2**30 - 1, -31))  # of the smaller one nothing is left
+@example((2**30 - 1, -31), (2**29, 0))
 def test_the_same_bits_as_reals(a, b):
     r = registers(a, b)
     for what, function in (
@@ -114,6 +116,7 @@ DEGREES = st.one_of(
 
 
 @given(DEGREES)
+@example(2.0**27 + 0.25)  # the greatest whose turns are counted have quarters of a degree
 def test_sines(degrees):
     r = registers((0, 0))
     put(r, A, degrees)
