@@ -155,10 +155,11 @@ def _burst(count: int):
         ids = [link.id + 1 + i for i in range(count)]
         link.id = ids[-1]
         link.write(b"".join(encode(spec.STATUS, b"", id) for id in ids))
-        link.pump(0.3)
-        came = [r.frame.id for r in link.answers if r.frame.id in ids]
-        if sorted(came) != ids:
-            raise Failed(f"{count} requests at once got {len(came)} answers")
+        answered = sum(link.answer(id) is not None for id in ids)
+        link.pump(0.05)
+        again = sum(report.frame.id in ids for report in link.answers)
+        if answered != count or again:
+            raise Failed(f"{count} requests at once got {answered + again} answers")
 
     return run
 
