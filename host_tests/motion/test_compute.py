@@ -147,6 +147,18 @@ def test_angle(y, x):
     assert min(abs(difference), abs(abs(difference) - 360)) < 4e-7
 
 
+@pytest.mark.parametrize("k", range(16))
+@pytest.mark.parametrize("beside", [-(2.0**-20), 0, 2.0**-20])
+def test_angles_half_way_between_two_sixteenths(k, beside):
+    """Where the series has most to give."""
+    r = registers((0, 0))
+    put(r, A, (2 * k + 1) / 32 + beside)
+    put(r, B, 1)
+    y = reals.value(r, A)
+    computed(r, f.ANGLE, C, A, B)
+    assert reals.value(r, C) == pytest.approx(math.degrees(math.atan(y)), abs=2e-7)
+
+
 @pytest.mark.parametrize(
     "y, x, degrees", [(0, 0, 0), (0, -1, 180), (1, 0, 90), (-1, 0, -90), (1, 1, 45), (-1, -1, -135)]
 )
