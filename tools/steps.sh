@@ -45,7 +45,7 @@ need_packages() {
     command -v dpkg-query >/dev/null && command -v apt-get >/dev/null ||
         die "To $purpose, framestep needs apt and dpkg (Debian or Ubuntu), which are missing here."
     for package in "$@"; do
-        dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
+        [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
     done
     [ ${#missing[@]} -gt 0 ] || return 0
     [ "$(id -u)" = 0 ] ||

@@ -376,7 +376,7 @@ llvm_version() {
     done
     [ "$(id -u)" != 0 ] || step apt-update-host "looking for a compiler for Xtensa" apt-get update -q
     for version in $LLVM_VERSIONS; do
-        if apt-cache policy "clang-$version" 2>/dev/null | grep -q 'Candidate: [0-9]'; then
+        if [[ $(apt-cache policy "clang-$version" 2>/dev/null) == *'Candidate: '[0-9]* ]]; then
             printf '%s\n' "$version"
             return
         fi
