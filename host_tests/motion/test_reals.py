@@ -90,6 +90,12 @@ def test_products(r):
     assert abs(exact(r, D) - a / b) <= EXACT * abs(a / b)
 
 
+def test_a_quotient_that_is_rounded_to_the_greatest_mantissa():
+    r = array("i", [825_955_248, 0, 825_955_249, 0, 0, 0, 0, 0])
+    reals.divide(r, C, A, B)
+    assert (r[C], r[C + 1]) == (2**30 - 1, -30)
+
+
 @given(registers(1))
 def test_root(r):
     a = exact(r, A)
