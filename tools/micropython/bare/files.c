@@ -142,7 +142,42 @@ ssize_t read(int handle, void *buffer, size_t count) {
 
 // ---------------------------------------------------------------- standard input and output
 
-static file_t stdin_bytes = { { &binary_type }, -1 };
+#if CHIP_ESP32
+
+#include "../esp32/chip.h"
+
+// The chip's own, once it is on (shared/runtime/sys_stdio_mphal.c).
+static mp_uint_t stdin_read(mp_obj_t self, void *buffer, mp_uint_t size, int *error) {
+    if (!uart_on) {
+        return file_read(self, buffer, size, error);
+    }
+    for (mp_uint_t i = 0; i < size; i++) {
+        ((uint8_t *)buffer)[i] = uart_read();
+    }
+    return size;
+}
+
+static mp_uint_t stdin_ioctl(mp_obj_t self, mp_uint_t request, uintptr_t arg, int *error) {
+    return uart_on && request == MP_STREAM_POLL ? uart_poll(arg) : file_ioctl(self, request, arg, error);
+}
+
+#else
+
+#define uart_on false
+#define uart_write(text, length)
+#define uart_read() 4 // end of input: there is no REPL
+#define uart_poll(flags) 0
+#define stdin_read file_read
+#define stdin_ioctl file_ioctl
+
+#endif
+
+static const mp_stream_p_t stdin_binary_protocol = { .read = stdin_read, .write = file_write, .ioctl = stdin_ioctl };
+static const mp_stream_p_t stdin_text_protocol =
+    { .read = stdin_read, .write = file_write, .ioctl = stdin_ioctl, .is_text = true };
+static MP_DEFINE_CONST_OBJ_TYPE(stdin_binary_type, MP_QSTR_FileIO, MP_TYPE_FLAG_ITER_IS_STREAM,
+    protocol, &stdin_binary_protocol, locals_dict, &file_dict);
+static file_t stdin_bytes = { { &stdin_binary_type }, -1 };
 
 static void stdin_attr(mp_obj_t self, qstr name, mp_obj_t *found) {
     if (found[0] != MP_OBJ_NULL) {
@@ -155,7 +190,7 @@ static void stdin_attr(mp_obj_t self, qstr name, mp_obj_t *found) {
     }
 }
 static MP_DEFINE_CONST_OBJ_TYPE(stdin_type, MP_QSTR_TextIOWrapper, MP_TYPE_FLAG_ITER_IS_STREAM,
-    attr, stdin_attr, protocol, &text_protocol, locals_dict, &file_dict);
+    attr, stdin_attr, protocol, &stdin_text_protocol, locals_dict, &file_dict);
 file_t mp_sys_stdin_obj = { { &stdin_type }, -1 };
 
 static int stdout_handle;
@@ -170,6 +205,10 @@ void files_flush(void) {
 }
 
 mp_uint_t mp_hal_stdout_tx_strn(const char *text, size_t length) {
+    if (uart_on) {
+        uart_write(text, length);
+        return length;
+    }
     for (size_t i = 0; i < length; i++) {
         printed[printed_count++] = text[i];
         if (printed_count == sizeof printed) {
@@ -188,11 +227,11 @@ void mp_hal_stdout_tx_str(const char *text) {
 }
 
 int mp_hal_stdin_rx_chr(void) {
-    return 4; // end of input: there is no REPL
+    return uart_read();
 }
 
 uintptr_t mp_hal_stdio_poll(uintptr_t flags) {
-    return 0;
+    return uart_poll(flags);
 }
 
 static mp_uint_t stdout_write(mp_obj_t self, const void *buffer, mp_uint_t size, int *error) {
@@ -201,7 +240,7 @@ static mp_uint_t stdout_write(mp_obj_t self, const void *buffer, mp_uint_t size,
 
 static mp_uint_t stdout_ioctl(mp_obj_t self, mp_uint_t request, uintptr_t arg, int *error) {
     files_flush();
-    return 0;
+    return request == MP_STREAM_POLL ? uart_poll(arg) : 0;
 }
 static const mp_stream_p_t stdout_protocol = { .write = stdout_write, .ioctl = stdout_ioctl };
 static mp_obj_base_t stdout_bytes;

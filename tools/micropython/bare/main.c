@@ -162,6 +162,9 @@ static int run(const char *path) {
         mp_obj_t value = mp_obj_exception_get_value(exception);
         return value == mp_const_none ? 0 : mp_obj_is_small_int(value) ? MP_OBJ_SMALL_INT_VALUE(value) : 1;
     }
+    #if CHIP_ESP32
+    uart_on = false; // for whoever started it
+    #endif
     mp_obj_print_exception(&mp_plat_print, exception);
     return 1;
 }

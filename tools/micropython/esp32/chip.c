@@ -6,6 +6,7 @@
 //     chip.drive(pin, level)     the world outside puts a pin to a level
 //     chip.now()                 µs since the start
 //     chip.record(path)          what I2S plays goes to this file: see i2s.c
+//     chip.serve(commands, answers)  from the next machine.idle() on whoever writes the one file lets time pass: board.c
 #include "py/runtime.h"
 #include "../bare/host.h"
 #include "chip.h"
@@ -17,16 +18,18 @@ static uint64_t collection_ns;
 void chip_advance(uint64_t ns) {
     uint64_t end = chip_now + ns;
     for (;;) {
-        uint64_t i2s = i2s_next(), timer = timers_next();
-        uint64_t next = i2s < timer ? i2s : timer;
+        uint64_t i2s = i2s_next(), timer = timers_next(), uart = uart_next();
+        uint64_t next = MIN(i2s, MIN(timer, uart));
         if (next > end) {
             break;
         }
         chip_now = next;
-        if (i2s <= timer) {
+        if (i2s == next) {
             i2s_event();
-        } else {
+        } else if (timer == next) {
             timers_event();
+        } else {
+            uart_event();
         }
     }
     chip_now = end;
@@ -90,6 +93,8 @@ static mp_obj_t record(mp_obj_t path) {
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(record_obj, record);
 
+extern const mp_obj_fun_builtin_fixed_t board_serve_obj;
+
 static const mp_rom_map_elem_t names[] = {
     { MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_chip) },
     { MP_ROM_QSTR(MP_QSTR_advance), MP_ROM_PTR(&advance_obj) },
@@ -98,6 +103,7 @@ static const mp_rom_map_elem_t names[] = {
     { MP_ROM_QSTR(MP_QSTR_drive), MP_ROM_PTR(&drive_obj) },
     { MP_ROM_QSTR(MP_QSTR_now), MP_ROM_PTR(&now_obj) },
     { MP_ROM_QSTR(MP_QSTR_record), MP_ROM_PTR(&record_obj) },
+    { MP_ROM_QSTR(MP_QSTR_serve), MP_ROM_PTR(&board_serve_obj) },
 };
 static MP_DEFINE_CONST_DICT(globals, names);
 const mp_obj_module_t chip_module = { .base = { &mp_type_module }, .globals = (mp_obj_dict_t *)&globals };

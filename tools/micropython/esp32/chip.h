@@ -19,6 +19,19 @@ uint64_t timers_next(void);
 void timers_event(void);
 void timers_interrupt(void);
 void pins_interrupt(void);
+uint64_t uart_next(void);
+void uart_event(void);
 bool pins_drive(unsigned pin, int level);  // the world outside puts a pin to a level; false if there is none
 
 extern int i2s_record;  // the file's handle, or -1
+
+// The UART of the REPL, once it is on; before, standard input and output are this computer's.
+extern bool uart_on;
+void uart_receive(const uint8_t *bytes, uint32_t count);  // the host sends these, one after the other
+uint32_t uart_sent(uint8_t *bytes, uint32_t room);  // takes what has gone out
+bool uart_has_sent(void);
+int uart_read(void);  // waits for a byte
+uintptr_t uart_poll(uintptr_t flags);
+void uart_write(const char *text, size_t length);
+
+void board_idle(void);  // the main loop has nothing to do: see board.c

@@ -13,3 +13,10 @@
 #define MICROPY_STREAMS_NON_BLOCK           (1)
 #define MICROPY_SCHEDULER_DEPTH             (8)
 #define MICROPY_HW_ENABLE_UART_REPL         (0)
+
+// The REPL's UART, as the port for ESP32 has it
+#undef MICROPY_KBD_EXCEPTION
+#define MICROPY_KBD_EXCEPTION               (1)
+#define MICROPY_PY_OS_DUPTERM               (1)
+#define MICROPY_PY_OS_DUPTERM_NOTIFY        (1)
+#define MICROPY_PY_OS_STATVFS               (0)

@@ -9,3 +9,6 @@
 gpio_num_t machine_pin_get_id(mp_obj_t pin);
 #define mp_hal_get_pin_obj(pin) machine_pin_get_id(pin)
 #define mp_hal_pin_name(pin) (pin)
+
+#include "py/ringbuf.h"
+extern ringbuf_t stdin_ringbuf;

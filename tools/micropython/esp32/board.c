@@ -1,0 +1,117 @@
+// A whole board, driven from outside: framestep_tools.esp32_board. Its program is the firmware as it is; each time that
+// has nothing to do (machine.idle()) a pass's time goes by, and where the time is reached that was asked for, the next
+// commands are read. A command is a letter and what follows it, lowest byte first:
+//
+//     r until[8] output[1]     run until this time, ns; with `output` no longer than until something was sent
+//     w count[4] bytes         the host sends bytes
+//     p pin[1] level[1]        the world outside puts a pin to a level
+//     i ns[8]                  how long a pass takes, from now on
+//     s ns[8]                  the main loop stands still, once
+//
+// After `r` comes the answer: the time now, ns [8], how many bytes were sent [4], and these.
+#include <string.h>
+#include "py/runtime.h"
+#include "../bare/host.h"
+#include "chip.h"
+
+#define PASS_NS 500000ull
+#define LARGEST 4096
+
+static int commands = -1, answers = -1;
+static uint64_t until, pass_ns = PASS_NS, pause_ns;
+static bool until_output;
+
+static void take(void *to, uint32_t count) {
+    uint8_t *at = to;
+    while (count) {
+        int got = host_read(commands, at, count);
+        if (got <= 0) {
+            host_exit(0);  // whoever drove it is gone
+        }
+        at += got;
+        count -= got;
+    }
+}
+
+static void receive(void) {
+    static uint8_t bytes[LARGEST];
+    uint32_t count;
+    take(&count, sizeof count);
+    while (count) {
+        uint32_t now = MIN(count, sizeof bytes);
+        take(bytes, now);
+        uart_receive(bytes, now);
+        count -= now;
+    }
+}
+
+static void answer(void) {
+    static uint8_t bytes[1 << 16];
+    uint32_t count = uart_sent(bytes, sizeof bytes);
+    host_write(answers, &chip_now, sizeof chip_now);
+    host_write(answers, &count, sizeof count);
+    if (count) {
+        host_write(answers, bytes, count);
+    }
+    until = 0; // time stands until the next `r`
+}
+
+static void command(void) {
+    uint8_t letter, two[2];
+    take(&letter, 1);
+    switch (letter) {
+        case 'r':
+            take(&until, sizeof until);
+            take(two, 1);
+            until_output = two[0];
+            break;
+        case 'w':
+            receive();
+            break;
+        case 'p':
+            take(two, 2);
+            pins_drive(two[0], two[1]);
+            break;
+        case 'i':
+            take(&pass_ns, sizeof pass_ns);
+            break;
+        case 's':
+            take(&pause_ns, sizeof pause_ns);
+            break;
+        default:
+            host_exit(2);
+    }
+}
+
+static bool reached(void) {
+    return chip_now >= until || (until_output && uart_has_sent());
+}
+
+void board_idle(void) {
+    if (commands < 0) {
+        return;
+    }
+    chip_advance(pass_ns);
+    if (reached()) {
+        answer();
+        do {
+            command();
+        } while (reached());
+    }
+    if (pause_ns) {
+        uint64_t ns = pause_ns;
+        pause_ns = 0;
+        chip_advance(ns);
+    }
+}
+
+static mp_obj_t serve(mp_obj_t in, mp_obj_t out) {
+    commands = host_open(mp_obj_str_get_str(in), HOST_READ);
+    answers = host_open(mp_obj_str_get_str(out), HOST_WRITE);
+    if (commands < 0 || answers < 0) {
+        mp_raise_ValueError(MP_ERROR_TEXT("no such file"));
+    }
+    uart_on = true;
+    return mp_const_none;
+}
+MP_DEFINE_CONST_FUN_OBJ_2(board_serve_obj, serve);

@@ -1,0 +1,29 @@
+"""Runs on the simulated ESP32 (tools/micropython/esp32): the firmware as it starts on a board.
+
+Arguments: the board's data and the rig file's content, both JSON in files; the files to which what
+I2S plays goes, from which commands come, and to which answers go (board.c).
+"""
+
+import json
+import sys
+
+import chip
+
+from framestep.controller import Controller
+from framestep.hal.esp32 import Esp32Hal
+from framestep.rig import Rig
+from framestep.runner import Runner
+
+board, rig, record, commands, answers = sys.argv[1:]
+with open(board) as file:
+    board = json.load(file)
+with open(rig) as file:
+    rig = Rig(json.load(file), board)
+chip.record(record)
+hal = Esp32Hal(rig.board, rig)
+runner = Runner(hal, False)
+controller = Controller(hal, rig)
+chip.serve(commands, answers)
+hal.start()
+controller.moves.take_memory()
+runner.run(controller)

@@ -1,0 +1,97 @@
+// The UART of the REPL, 115200 baud, as MicroPython's port for ESP32 has it (its uart.c and mphalport.c).
+//
+// Received bytes go into a ring of 260, from an interrupt that runs while flash is written, too. What finds the ring
+// full is lost, and nobody is told. Sent bytes go into the 128 of the hardware; a write that finds no room there waits
+// for FreeRTOS's next tick, of which there are 100 a second.
+#include <string.h>
+#include "py/mphal.h"
+#include "py/ringbuf.h"
+#include "py/runtime.h"
+#include "py/stream.h"
+#include "extmod/misc.h"
+#include "shared/runtime/interrupt_char.h"
+#include "chip.h"
+
+#define BYTE_NS 86806ull  // ten bits
+#define TICK_NS 10000000ull
+#define HARDWARE 128
+#define MOST (1 << 16)  // bytes that the host has sent and that have not come yet; and those it has not taken
+
+bool uart_on;
+
+static uint8_t ring_memory[260];
+ringbuf_t stdin_ringbuf = { ring_memory, sizeof ring_memory, 0, 0 };
+
+static uint8_t coming[MOST], gone[MOST];
+static uint32_t coming_at, coming_count, gone_count;
+static uint64_t next_due;  // when the first of those coming is there
+static uint64_t free_at;  // when all that was written has gone out
+
+uint64_t uart_next(void) {
+    return coming_count ? next_due : NEVER;
+}
+
+void uart_event(void) {
+    uint8_t byte = coming[coming_at];
+    coming_at = (coming_at + 1) % MOST;
+    coming_count--;
+    next_due += BYTE_NS;
+    if (byte == mp_interrupt_char) {
+        mp_sched_keyboard_interrupt();
+    } else {
+        ringbuf_put(&stdin_ringbuf, byte);
+    }
+}
+
+void uart_receive(const uint8_t *bytes, uint32_t count) {
+    if (!coming_count && next_due < chip_now + BYTE_NS) {
+        next_due = chip_now + BYTE_NS;
+    }
+    while (count-- && coming_count < MOST) {
+        coming[(coming_at + coming_count++) % MOST] = *bytes++;
+    }
+}
+
+uint32_t uart_sent(uint8_t *bytes, uint32_t room) {
+    uint32_t count = MIN(gone_count, room);
+    memcpy(bytes, gone, count);
+    memmove(gone, gone + count, gone_count - count);
+    gone_count -= count;
+    return count;
+}
+
+bool uart_has_sent(void) {
+    return gone_count > 0;
+}
+
+int uart_read(void) {
+    for (;;) {
+        int byte = ringbuf_get(&stdin_ringbuf);
+        if (byte >= 0) {
+            return byte;
+        }
+        chip_advance(BYTE_NS);
+        mp_handle_pending(true);
+    }
+}
+
+uintptr_t uart_poll(uintptr_t flags) {
+    uintptr_t found = mp_os_dupterm_poll(flags) | (flags & MP_STREAM_POLL_WR);
+    if (flags & MP_STREAM_POLL_RD && ringbuf_peek(&stdin_ringbuf) != -1) {
+        found |= MP_STREAM_POLL_RD;
+    }
+    return found;
+}
+
+void uart_write(const char *text, size_t length) {
+    for (size_t i = 0; i < length; i++) {
+        while (free_at > chip_now + HARDWARE * BYTE_NS) {
+            chip_advance(TICK_NS - chip_now % TICK_NS);
+        }
+        free_at = MAX(free_at, chip_now) + BYTE_NS;
+        if (gone_count < MOST) {
+            gone[gone_count++] = text[i];
+        }
+    }
+    mp_os_dupterm_tx_strn(text, length);
+}
