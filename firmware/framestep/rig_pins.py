@@ -11,7 +11,12 @@ from framestep.rig_settings import (
 )
 
 # keys of a board's data whose pins are in use whatever the rig file says
-_BOARD_PINS = ("step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper")
+_BOARD_PINS = (
+    "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "flash", "uart"
+)  # fmt: skip
+# Of a board with a chain of shift registers: its outputs, and the chip's own pins, for inputs
+_CHAIN = (64, 93)
+_OWN = (0, 39)
 
 
 def _pins(value):
@@ -56,9 +61,9 @@ def _board_pins(board, dmx):
             taken[pin] = "the board's %s" % key + (
                 " %d" % (i + 1) if isinstance(pins, list) else ""
             )
-    for line, what in (("dmx", "DMX"), ("drivers", "driver UART's")):
+    for line, what in (("dmx", "DMX"), ("drivers", "driver UART's"), ("chain", "shift registers'")):
         if line in board and (dmx or line != "dmx"):
-            for key in ("tx", "rx"):
+            for key in ("tx", "rx", "sck", "ws", "sd"):
                 if key in board[line]:
                     taken[board[line][key]] = "the board's %s %s" % (what, key)
     return taken
@@ -86,6 +91,12 @@ def assign(settings, board, servos=()):
     def claim(pin, what, others=drives):
         if pin > highest:
             raise RigError("%s: found %d, allowed is a pin from 0 to %d" % (what, pin, highest))
+        if "chain" in board:
+            low, high = _CHAIN if others is switches else _OWN
+            if not low <= pin <= high:
+                raise RigError(
+                    "%s: found %d, allowed is a pin from %d to %d" % (what, pin, low, high)
+                )
         if pin in taken:
             raise RigError(
                 "%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin])
@@ -100,6 +111,8 @@ def assign(settings, board, servos=()):
     for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
         claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
     for i, pin in servos:
+        if "chain" in board:
+            raise RigError("motors[%d].servo: found an object, but this board has none" % (i + 1))
         if pin != NO_PIN or board:
             claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
     limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")

@@ -95,7 +95,7 @@ DRIVER_SETTINGS = {
 NO_PIN = -1
 
 OUTPUT_SETTINGS = {
-    "pin": (int, 0, 47, None, "", "number of the pin"),
+    "pin": (int, 0, 93, None, "", "number of the pin; of an ESP32's shift registers 64 and up"),
     "on": (str, ("high", "low"), None, "high", "", "level of the pin while the output is on"),
     "safe": (str, ("off", "on", "hold"), None, "off", "",
         "at a fault, an E-stop or a lost host; at boot hold means off"),

@@ -71,7 +71,7 @@ class Hal:
         raise NotImplementedError
 
     def levels(self):
-        """The pins that are high, one bit each, outputs included."""
+        """The inputs that are high, one bit each; where all pins are alike, outputs too."""
         raise NotImplementedError
 
     def pass_callback(self, work):

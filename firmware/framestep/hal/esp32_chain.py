@@ -24,6 +24,7 @@ WORDS = const(RATE // 1000)  # in a tick, as hal/stream_engine.py has it
 FRAMES = const(256)  # words of a DMA buffer; MicroPython has no other
 _BYTES = const(4)  # of a word
 _BUFFER_US = const(1024)
+_STILL = const(4)  # ticks: what motors at rest still owe has been painted by then
 _HELD = const(2)  # buffers without pulses once the ring ran out: time to paint what follows
 
 LEAST = const(8)  # buffers
@@ -77,6 +78,15 @@ def move_up(words: ptr32, count: int, by: int, word: int):
         i += 1
 
 
+@micropython.viper
+def leave_out(words: ptr32, first: int, steps: int):
+    """A tick's words from words[first] on without these bits."""
+    i = first
+    while i < first + WORDS:
+        words[i] = (words[i] | steps) ^ steps
+        i += 1
+
+
 class Chain:
     """Sends a Stream's words. stream: with its kernel not yet attached; steps: the bits of its step
     pins; buffers: LEAST to MOST, 1.024 ms each. sck, ws, sd: pins. I2S begins at once.
@@ -104,21 +114,33 @@ class Chain:
         self._within = 0  # µs since the last of them had been played
         self._lost = 0
         stream.attach(kernel, self.ahead())
+        self._masked = False  # pulses are left out
+        self._still = 0  # ticks for which nothing has moved since
+        self._pins = Pin(sck), Pin(ws), Pin(sd)
+        self._asking = poll()
         self._i2s = I2S(
             0,
-            sck=Pin(sck),
-            ws=Pin(ws),
-            sd=Pin(sd),
+            sck=self._pins[0],
+            ws=self._pins[1],
+            sd=self._pins[2],
             mode=I2S.TX,
             bits=16,
             format=I2S.STEREO,
             rate=RATE,
             ibuf=buffers * FRAMES * _BYTES,
         )
+        self._asking.register(self._i2s, POLLOUT)
+        self._began()
+
+    def _began(self):
+        """I2S plays: zeros at first."""
+        self._stopped = False
+        self._count = 0
+        self._ready = False
+        self._lag = 0
+        self._within = 0
         self._seen = ticks_us()
-        asking = poll()  # makes writes take what there is room for, and not wait
-        asking.register(self._i2s, POLLOUT)
-        asking.poll(0)
+        self._asking.ipoll(0)  # makes writes take what there is room for, and not wait
 
     def ahead(self):
         """Ticks that are done before their words are played, at most."""
@@ -132,6 +154,8 @@ class Chain:
                 self._ran_out()
             while self._count <= FRAMES:
                 self._stream.fill(self._words, 1, self._count)
+                if self._masked:
+                    self._mask()
                 self._count += WORDS
             if not self._ready:
                 to_frames(self._frames, self._words)
@@ -213,6 +237,43 @@ class Chain:
                 self._frames[FRAMES * _BYTES - 1] = after >> 8
             if not self._hand_over():
                 return
+
+    def _mask(self):
+        """Leave the pulses out of the tick painted last."""
+        leave_out(self._words, self._count, self._steps)
+        if moving(self._state):
+            self._still = 0
+        elif self._still < _STILL:
+            self._still += 1
+
+    def cut(self):
+        """End all pulses at once; the outputs stay as they are. What was painted is lost.
+
+        From now on there are no pulses until recovered() is true. Between two calls of others.
+        """
+        self._i2s.deinit()
+        self._stopped = True
+        self._lost |= moving(self._state)
+        self._masked = True
+        self._still = 0
+
+    def recovered(self):
+        """After cut(): begin to send again, all outputs low for the length of the ring, then as the
+        stream has them, without pulses. True once no motor moves and pulses are sent again."""
+        if self._stopped:
+            self._i2s.init(
+                sck=self._pins[0],
+                ws=self._pins[1],
+                sd=self._pins[2],
+                mode=I2S.TX,
+                bits=16,
+                format=I2S.STEREO,
+                rate=RATE,
+                ibuf=self.buffers * FRAMES * _BYTES,
+            )
+            self._began()
+        self._masked = self._still < _STILL
+        return not self._masked
 
     def take_lost(self):
         """Motors whose positions are in doubt since the last call, a bit each."""

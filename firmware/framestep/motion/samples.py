@@ -73,7 +73,10 @@ def sample(m: ptr32, out: ptr32) -> int:
                     load_position[0] = position + m[BACKLASH]
                 out[k] = load_position[0]
     if out[ALARM] >= 0:
-        if reached(out[i + 0], out[ALARM] + 1):
+        tick = out[i + 0]
+        if engine.RING:  # ticks are done in batches, so the pins are farther behind
+            tick += engine.LEAD - h[BEHIND]
+        if reached(tick, out[ALARM] + 1):
             return 1
     return 0
 
