@@ -15,20 +15,26 @@ from framestep_tools.files import FIRMWARE
 HAL = FIRMWARE / "framestep" / "hal"
 CONTRACT = HAL / "contract.py"
 IMPLEMENTED = {
-    "Hal": ["rp2.py:Rp2Hal", "host.py:HostHal"],
+    "Hal": ["rp2.py:Rp2Hal", "esp32.py:Esp32Hal", "host.py:HostHal"],
     "PulseEngine": ["rp2_pulses.py:PulseEngine", "stream.py:Stream"],
-    "Port": ["usb_port.py:UsbPort", "stdin_port.py:StdinPort", "host.py:HostPort"],
+    "Port": [
+        "usb_port.py:UsbPort",
+        "stdin_port.py:StdinPort",
+        "esp32_port.py:UartPort",
+        "host.py:HostPort",
+    ],
     "Dmx": ["rp2_dmx.py:Dmx", "host.py:HostDmx", "absent.py:NoDmx"],
     "Watchdog": ["rp2_watchdog.py:Watchdog", "host.py:HostWatchdog", "absent.py:NoWatchdog"],
     "DriverWire": ["rp2_wire.py:Wire", "rp2_one_wire.py:OneWire", "host.py:SilentWire"],
     "Flash": ["rp2_flash.py:Flash", "host.py:HostFlash"],
 }
-# What only one kind has. The host's HAL has no REPL beside it, nor a model of engine commands in
-# one object.
+# What only one kind has, or another class for it. The host's HAL has no REPL beside it, nor a model
+# of engine commands in one object.
 WITHOUT = {
     "host.py:HostHal": {"engine", "inside", "passes", "pass_callback"},
     "host.py:HostPort": {"stop"},
     "usb_port.py:UsbPort": {"stop"},
+    "esp32_port.py:UartPort": {"start", "send", "open", "openings"},  # StdinPort's
 }
 # How the other layers call each kind: the name before the dot
 CALLED = {

@@ -27,15 +27,22 @@ def played(path: str | os.PathLike) -> list[tuple[int, bytes]]:
     began to be played, in ns, and its bytes. ChainError if it is cut off."""
     with open(path, "rb") as file:
         data = file.read()
+    found, end = buffers(data)
+    if end != len(data):
+        raise ChainError(f"{path}: ends within a buffer")
+    return found
+
+
+def buffers(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """The same of a piece of a record, and where the last whole buffer ends in it."""
     found, at = [], 0
-    while at < len(data):
-        count = int.from_bytes(data[at + 8 : at + 12], "little")
-        end = at + 12 + count
-        if at + 12 > len(data) or end > len(data):
-            raise ChainError(f"{path}: ends within a buffer")
+    while at + 12 <= len(data):
+        end = at + 12 + int.from_bytes(data[at + 8 : at + 12], "little")
+        if end > len(data):
+            break
         found.append((int.from_bytes(data[at : at + 8], "little"), data[at + 12 : end]))
         at = end
-    return found
+    return found, at
 
 
 def latched(samples: bytes, before: int = 0) -> np.ndarray:
@@ -55,21 +62,29 @@ def latched(samples: bytes, before: int = 0) -> np.ndarray:
     return windows.astype(np.int64) @ weights
 
 
-def outputs(buffers: list[tuple[int, bytes]], rate: int) -> tuple[np.ndarray, np.ndarray]:
+def outputs(
+    buffers: list[tuple[int, bytes]], rate: int, before: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     """When the chain's outputs took which word: times in ns and words, one for each frame.
 
-    buffers: as played() gives them. rate: frames a second.
+    buffers: as played() gives them. rate: frames a second. before: last_bits() of what was played
+    before these.
     """
-    times, words, before = [], [], 0
+    times, words = [], []
     for start, samples in buffers:
         frames = len(samples) // (BITS // 8)
         times.append(start + (np.arange(frames) * 2 + 1) * 1_000_000_000 // (2 * rate))
         words.append(latched(samples, before))
-        right, left = (int.from_bytes(samples[at:][:2], "little") for at in (-2, -4))
-        before = (left << _HALF | right) & (2 << _HALF) - 1
+        before = last_bits(samples)
     if not times:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     return np.concatenate(times), np.concatenate(words)
+
+
+def last_bits(samples: bytes) -> int:
+    """The last bits of a buffer that the next one's first latch sees."""
+    right, left = (int.from_bytes(samples[at:][:2], "little") for at in (-2, -4))
+    return (left << _HALF | right) & (2 << _HALF) - 1
 
 
 def records(times: np.ndarray, words: np.ndarray) -> np.ndarray:

@@ -61,7 +61,14 @@ _ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}
 # module's text is put in its place. Modules of other engines stay off a board.
 ENGINES = {"pio": "framestep/hal/engine.py", "stream": "framestep/hal/stream_engine.py"}
 _ENGINE = ENGINES["pio"]
-_OF_ENGINE = {"stream": ("framestep/hal/stream.py", "framestep/hal/esp32_chain.py")}
+_OF_ENGINE = {
+    "stream": (
+        "framestep/hal/stream.py",
+        "framestep/hal/esp32.py",
+        "framestep/hal/esp32_chain.py",
+        "framestep/hal/esp32_port.py",
+    )
+}
 _WHOLE = (
     *IN_RAM,
     "framestep/native.mpy",

@@ -61,7 +61,11 @@ def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> Boar
     """Read the pin map of a board by the name of its folder in boards/, as it is with this rig
     file's settings; ToolError if there is none. With a mistake in the rig file the defaults hold,
     as on the board."""
-    data = board_data(name)
+    return pins_of(board_data(name), rig, name)
+
+
+def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -> BoardPins:
+    """The same of a board's data."""
     try:
         try:
             board = Rig(dict(rig) if rig else None, data).board

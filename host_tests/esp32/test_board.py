@@ -1,0 +1,252 @@
+"""The firmware on the simulated ESP32, from the bytes on its UART to the edges behind the shift
+registers. Time is virtual, and a pass takes half a millisecond."""
+
+import numpy as np
+import pytest
+
+from framestep.rig import Rig, RigError
+from framestep_tools.esp32_board import Esp32Board, Esp32Error, board_data
+from framestep_tools.judge import frame_times_ns
+from framestep_tools.payloads import (
+    Ack,
+    GetCondition,
+    GioIn,
+    GioOut,
+    HardStop,
+    Hi,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorStopAll,
+    Positions,
+    RtEnd,
+    RtGo,
+)
+from host_tests.end_to_end.session import Session, deceleration, run_request
+from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
+
+QUEUE_S = 0.028  # from the tick to its pulses, at most: 24 buffers and two ticks
+REPLY_S = 0.06
+
+
+@pytest.fixture
+def board(request):
+    """board(rig): a session; all end with the test."""
+    made = []
+
+    def make(rig=None):
+        made.append(Esp32Board(rig))
+        made[-1].wire_switches()
+        return Session(made[-1], reply_s=REPLY_S)
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def rig(board):
+    session = board()
+    for motor in range(1, 9):
+        session.speed(motor, 20000, 100_000)
+    return session
+
+
+def test_who_it_is(board):
+    info = board({"name": "jib"}).ask(Hi())
+    assert (info.name, info.motors, info.dmx_channels) == ("jib", 8, 0)
+    assert (info.outputs, info.inputs) == (4, 4)
+
+
+def test_all_motors_move_at_once(rig):
+    """Each to the step, the positions told as they are played."""
+    targets = {motor: (-1) ** motor * 700 * motor for motor in range(1, 9)}
+    rig.accept(*[MotorMove(motor, steps) for motor, steps in targets.items()])
+    rig.wait_idle()
+    assert rig.positions == targets
+    assert {motor: rig.made(motor) for motor in targets} == targets
+    times, ways = rig.steps(8)
+    told = [(time, message.steps[7]) for time, message in rig.events(Positions)]
+    assert len(told) > 3
+    for time, position in told:
+        # a report is on its way for some ms
+        there = [
+            ways[: np.searchsorted(times, time - late, side="right")].sum()
+            for late in (0, 0.004, 0.012)
+        ]
+        assert min(there) <= position <= max(there)
+
+
+def test_a_jog_ends_without_another(rig):
+    rig.accept(MotorJog(3, 3000, 100_000))
+    rig.run(1.5)
+    assert rig.moving == []
+    times, ways = rig.steps(3)
+    assert 2500 < ways.sum() == rig.position(3) < 2700
+    assert 0.5 < times[-1] - times[0] < 0.6
+
+
+@pytest.mark.parametrize("fps", [23.976, 24, 60])
+def test_a_run(rig, fps):
+    """Each motor is where the upload has it at each frame's time, and each frame is told then."""
+    rig.upload(MOVE)
+    before = rig.play(run_request(fps, 1, FRAMES, 700, 300))
+    verdict = assert_played(rig, before, MOVE, fps)
+    times = (verdict.origin_ns + frame_times_ns(FRAMES, round(fps * 1000))) * 1e-9
+    told = {}
+    for time, message in rig.events(Positions):
+        told.setdefault(message.move_time, time)
+    late = [told[1000 * (i + 1)] - times[i] for i in range(1, FRAMES)]
+    assert min(late) >= 0
+    assert max(late) <= 0.01
+
+
+def test_a_run_with_pauses_of_the_main_loop(rig):
+    """20 ms are lost nowhere."""
+    rig.upload(MOVE)
+    rig.ready(run_request(24, 1, FRAMES, 700, 300))
+    before = rig.positions
+    rig.forget()
+    rig.accept(RtGo())
+    for _ in range(20):
+        rig.board.pause(20)
+        rig.run(0.08)
+    rig.run(1)
+    assert len(rig.events(RtEnd)) == 1
+    assert_played(rig, before, MOVE, 24)
+    assert not rig.events(HardStop)
+
+
+def test_a_pause_that_is_too_long(rig):
+    """The motor ramps down, the host is told, the position is in doubt; each step was made once."""
+    rig.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
+    rig.run(0.4)
+    rig.board.pause(60)
+    rig.run(0.6)
+    assert rig.moving == []
+    assert rig.events(HardStop)
+    assert rig.made(1) == rig.position(1) < 30_000
+    trust = rig.ask(GetCondition()).positions
+    assert (trust[0].state, trust[0].reason) == (0, 1)
+    rig.accept(MotorMove(1, 0))
+    rig.wait_idle()
+    assert rig.made(1) == 0
+
+
+@pytest.mark.parametrize("stops, factor", [(1, 1), (2, 4)])
+def test_a_stop_takes_the_queue_and_the_ramp(rig, stops, factor):
+    rig.accept(MotorMove(1, 30_000))
+    rig.run(0.5)
+    rig.accept(*[MotorStopAll()] * stops)
+    asked = rig.now
+    rig.wait_idle()
+    times, ways = rig.steps(1)
+    pace = np.diff(times)
+    slower = times[1:][(pace > 57e-6) & (times[1:] > asked)][0]
+    assert slower - asked < QUEUE_S + 0.03 / factor + 0.004
+    assert deceleration(times, ways, slower) == pytest.approx(100_000 * factor, rel=0.15)
+    assert ways.sum() == rig.position(1)
+
+
+def test_the_e_stop(board):
+    """All pulses end at once, the drivers are off once the chain has been told, the host is told,
+    positions are in doubt. When it is released all goes on."""
+    session = board({"estop": "nc"})
+    session.run(0.1)
+    session.speed(1, 20000, 100_000)
+    session.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
+    session.run(0.4)
+    session.board.set_pin(32, 1)
+    struck = session.now
+    session.run(0.4)
+    times, _ = session.steps(1)
+    assert times[-1] < struck + 0.002
+    enable = session.trace().signals["enable"]
+    assert enable[1][-1] == 1
+    assert enable[0][-1] * 1e-9 < struck + 0.03
+    assert session.events(HardStop)
+    assert session.ask(GetCondition()).positions[0].state == 0
+    assert session.code(MotorMove(1, 0)) != Ack.OK
+    session.board.set_pin(32, 0)
+    session.run(0.1)
+    session.forget()
+    session.accept(MotorResetPosition(1, 500), MotorMove(1, 1500))
+    session.wait_idle()
+    assert session.made(1) == 1000
+    assert session.position(1) == 1500
+
+
+def test_a_limit_switch(board):
+    session = board({"limits": [{"high": 25}], "inputs": []})
+    session.run(0.1)
+    session.speed(2, 10000, 100_000)
+    session.accept(MotorSetLimits(2, 0, 0, 0, 0, 1), MotorMove(2, 20_000))
+    session.run(0.3)
+    session.board.set_pin(25, 1)
+    struck = session.now
+    session.run(0.5)
+    times, ways = session.steps(2)
+    assert times[-1] < struck + QUEUE_S + 10_000 / 400_000 + 0.01
+    assert ways.sum() == session.position(2)
+    assert [message.reason for _, message in session.events(HardStop)] == [1]
+    assert session.code(MotorMove(2, 20_000)) != Ack.OK
+    session.board.set_pin(25, 0)
+    session.accept(MotorMove(2, 0))
+    session.wait_idle()
+    assert session.made(2) == 0
+
+
+def test_outputs_and_inputs(rig):
+    rig.accept(GioOut(0b0101))
+    rig.run(0.06)
+    levels = rig.trace().signals
+    assert [int(levels[name][1][-1]) for name in ("out1", "out2", "out3", "out4")] == [1, 0, 1, 0]
+    rig.board.set_pin(26, 0)
+    rig.run(0.1)
+    assert rig.ask(GioIn()).levels == 0b0010
+
+
+def test_the_byte_of_ctrl_c_in_a_frame_is_data(rig):
+    rig.accept(MotorMove(3, 3), MotorMove(3, 0x0303))
+    rig.wait_idle()
+    assert rig.made(3) == 0x0303
+
+
+def test_ctrl_c_lands_the_motors(rig):
+    """What ends the firmware ends it with motors at rest."""
+    rig.accept(MotorMove(1, 30_000))
+    rig.run(0.4)
+    rig.board.receive(b"\r\x03")
+    with pytest.raises(Esp32Error, match="KeyboardInterrupt"):
+        rig.run(1)
+    times, _ = rig.steps(1)
+    pace = np.diff(times)
+    assert pace[-1] > 5 * pace.min(), "a ramp"
+
+
+def test_reading_the_upload_port_takes_no_step(rig):
+    """An upload while a motor moves: 115 200 baud, no byte lost, no edge late."""
+    rig.accept(MotorMove(5, 20_000))
+    rig.client.upload_move(1, 200, {1: list(range(0, 2000, 10)), 2: [7] * 200})
+    rig.wait_idle()
+    assert rig.made(5) == 20_000
+    pace = np.diff(rig.steps(5)[0])
+    steady = pace[len(pace) // 3 : len(pace) // 2]
+    assert steady.max() - steady.min() < 9e-6
+
+
+@pytest.mark.parametrize(
+    "found, wanted",
+    [
+        ({"outputs": [{"pin": 22}]}, r"outputs\[1\].pin: found 22, allowed is a pin from 64 to 93"),
+        ({"inputs": [{"pin": 70}]}, r"inputs\[1\].pin: found 70.*from 0 to 4"),
+        ({"limits": [{"high": 45}]}, r"limits\[1\].high: found 45, allowed is a pin from 0 to 39"),
+        ({"inputs": [{"pin": 16}]}, r"found 16, which is the board's shift registers' sck already"),
+        ({"inputs": [{"pin": 3}]}, r"found 3, which is the board's uart 2 already"),
+        ({"motors": [{"servo": {"pin": 4}}]}, r"motors\[1\].servo: found an object"),
+    ],
+)
+def test_pins_that_are_not_for_it(found, wanted):
+    with pytest.raises(RigError, match=wanted):
+        Rig(found, board_data())
