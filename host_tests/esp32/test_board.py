@@ -177,6 +177,53 @@ def test_the_e_stop(board):
     assert session.position(1) == 1500
 
 
+def test_a_spike_is_no_e_stop(board):
+    session = board({"estop": "nc"})
+    session.run(0.1)
+    session.forget()  # it was held until its wire was there
+    session.speed(1, 20000, 100_000)
+    session.accept(MotorMove(1, 6000))
+    session.run(0.2)
+    session.board.set_pin(32, 1)
+    session.board.set_pin(32, 0)
+    session.wait_idle()
+    assert session.made(1) == session.position(1) == 6000
+    assert not session.events(HardStop)
+
+
+def test_an_e_stop_that_bounces_and_comes_again(board):
+    """Whatever comes while it recovers, pulses come only after it."""
+    session = board({"estop": "nc"})
+    session.run(0.1)
+    session.speed(1, 20000, 100_000)
+    session.accept(MotorResetPosition(1, 0), MotorMove(1, 30_000))
+    session.run(0.4)
+    struck = session.now
+    for held, released in [(0.0005, 0.0005), (0.003, 0.02), (0.03, 0.001), (0.2, 0.1)]:
+        session.board.set_pin(32, 1)
+        session.run(held)
+        session.board.set_pin(32, 0)
+        session.run(released)
+    times, _ = session.steps(1)
+    assert times[-1] < struck + 0.002
+    session.accept(MotorResetPosition(1, 0), MotorMove(1, 1000))
+    session.forget()
+    session.wait_idle()
+    assert session.made(1) == 1000
+
+
+def test_the_e_stop_is_held_when_it_starts(board):
+    session = board({"estop": "nc"})
+    session.board.set_pin(32, 1)
+    session.run(0.2)
+    assert session.code(MotorMove(1, 100)) != Ack.OK
+    session.board.set_pin(32, 0)
+    session.run(0.1)
+    session.accept(MotorMove(1, 100))
+    session.wait_idle()
+    assert session.made(1) == 100
+
+
 def test_a_limit_switch(board):
     session = board({"limits": [{"high": 25}], "inputs": []})
     session.run(0.1)

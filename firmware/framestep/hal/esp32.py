@@ -38,6 +38,7 @@ _OUTPUTS = const(30)  # of the chain: what fits a small integer
 _CYCLES_PER_US = const(CYCLES // 1000)
 _LEAST = const(512)
 _CLOSE = const(32)
+_READINGS = const(4)  # of the E-stop, as io/safety.py has it
 
 
 class Inside:
@@ -176,6 +177,8 @@ class Esp32Hal:
         before = self.irq_off()
         if self._cut:
             self._recover()
+        elif self._pressed():  # whatever has become of its interrupt
+            self._end_pulses()
         self.chain.serve()
         self.irq_on(before)
 
@@ -235,9 +238,15 @@ class Esp32Hal:
                 pin.irq(self._on_change, Pin.IRQ_RISING | Pin.IRQ_FALLING)
 
     def _pressed(self):
-        """Whether the E-stop is active."""
+        """Whether the E-stop is active, in several readings in a row: not a spike."""
         pin = self._estop_pin
-        return pin is not None and pin() == (1 if self._estop == "nc" else 0)
+        if pin is None:
+            return False
+        active = 1 if self._estop == "nc" else 0
+        for _ in range(_READINGS):
+            if pin() != active:
+                return False
+        return True
 
     def _on_change(self, _pin):
         """A switch has changed. From MicroPython's scheduler, or when irq_on() lets it come."""
@@ -248,10 +257,13 @@ class Esp32Hal:
         self._struck = False
         self._handler(None)  # type: ignore[misc]
         if self._pressed() and not self._cut:
-            self._cut = True
-            self.chain.cut()
-            self._drive_enables(0)
+            self._end_pulses()
         self._held = 0
+
+    def _end_pulses(self):
+        self._cut = True
+        self.chain.cut()
+        self._drive_enables(0)
 
     def _recover(self):
         """After an E-stop: the chain first, with all drivers off; then, once nothing moves and the

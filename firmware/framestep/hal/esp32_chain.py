@@ -148,7 +148,7 @@ class Chain:
 
     def serve(self):
         """Do ticks as long as there is room for their words. In each pass of the main loop."""
-        while True:
+        while not self._stopped:
             self._look()
             if self._lag >= self.buffers - 1:
                 self._ran_out()
@@ -284,4 +284,5 @@ class Chain:
     def deinit(self):
         """End all pulses at once; the outputs stay as they are. What was painted is lost."""
         self._i2s.deinit()
+        self._stopped = True
         self._lost |= moving(self._state)

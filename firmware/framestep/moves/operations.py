@@ -27,7 +27,6 @@ plan discards it as a whole (discard_early_plan()), and it is made again once no
 """
 
 from framestep.clock import after, elapsed
-from framestep.hal.engine import LEAD, RING
 from framestep.motion import stepper
 from framestep.moves.operation import Operation
 from framestep.moves.player import UploadPlayer
@@ -355,11 +354,7 @@ class OperationRunner:
 
     def reached(self):
         """In each pass with an alarm: whether a frame to be reported has been reached."""
-        kernel = self.axes.kernel.state
-        ticks = kernel[stepper.TICKS]
-        if RING:  # ticks are done in batches, so the pins are farther behind
-            ticks = after(ticks, LEAD - kernel[stepper.BEHIND])
-        return self.operation.frame_reached(ticks)
+        return self.operation.frame_reached(self.axes.kernel.state[stepper.TICKS])
 
     def poll(self):
         """Every few milliseconds: plan ahead, and go on to the next state.
