@@ -20,7 +20,7 @@ from framestep_tools.files import ROOT
 def served(rig):
     """The lines that `make emu` prints: its pseudo-terminal, its address."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools.emu", "--speed", "max",
+        [sys.executable, "-m", "framestep_tools.emu", "--speed", "1",
          "--tcp", "127.0.0.1:0", "--rig", str(rig)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip

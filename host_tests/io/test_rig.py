@@ -31,7 +31,7 @@ def test_the_simulated_board_is_a_pico():
             "inputs[1].pin: found 22, which is limits[1].high",
         ),
         ({"outputs": [{"pin": 30}]}, "outputs[1].pin: found 30, allowed is a pin from 0 to 29"),
-        ({"outputs": [{}]}, "outputs[1].pin: is missing, expected is a whole number from 0 to 47"),
+        ({"outputs": [{}]}, "outputs[1].pin: is missing, expected is a whole number from 0 to 93"),
         (
             {"outputs": [{"pin": 22, "on": 1}]},
             'outputs[1].on: found 1, allowed is one of "high", "low"',

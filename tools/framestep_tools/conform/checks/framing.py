@@ -136,9 +136,10 @@ def _in_pieces(size: int):
         link = bench.link
         link.id += 1
         data = encode(spec.STATUS, b"", link.id)
+        # all of it well within the time after which a device may drop what is incomplete
         for i in range(0, len(data), size):
             link.write(data[i : i + size])
-            link.pump(0.01)
+            link.pump(0.003)
         if link.answer(link.id) is None:
             raise Failed(f"a message that comes {size} bytes at a time is not answered")
 
