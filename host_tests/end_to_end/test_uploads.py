@@ -3,7 +3,9 @@ ends."""
 
 import numpy as np
 
+from framestep.protocol.messages import LARGEST_PAYLOAD
 from framestep_tools import payloads as p
+from host_tests.end_to_end.realtime import edges
 from host_tests.end_to_end.session import run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 
@@ -93,6 +95,25 @@ def test_a_frame_more(both):
     before = both.play(run_request(24, 1, FRAMES))
     assert_played(both, before, MOVE, 24)
     both.refuse(p.Ack.ERR_RANGE, p.RtPositionFrame(FRAMES + 1))
+
+
+def test_sections_that_fill_the_largest_frame(rig):
+    """Field note 1.6: 1048 bytes hold 257 positions, 1030 levels or 129 triggers."""
+    requests = (
+        p.RtUploadMoveAxis(1, 0, range(257)),
+        p.RtUploadMoveDmx(9, p.LAST_SECTION, [i // 5 for i in range(1030)]),
+        p.RtUploadMoveTriggers(1, [p.Trigger(i, 1) for i in range(129)]),
+    )
+    assert [
+        (LARGEST_PAYLOAD - len(r.pack())) // size
+        for r, size in zip(requests, (4, 1, 8), strict=True)
+    ] == [0, 0, 0]
+    rig.accept(
+        p.RtUploadMoveBegin(1, 1100), *requests, p.RtUploadMoveEnd(), p.RtPositionFrame(1030)
+    )
+    rig.wait_idle()
+    assert rig.position(1) == 256
+    assert edges(rig, "dmx9")[-1][1] == 1029 // 5
 
 
 def test_frame_numbers_at_their_ends(fast):

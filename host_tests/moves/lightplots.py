@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from framestep.protocol import messages
+from framestep.protocol import fields, messages
 from framestep_tools import wire
 
 PLENTY = 30_000  # bytes of memory that no plot fills
@@ -177,6 +177,23 @@ FAR = [
     (f"SEEK {-(2**30)}", "1=1"),
     (f"TRIGGERS {_FAR - 2} {_FAR}", f"1 {_FAR - 1}:1"),
     (f"TRIGGERS {2**30 - 2} {2**30 - 1}", "1"),
+]
+
+# A section as long as the largest frame holds, in the middle of units of 193 frames; with the
+# steps of the model, as plots() has them
+_stairs = [(i * i // 7 + i) // 3 % 2 + i // 2 % 100 for i in range(2000)]
+_most = messages.LARGEST_PAYLOAD - fields.UPLOAD_MOVE_DMX_LEVELS
+_noise = [(i * i * 31 + (i * 2654435761 >> 7)) % 256 for i in range(_most)]
+FULL = [
+    (f"NEW {PLENTY}", ("new", PLENTY)),
+    ("BEGIN 2000", ("begin", 2000)),
+    *(
+        (levels(7, at, 0, _stairs[at : at + 1000]), ("levels", 7, at, 0, _stairs[at : at + 1000]))
+        for at in (0, 1000)
+    ),
+    (levels(7, 450, 0, _noise), ("levels", 7, 450, 0, _noise)),
+    ("FINISH", ("finish",)),
+    ("PLAY 0 1999", ("play", 0, 1999)),
 ]
 
 _words = st.one_of(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 2**30, 2**31, 2**32 - 1]))

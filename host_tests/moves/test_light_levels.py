@@ -16,6 +16,11 @@ def test_any_plot(script):
         assert answer == want, (line[:60], step[:4])
 
 
+def test_a_section_that_fills_the_largest_frame():
+    answered = answers(*(line for line, _ in lightplots.FULL))
+    assert answered == list(lightplots.expected(lightplots.FULL, answered))
+
+
 def test_sections_in_any_order_and_again():
     answered = answers(
         *(

@@ -24,3 +24,9 @@ def test_any_plot(runtime, scripts):
 def test_a_range_longer_than_can_be_stored(runtime):
     answers = runtime.run(REPLAY, stdin="".join(line + "\n" for line, _ in lightplots.FAR).encode())
     assert answers.split("\n")[:-1] == [answer for _, answer in lightplots.FAR]
+
+
+def test_a_section_that_fills_the_largest_frame(runtime):
+    lines = "".join(line + "\n" for line, _ in lightplots.FULL)
+    answers = runtime.run(REPLAY, heap="8m", stdin=lines.encode()).split("\n")[:-1]
+    assert answers == list(lightplots.expected(lightplots.FULL, answers))

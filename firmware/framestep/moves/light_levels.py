@@ -44,7 +44,7 @@ LOADING = const(1)
 READY = const(2)
 
 _MARK = const(2)  # io.lights.MARK
-_LONGEST = const(1027)  # levels of a section: what the largest frame of the protocol holds
+_LONGEST = const(1030)  # levels of a section: what the largest frame of the protocol holds
 _SAVED = const(380)  # words: a unit that is to be written again, behind the longest SCRATCH
 
 # Words of the block, behind those of the codec
