@@ -6,6 +6,7 @@ import contextlib
 import errno
 import http.client
 import json
+import re
 import socket
 import threading
 import time
@@ -292,9 +293,9 @@ def test_a_port_that_is_taken(shared):
 # ---- another program beside the page
 
 
-@pytest.fixture
-def by_cable():
-    stage = Stage(serial=True)
+@pytest.fixture(params=[True, False], ids=["terminal", "socket"])
+def stage(request):
+    stage = Stage(serial=request.param)
     yield stage
     stage.close()
 
@@ -311,15 +312,17 @@ def texts(page):
     return said, frames
 
 
-def test_framestep_stop_stops_what_a_page_jogs(by_cable, capsys):
+def test_framestep_stop_stops_what_a_page_jogs(stage, capsys):
     def jog(motor, number):
         page.send(encode(MotorJog.TYPE, MotorJog(motor, 10_000, FAR).pack(), number))
 
-    with by_cable.link() as page:
+    with stage.link() as page:
         assert "device" in json.loads(page.recv(PATIENCE_S))
         jog(1, 1)
-        assert cli.app.status(["stop", "--device", by_cable.device]) == 0
-        assert capsys.readouterr().out == "nothing moves\n"
+        assert cli.app.status(["stop", "--device", stage.device]) == 0
+        assert re.fullmatch(
+            r"stopped: motor 1 is at -?\d+\n|nothing was moving\n", capsys.readouterr().out
+        )
         said, _ = texts(page)
         assert said == [{"stopped": "Another program has stopped the motors."}]
         jog(2, 2)  # as of a page that has not heard of it yet
@@ -330,14 +333,14 @@ def test_framestep_stop_stops_what_a_page_jogs(by_cable, capsys):
             answers = [frame for frame in decoder.feed(data) if frame.id == 2]
         assert int.from_bytes(answers[0].payload, "little") == Ack.ERR_GENERAL
         page.send('{"released": true}')
-        while by_cable.server.bridge.stopped:
+        while stage.server.bridge.stopped:
             time.sleep(0.01)
         jog(2, 3)
-        with talking(by_cable.device) as other:  # while it moves, and its answers are its own
+        with talking(stage.device) as other:  # while it moves, and its answers are its own
             while 2 not in other.request(MotorStatus()).moving:
                 other.pump(0.01)
             assert 1 not in other.request(MotorStatus()).moving
-    with by_cable.client() as client:  # the port is the next page's, and the jog has ended
+    with stage.client() as client:  # the port is the next page's, and the jog has ended
         client.wait_idle(PATIENCE_S)
 
 

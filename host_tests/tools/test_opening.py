@@ -26,7 +26,7 @@ from framestep_tools.errors import (
     ToolError,
 )
 from framestep_tools.opening import NoPort, PortBusy
-from framestep_tools.payloads import Hi, MotorStatus
+from framestep_tools.payloads import Hi, MotorMove, MotorStatus, MotorStopAll
 from framestep_tools.serve import PtyLink, Server
 from framestep_tools.wire import encode
 
@@ -34,9 +34,9 @@ PATIENCE_S = 100
 
 
 @pytest.fixture(scope="module")
-def device():
-    """The path of a controller's port."""
-    server = Server(SimulatedBoard())
+def ports():
+    """A controller's port as a path, and as an address of a socket."""
+    server = Server(SimulatedBoard(), tcp="127.0.0.1:0")
     ended = threading.Event()
 
     def serve():
@@ -45,10 +45,21 @@ def device():
 
     thread = threading.Thread(target=serve)
     thread.start()
-    yield server.announcements[0]
+    path, address = server.announcements
+    yield path, f"socket://{address.split()[1]}"
     ended.set()
     thread.join()
     server.close()
+
+
+@pytest.fixture
+def device(ports):
+    return ports[0]
+
+
+@pytest.fixture
+def address(ports):
+    return ports[1]
 
 
 @pytest.fixture
@@ -98,14 +109,16 @@ def positions(device, capsys):
     return capsys.readouterr()
 
 
-def test_a_second_program_goes_through_the_first(device, capsys):
+@pytest.mark.parametrize("way", ["path", "socket"])
+def test_a_second_program_goes_through_the_first(way, ports, capsys):
+    device = ports[way == "socket"]
     first = begun("move", device, "1", "200000")
     until(lambda: (found := door.find(device)) and str(first.pid) in found.who)
     until(lambda: ", moving" in positions(device, capsys).out)
     said = positions(device, capsys)
     assert f"through framestep move (process {first.pid}), which has {device}" in said.err
-    assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
-    capsys.readouterr()
+    assert cli.app.status(["stop", device.replace("127.0.0.1", "localhost")]) == 0
+    assert re.fullmatch(r"stopped: motor 1 is at \d+\n", capsys.readouterr().out)
     out, err = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == REFUSED
     assert not out
@@ -143,7 +156,7 @@ def said_last(err):
 def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkeypatch, capsys):
     opened, waited, busy = Client.open, Client.wait_idle, []
 
-    def ended(client, *_):
+    def ended(client, *_, **__):
         monkeypatch.setattr(Client, "wait_idle", waited)
         monkeypatch.setattr(Client, "open", open_busy)
         raise BrokenOff("the program between has ended")
@@ -157,6 +170,45 @@ def test_a_stop_waits_for_the_other_program_to_let_go_of_the_port(device, monkey
     monkeypatch.setattr(Client, "wait_idle", ended)
     assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
     assert busy == [device] * 3
+    assert capsys.readouterr().out == "nothing was moving\n"
+
+
+def test_a_stop_that_does_not_get_through_says_so(address, capsys):
+    """The program that has the socket lets nobody through."""
+    with Client.open(address) as other:
+        other.request(MotorMove(3, 200000))
+        assert cli.app.status(["stop", address]) == BROKEN_OFF
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith("framestep: NOT STOPPED: ")
+        assert "another program has it" in said.err
+        assert "comes to rest by itself" not in said.err
+        assert "E-stop" in said.err
+        assert other.request(MotorStatus()).moving == [3]
+        other.request(MotorStopAll())
+        other.wait_idle()
+
+
+def test_a_stop_of_one_motor_does_not_wait_for_the_others(address, capsys):
+    first = begun("move", address, "4", "2000000")
+    second = None
+    try:
+        until(lambda: positions(address, capsys).out.count(", moving") == 1)
+        second = begun("move", address, "5", "2000000")
+        until(lambda: positions(address, capsys).out.count(", moving") == 2)
+        assert cli.app.status(["stop", address, "4"]) == 0
+        assert re.fullmatch(r"stopped: motor 4 is at \d+\n", capsys.readouterr().out)
+        assert "motor 5" in positions(address, capsys).out
+        assert positions(address, capsys).out.count(", moving") == 1
+    finally:
+        assert cli.app.status(["stop", address]) == 0
+        for process in filter(None, (first, second)):
+            process.communicate(timeout=PATIENCE_S)
+
+
+def test_a_stop_without_a_device_says_so(capsys):
+    assert cli.app.status(["stop", "/dev/there-is-none"]) == NO_PORT
+    assert "framestep: NOT STOPPED: " in capsys.readouterr().err
 
 
 def test_ctrl_c_stops_the_motors(device, capsys):
@@ -167,7 +219,9 @@ def test_ctrl_c_stops_the_motors(device, capsys):
     out, err = first.communicate(timeout=PATIENCE_S)
     assert first.returncode == INTERRUPTED
     assert not out
-    assert re.fullmatch(r"stopping; Ctrl-C once more stops harder\nmotor 1 stands at -?\d+\n", err)
+    assert re.fullmatch(
+        r"stopping; Ctrl-C once more stops harder\nstopped: motor 1 is at -?\d+\n", err
+    )
     assert ", moving" not in positions(device, capsys).out
 
 

@@ -14,6 +14,7 @@ from framestep_tools import serve
 from framestep_tools.boards import LockstepPort, read_rig
 from framestep_tools.client import Client, NoAnswer
 from framestep_tools.errors import ToolError
+from framestep_tools.opening import open_port
 from framestep_tools.payloads import DeviceInfo, Hi
 from framestep_tools.rig_file import RigFileError
 from framestep_tools.serve import Pace, PtyLink, Server, TcpLink, parse_address, parse_speed
@@ -202,6 +203,34 @@ def test_what_was_sent_before_leaving_arrives():
         with socket.create_connection((host, int(port))) as client:
             client.sendall(b"x" * 100_000)
         until(lambda: board.protocol._decoder.skipped == 100_000)
+
+
+@pytest.mark.parametrize("name", ["tcp", "terminal"])
+def test_the_board_takes_what_a_client_wrote_before_it_sees_the_port_closed(name):
+    """A board whose port is closed drops what has not reached it. mpremote leaves the raw REPL that
+    way."""
+    board = FakeBoard()
+    board.protocol.hold = True
+    with serving(board, tcp="127.0.0.1:0") as server:
+        url = tcp_url(server) if name == "tcp" else server.announcements[0]
+        with contextlib.closing(open_port(url, PATIENCE_S)) as port:
+            port.write(bytes(1000))
+            until(lambda: board.protocol.pending == 1000)
+        start = board.now_ns
+        until(lambda: board.now_ns > start + 100 * MS)
+        assert board.protocol.log == [True]
+        board.protocol.hold = False
+        until(lambda: board.protocol.log == [True, False])
+        assert board.protocol._decoder.skipped == 1000
+
+
+def test_a_board_that_takes_nothing_sees_its_port_closed():
+    board = FakeBoard()
+    board.protocol.hold = True
+    with serving(board, tcp="127.0.0.1:0", speed=10) as server:
+        with Client.open(tcp_url(server), PATIENCE_S) as client:
+            client.send(Hi())
+        until(lambda: board.protocol.log == [True, False])
 
 
 def test_one_client_at_a_time():

@@ -22,7 +22,7 @@ from framestep.protocol import messages
 
 from .door import LOOK_S, STOPS, Door
 from .errors import BROKEN_OFF, NO_CONTROLLER, REFUSED, USAGE, ToolError
-from .opening import close_port, open_port
+from .opening import close_port, is_socket, open_port
 from .payloads import (
     LAST_SECTION,
     REPORTS,
@@ -335,10 +335,20 @@ class Client:
 
     # ---- whole tasks
 
-    def wait_idle(self, timeout_s: float = 60.0, poll_s: float = POLL_INTERVAL_S) -> None:
-        """Poll MOTOR_STATUS until nothing moves any more, as Dragonframe does (field note 4.7)."""
+    def wait_idle(
+        self,
+        timeout_s: float = 60.0,
+        poll_s: float = POLL_INTERVAL_S,
+        motor: int | None = None,
+    ) -> None:
+        """Poll MOTOR_STATUS until nothing moves any more, as Dragonframe does (field note 4.7).
+
+        motor: wait for this one alone.
+        """
         deadline = self.clock() + timeout_s
         while not (status := self.request(MotorStatus())).idle:
+            if motor is not None and motor not in status.moving:
+                return
             if self.clock() >= deadline:
                 raise NoAnswer(
                     f"still moving after {timeout_s:g} s: motors {status.moving}, DMX {status.dmx}"
@@ -404,16 +414,23 @@ class Client:
             # termios.error is of no other class; not every system has a termios to ask
             if not isinstance(error, OSError) and type(error).__module__ != "termios":
                 raise
-            if "multiple access" in str(error) and os.path.exists(self.name):
-                why = "another program reads the same port, or the board was reset"
+            if is_socket(self.name) and not self._heard:
+                # A device behind it would not have noticed, so nothing is said of what moves.
+                why = (
+                    "it was closed before the device had said anything: another program has it, "
+                    "or there is no device behind it"
+                )
+            elif "multiple access" in str(error) and os.path.exists(self.name):
+                why = (
+                    "another program reads the same port, or the board was reset; "
+                    "what moved comes to rest by itself"
+                )
             else:
                 why = (
-                    "the cable was pulled, the board was reset, or the program behind it has ended"
+                    "the cable was pulled, the board was reset, or the program behind it has "
+                    "ended; what moved comes to rest by itself"
                 )
-            raise BrokenOff(
-                f"the connection to {self.name} broke off: {why}; "
-                "what moved comes to rest by itself"
-            ) from error
+            raise BrokenOff(f"the connection to {self.name} broke off: {why}") from error
 
     def _take(self, data: bytes) -> None:
         if not self._heard:

@@ -20,7 +20,7 @@ from typing import NamedTuple, Protocol
 
 from framestep.protocol.messages import MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP
 
-from .tcp_port import SCHEME, TcpPort
+from .tcp_port import SCHEME, TcpPort, host_and_port, is_socket
 from .wire import Frame, FrameDecoder, encode
 
 STOPS = (MSG_MOTOR_STOP, MSG_MOTOR_STOP_ALL, MSG_VIRT_STOP)
@@ -28,10 +28,21 @@ LOOK_S = 0.05  # how often the first program looks for the second
 _SECRET_BYTES = 32
 
 
+def _same_name(path: str) -> str:
+    """One name for all ways to write a port: links are followed, hosts become IP addresses."""
+    if not is_socket(path):
+        return os.path.realpath(path)
+    try:
+        host, port = host_and_port(path)
+        return f"{SCHEME}{socket.gethostbyname(host)}:{port}"
+    except (OSError, ValueError):  # opening it says what is wrong
+        return path
+
+
 def _place(path: str) -> Path:
     """The file for a port."""
     user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    name = hashlib.sha256(os.path.realpath(path).encode()).hexdigest()[:16]
+    name = hashlib.sha256(_same_name(path).encode()).hexdigest()[:16]
     return Path(tempfile.gettempdir(), f"framestep-{user}", f"{name}.json")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import NO_PORT, PORT_BUSY, ToolError
-from .tcp_port import SCHEME, TcpPort
+from .tcp_port import SCHEME, TcpPort, is_socket
 
 _TAKE_S = 10.0  # a device that takes nothing for so long has gone
 
@@ -36,11 +36,6 @@ class PortBusy(ToolError):
             "the protocol's port is for one program at a time"
         )
         self.path = path
-
-
-def is_socket(url: str) -> bool:
-    """Whether this names a TCP address."""
-    return url.startswith(SCHEME)
 
 
 def open_port(url: str, timeout: float) -> Any:

@@ -30,6 +30,9 @@ _TRACE_FLUSH_S = 0.1
 _LONGEST_CATCH_UP_NS = 100_000_000  # a pace that has fallen further behind starts anew
 _BUSY_NS = 250_000_000  # board time: positions come every 100 ms while anything moves
 _CLOSED_NS = 10_000_000  # board time that a port stays closed between two clients
+# Board time for the board to take what its client wrote last, as a computer's serial driver gives
+# it; after that the rest is lost.
+_DRAIN_NS = 2_000_000_000
 _WAITING_S = 0.1  # real time after a client's last byte in which it is taken to wait for an answer
 
 
@@ -157,6 +160,9 @@ class Exchange:
         self.channel, self.links = channel, links
         self.active: PtyLink | TcpLink | None = None
         self._to_client = bytearray()
+        self._drained_ns: int | None = (
+            None  # the client has left: when its port closes at the latest
+        )
         self._free_ns = 0
 
     def from_client(self, now_ns: int) -> int:
@@ -169,12 +175,17 @@ class Exchange:
                 taken += len(data)
             if not self.active.is_open(False):
                 self.active = None
-                self._free_ns = now_ns + _CLOSED_NS
-                self.channel.open_port(False)
+                self._drained_ns = now_ns + _DRAIN_NS
+        if self._drained_ns is not None and (
+            not self.channel.pending or now_ns >= self._drained_ns
+        ):
+            self._drained_ns = None
+            self._free_ns = now_ns + _CLOSED_NS
+            self.channel.open_port(False)
         for link in self.links:
             if link is self.active:
                 continue
-            if now_ns < self._free_ns:
+            if self._drained_ns is not None or now_ns < self._free_ns:
                 break  # the board must see that its port was closed
             if link.is_open(self.active is not None):
                 if self.active:

@@ -11,6 +11,24 @@ _CONNECT_S = 5.0
 _TAKE_S = 10.0  # one that takes nothing for so long has gone
 
 
+def is_socket(url: str) -> bool:
+    """Whether this names a TCP address."""
+    return url.startswith(SCHEME)
+
+
+def host_and_port(url: str) -> tuple[str, int]:
+    """`socket://HOST:PORT` taken apart; ValueError for another address."""
+    parts = urlsplit(url)
+    if (
+        not is_socket(url)
+        or not parts.hostname
+        or parts.port is None
+        or parts.path not in ("", "/")
+    ):
+        raise ValueError(f"expected {SCHEME}HOST:PORT, found {url}")
+    return parts.hostname, parts.port
+
+
 class TcpPort:
     """A raw TCP connection to a board's port (`make sim`, `make emu`, a serial server).
 
@@ -20,18 +38,11 @@ class TcpPort:
 
     def __init__(self, url: str, timeout: float | None = None):
         """`socket://HOST:PORT`; ValueError for another address, OSError if nobody is there."""
-        parts = urlsplit(url)
-        if (
-            not url.startswith(SCHEME)
-            or not parts.hostname
-            or parts.port is None
-            or parts.path not in ("", "/")
-        ):
-            raise ValueError(f"expected {SCHEME}HOST:PORT, found {url}")
+        address = host_and_port(url)
         self.port = url
         self.timeout = timeout
         self.is_open = True
-        self._socket = socket.create_connection((parts.hostname, parts.port), _CONNECT_S)
+        self._socket = socket.create_connection(address, _CONNECT_S)
         self._socket.settimeout(_TAKE_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 

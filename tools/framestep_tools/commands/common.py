@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -100,9 +100,9 @@ def say_json(found: Any) -> None:
 @contextmanager
 def talking(device: str | None) -> "Iterator[Client]":
     """A client of the device, or of the only board, which has told who it is."""
-    from .. import door, ports
-    from ..client import DEFAULT_TIMEOUT_S, Client, RequestRefused, WrongPort
-    from ..opening import PortBusy, is_socket
+    from .. import ports
+    from ..client import RequestRefused, WrongPort
+    from ..opening import is_socket
 
     url = device or ports.protocol_port()
     if device and not is_socket(device) and ports.is_repl(device):
@@ -111,24 +111,7 @@ def talking(device: str | None) -> "Iterator[Client]":
             f"{device} is the REPL of its board; "
             f"the protocol's port is {right}: name that one, or none"
         )
-    try:
-        client = Client.open(url)
-    except PortBusy:
-        end = time.monotonic() + _OFFER_S
-        while not ((found := door.find(url)) and (port := door.enter(found, DEFAULT_TIMEOUT_S))):
-            if time.monotonic() > end:
-                raise
-            time.sleep(door.LOOK_S)
-        print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
-        client = Client(port, name=f"{url}, through {found.who}")
-    else:
-        if not is_socket(url):
-            with suppress(OSError):  # then no other program comes through
-                client.door = door.Door(
-                    client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
-                )
-    with client:
-        client.greet()
+    with _greeted(url) as client:
         try:
             yield client
         except RequestRefused as error:
@@ -138,6 +121,61 @@ def talking(device: str | None) -> "Iterator[Client]":
         finally:
             if client.door:
                 client.door.close()
+
+
+def _greeted(url: str) -> "Client":
+    """A client that has greeted the device: at its port, or through the program that has the
+    port."""
+    from .. import door
+    from ..client import BrokenOff, Client, NoAnswer
+    from ..opening import PortBusy, is_socket
+
+    # A second connection to a socket is closed, which a program behind it need not notice.
+    if is_socket(url) and (client := _through(url)):
+        return client
+    try:
+        client = Client.open(url)
+        try:
+            client.greet()
+        except BaseException:
+            client.close()
+            raise
+    except (PortBusy, BrokenOff, NoAnswer) as error:
+        if not isinstance(error, PortBusy) and not is_socket(url):
+            raise
+        end = time.monotonic() + _OFFER_S
+        while not (through := _through(url)):
+            if time.monotonic() > end:
+                raise
+            time.sleep(door.LOOK_S)
+        return through
+    with suppress(OSError):  # then no other program comes through
+        client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
+    return client
+
+
+def _through(url: str) -> "Client | None":
+    """A client that reaches the device through the program that has its port, if there is one."""
+    from .. import door
+    from ..client import DEFAULT_TIMEOUT_S, Client
+
+    found = door.find(url)
+    port = found and door.enter(found, DEFAULT_TIMEOUT_S)
+    if not (found and port):
+        return None
+    print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
+    client = Client(port, name=f"{url}, through {found.who}")
+    client.greet()
+    return client
+
+
+def stopped(client: "Client", moved: Iterable[int]) -> str:
+    """Say where the motors are that have moved and are at rest now."""
+    from ..payloads import MotorGetPosition
+
+    steps = client.request(MotorGetPosition()).steps
+    found = ", ".join(f"motor {motor} is at {steps[motor - 1]}" for motor in sorted(moved))
+    return f"stopped: {found}" if found else "nothing was moving"
 
 
 @contextmanager
@@ -156,7 +194,7 @@ def _stop(client: "Client") -> None:
     """All motors come to rest, and it is said where. A further Ctrl-C: harder; one more leaves it
     to the controller, which stops them."""
     from ..client import NoAnswer
-    from ..payloads import MotorGetPosition, MotorStatus, MotorStopAll
+    from ..payloads import MotorStatus, MotorStopAll
 
     for text, times in (("stopping; Ctrl-C once more stops harder", 1), ("stopping harder", 2)):
         print(text, file=sys.stderr, flush=True)
@@ -168,13 +206,7 @@ def _stop(client: "Client") -> None:
                     client.request(MotorStopAll())
             moved = client.request(MotorStatus()).moving
             client.wait_idle(STOP_TIME_S)
-            steps = client.request(MotorGetPosition()).steps
-            print(
-                "; ".join(f"motor {motor} stands at {steps[motor - 1]}" for motor in moved)
-                or "nothing moves",
-                file=sys.stderr,
-                flush=True,
-            )
+            print(stopped(client, moved), file=sys.stderr, flush=True)
             return
         except KeyboardInterrupt:
             continue

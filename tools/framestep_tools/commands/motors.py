@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .common import STOP_TIME_S, Json, Motor, Steps, Url, moving, put, say_json, talking
+from ..errors import ToolError
+from .common import (
+    STOP_TIME_S,
+    Json,
+    Motor,
+    Steps,
+    Url,
+    moving,
+    put,
+    say_json,
+    stopped,
+    talking,
+)
 from .homing import home
 
 if TYPE_CHECKING:
@@ -189,29 +201,52 @@ def stop(
     ] = False,
 ) -> None:
     """Stop one motor or all, also while another command moves them."""
-    from ..client import BrokenOff
-    from ..payloads import MotorStop, MotorStopAll
-
     if hard and motor is not None:
         raise typer.BadParameter("--hard stops all motors, leave the motor number out")
+    try:
+        print(_stop(device, motor, hard))
+    except ToolError as error:
+        raise NotStopped(error) from error
+
+
+class NotStopped(ToolError):
+    """Motors may go on moving; the text says so first."""
+
+    def __init__(self, error: ToolError):
+        super().__init__(
+            f"NOT STOPPED: {error}. Press the E-stop, or switch the motors' supply off"
+        )
+        self.status = error.status
+
+
+def _stop(device: str | None, motor: int | None, hard: bool) -> str:
+    """Stop one motor or all and wait until they are at rest; says where they are then."""
+    from ..client import BrokenOff
+    from ..payloads import MotorStatus, MotorStop, MotorStopAll
+
+    moved: set[int] = set()
     asked = False
     try:
         with talking(device) as client:
+            before = client.send(MotorStatus())  # costs the stop no time: nobody waits for it
             client.request(MotorStop(motor) if motor is not None else MotorStopAll())
             if hard:  # a second one within a second is the hard stop (field note 4.4)
                 client.request(MotorStopAll())
             asked = True
-            client.wait_idle(STOP_TIME_S)
+            moved.update(client.answer_to(before).moving)
+            if motor is not None:
+                moved &= {motor}
+            client.wait_idle(STOP_TIME_S, motor=motor)
+            return stopped(client, moved)
     except BrokenOff:
         if not asked:
             raise
-        _wait_idle_after_the_other(device)
-    print("nothing moves")
+    return _stopped_after_the_other(device, moved)
 
 
-def _wait_idle_after_the_other(device: str | None) -> None:
-    """Wait until nothing moves. The program between has ended, as what it moved stands; it may take
-    a moment to let go of the port."""
+def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
+    """The same once the program between has ended, as it does when its motors have stopped. It may
+    take a moment to let go of the port."""
     from ..client import BrokenOff
     from ..opening import PortBusy
 
@@ -220,7 +255,7 @@ def _wait_idle_after_the_other(device: str | None) -> None:
         try:
             with talking(device) as client:
                 client.wait_idle(STOP_TIME_S)
-            return
+                return stopped(client, moved)
         except (BrokenOff, PortBusy):
             if time.monotonic() > end:
                 raise

@@ -119,12 +119,15 @@ class Bridge:
         self._closed = False
         self._decoder = FrameDecoder()
         self._door: Door | None = None
-        if not is_socket(name):
-            with contextlib.suppress(OSError):  # then no other program comes through
-                self._door = Door(self, name, f"framestep console (process {os.getpid()})")
+        if not is_socket(name):  # of a socket another program may have been given the only place
+            self._let_others_through()
         self._port.timeout = _LOOK_S
         self._reader = threading.Thread(target=self._read, name="console-reader", daemon=True)
         self._reader.start()
+
+    def _let_others_through(self) -> None:
+        with contextlib.suppress(OSError):  # then no other program comes through
+            self._door = Door(self, self.name, f"framestep console (process {os.getpid()})")
 
     async def send(self, data: bytes) -> None:
         """Hand a frame of the page to the device; OSError where the port has gone. Nothing happens
@@ -233,6 +236,8 @@ class Bridge:
                 data = self._port.read(1)
                 if data:
                     data += self._port.read(self._port.in_waiting)
+                    if self._door is None:
+                        self._let_others_through()
                     self._loop.call_soon_threadsafe(self.on_bytes, data)
                 if self._door:
                     self._door.look()
