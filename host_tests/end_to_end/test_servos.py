@@ -61,6 +61,21 @@ def test_ends_of_the_range(invert):
     session.refuse(m.ERR_SOFT_UP, p.MotorMove(2, 201))
 
 
+@pytest.mark.parametrize("invert", [False, True])
+def test_widths_with_many_steps(invert):
+    """Each position's width is exact to a cycle of the engine, 8 ns, up to the longest."""
+    settings = rig(low=-30000, high=30000, low_us=500, high_us=2500)
+    settings["motors"][1]["invert"] = invert
+    session = simulated(settings)
+    session.speed(2, 60000, 10_000_000)
+    for position in (30000, 29999, 12345, -1, -29998, -30000):
+        session.accept(p.MotorMove(2, position))
+        session.wait_idle()
+        session.run(0.1)
+        wanted = 1500 + position / 30 * (-1 if invert else 1)
+        assert pulses(session)[1][-1] == pytest.approx(wanted, abs=0.0081), position
+
+
 def test_jog_ends_at_the_range():
     session = simulated(rig())
     for _ in range(20):

@@ -20,6 +20,7 @@ from framestep.motion.stepper import FRACTION, POSITION
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
 _FINE = const(12)  # fraction bits of the cycles of a step
+_FINER = const(14)  # bits of a step's cycles below those: 60 000 steps need them
 _PART = const(6)  # fraction bits of a step that count
 
 # Words: how many servos, and for each of them
@@ -32,10 +33,11 @@ _ON = const(4)  # 0: no pulses
 _LOW = const(5)  # its lowest position
 _STEPS = const(6)  # from there to its highest one
 _SLOPE = const(7)  # cycles of a step, with _FINE fraction bits
-_MOST = const(8)  # cycles from the shortest pulse to the longest, the same
-_BEGIN = const(9)  # cycles at the lowest position
-_BACK = const(10)  # 1: pulses get shorter where positions rise
-_WORDS = const(11)
+_REST = const(8)  # the next _FINER bits of it
+_MOST = const(9)  # cycles from the shortest pulse to the longest, with _FINE fraction bits
+_BEGIN = const(10)  # cycles at the lowest position
+_BACK = const(11)  # 1: pulses get shorter where positions rise
+_WORDS = const(12)
 
 
 class Servos(array):
@@ -59,11 +61,12 @@ class Servos(array):
                         steps = w[at + _STEPS]
                     part = (block[FRACTION] >> (22 - _PART)) * w[at + _SLOPE]
                     cycles = steps * w[at + _SLOPE] + (part >> _PART)
+                    cycles += (steps * w[at + _REST]) >> _FINER
                     if cycles < 0:
                         cycles = 0
                     if cycles > w[at + _MOST]:
                         cycles = w[at + _MOST]
-                    cycles = cycles >> _FINE
+                    cycles = (cycles + (1 << (_FINE - 1))) >> _FINE
                     if w[at + _BACK]:
                         cycles = 0 - cycles
                     cycles = cycles + w[at + _BEGIN]
@@ -111,7 +114,8 @@ def make_servos(kernel, settings, fifos, cycles_per_us):
         servos[at + _LOW] = servo["low"]
         servos[at + _STEPS] = servo["high"] - servo["low"]
         servos[at + _MOST] = (longest - shortest) << _FINE
-        servos[at + _SLOPE] = servos[at + _MOST] // servos[at + _STEPS]
+        servos[at + _SLOPE], rest = divmod(servos[at + _MOST], servos[at + _STEPS])
+        servos[at + _REST] = (rest << _FINER) // servos[at + _STEPS]
         servos[at + _BEGIN] = longest if back else shortest
         servos[at + _BACK] = 1 if back else 0
         at += _WORDS
