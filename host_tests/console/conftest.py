@@ -76,6 +76,18 @@ class Device:
         self._calls.append((call, done))
         assert done.wait(PATIENCE_MS / 1000)
 
+    @contextlib.contextmanager
+    def held(self):
+        """The board stands still meanwhile: its ports are open, and nothing answers."""
+        go_on = threading.Event()
+        holding = threading.Thread(target=self.at_board, args=(lambda _: go_on.wait(),))
+        holding.start()
+        try:
+            yield
+        finally:
+            go_on.set()
+            holding.join()
+
     def set_pin(self, pin, level):
         self.at_board(lambda board: board._board.set_input(pin, level))
 

@@ -129,13 +129,25 @@ def test_a_run_from_upload_to_its_end(page):
     expect(run.get_by_role("button", name="GO")).to_be_disabled()
 
 
+def test_a_run_that_is_stopped_says_on_which_frame(page):
+    upload(page)
+    run = get_ready(page, "Run", From_frame=1, To_frame=FRAMES, Frames_per_second=3)
+    run.get_by_role("button", name="GO").click()
+    expect(page.locator("#moving")).to_contain_text(re.compile(r"Play head ([2-9]|[1-5]\d)\."))
+    page.keyboard.press("Escape")
+    expect(log(page).locator("p").first).to_have_text(
+        re.compile(rf"Run 1 to {FRAMES} was stopped at frame [1-5]?\d\.\d{{3}}\.")
+    )
+    wait_rest(page)
+
+
 def test_a_run_that_is_refused_is_not_prepared(page):
     upload(page)
     run = card(page, "Run")
     run.get_by_label("To frame", exact=True).fill(str(FRAMES + 1))
     run.get_by_role("button", name="Get ready").click()
     expect(log(page).locator("p").first).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
-    expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
+    expect(run.get_by_role("status")).to_have_text("Nothing is prepared from this page.")
 
 
 def runs_asked(page):
@@ -185,7 +197,7 @@ def test_stop_ends_a_loop(page):
     run.get_by_role("button", name="GO").click()
     wait_moving(page)
     page.keyboard.press("Escape")
-    expect(run.get_by_role("status")).to_have_text("Nothing is prepared.")
+    expect(run.get_by_role("status")).to_have_text("Nothing is prepared from this page.")
     run.get_by_label("Loop", exact=True).uncheck()
 
 

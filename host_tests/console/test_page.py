@@ -106,14 +106,39 @@ def test_the_stop_key_works_while_one_types(served, stage):
     assert steps(page) < target
 
 
-def test_a_device_that_goes_and_comes_is_told(stage):
+def test_nothing_is_claimed_of_a_device_that_has_gone(stage):
     device = stage.simulated(motors=1)
     page = stage.page(stage.console(device.url).url)
     wait_connected(page)
+    wait_rest(page)
+    motor = page.get_by_role("article", name="Motor 1")
+    expect(motor).to_contain_text("at rest")
+    expect(page.get_by_role("alert")).to_be_hidden()
     device.close()
+    expect(page.get_by_role("alert")).to_contain_text("Whether motors move is not known")
+    expect(motor).to_contain_text("not known")
+    expect(motor).not_to_contain_text("at rest")
+    expect(position(page)).to_have_text("–")
+    expect(page.locator("section.view:visible")).to_have_attribute("inert", "")
     expect(page.locator("#who")).to_have_text("Not connected")
     expect(page.locator("#stop")).to_be_disabled()
+    expect(page.locator("#moving")).to_have_text("Nothing is connected.")
     expect(log(page)).to_contain_text("The link has ended: the connection to socket://")
+
+
+def test_nothing_is_claimed_of_a_device_that_does_not_answer(stage):
+    device = stage.simulated(motors=1)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    wait_rest(page)
+    motor = page.get_by_role("article", name="Motor 1")
+    with device.held():
+        expect(page.get_by_role("alert")).to_contain_text("The device does not answer.")
+        expect(motor).to_contain_text("not known")
+        expect(page.locator("#moving")).to_have_text("What moves is not known.")
+        expect(page.locator("#stop")).to_be_enabled()
+    expect(motor).to_contain_text("at rest")
+    expect(page.get_by_role("alert")).to_be_hidden()
 
 
 def test_without_a_server_over_web_serial(stage, tmp_path):

@@ -33,6 +33,7 @@ const place = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token");
 let tries = true;
 let shown = null;
+let lost = ""; // why there is no device any more
 
 // ---- the link
 
@@ -80,6 +81,7 @@ device.addEventListener("connected", () => {
   const { info } = device.state;
   setText(place("who"), `${info.name}, firmware ${info.major}.${info.minor}.${info.revision}, on ${device.hello.device}`);
   byCable.hidden = true;
+  lost = "";
   keep.checked = device.hello.kept;
   keepLine.hidden = !device.client.keeps;
   for (const view of views) view.connected?.();
@@ -90,6 +92,7 @@ device.addEventListener("gone", ({ detail }) => {
   setText(place("who"), "Not connected");
   byCable.hidden = !serialIsThere();
   if (!detail.known) return;
+  lost = "The link to the device has ended.";
   device.tell(`The link has ended: ${detail.why}.`, true);
   if (token && tries) setTimeout(serve, AGAIN_MS);
 });
@@ -127,13 +130,24 @@ window.addEventListener("pagehide", unseen);
 
 // ---- what is under way
 
-function render() {
+/** What moves, as a sentence. */
+function motion() {
   const { state } = device;
+  const head = `Play head ${(state.playHead / 1000).toFixed(3)}`;
+  if (!device.connected) return "Nothing is connected.";
+  if (!device.knowsWhatMoves) return "What moves is not known.";
   const moving = [];
   for (let motor = 1; motor <= device.motors; motor += 1) if (device.moves(motor)) moving.push(motor);
   const what = moving.length ? `Motor ${moving.join(", ")} ${moving.length > 1 ? "move" : "moves"}` : "Nothing moves";
-  const silent = device.silent ? "The device does not answer. " : "";
-  setText(place("moving"), device.connected ? `${silent}${what}${state.lightsMove ? ", lights fade" : ""}. Play head ${(state.playHead / 1000).toFixed(3)}` : "Nothing is connected.");
+  return `${what}${state.lightsMove ? ", lights fade" : ""}. ${head}`;
+}
+
+function render() {
+  const why = device.connected && device.silent ? "The device does not answer." : lost;
+  place("lost").hidden = !why;
+  setText(place("lost"), why && `${why} Whether motors move is not known: to stop them, press the E-stop or switch their supply off.`);
+  setText(place("moving"), motion());
+  for (const view of views) view.element.inert = !device.connected && !view.worksAlone;
   const texts = device.conditionTexts();
   const list = place("conditions");
   if ([...list.children].map((item) => item.textContent).join("\n") !== texts.join("\n")) {

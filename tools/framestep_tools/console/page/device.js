@@ -19,6 +19,8 @@ const NOTHING = {
   info: null,
   positions: [],
   moving: 0,
+  /** Whether the device has said what moves. */
+  movingKnown: false,
   lightsMove: false,
   playHead: 0,
   trust: [],
@@ -50,6 +52,11 @@ export class Device extends EventTarget {
     return this.state.info?.motors ?? 0;
   }
 
+  /** Whether what the page shows of motion is what the device says now. */
+  get knowsWhatMoves() {
+    return this.connected && !this.silent && this.state.movingKnown;
+  }
+
   moves(motor) {
     return ((this.state.moving >>> (motor - 1)) & 1) === 1;
   }
@@ -67,6 +74,7 @@ export class Device extends EventTarget {
     const client = new Client(link, (report) => this.#hear(report), (why) => this.#gone(client, why));
     this.client = client;
     this.state = structuredClone(NOTHING);
+    this.silent = false;
     try {
       this.state.info = await client.request("Hi");
       this.homes = await this.#askWhetherItHomes(client);
@@ -110,7 +118,7 @@ export class Device extends EventTarget {
   /** Ask at once what moves, so that `state.moving` is not older than the request before. */
   async seeWhatMoves() {
     const status = await this.demand("MotorStatus").catch(() => null);
-    if (status) this.state.moving = status.motor_bits;
+    if (status) this.#moving(status);
   }
 
   /** Put a sentence before the user. */
@@ -172,6 +180,12 @@ export class Device extends EventTarget {
     this.#changed();
   }
 
+  #moving(status) {
+    this.state.moving = status.motor_bits;
+    this.state.lightsMove = status.dmx !== 0;
+    this.state.movingKnown = true;
+  }
+
   #positions(report) {
     this.state.positions = report.steps.slice(0, this.motors);
     this.state.playHead = report.move_time;
@@ -211,8 +225,7 @@ export class Device extends EventTarget {
     const { state } = this;
     const moved = state.moving;
     const status = await client.request("MotorStatus");
-    state.moving = status.motor_bits;
-    state.lightsMove = status.dmx !== 0;
+    this.#moving(status);
     const now = performance.now();
     if (!state.moving && (moved || now - this.#slowAt >= SLOW_MS)) {
       this.#slowAt = now;

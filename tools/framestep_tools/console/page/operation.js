@@ -11,12 +11,17 @@ export class Operation extends EventTarget {
   name = "";
   #device;
   #state = NONE;
+  #last = null; // frame on which it ends by itself
+  #stopped = false; // somebody has asked for a stop
 
   constructor(device) {
     super();
     this.#device = device;
-    device.addEventListener("ended", () => this.#end(`${this.name} is over.`));
-    device.addEventListener("hardstop", () => this.#set(NONE));
+    device.addEventListener("ended", () => this.#end());
+    device.addEventListener("hardstop", () => {
+      this.#stopped = true;
+      this.#end();
+    });
     device.addEventListener("gone", () => this.#set(NONE));
     device.addEventListener("change", () => this.#state === GOING && !device.state.moving && this.#set(READY));
   }
@@ -31,17 +36,20 @@ export class Operation extends EventTarget {
 
   get text() {
     return {
-      [NONE]: "Nothing is prepared.",
+      [NONE]: "Nothing is prepared from this page.",
       [GOING]: `${this.name}: the motors go to where it begins.`,
       [READY]: `${this.name} is ready: GO starts it.`,
       [PLAYING]: `${this.name} plays.`,
     }[this.#state];
   }
 
-  /** Make it ready; false where the device refuses. */
-  async prepare(name, request, values) {
+  /** Make it ready; false where the device refuses. last: the frame on which it ends by itself, null if it does not
+   * end on a frame. */
+  async prepare(name, request, values, last = null) {
     if (!(await this.#device.ask(request, values))) return false;
     this.name = name;
+    this.#last = last;
+    this.#stopped = false;
     await this.#device.seeWhatMoves(); // from the answer on the device says so
     this.#set(GOING);
     return true;
@@ -54,11 +62,16 @@ export class Operation extends EventTarget {
 
   /** Everything has been stopped. */
   stopped() {
+    this.#stopped = true;
     if (this.#state !== PLAYING) this.#set(NONE); // a run says itself when it has ended
   }
 
-  #end(text) {
-    if (this.#state === PLAYING) this.#device.tell(text);
+  #end() {
+    if (this.#state === PLAYING) {
+      const { playHead } = this.#device.state;
+      const early = this.#stopped || (this.#last !== null && playHead !== this.#last * 1000);
+      this.#device.tell(early ? `${this.name} was stopped at frame ${(playHead / 1000).toFixed(3)}.` : `${this.name} is over.`, early);
+    }
     this.#set(NONE);
   }
 

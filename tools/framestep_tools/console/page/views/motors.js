@@ -129,7 +129,8 @@ class MotorCard {
   render() {
     const position = this.#device.state.positions[this.motor - 1];
     setText(this.#position, position === undefined ? "–" : String(position));
-    setText(this.#state, this.#device.moves(this.motor) ? "moves" : "at rest");
+    const moves = this.#device.moves(this.motor) ? "moves" : "at rest";
+    setText(this.#state, this.#device.knowsWhatMoves ? moves : "not known");
     const trust = this.#device.trustOf(this.motor);
     this.#trust.className = trust?.state ?? "";
     setText(this.#trust, trust ? `Position ${trust.text}` : "");

@@ -138,7 +138,7 @@ export class MovesView {
       postroll_ms: postroll,
       sync_dmx: Number(this.#lights.checked),
       ...options,
-    });
+    }, this.#loop.checked ? null : end);
   }
 
   async #position(event) {

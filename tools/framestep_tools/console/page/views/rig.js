@@ -10,6 +10,8 @@ const RESTART_MS = 60_000; // a board that restarts is back by then
 
 export class RigView {
   title = "Rig file, load";
+  /** It has the REPL's port, which is there while the protocol's is not. */
+  worksAlone = true;
   element = h("section");
   #device;
   #text = h("textarea", { rows: 18, spellcheck: false, "aria-label": "Rig file" });
