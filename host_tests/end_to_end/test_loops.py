@@ -64,12 +64,15 @@ def test_passes(flags, first, last):
 # seconds after GO; the passes that are then played to their ends
 @pytest.mark.parametrize(
     ("after", "ping_pong", "loop"),
-    [(0.2, 1, 1), (1.0, 1, 1), (1.8, 1, 1), (2.3, 2, 1), (3.0, 2, 2)],
+    [
+        *((0.2, 1, 1), (1.0, 1, 1), (1.52, 1, 1), (1.8, 1, 1), (1.99, 1, 1)),
+        *((2.01, 2, 1), (2.3, 2, 1), (3.0, 2, 2)),
+    ],
 )
 @pytest.mark.parametrize("flags", [PING_PONG, LOOP])
 def test_stop_loop(after, ping_pong, loop, flags):
-    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass,
-    post-roll, next roll."""
+    """Field note 6.6: the pass under way reaches its end, then RT_END: in pre-roll, pass, the ramp
+    behind its end frame up to the moment of rest at 2 s, next roll or way back."""
     session = loaded()
     before = go(session, run_request(24, 1, FRAMES, 500, 500, flags=flags))
     session.run(after)
