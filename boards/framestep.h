@@ -5,3 +5,12 @@
 
 // What Windows and macOS show of the ports; manufacturer, vendor and product IDs are MicroPython's
 #define MICROPY_HW_USB_PRODUCT_FS_STRING "framestep"
+
+// Size of the file system at the end of the flash, the same as of a stock MicroPython: files survive a new image.
+// Tools and the emulator read it from the built image, which must end before it (framestep_tools.builds checks).
+#ifndef MICROPY_HW_FLASH_STORAGE_BYTES
+#define MICROPY_HW_FLASH_STORAGE_BYTES (1408 * 1024)
+#endif
+
+// Size in bytes of the cache of name lookups; one byte per name
+#define MICROPY_OPT_MAP_LOOKUP_CACHE_SIZE (512)

@@ -1,7 +1,4 @@
-// The name that the REPL shows, and what framestep's image leaves of the flash for files
+// The size of the file system, and the name that the REPL shows
+#define MICROPY_HW_FLASH_STORAGE_BYTES (PICO_FLASH_SIZE_BYTES - 1024 * 1024)
 #include "../framestep.h"
 #define MICROPY_HW_BOARD_NAME FRAMESTEP_BOARD("Raspberry Pi Pico 2")
-#define MICROPY_HW_FLASH_STORAGE_BYTES (PICO_FLASH_SIZE_BYTES - 1024 * 1024)
-
-// Bytes of the cache that tells where a name was found last, one for a name
-#define MICROPY_OPT_MAP_LOOKUP_CACHE_SIZE (512)

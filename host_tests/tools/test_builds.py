@@ -3,6 +3,11 @@
 import subprocess
 import sys
 
+import pytest
+
+from framestep_tools import builds
+from host_tests.tools.test_uf2 import firmware
+
 
 def test_two_builds_at_once_are_one(tmp_path):
     """Two processes that need the image wait for each other (here with a build that only notes when
@@ -12,13 +17,14 @@ def test_two_builds_at_once_are_one(tmp_path):
 import time
 from pathlib import Path
 from framestep_tools import builds
+from host_tests.tools.test_uf2 import firmware
 builds.CACHE = Path({str(tmp_path)!r})
 builds.image_files = lambda board: {{"a.mpy": b"1"}}
 def run(*command, **environment):
     with open({str(log)!r}, "a") as f: f.write("begin\\n")
     time.sleep(0.5)
     Path(environment["IMAGE"]).mkdir(parents=True, exist_ok=True)
-    Path(environment["IMAGE"], "firmware.bin").write_bytes(b"")
+    Path(environment["IMAGE"], "firmware.bin").write_bytes(firmware())
     with open({str(log)!r}, "a") as f: f.write("end\\n")
 builds._run = run
 print(builds.frozen("pico"))
@@ -30,3 +36,11 @@ print(builds.frozen("pico"))
     made = [process.communicate(timeout=1000)[0] for process in both]
     assert made[0] == made[1] != ""
     assert log.read_text() == "begin\nend\n", "the second one finds it made"
+
+
+def test_an_image_ends_before_its_file_system():
+    image = firmware(at=0x1000_1000)
+    assert builds.flash_left(image) == 0x1000 - len(image)
+    builds.flash_left(image.ljust(0x1000, b"x"))
+    with pytest.raises(builds.BuildError, match="4 bytes too large"):
+        builds.flash_left(image.ljust(0x1004, b"x"))

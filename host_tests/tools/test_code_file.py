@@ -8,6 +8,7 @@ import zlib
 import pytest
 
 from framestep_emulator.image import make_image
+from framestep_tools import builds
 from framestep_tools.code_file import (
     ENTRIES,
     HEAD,
@@ -170,7 +171,7 @@ def test_another_source_is_refused():
 
 def in_flash(content):
     """The pages of a code file in a board's flash, found by littlefs' own pointers."""
-    image = make_image({"/lib/" + NAME: content, "/a": b"x" * 9000})
+    image = make_image({"/lib/" + NAME: content, "/a": b"x" * 9000}, builds.micropython("rp2"))
     tail = content[HEAD - PAGE :]
     (last,) = {
         block

@@ -96,7 +96,7 @@ class Emulator:
     def __exit__(self, *_):
         self.close()
 
-    def _image(self):
+    def _image(self, firmware):
         """Path of the file system image that was asked for, or None."""
         if self.files is None and not self.put:
             return self.fs_image
@@ -104,7 +104,7 @@ class Emulator:
             raise ValueError("fs_image is a whole file system: give either it, or files and put")
         files = {**image.collect(self.put or {}), **(self.files or {})}
         self._temp = tempfile.NamedTemporaryFile(suffix=".img")  # noqa: SIM115 -- lives as long as the emulator
-        self._temp.write(image.make_image(files))
+        self._temp.write(image.make_image(files, firmware))
         self._temp.flush()
         return self._temp.name
 
@@ -126,7 +126,7 @@ class Emulator:
             command += ["--speed", str(self.speed)]
         if self.flash:
             command += ["--flash", self.flash]
-        if fs_image := self._image():
+        if fs_image := self._image(firmware):
             command += ["--fs", fs_image]
         # closing its standard input ends the emulator even if this process is killed
         self.process = subprocess.Popen(

@@ -1,6 +1,6 @@
-"""littlefs images for MicroPython's file system on the RP2040 (board RPI_PICO).
+"""littlefs images for the file system of a MicroPython on the RP2040.
 
-python -m framestep_emulator.image IMAGE [HOST:DEVICE ...]
+python -m framestep_emulator.image FIRMWARE IMAGE [HOST:DEVICE ...]
 
 A host directory is taken with everything in it.
 """
@@ -9,17 +9,19 @@ import os
 import sys
 from pathlib import Path
 
-from framestep_tools import file_system
+from framestep_tools import file_system, uf2
 from framestep_tools.file_system import read_image
 
 __all__ = ["collect", "make_image", "read_image"]
 
-BLOCK_COUNT = 352  # 1408 KB
 
+def make_image(files, firmware):
+    """files: {device path: bytes or str}; firmware: the path of the .bin that will mount them.
 
-def make_image(files):
-    """files: {device path: bytes or str}; returns the image. ValueError if they do not fit."""
-    return file_system.make_image(files, BLOCK_COUNT)
+    Returns the image; ValueError if they do not fit.
+    """
+    area = uf2.from_flash(Path(firmware).read_bytes(), uf2.RP2040).file_system()
+    return file_system.make_image(files, area.size // file_system.BLOCK_SIZE)
 
 
 def collect(put):
@@ -46,7 +48,8 @@ def collect(put):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
+    if len(sys.argv) < 3:
         sys.exit(__doc__)
-    pairs = (argument.partition(":") for argument in sys.argv[2:])
-    Path(sys.argv[1]).write_bytes(make_image(collect({host: device for host, _, device in pairs})))
+    pairs = (argument.partition(":") for argument in sys.argv[3:])
+    files = collect({host: device for host, _, device in pairs})
+    Path(sys.argv[2]).write_bytes(make_image(files, sys.argv[1]))

@@ -21,6 +21,7 @@ from framestep_tools.files import (
     merged_sources,
 )
 from framestep_tools.ram_functions import symbols
+from framestep_tools.uf2 import FLASH, RP2040, from_flash
 
 _PRODUCTS = {
     "rp2": "build/rp2/firmware.bin",
@@ -111,7 +112,7 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     """What tells whether an image is of the present sources."""
     folder = ROOT / "boards" / board
     recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
-    common = [folder.parent / name for name in ("framestep.cmake", "framestep.h", "manifest.py")]
+    common = [path for path in folder.parent.iterdir() if path.suffix in (".cmake", ".h", ".py")]
     own = (*folder.glob("mpconfig*"), folder / "manifest.py")
     definition = {
         str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
@@ -135,6 +136,24 @@ def images_ready() -> dict[str, Path]:
         ):
             found[board] = image
     return found
+
+
+def flash_left(firmware: bytes) -> int:
+    """Bytes between the end of a firmware and the file system in the same flash.
+
+    BuildError if they overlap: the file system would lie over the end of the code.
+    """
+    area = from_flash(firmware, RP2040).file_system()
+    if area is None:
+        raise BuildError("the image does not say where its file system is")
+    left = area.address - FLASH - len(firmware)
+    if left < 0:
+        raise BuildError(
+            f"the image is {-left} bytes too large: it ends at {len(firmware)} bytes, and its file "
+            f"system begins at {area.address - FLASH} (boards/framestep.h); leave something out "
+            "(boards/rp2040_port.h)"
+        )
+    return left
 
 
 def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
@@ -171,6 +190,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             IN_RAM=" ".join(symbols(merged_sources(board))),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
+        flash_left(product.read_bytes())
         stamp.write_text(digest)
     return product
 

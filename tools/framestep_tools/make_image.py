@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .builds import BuildError, frozen
+from .builds import BuildError, flash_left, frozen
 from .errors import Command
 from .files import ROOT, CompileError, board_data
 
@@ -27,7 +27,9 @@ def main(
     made = ROOT / "build" / f"{board}.uf2"
     made.parent.mkdir(exist_ok=True)
     print(f"building for the {name} (some minutes the first time)", flush=True)
-    shutil.copyfile(frozen(board, micropython, show=True).with_suffix(".uf2"), made)
+    product = frozen(board, micropython, show=True)
+    shutil.copyfile(product.with_suffix(".uf2"), made)
+    print(f"{flash_left(product.read_bytes())} bytes are free between the image and the files")
     print(
         f"{made.relative_to(ROOT)}, {made.stat().st_size // 1024} kB: "
         f"hold BOOTSEL while plugging in the {name}, "

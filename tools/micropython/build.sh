@@ -297,7 +297,8 @@ checkout() {
 # Debian's sources are.
 image() {
     local tree=$MP recipe
-    recipe=$(cat "$ROOT/tools/micropython/build.sh" "$ROOT/tools/micropython/in_ram.sh" <(printf '%s' "${IN_RAM:-}") | sha256sum)
+    recipe=$(cat "$ROOT"/tools/micropython/{build,in_ram}.sh "$ROOT"/boards/*.{h,cmake,py} "$BOARD_DIR"/{mpconfig,manifest}* \
+        <(printf '%s' "${IN_RAM:-}") | sha256sum)
     [ "$(cat "$IMAGE/.recipe" 2>/dev/null)" = "$recipe" ] || rm -rf "$IMAGE"
     mkdir -p "$IMAGE"
     printf '%s\n' "$recipe" >"$IMAGE/.recipe"

@@ -9,14 +9,14 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
 import { Worker } from 'node:worker_threads';
-import { Board, FLASH_SIZE, FS_OFFSET, FS_SIZE } from './lib/board.mjs';
+import { Board, FLASH_SIZE } from './lib/board.mjs';
 import { ControlServer } from './lib/control.mjs';
 import { Runner } from './lib/runner.mjs';
 
 const HERE = path.dirname(fileURLToPath(import.meta.url));
 
 const USAGE = `usage: emu.mjs --firmware fw.bin [options]
-  --fs IMG            littlefs image for the board's file system (${FS_SIZE / 1024} KB at 0x${FS_OFFSET.toString(16)})
+  --fs IMG            littlefs image for the board's file system
   --put HOST:DEVICE   build such an image with this file in it (may be repeated)
   --flash FILE        keep the whole flash in this file: read at the start, written at the end
   --tcp PORT          USB serial port 1 as raw TCP on 127.0.0.1 (0: any free port)
@@ -64,11 +64,11 @@ function options() {
 }
 
 /** Build a littlefs image from "host:device" pairs with the Python helper. */
-function imageWith(puts) {
+function imageWith(firmware, puts) {
   const image = path.join(fs.mkdtempSync(path.join(os.tmpdir(), 'framestep-fs-')), 'fs.img');
   const cache = process.env.FRAMESTEP_CACHE || path.join(HERE, '..', '..', '..', '.cache');
   const python = path.join(cache, 'venv', 'bin', 'python');
-  const made = spawnSync(python, ['-m', 'framestep_emulator.image', image, ...puts], { stdio: ['ignore', 'inherit', 'inherit'] });
+  const made = spawnSync(python, ['-m', 'framestep_emulator.image', firmware, image, ...puts], { stdio: ['ignore', 'inherit', 'inherit'] });
   if (made.status !== 0) throw new Error('cannot build the file system image (run make setup first)');
   const data = fs.readFileSync(image);
   fs.rmSync(path.dirname(image), { recursive: true });
@@ -96,12 +96,13 @@ function makeBoard(args) {
       if (args.verbose || event.type === 'halt' || event.type === 'core1') console.error('emu:', JSON.stringify(event));
     },
   });
-  if (flashFile) board.flash.set(flashFile.subarray(FS_OFFSET, FLASH_SIZE), FS_OFFSET);
-  const image = args.fs ? fs.readFileSync(args.fs) : args.put.length ? imageWith(args.put) : null;
+  const { offset, size } = board.files;
+  if (flashFile) board.flash.set(flashFile.subarray(offset, FLASH_SIZE), offset);
+  const image = args.fs ? fs.readFileSync(args.fs) : args.put.length ? imageWith(args.firmware, args.put) : null;
   if (image) {
-    if (image.length > FS_SIZE) throw new Error(`${args.fs}: larger than ${FS_SIZE} bytes`);
-    board.flash.fill(0xff, FS_OFFSET);
-    board.flash.set(image, FS_OFFSET);
+    if (image.length > size) throw new Error(`${args.fs}: larger than the file system of ${args.firmware}, ${size} bytes`);
+    board.flash.fill(0xff, offset);
+    board.flash.set(image, offset);
   }
   return board;
 }

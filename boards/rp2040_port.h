@@ -1,0 +1,14 @@
+// MicroPython's settings for the rp2 port, less what leaves an RP2040's image no room: that image ends before the file
+// system at 640 kB. Nobody needs these parts beside a motion controller.
+#include <mpconfigport.h>
+
+#undef MICROPY_PY_CRYPTOLIB
+#define MICROPY_PY_CRYPTOLIB (0) // AES
+#undef MICROPY_PY_HASHLIB_SHA1
+#define MICROPY_PY_HASHLIB_SHA1 (0) // SHA-256 stays: the tools compare files by it
+#undef MICROPY_VFS_FAT
+#define MICROPY_VFS_FAT (0) // SD cards
+#undef MICROPY_PY_MACHINE_I2C_TARGET
+#define MICROPY_PY_MACHINE_I2C_TARGET (0)
+#define MICROPY_PY_FRAMEBUF (0) // displays
+#define MICROPY_PY_MATH_SPECIAL_FUNCTIONS (0) // math.erf, gamma, sinh and so on

@@ -1,0 +1,24 @@
+// What a firmware says of itself: pico-sdk's "binary info", near the start of the flash.
+
+const FLASH = 0x10000000;
+const START = 0x7188ebf2;
+const END = 0xe71aa390;
+const WITHIN = 0x1000; // bytes from the start of the flash in which the two markers are
+const BLOCK_DEVICE = 7;
+
+/** Where in flash MicroPython's file system begins, and its size; null for other firmware. */
+export function fileSystem(firmware) {
+  const view = new DataView(firmware.buffer, firmware.byteOffset, firmware.byteLength);
+  const word = (at) => view.getUint32(at, true);
+  for (let at = 0; at + 20 <= Math.min(WITHIN, view.byteLength); at += 4) {
+    if (word(at) !== START || word(at + 16) !== END) continue;
+    for (let entry = word(at + 4) - FLASH; entry < word(at + 8) - FLASH; entry += 4) {
+      const info = word(entry) - FLASH;
+      if (view.getUint16(info, true) !== BLOCK_DEVICE) continue;
+      const name = word(info + 4) - FLASH;
+      const text = Buffer.from(firmware.subarray(name, firmware.indexOf(0, name))).toString();
+      if (text === 'MicroPython') return { offset: word(info + 8) - FLASH, size: word(info + 12) };
+    }
+  }
+  return null;
+}
