@@ -160,6 +160,8 @@ class Controller:
         now &= WRAP
         self.now = now
         alarm = sample(self.header, self.samples)
+        if self.axes.pending:
+            self.axes.apply_pending()
         busy = self._listen()
         if busy:
             self.active_passes = _ACTIVE_PASSES
@@ -305,8 +307,6 @@ class Controller:
 
     def _handle(self, reader):
         """Carry a request out. Returns the code to acknowledge it with, 0 if it has its answer."""
-        if self.motors.pending_acceleration:
-            self.motors.apply_pending_acceleration()
         kind = reader.type
         if (
             kind != m.MSG_MOTOR_STATUS

@@ -274,6 +274,35 @@ def test_a_share_follows_the_settings():
     assert 1e6 * PER_US / gaps.mean() == pytest.approx(500, rel=1e-3)
 
 
+def test_a_lower_acceleration_set_in_motion():
+    """It waits until the motor stands, the motor counts as moving so long, and a motion that is
+    asked for in between waits as well."""
+    rig = Rig()
+    axis = rig[0]
+    rig.move_to(0, 100)
+    rig.run(50)
+    rig.axes.set_speed(0, 5000, 3000)
+    while not axis.stands:
+        rig.axes.apply_pending()
+        assert axis.acceleration == 20_000
+        rig.run(1)
+    rig.run(20)
+    assert axis.moving
+    assert rig.axes.moving
+    assert rig.move_to(0, 300)
+    rig.run(20)
+    assert rig.place() == 100
+    rig.axes.apply_pending()
+    assert not rig.axes.pending
+    rig.run(20)
+    begun = rig.place()
+    rig.run(80)
+    assert rig.place() - 100 == pytest.approx(0.5 * 3000 * 0.1**2, abs=3)
+    assert begun < 103
+    rig.to_rest()
+    assert rig.place() == 300
+
+
 def test_a_jog_the_other_way_stops_first():
     """field note 4.2: against the present direction it first ramps to a stop, then turns."""
     rig = Rig()

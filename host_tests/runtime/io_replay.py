@@ -32,7 +32,7 @@ POSITION = 7
 DOWN = 10
 BRAKE = 20
 DECEL = 19
-BLOCK_WORDS = 32
+BLOCK_WORDS = 33
 RIG = {
     "outputs": [{"pin": 2, "safe": "on"}, {"pin": 3, "on": "low", "safe": "hold"}, {"pin": 29}],
     "inputs": [{"pin": 28}, {"pin": 4, "on": "high", "pull": "down"}, {"pin": 29 - 1 - 1}],

@@ -98,7 +98,8 @@ _STAYS = {
         "poll", "_housekeep", "_plan", "_listen", "_attend", "_handle", "_light",
         "acknowledge", "check_pins", "send", "send_positions",
     },
-    "framestep/motors/requests.mpy": {"apply_pending_acceleration"},
+    "framestep/motors/axes.mpy": {"apply_pending"},
+    "framestep/motors/motor.mpy": {"apply_pending"},
     "framestep/runner.mpy": {"_interrupt", "_pass", "_turn"},
     "framestep/hal/rp2.mpy": {"take_lost_commands", "reclaim", "ready", "_bus_guard"},
     "framestep/hal/usb_port.mpy": {

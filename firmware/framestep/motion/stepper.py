@@ -93,7 +93,10 @@ PHASES = const(29)
 # address of the load's place and its play to the motor (motors/axis.py): for sample()
 LOAD_POSITION = const(30)
 BACKLASH = const(31)
-BLOCK_WORDS = const(32)
+# 1: a setting waits until the motor is at rest (Motor.set_speed); until it is in force, the motor
+# counts as moving, so that nothing begins before that
+PENDING = const(32)
+BLOCK_WORDS = const(33)
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met
@@ -353,7 +356,7 @@ def moving(m: ptr32) -> int:
     while a:
         m = ptr32(a)
         a = m[NEXT]
-        if m[MODE] | m[PLANNED]:
+        if m[MODE] | m[PLANNED] | m[PENDING]:
             bits |= bit
         bit <<= 1
     return bits
@@ -411,7 +414,7 @@ def poll_flags(m: ptr32) -> int:
     while a:
         m = ptr32(a)
         a = m[NEXT]
-        if m[MODE] | m[PLANNED]:
+        if m[MODE] | m[PLANNED] | m[PENDING]:
             bits |= FLAG_BUSY
     return bits
 
@@ -430,7 +433,7 @@ def awaiting_target(m: ptr32) -> int:
         a = m[NEXT]
         if m[MODE] & (RUN | STOP):
             pass
-        elif m[PLANNED] == PLAN_TARGET:
+        elif m[PLANNED] == PLAN_TARGET and m[PENDING] == 0:
             bits |= bit
         bit <<= 1
     return bits

@@ -29,6 +29,7 @@ class Axes:
         self.count = hal.kernel.motors
         self.positions = Positions(self.count)
         self.axes = [Axis(hal.kernel, i, self.positions) for i in range(self.count)]
+        self.pending = False  # motors in motion have settings that wait: see apply_pending()
         self.with_backlash = []
         self.released = 0  # servos whose pulses end when something goes wrong, one bit each
         self.samples = make_samples(self.count)  # each pass of the main loop begins with another
@@ -48,6 +49,22 @@ class Axes:
                 if servo["on_stop"] == "release":
                     self.released |= 1 << motor
         self.positions.set_servos(rig.servos)
+
+    def set_speed(self, motor, velocity, acceleration):
+        """As Motor.set_speed()."""
+        self[motor].set_speed(velocity, acceleration)
+        self.pending = True
+
+    def apply_pending(self):
+        """In each pass while `pending`, before anything else: settings come into force that have
+        waited until their motor is at rest.
+
+        Until then the motor counts as moving, so whatever begins by itself finds them in force.
+        """
+        self.pending = False
+        for axis in self.axes:
+            if not axis.apply_pending():
+                self.pending = True
 
     def set_backlash(self, motor, steps):
         """As Axis.set_backlash()."""

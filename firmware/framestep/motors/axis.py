@@ -181,7 +181,9 @@ class Axis(Motor):
         # The kernel's stops have no jerk limit, so a plan that has one cannot begin within one.
         smooth = reals.sign(r, MAX_JERK) > 0
         if (
-            smooth
+            self.block[stepper.PENDING]
+            and self.stands
+            or smooth
             and self.stopping
             or not self.begin_plan(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS)
         ):
@@ -306,7 +308,6 @@ class Axis(Motor):
         It is not there after a stop on the way to it, or after turning round with play.
         """
         self.block[stepper.PLANNED] = 0
-        self.apply_pending_acceleration()
         if not self._is_on(self.limits, TARGET, self.direction):
             self.move_to(hal, self.limits, TARGET, self.speed or FULL_SPEED, self.direction)
 

@@ -58,7 +58,6 @@ class Motor:
         self.own_jerk = 0  # 1000 steps/s³
         self.velocity = 0  # in force: no more than a coupled motor can do as well
         self.acceleration = 0
-        self.pending_acceleration = False  # a lower acceleration waits until the motor stands
         self.rates_outdated = True  # numbers derived from these settings are to be computed anew
         self.backlash = 0  # steps of play that the motor takes up before the load moves
         # where the load is, counting all that has been queued to the engine
@@ -83,7 +82,7 @@ class Motor:
 
         Of coupled motors the stricter setting counts. An acceleration lower than that of the motion
         under way is not taken before the motor stands, as the motor could no longer stop in time,
-        for example at a soft limit: `pending_acceleration` is True until then.
+        for example at a soft limit: apply_pending() takes it then.
         """
         if velocity < VELOCITY_FLOOR:
             velocity = VELOCITY_FLOOR
@@ -106,9 +105,9 @@ class Motor:
             acceleration = min(acceleration, partner.own_acceleration)
             if not jerk or 0 < partner.own_jerk < jerk:
                 jerk = partner.own_jerk
-        self.pending_acceleration = False
+        self.block[stepper.PENDING] = 0
         if acceleration < self.acceleration and not self.stands:
-            self.pending_acceleration = True
+            self.block[stepper.PENDING] = 1
             acceleration = self.acceleration
         self.velocity = velocity
         self.acceleration = acceleration
@@ -128,15 +127,11 @@ class Motor:
             # one ramp for both, whoever stops them
             partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
 
-    def apply_pending_acceleration(self):
-        """Take the lower acceleration that waits, once the motor stands. False while it moves."""
-        if self.leader:
-            return self.leader.apply_pending_acceleration()
-        if not self.stands:
-            return False
-        if self.pending_acceleration:
+    def apply_pending(self):
+        """Take the lower acceleration that waits, if the motor stands. Whether none waits now."""
+        if self.block[stepper.PENDING] and self.stands:
             self._apply()
-        return True
+        return not self.block[stepper.PENDING]
 
     def set_jerk(self, jerk):
         """Set the greatest jerk in 1000 steps/s³, 2^30 - 1 at most; 0: no limit. Only at rest."""
@@ -209,7 +204,7 @@ class Motor:
     def moving(self):
         """Whether it moves: from the request for a motion until its last pulse is out."""
         block = (self.leader or self).block
-        return (block[stepper.PLANNED] | block[stepper.MODE]) != 0
+        return (block[stepper.PLANNED] | block[stepper.MODE] | block[stepper.PENDING]) != 0
 
     @property
     def stands(self):

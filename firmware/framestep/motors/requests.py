@@ -42,7 +42,6 @@ class Motors:
         )
         # bits of motors
         self.powered = 0  # whose driver is on
-        self.pending_acceleration = 0  # for which a lower acceleration waits
         self.jogging = 0
         self.homing = 0  # that are being homed, or wait for it (homing.py)
         self.heard_at = array("i", [0] * self.count)  # when the last JOG came, ms
@@ -363,20 +362,10 @@ class Motors:
             return m.ERR_RANGE
         if acceleration < 0:
             acceleration = ACCELERATION_LIMIT
-        axis = self.axes[motor]
-        axis.set_speed(velocity, acceleration)
+        self.axes.set_speed(motor, velocity, acceleration)
         self.controller.operations.settings_changed()
-        leading = self._leading(motor)
-        self.controller.virtuals.changed(leading)
-        if self.axes[leading].pending_acceleration:
-            self.pending_acceleration |= 1 << motor
+        self.controller.virtuals.changed(self._leading(motor))
         return m.OK
-
-    def apply_pending_acceleration(self):
-        """Motors that have come to rest take the lower acceleration that waits for them."""
-        for i in range(self.count):
-            if (self.pending_acceleration >> i) & 1 and self.axes[i].apply_pending_acceleration():
-                self.pending_acceleration ^= 1 << i
 
     def _set_limits(self):
         """MSG_MOTOR_SET_LIMITS (field notes 3.3 and 4.3).

@@ -246,8 +246,6 @@ class OperationRunner:
     def _recheck(self, waiting):
         if not self.changed:
             return OK
-        for motor in range(self.axes.count):
-            self.axes[motor].apply_pending_acceleration()
         code = self.operation.recheck(waiting)
         if code == OK:
             self.changed = False
