@@ -7,13 +7,16 @@ for a HAL that only has pins, `Bench` in host_tests/motion/engine.py for the pul
 """
 
 from array import array
+from itertools import pairwise
 
 from framestep.motion import samples, stepper
 from framestep.motors.axes import Axes
 from framestep.motors.axis import Axis
+from framestep.motors.feeder import MIRRORED, WORK_WORDS
 from framestep.motors.positions import Positions
 from framestep.moves.operations import OperationRunner
 from framestep.moves.upload_store import EMPTY, READY
+from framestep.native import addressof, as_word
 from framestep.protocol.messages import OK
 from host_tests.motion.engine import Bench
 
@@ -29,10 +32,17 @@ class Motor:
 
     def __init__(self):
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
+        self.work = array("i", [0] * WORK_WORDS)
+        self.block[stepper.WORK] = as_word(addressof(self.work))
         self.load_position = array("i", [0])
 
     refresh = Axis.refresh
     position_to = Axis.position_to
+
+    def couple(self, partner):
+        """The next motor does the same."""
+        self.partner, partner.leader = partner, self
+        self.work[MIRRORED] = 1
 
     def moves(self, velocity, mode=stepper.RUN):
         """Move at `velocity` steps/s; 0 stands."""
@@ -47,6 +57,8 @@ class Motors(list):
 
     def __init__(self, count=8):
         super().__init__(Motor() for _ in range(count))
+        for motor, following in pairwise(self):
+            motor.block[stepper.NEXT] = as_word(addressof(following.block))
         self.count = count
         self.positions = Positions(count)
 

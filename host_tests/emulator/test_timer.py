@@ -29,3 +29,22 @@ def test_hard_timer(emulator, work, jitter_us):
     gaps = np.diff(edge_times(emu.trace_stop(), 2)[2:])  # the first one pays for a cold cache
     assert len(gaps) > 290
     assert abs(gaps - 1_000_000).max() < jitter_us * 1000
+
+
+def test_how_long_interrupts_are_off(emulator):
+    """The longest time counts, but not that in which the flash is written."""
+    emu = emulator()
+    repl = emu.repl()
+    repl.exec(
+        "import machine, time\n"
+        "def hold(us):\n"
+        "    state = machine.disable_irq()\n"
+        "    time.sleep_us(us)\n"
+        "    machine.enable_irq(state)\n"
+    )
+    emu.cycles(clear=True)
+    repl.exec("hold(50)\nhold(700)\nhold(300)")
+    assert 700 <= emu.cycles()["masked"]["us"] < 760
+    emu.cycles(clear=True)
+    repl.exec("open('x', 'w').write(5000 * 'x')")
+    assert emu.cycles()["masked"]["us"] < 50

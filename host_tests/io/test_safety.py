@@ -120,7 +120,7 @@ def test_an_interrupt_halts_every_motor_at_once(factor):
 def test_an_interrupt_halts_a_motor_at_its_limit():
     switches = Switches(limits=[{"high": HIGH, "contact": "no"}])
     leader, partner, other = (switches.motors[i] for i in (0, 1, 2))
-    leader.partner, partner.leader = partner, leader
+    leader.couple(partner)
     switches.safety.assign(1, 1, False)
     for motor in (leader, partner, other):
         motor.moves(300)
@@ -246,7 +246,7 @@ def test_coupled_motors_share_their_switches():
     switches = Switches(limits=[{"high": HIGH, "low": LOW}])
     safety = switches.safety
     leader, partner = switches.motors[0], switches.motors[1]
-    leader.partner, partner.leader = partner, leader
+    leader.couple(partner)
     safety.assign(1, 1, False)
     switches.pins.put(LOW, 0)
     partner.moves(500)

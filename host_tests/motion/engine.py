@@ -169,7 +169,7 @@ class Bench:
         )
 
     def start(self, *motors):
-        """Start motors with the next tick, as Axis.release() does."""
+        """Start motors with the next tick, as Axis.start() does."""
         for motor in motors:
             self.block(motor)[stepper.MODE] |= stepper.RUN | stepper.START
 

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from framestep.hal.engine import LEAD
-from framestep.motion import stepper
+from framestep.motion import segments, stepper
 from framestep.motors.axes import Axes
 from framestep.motors.axis import SPLICE_TICKS
 from host_tests.motion.engine import Bench
@@ -62,8 +62,8 @@ class Motor:
         block = self.block
         # that of a stop at its end is forgotten
         self.place = block[stepper.POSITION] + block[stepper.FRACTION] / ONE
-        whole, fraction, v, a = self.axis.state[:4]
-        self.planned_from = whole + fraction / ONE, v / ONE - a / 2**28
+        whole, part, low, v, lower = self.axis.cubic[: segments.G1 + 2]
+        self.planned_from = whole + part / 2**16 + low / 2**46, v / 2**16 + lower / 2**46
         return True
 
     def run(self, ticks):

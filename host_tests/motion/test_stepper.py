@@ -332,7 +332,7 @@ def test_halt(rate, decel, after):
     bench.tick()
     places.clear()
     places.append(block[stepper.POSITION] + block[stepper.FRACTION] / ONE)
-    stepper.halt(block, int(decel * ONE))
+    stepper.halt(block, 1, int(decel * ONE), 0)
     v = Fraction(abs(rate), 1000)
     ticks = int(v // decel)
     bench.run(ticks + 2 + LEAD)
@@ -359,7 +359,7 @@ def test_halt_while_speeding_up():
             lambda b=block, p=places: p.append(b[stepper.POSITION] + b[stepper.FRACTION] / ONE)
         )
         bench.tick()
-        stepper.halt(block, ONE // 5)
+        stepper.halt(block, 1, ONE // 5, 0)
         bench.run(60)
         at_rest(bench)
         gone = np.diff(places[: places.index(places[-1])])
@@ -371,7 +371,7 @@ def test_halt_twice_takes_the_steeper():
     def stop(*rates):
         bench, *_ = moving(60_000)
         for rate in rates:
-            stepper.halt(bench.block(), rate)
+            stepper.halt(bench.block(), 1, rate, 0)
             bench.run(3)
         bench.run(4000)
         at_rest(bench)
@@ -390,7 +390,7 @@ def test_halt_without_motion(when):
     if "drain" in when:
         # leave a motion that was cut short while speeding up
         bench.play([trapezoid(64, Fraction(1, 10), 64).segments()], 20)
-        stepper.halt(block, ONE)
+        stepper.halt(block, 1, ONE, 0)
         while block[stepper.MODE] != stepper.DRAIN:
             bench.tick()
     place = block[stepper.POSITION]
@@ -403,7 +403,7 @@ def test_halt_without_motion(when):
             ],
         )
         bench.start(0)
-    stepper.halt(block, ONE // 50)
+    stepper.halt(block, 1, ONE // 50, 0)
     bench.run(20)
     at_rest(bench)
     assert block[stepper.POSITION] == place

@@ -14,6 +14,9 @@ from framestep.io.lights import Lights
 from framestep.io.requests import send_stops
 from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
+from framestep.motion.stepper import NEXT, WORK
+from framestep.motors.feeder import WORK_WORDS
+from framestep.native import addressof, as_word
 from framestep.protocol.frames import FrameWriter
 from framestep.rig import Rig
 
@@ -78,6 +81,8 @@ class Motor:
 
     def __init__(self):
         self.block = array("i", [0] * BLOCK_WORDS)
+        self.work = array("i", [0] * WORK_WORDS)
+        self.block[WORK] = as_word(addressof(self.work))
 
     def position_to(self, target, i):
         copy_word(target, i, self.block, POSITION)
@@ -88,6 +93,8 @@ class Motors:
 
     def __init__(self):
         self.motors = [Motor() for _ in range(self.count)]
+        for i in range(self.count - 1):
+            self.motors[i].block[NEXT] = as_word(addressof(self.motors[i + 1].block))
 
     def __getitem__(self, i):
         return self.motors[i]

@@ -9,7 +9,7 @@ from host_tests.end_to_end.session import Session
 from host_tests.soak.rounds import MOTORS, RIG, Rounds
 
 LATE_US = (
-    400  # the most that a tick may be late while a motor moves; far from where pulses break off
+    200  # the most that a tick may be late while a motor moves; far from where pulses break off
 )
 _LOOK = "__import__('framestep.boot').boot.hal.kernel.state"
 

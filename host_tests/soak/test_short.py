@@ -92,5 +92,5 @@ def test_the_counters_wrap_inside_the_run():
 def test_a_late_tick_is_told():
     """And a figure that says nothing, as no motor has moved."""
     assert on_board.late(136) == ""
-    assert "was 401 µs late" in on_board.late(on_board.LATE_US + 1)
+    assert f"was {on_board.LATE_US + 1} µs late" in on_board.late(on_board.LATE_US + 1)
     assert on_board.late(0)

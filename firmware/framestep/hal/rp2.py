@@ -23,7 +23,7 @@ from framestep.hal.rp2_pulses import PulseEngine, lost_commands
 from framestep.hal.rp2_stack import NOWHERE, WholeStack, set_limit, unchecked
 from framestep.hal.rp2_usb import addressed
 from framestep.motion.kernel import StepKernel
-from framestep.motion.stepper import halt_motors
+from framestep.motion.stepper import halt
 from framestep.native import const, micropython
 
 _TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
@@ -291,4 +291,4 @@ class Rp2Hal:
         turns round on the way: ten milliseconds later the chip lets go of a pin, which might be the
         direction of one. A hard interrupt."""
         if not addressed():
-            halt_motors(self.kernel.blocks, self._everyone, 1, _ANY)
+            halt(self.kernel.blocks[0], self._everyone, _ANY, 1)

@@ -18,7 +18,8 @@ from array import array
 
 from framestep import results
 from framestep.clock import elapsed
-from framestep.motion.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt_motors
+from framestep.motion.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt
+from framestep.motors.feeder import coupled
 from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
 from framestep.native import addressof, as_word, const, micropython, ptr32
 
@@ -62,14 +63,6 @@ def _update(w: ptr32, levels: int, now: int) -> int:
     else:
         w[ACTIVE] = w[ACTIVE] | seen
     return struck
-
-
-@micropython.viper
-def _catch(w: ptr32, levels: int) -> int:
-    """Take in the levels read in an interrupt. Returns the switches that are active."""
-    seen = (levels ^ w[REST]) & w[SWITCHES]
-    w[CAUGHT] = w[CAUGHT] | seen
-    return seen
 
 
 @micropython.viper
@@ -132,7 +125,7 @@ class Safety:
         words[_COUNT] = axes.count
         for i in range(axes.count):
             words[MOTORS + i * MOTOR_WORDS] = as_word(addressof(axes[i].block))
-        self.blocks = [axes[i].block for i in range(axes.count)]
+        self.block = axes[0].block  # it leads to the others
         self.sets = [
             (
                 self._switch(limit["high"], limit["contact"]),
@@ -230,20 +223,32 @@ class Safety:
             levels &= self.hal.levels() ^ rest
         return levels ^ rest
 
+    @micropython.viper
     def on_switch_change(self, _source):
         """A switch has changed: stop the motors that it concerns.
 
-        Called in a hard interrupt; it takes some tenths of a millisecond.
+        Called in a hard interrupt. No tick comes meanwhile.
         """
         words = self.words
-        active = _catch(words, self._steady(self.hal.levels()))
-        if active & self._estop:
-            halt_motors(self.blocks, self._everyone, self.factor, self._steepest)
-        elif active:
-            bits = _approaching(words, active)
-            if bits:
-                words[_AT_LIMIT] |= bits
-                halt_motors(self.blocks, self._coupled(bits), self.factor, self._steepest)
+        w = ptr32(words)
+        hal = self.hal
+        active = w[SWITCHES]
+        n = 0
+        while active and n <= _READINGS:
+            active &= int(hal.levels()) ^ w[REST]
+            n += 1
+        if active == 0:
+            return
+        w[CAUGHT] = w[CAUGHT] | active
+        block = self.block
+        bits = int(self._everyone)
+        if active & int(self._estop) == 0:
+            bits = int(_approaching(words, active))
+            if bits == 0:
+                return
+            w[_AT_LIMIT] = w[_AT_LIMIT] | bits
+            bits = int(coupled(block, (bits | bits >> LOWER) & (1 << LOWER) - 1))
+        halt(block, bits, self._steepest, self.factor)
 
     def poll(self, now, levels):
         """Read the switches. Only needed while one is active, or has been until now.
@@ -273,18 +278,6 @@ class Safety:
             self._report_limits |= fresh
             news = True
         return news
-
-    def _coupled(self, bits):
-        """The motors of bits as of _approaching() and those coupled to them, one bit each."""
-        bits |= bits >> LOWER
-        motors = 0
-        for i in range(self.axes.count):
-            if (bits >> i) & 1:
-                motors |= 1 << i
-                other = self.axes[i].leader or self.axes[i].partner
-                if other:
-                    motors |= 1 << self._number(other)
-        return motors
 
     def motors_at_limit(self):
         """The motors to be stopped at a limit, one bit each; of coupled motors the leader."""

@@ -20,7 +20,6 @@ Time. A tick's pulses come `AHEAD` cycles after the tick was due: almost `LEAD` 
 interrupt that comes late by up to `LATEST` moves no edge.
 """
 
-from framestep.clock import WIDE_WRAP
 from framestep.native import const, micropython, ptr32
 
 TICK_US = const(1000)
@@ -135,13 +134,6 @@ SEG_BRIDGE = const(6)
 SEG_SPAN = const(7)  # cycles of each tick in which the motor moves
 SEGMENT_WORDS = const(8)
 
-# Words of what splice() finds
-STATE_WHOLE = const(0)  # steps
-STATE_FRACTION = const(1)  # Q22
-STATE_VELOCITY = const(2)  # Q22
-STATE_ACCEL = const(3)  # Q27
-STATE_WORDS = const(4)
-
 # Words of a place in a queue
 AT_STEP = const(0)
 AT_PART = const(1)  # Q16 of one more
@@ -149,202 +141,53 @@ AT_WORDS = const(2)
 
 
 @micropython.viper
-def splice(m: ptr32, ticks: int, out: ptr32) -> int:
-    """End a motor's queue about `ticks` from now and tell the state there, to plan on from it.
+def halt(m: ptr32, bits: int, rate: int, factor: int):
+    """Make the motors of these bits slow down from the next tick on, by `rate` (Q22 steps per
+    tick²), or with a factor by that many times BRAKE, `rate` at most.
 
-    out: its STATE_ words become the state at that moment. Returns the ticks until then, `ticks` at
-    least; 0 where the motor is at rest, and -1 where it comes to rest
-    sooner: then nothing has changed, and what is to follow waits for that. To be called with
-    interrupts off; what is planned must be queued within that time.
+    m: the block of the motor of bit 0. To be called with interrupts off or from a hard interrupt,
+    so that they begin in the same tick. A motor that is slowing down already does it no slower.
     """
-    whole = m[POSITION]
-    rem = m[FRACTION]
-    v = m[VELOCITY]
-    a = m[ACCEL]
-    j = m[JERK]
-    left = m[LEFT]
-    head = m[READ_INDEX]
-    n = ticks
-    if m[MODE] & STOP:
-        # Carry on with the same deceleration as a segment
-        a = m[DECEL]
-        if v < 0:
-            if (0 - v) // a < n:
-                return -1
-        else:
-            if v // a < n:
-                return -1
-            a = 0 - a
-        m[READ_INDEX] = m[WRITE_INDEX]
-        head = m[WRITE_INDEX]
-        m[LEFT] = n
-        left = n
-        v = v + a
-        a = a << 5
-        j = 0
-        m[JERK] = 0
-        m[VELOCITY] = v
-        m[ACCEL] = a
-        m[MODE] = RUN | (m[MODE] & START)
-    elif m[MODE] & RUN:
-        k = left
-        while k < n:
-            if head == m[WRITE_INDEX]:
-                return -1
-            q = ptr32(m[QUEUE])
-            k += q[(head & (SEGMENTS - 1)) << 3]
-            head = (head + 1) & WIDE_WRAP
-        head = m[READ_INDEX]
-        if left > n:
-            left = n
-            m[LEFT] = n
-    else:
-        n = 0
-        rem = 0
-        v = 0
-        a = 0
-    done = 0
-    bridge = 0
-    while n:
-        if left == 0:
-            if head == m[WRITE_INDEX]:
-                break
-            q = ptr32(m[QUEUE])
-            k = (head & (SEGMENTS - 1)) << 3
-            head = (head + 1) & WIDE_WRAP
-            if q[k] > n:
-                q[k] = n
-            left = q[k]
-            whole = q[k + SEG_WHOLE]
-            rem = q[k + SEG_FRACTION]
-            v = q[k + SEG_VELOCITY]
-            a = q[k + SEG_ACCEL]
-            j = q[k + SEG_JERK]
-            bridge = q[k + SEG_BRIDGE]
-        left -= 1
-        n -= 1
-        done += 1
-        rem = rem + v
-        v = v + (a >> 5)
-        a = a + j
-        whole = whole + (rem >> 22)
-        rem = rem - ((rem >> 22) << 22)
-        if bridge and n == 0 and head != m[WRITE_INDEX]:
-            # between two bridges nothing tells the velocity: on to the end of the second
-            q = ptr32(m[QUEUE])
-            n = q[((head & (SEGMENTS - 1)) << 3) + SEG_BRIDGE]
-    if bridge:
-        if head == m[WRITE_INDEX]:
-            pass
-        else:
-            # the velocity at the end of a bridge is that at the start of what follows it
-            q = ptr32(m[QUEUE])
-            k = (head & (SEGMENTS - 1)) << 3
-            whole = q[k + SEG_WHOLE]
-            rem = q[k + SEG_FRACTION]
-            v = q[k + SEG_VELOCITY]
-            a = q[k + SEG_ACCEL]
-            j = q[k + SEG_JERK]
-    m[WRITE_INDEX] = head
-    whole = whole + (rem >> 22)
-    rem = rem - ((rem >> 22) << 22)
-    out[STATE_WHOLE] = whole
-    out[STATE_FRACTION] = rem
-    out[STATE_VELOCITY] = v
-    out[STATE_ACCEL] = a - j  # the kernel's is that of a tick later
-    return done
-
-
-@micropython.viper
-def queued(m: ptr32, bits: int) -> int:
-    """For how many ticks the motors of these bits all have segments; 0 where one of them does not
-    move by any.
-
-    To be called with interrupts off. m: the header.
-    """
-    least = 0x3FFFFFFF
-    a = m[FIRST]
-    while bits:
-        m = ptr32(a)
-        a = m[NEXT]
-        if bits & 1:
-            ticks = 0
-            if m[MODE] == RUN:
-                ticks = m[LEFT]
-                head = m[READ_INDEX]
-                q = ptr32(m[QUEUE])
-                while head != m[WRITE_INDEX]:
-                    ticks += q[(head & (SEGMENTS - 1)) << 3]
-                    head = (head + 1) & WIDE_WRAP
-            if ticks < least:
-                least = ticks
-        bits >>= 1
-    return least
-
-
-@micropython.viper
-def cut_queue_at(m: ptr32, ticks: int, put: int, out: ptr32) -> int:
-    """Whether a segment in a motor's queue begins `ticks` from now: where, in the AT_ words of
-    `out`.
-
-    put: drop it, and what follows it. To be called with interrupts off.
-    """
-    n = ticks - m[LEFT]
-    head = m[READ_INDEX]
-    while n > 0 and head != m[WRITE_INDEX]:
-        q = ptr32(m[QUEUE])
-        n -= q[(head & (SEGMENTS - 1)) << 3]
-        head = (head + 1) & WIDE_WRAP
-    if n or head == m[WRITE_INDEX]:
-        return 0
-    q = ptr32(m[QUEUE])
-    k = (head & (SEGMENTS - 1)) << 3
-    out[AT_STEP] = q[k + SEG_WHOLE]
-    out[AT_PART] = q[k + SEG_FRACTION] >> 6
-    if put:
-        m[WRITE_INDEX] = head
-    return 1
-
-
-@micropython.viper
-def halt(m: ptr32, rate: int):
-    """Make a motor slow down by `rate` (Q22 steps per tick²) from the next tick on.
-
-    To be called with interrupts off. A motor that is slowing down already does it no slower.
-    """
-    if m[MODE] & START:
-        m[MODE] = m[MODE] & DRAIN
-        m[READ_INDEX] = m[WRITE_INDEX]
-    elif m[MODE] & RUN:
-        # the last displacement, not the next one: the stop takes its first share from that
-        m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
-        m[SPAN] = m[WHOLE_SPAN]
-        m[DECEL] = rate
-        m[MODE] = STOP
-    elif m[MODE] & STOP:
-        if rate > m[DECEL]:
-            m[DECEL] = rate
-    else:
-        m[READ_INDEX] = m[WRITE_INDEX]
-
-
-@micropython.viper
-def halt_motors(blocks, bits: int, factor: int, steepest: int):
-    """Halt the motors of these bits, `factor` times as steeply as they brake, but by `steepest`
-    (Q22) at most.
-
-    To be called with interrupts off or from a hard interrupt, so that they begin in the same tick.
-    """
-    i = 0
     while bits:
         if bits & 1:
-            block = blocks[i]
-            rate = ptr32(block)[BRAKE] * factor
-            if rate > steepest:
-                rate = steepest
-            halt(block, rate)
+            d = rate
+            if factor:
+                d = m[BRAKE] * factor
+                if d > rate:
+                    d = rate
+            if m[MODE] & START:
+                m[MODE] = m[MODE] & DRAIN
+                m[READ_INDEX] = m[WRITE_INDEX]
+            elif m[MODE] & RUN:
+                # the last displacement, not the next one: the stop takes its first share from that
+                m[VELOCITY] = m[VELOCITY] - ((m[ACCEL] - m[JERK]) >> 5)
+                m[SPAN] = m[WHOLE_SPAN]
+                m[DECEL] = d
+                m[MODE] = STOP
+            elif m[MODE] & STOP:
+                if d > m[DECEL]:
+                    m[DECEL] = d
+            else:
+                m[READ_INDEX] = m[WRITE_INDEX]
         bits >>= 1
-        i += 1
+        if bits:
+            a = m[NEXT]
+            m = ptr32(a)
+
+
+@micropython.viper
+def release(m: ptr32, bits: int):
+    """Let the motors of these bits take their queues from the next tick on.
+
+    m: the block of the motor of bit 0. To be called with interrupts off.
+    """
+    while bits:
+        if bits & 1 and m[MODE] & (RUN | STOP) == 0:
+            m[MODE] = m[MODE] | RUN | START
+        bits >>= 1
+        if bits:
+            a = m[NEXT]
+            m = ptr32(a)
 
 
 @micropython.viper

@@ -2,10 +2,11 @@
 
 from array import array
 
+from framestep.clock import after
 from framestep.motion import stepper
 from framestep.motion.samples import ALARM, choose, make_samples, renumber
 from framestep.motors.axis import MOST_SEGMENTS, Axis
-from framestep.motors.feeder import ALL_BITS, neediest
+from framestep.motors.feeder import ALL_BITS, coupled, neediest
 from framestep.motors.positions import Positions
 from framestep.native import const
 
@@ -139,16 +140,18 @@ class Axes:
         return stepper.moving(self.kernel.state) != 0
 
     def release(self, bits):
-        """Start the motors of these bits, all in the next tick. Interrupts are off."""
-        for i in range(self.count):
-            if (bits >> i) & 1:
-                self.axes[i].release()
+        """Start the motors of these bits, all in the next tick, which is returned."""
+        kernel = self.kernel
+        bits = coupled(kernel.blocks[0], bits)
+        irq = self.hal.irq_off()
+        stepper.release(kernel.blocks[0], bits)
+        tick = after(kernel.state[stepper.TICKS], 1)
+        self.hal.irq_on(irq)
+        return tick
 
     def discard(self, bits):
         """Drop what has been queued for the motors of these bits, which are at rest."""
-        for i in range(self.count):
-            if (bits >> i) & 1 and self.axes[i].partner:
-                bits |= 2 << i
+        bits = coupled(self.kernel.blocks[0], bits)
         irq = self.hal.irq_off()
         stepper.discard(self.kernel.state, bits)
         self.hal.irq_on(irq)

@@ -11,9 +11,8 @@ from array import array
 from framestep.motion import ramps, reals, segments, stepper
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
-from framestep.motors import backlash, bounds, feeder
+from framestep.motors import backlash, bounds, feeder, splice
 from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
-from framestep.motors.feeder import set_cubic
 from framestep.motors.motor import (
     ACCELERATION_LIMIT,
     MAX_ACCELERATION,
@@ -54,12 +53,11 @@ class Axis(Motor):
     def __init__(self, kernel, motor, positions):
         super().__init__(kernel.blocks[motor])
         self.positions = positions
-        self.state = array("i", [0] * segments.OPEN_WORDS)  # and of stepper.splice()
+        self.state = array("i", [0] * segments.OPEN_WORDS)
         self.cubic = array("i", [0] * segments.CUBIC_WORDS)
         self.phases = Phases()
         self.whole = array("i", [0] * DURATION_WORDS)
         self.knot = array("i", [0] * stepper.AT_WORDS)  # where the phase under way ends
-        self.cut = array("i", [0] * stepper.AT_WORDS)  # where cut_at_phase_end() has cut
         self.work = array("i", [0] * feeder.WORK_WORDS)
         self.block[stepper.WORK] = as_word(addressof(self.work))
         self.block[stepper.PHASES] = as_word(addressof(self.phases.words))
@@ -123,13 +121,13 @@ class Axis(Motor):
         if self.positions.saved:
             self.positions.about_to_change()
         block = self.block
-        taken = self._splice(hal, ticks)
-        if taken < 0 and block[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
+        taken = self._cut(hal, ticks)
+        if not taken and block[stepper.PLANNED] & stepper.PLAN_SEGMENTS:
             self.feed(MOST_SEGMENTS, ticks)
-            taken = self._splice(hal, ticks)
-        if taken < 0:
+            taken = self._cut(hal, ticks)
+        if not taken:
             return False
-        set_cubic(self.cubic, self.state)
+        splice.start_cubic(self.cubic, self.work)
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = work[
@@ -142,13 +140,12 @@ class Axis(Motor):
         self.planned[backlash.OFFSET] = offset(self.load_position, block)
         return True
 
-    def _splice(self, hal, ticks):
+    def _cut(self, hal, ticks):
+        bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        taken = stepper.splice(self.block, ticks, self.state)
-        if taken >= 0 and self.partner:
-            stepper.splice(self.partner.block, ticks, self.partner.state)
+        taken = splice.cut(self.block, bits, ticks)
         hal.irq_on(irq)
-        return taken
+        return taken != splice.TOO_SOON
 
     def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0):
         """Move to the position target[i]. Returns whether anything moves, from the next tick on.
@@ -245,24 +242,13 @@ class Axis(Motor):
         limits = self.limits
         self.phases.aim(duration, start, end, numbers, limits, backlash.PHYSICAL, part + beyond)
 
-    def cut_queue(self, ticks):
-        """Cut the queue off about `ticks` from now; resume_from_cut() goes on from there.
-
-        Returns the ticks from now to the cut. With interrupts off. Motors whose phases last equally
-        long are cut at the same moment.
-        """
-        taken = stepper.splice(self.block, ticks, self.state)
-        if taken >= 0 and self.partner:
-            stepper.splice(self.partner.block, ticks, self.partner.state)
-        return taken
-
     def resume_from_cut(self, positions, i):
-        """After cut_queue(): further phases follow from there.
+        """After splice.cut(): further phases follow from there.
 
         positions[i]: a position of the load before the cut, from which it came in the same
         direction.
         """
-        set_cubic(self.cubic, self.state)
+        splice.start_cubic(self.cubic, self.work)
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = 0
@@ -272,31 +258,19 @@ class Axis(Motor):
         self.planned[backlash.OFFSET] = offset(self.load_position, self.block)
         reals.copy_word(self.planned, backlash.LOAD_POSITION, positions, i)
 
-    def cut_at_phase_end(self, ticks, put):
-        """Whether the queue can be cut at the end of a phase `ticks` from now; if `put`, cut it.
-
-        With interrupts off. Only among AIM phases of whole ticks. resume_at_phase_end() goes on
-        from there.
-        """
-        if not stepper.cut_queue_at(self.block, ticks, put, self.cut):
-            return False
-        if put and self.partner:
-            stepper.cut_queue_at(self.partner.block, ticks, put, self.state)
-        return True
-
     def resume_at_phase_end(self, positions, i):
-        """After cut_at_phase_end(): append_coasting_phase() adds further phases from there.
+        """After splice.cut_at(): append_coasting_phase() adds further phases from there.
 
-        positions[i] = the position there, in whole steps; returns the rest in Q16 of a step.
+        positions[i] = the position there, in whole steps; returns the rest in Q16 of a step. Only
+        among AIM phases of whole ticks.
         """
         self.phases.clear()
         work = self.work
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.MARKED] = 0
-        reals.copy_word(self.knot, stepper.AT_STEP, self.cut, stepper.AT_STEP)
-        self.knot[stepper.AT_PART] = self.cut[stepper.AT_PART]
+        splice.dropped(self.block, self.knot)
         work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        return replan_from(self.planned, self.cut, positions, i)
+        return replan_from(self.planned, self.knot, positions, i)
 
     def set_more_to_come(self, more):
         """Say whether phases will be appended; if not, the motion ends with the last one."""
@@ -313,23 +287,15 @@ class Axis(Motor):
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""
+        bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        self.release()
+        stepper.release(self.block, bits)
         hal.irq_on(irq)
-
-    def release(self):
-        """As start(), but with interrupts off already: for several motors in the same tick."""
-        block = self.block
-        mode = block[stepper.MODE]
-        if mode == stepper.IDLE or mode == stepper.DRAIN:
-            block[stepper.MODE] = mode | stepper.RUN | stepper.START
-        if self.partner:
-            self.partner.release()
 
     # ---------------------------------------------------------------- coupling
 
     def couple(self, partner, reversed):
-        """Make another motor do what this one does, if `reversed` in the opposite sense.
+        """Make the next motor do what this one does, if `reversed` in the opposite sense.
 
         Only while both are at rest.
 
@@ -389,10 +355,9 @@ class Axis(Motor):
         self.block[stepper.PLANNED] = 0
         self.work[feeder.MORE] = 0
         rate = kernel_rate(min(self.acceleration * factor, ACCELERATION_LIMIT))
+        bits = 3 if self.partner else 1
         irq = hal.irq_off()
-        stepper.halt(self.block, rate)
-        if self.partner:
-            stepper.halt(self.partner.block, rate)
+        stepper.halt(self.block, bits, rate, 0)
         hal.irq_on(irq)
 
     def _stop_smoothly(self, hal):

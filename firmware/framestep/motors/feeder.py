@@ -15,7 +15,8 @@ AIMED = const(2)  # the phase under way ends on the step in `knot`
 MARKED = const(3)  # the tick that is open has its start in `state`
 MORE = const(4)  # further phases will be appended: do not come to rest
 MIRRORED = const(5)  # a partner does the same: 1, in the opposite sense 2
-WORK_WORDS = const(6)
+CUT = const(6)  # what splice.cut() has found, six words
+WORK_WORDS = const(12)
 
 # What feed() works with, entries of `parts` of an axis
 WORK = const(0)
@@ -29,23 +30,6 @@ SCRATCH = const(7)
 
 ALL_BITS = const(0x3FFFFFFF)
 _PHASE_MASK = const(phases.PHASES - 1)
-
-
-@micropython.viper
-def set_cubic(cubic: ptr32, state: ptr32):
-    """Begin a cubic with the state that stepper.splice() has found."""
-    cubic[segments.WHOLE] = state[stepper.STATE_WHOLE]
-    cubic[segments.P] = state[stepper.STATE_FRACTION] >> 6
-    cubic[segments.P + 1] = (state[stepper.STATE_FRACTION] & 63) << 24
-    # the kernel's velocity is the displacement of a tick: half the acceleration more
-    a = state[stepper.STATE_ACCEL]
-    v = state[stepper.STATE_VELOCITY] - (a >> 6)
-    cubic[segments.G1] = v >> 6
-    cubic[segments.G1 + 1] = (v & 63) << 24
-    cubic[segments.G2] = a >> 12
-    cubic[segments.G2 + 1] = (a & 0xFFF) << 18
-    cubic[segments.G3] = 0
-    cubic[segments.G3 + 1] = 0
 
 
 @micropython.viper
@@ -184,3 +168,17 @@ def neediest(m: ptr32, least: int, modes: int) -> int:
                     least = n
                     found = motor + n
     return found
+
+
+@micropython.viper
+def coupled(m: ptr32, bits: int) -> int:
+    """The motors of these bits and those coupled to them. m: the block of the motor of bit 0."""
+    pair = 3
+    while True:
+        if ptr32(m[stepper.WORK])[MIRRORED] and bits & pair:
+            bits |= pair
+        pair <<= 1
+        a = m[stepper.NEXT]
+        if a == 0:
+            return bits
+        m = ptr32(a)

@@ -17,6 +17,8 @@ from framestep.motion import reals, stepper
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.axis import ALL_SPLICE_TICKS
+from framestep.motors.feeder import coupled
+from framestep.motors.splice import cut, queued
 from framestep.moves import path, registers
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
 from framestep.moves.jog_phases import INDEX, JogPhases
@@ -41,6 +43,7 @@ from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_
 _AHEAD = const(1)  # phases that wait before the next is queued
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more
 _LEAST = const(16)  # ticks; with fewer queued nothing is cut
+_PASSING = const(2)  # ticks that may pass until the cut
 
 # TOP from thousandths of a frame per second; the acceleration is 4 frames/s².
 _RATES = formula(
@@ -389,25 +392,18 @@ class JogAll(Operation):
         if not first:
             return True
         axes = self.operations.axes
-        kernel = axes.kernel.state
-        bits = self.bits
-        uneven = False
-        irq = axes.hal.irq_off()
-        ticks = min(stepper.queued(kernel, bits), ALL_SPLICE_TICKS)
-        tick = kernel[stepper.TICKS] + kernel[stepper.LEAD] + 1
+        state = axes.kernel.state
+        block = axes.kernel.blocks[0]
+        bits = coupled(block, self.bits)
+        ticks = queued(block, bits, ALL_SPLICE_TICKS + _PASSING) - _PASSING
         if ticks >= _LEAST:
-            before = 0
-            for motor in range(axes.count):
-                if (bits >> motor) & 1:
-                    taken = axes[motor].cut_queue(ticks)
-                    uneven = uneven or before != 0 and taken != before
-                    before = taken
-            ticks = before
-        axes.hal.irq_on(irq)
-        if uneven:
-            return False
-        if ticks >= _LEAST:
-            land_from(self, elapsed(tick + ticks, self.begun))
+            irq = axes.hal.irq_off()
+            ticks = cut(block, bits, ticks)
+            tick = state[stepper.TICKS]
+            axes.hal.irq_on(irq)
+            if ticks < 0:
+                return False
+            land_from(self, elapsed(tick + state[stepper.LEAD] + 1 + ticks, self.begun))
         elif not self.closed:
             # what is queued ends soon: the frames are short, or the end is near
             self.destination = self._landing()

@@ -284,14 +284,9 @@ class OperationRunner:
     def _release(self):
         """Release all motors, so that they start in the same tick."""
         self.state = RUNNING
-        axes = self.axes
-        kernel = axes.kernel.state
-        irq = axes.hal.irq_off()
-        tick = after(kernel[stepper.TICKS], 1)
-        axes.release(self.operation.bits)
-        axes.hal.irq_on(irq)
+        tick = self.axes.release(self.operation.bits)
         # the pulses come LEAD ticks after the tick that queues them
-        self.operation.started(after(tick, kernel[stepper.LEAD]))
+        self.operation.started(after(tick, self.axes.kernel.state[stepper.LEAD]))
 
     @property
     def stopping_on_frame(self):

@@ -130,10 +130,7 @@ class RunOutputs:
                     mask & SHUTTER, mask & METER, values & SHUTTER, values & METER
                 )
                 lowered |= self.camera.down
-            irq = self.axes.hal.irq_off()
-            taken = kernel.cue(self.times[i], raised, lowered)
-            self.axes.hal.irq_on(irq)
-            if not taken:
+            if not kernel.cue(self.times[i], raised, lowered):
                 return
             self.head = (i + 1) & _SLOT_MASK
             self.count -= 1

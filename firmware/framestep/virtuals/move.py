@@ -17,6 +17,8 @@ from framestep.motion import reals, stepper
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.axis import ALL_SPLICE_TICKS
+from framestep.motors.feeder import coupled
+from framestep.motors.splice import cut_at
 from framestep.native import const
 from framestep.virtuals import registers
 from framestep.virtuals.line import ROW
@@ -58,6 +60,7 @@ _BEGIN = const(4)  # knots queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
 _SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
 _KNOTS = const(16)  # remembered
+_CUT_TICKS = const(ALL_SPLICE_TICKS - 4)  # some may pass until the queues are cut
 
 # The point's velocity · the slope at S_HERE of the parabola through the three: what a motor's steps
 # before and after that knot count for its velocity there.
@@ -148,11 +151,7 @@ class LinearMove:
 
     def _release(self):
         """All motors start in the same tick."""
-        axes = self.axes
-        irq = axes.hal.irq_off()
-        self.tick = after(axes.kernel.state[stepper.TICKS], 1)
-        axes.release(self.line.bits)
-        axes.hal.irq_on(irq)
+        self.tick = self.axes.release(self.line.bits)
         self.state = MOVING
 
     def _settle(self):
@@ -340,26 +339,25 @@ class LinearMove:
                 axes[self.motor[i] - 1].feed()
         last = self.knot - 1 if self.closed else self.queued
         knot = max(self.knot - _KNOTS + 2, 1)
-        irq = axes.hal.irq_off()
         while knot <= last and self._ticks_to(knot) < ALL_SPLICE_TICKS:
             knot += 1
-        found = knot <= last
-        if found and not (knot == self.queued and not self.closed):
-            ticks = self._ticks_to(knot)
-            for i in range(AXES):
-                if self.motor[i] and not axes[self.motor[i] - 1].cut_at_phase_end(ticks, 0):
-                    found = False
-            if found:
-                for i in range(AXES):
-                    if self.motor[i]:
-                        axes[self.motor[i] - 1].cut_at_phase_end(ticks, 1)
-        axes.hal.irq_on(irq)
-        if not found:
+        if knot > last:
             return False
+        drop = knot != self.queued or self.closed
+        if drop:
+            kernel = axes.kernel
+            state = kernel.state
+            bits = coupled(kernel.blocks[0], self.line.bits)
+            tick = after(self.tick, self.times[knot % _KNOTS] - 1)
+            irq = axes.hal.irq_off()
+            drop = cut_at(state, bits, tick, _CUT_TICKS)
+            axes.hal.irq_on(irq)
+            if not drop:
+                return False
         r = self.r
         reals.fetch(r, S, self.marks, 4 * (knot % _KNOTS))
         reals.fetch(r, V, self.marks, 4 * (knot % _KNOTS) + 2)
-        if knot != self.queued or self.closed:
+        if drop:
             for i in range(AXES):
                 if self.motor[i]:
                     row = ROW * (knot % _KNOTS) + 2 * i

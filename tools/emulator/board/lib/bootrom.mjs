@@ -240,6 +240,7 @@ export class BootRom {
   }
 
   wait(core, ms) {
+    core.flashBusy = true;
     core.cyc += Math.round((ms * 1e6) / core.cycleNanos);
   }
 

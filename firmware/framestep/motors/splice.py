@@ -1,0 +1,246 @@
+"""Cuts queues off some ticks from now, so that a new plan can take over there.
+
+The main loop alone puts segments into a queue, and the tick alone takes them out. So interrupts
+are off only while a cut is made, some microseconds for all motors. The state at the cut is computed
+afterwards.
+"""
+
+from framestep.clock import HALF, WIDE_WRAP, elapsed
+from framestep.motion import segments
+from framestep.motion.stepper import (
+    ACCEL,
+    AT_PART,
+    AT_STEP,
+    DECEL,
+    FIRST,
+    FRACTION,
+    JERK,
+    LEFT,
+    MODE,
+    NEXT,
+    POSITION,
+    QUEUE,
+    READ_INDEX,
+    RUN,
+    SEG_ACCEL,
+    SEG_BRIDGE,
+    SEG_FRACTION,
+    SEG_JERK,
+    SEG_VELOCITY,
+    SEG_WHOLE,
+    SEGMENTS,
+    START,
+    STOP,
+    TICKS,
+    VELOCITY,
+    WORK,
+    WRITE_INDEX,
+)
+from framestep.motors.feeder import CUT
+from framestep.native import const, micropython, ptr32
+
+# Words of a motor's `work`, from CUT on: a state before the cut
+_WHOLE = const(CUT)  # steps
+_FRACTION = const(CUT + 1)  # Q22
+_VELOCITY = const(CUT + 2)  # Q22
+_ACCEL = const(CUT + 3)  # Q27
+_JERK = const(CUT + 4)  # Q27
+_TICKS = const(CUT + 5)  # from there to the cut
+
+# What cut() returns instead of ticks
+TOO_SOON = const(-1)
+UNEVEN = const(-2)
+
+
+@micropython.viper
+def queued(m: ptr32, bits: int, most: int) -> int:
+    """For how many ticks, up to `most`, the motors of these bits all have segments; 0 if one of
+    them does not move by any.
+
+    m: the block of the motor of bit 0.
+    """
+    while bits:
+        if bits & 1:
+            ticks = 0
+            if m[MODE] == RUN:
+                head = m[READ_INDEX]
+                ticks = m[LEFT]
+                while head != m[READ_INDEX]:  # a tick has just taken a segment
+                    head = m[READ_INDEX]
+                    ticks = m[LEFT]
+                q = ptr32(m[QUEUE])
+                while ticks < most and head != m[WRITE_INDEX]:
+                    ticks += q[(head & (SEGMENTS - 1)) << 3]
+                    head = (head + 1) & WIDE_WRAP
+            if ticks < most:
+                most = ticks
+        bits >>= 1
+        if bits:
+            a = m[NEXT]
+            m = ptr32(a)
+    return most
+
+
+@micropython.viper
+def cut(m: ptr32, bits: int, ticks: int) -> int:
+    """End the queues of the motors of these bits about `ticks` from now; start_cubic() goes on from
+    there.
+
+    Return the ticks until then, `ticks` at least; 0 if the first motor is at rest; TOO_SOON if it
+    comes to rest before: then nothing has changed; UNEVEN if the cuts are not at the same moment.
+    m: the block of the motor of bit 0. To be called with interrupts off; what is planned must be
+    queued within that time.
+    """
+    found = TOO_SOON
+    while bits:
+        if bits & 1:
+            out = ptr32(m[WORK])
+            q = ptr32(m[QUEUE])
+            head = m[READ_INDEX]
+            done = m[LEFT]
+            k = -1  # the segment in the queue that the cut lies in
+            left = ticks
+            if m[MODE] & STOP:
+                # Carry on with the same deceleration as a segment
+                v = m[VELOCITY]
+                a = m[DECEL]
+                if v < 0:
+                    done = (0 - v) // a
+                else:
+                    done = v // a
+                    a = 0 - a
+                if done >= ticks:
+                    done = ticks
+                    m[LEFT] = ticks
+                    m[VELOCITY] = v + a
+                    m[ACCEL] = a << 5
+                    m[JERK] = 0
+                    m[MODE] = RUN | (m[MODE] & START)
+                    m[READ_INDEX] = head = m[WRITE_INDEX]
+            elif m[MODE] & RUN == 0:
+                done = left = 0
+            elif done < ticks:
+                while done < ticks and head != m[WRITE_INDEX]:
+                    k = (head & (SEGMENTS - 1)) << 3
+                    head = (head + 1) & WIDE_WRAP
+                    done += q[k]
+                if done >= ticks:
+                    left = q[k] + ticks - done
+                    q[k] = left
+                    done = ticks
+                    bridge = q[k + SEG_BRIDGE]
+                    while bridge and head != m[WRITE_INDEX]:
+                        # The velocity at the end of a bridge is that at the start of what follows
+                        # it. Between two bridges nothing tells it: on to the end of the second.
+                        k = (head & (SEGMENTS - 1)) << 3
+                        left = bridge = q[k + SEG_BRIDGE]
+                        done += bridge
+                        head = (head + bridge) & WIDE_WRAP
+            else:
+                done = ticks
+                m[LEFT] = ticks
+            if done < left:
+                done = TOO_SOON
+            else:
+                m[WRITE_INDEX] = head
+                out[_TICKS] = left
+                if k < 0:
+                    out[_WHOLE] = m[POSITION]
+                    out[_FRACTION] = m[FRACTION]
+                    out[_VELOCITY] = m[VELOCITY]
+                    out[_ACCEL] = m[ACCEL]
+                    out[_JERK] = m[JERK]
+                    if done == 0:
+                        out[_FRACTION] = out[_VELOCITY] = out[_ACCEL] = out[_JERK] = 0
+                else:
+                    out[_WHOLE] = q[k + SEG_WHOLE]
+                    out[_FRACTION] = q[k + SEG_FRACTION]
+                    out[_VELOCITY] = q[k + SEG_VELOCITY]
+                    out[_ACCEL] = q[k + SEG_ACCEL]
+                    out[_JERK] = q[k + SEG_JERK]
+            if found == TOO_SOON:
+                if done < 0:
+                    return TOO_SOON
+                found = done
+            elif done - found:
+                found = UNEVEN
+        bits >>= 1
+        if bits:
+            a = m[NEXT]
+            m = ptr32(a)
+    return found
+
+
+@micropython.viper
+def start_cubic(cubic: ptr32, work: ptr32):
+    """Begin a cubic with the state where cut() has cut."""
+    whole = work[_WHOLE]
+    rem = work[_FRACTION]
+    v = work[_VELOCITY]
+    a = work[_ACCEL]
+    j = work[_JERK]
+    n = work[_TICKS]
+    while n:
+        n -= 1
+        rem = rem + v
+        v = v + (a >> 5)
+        a = a + j
+        whole = whole + (rem >> 22)
+        rem = rem - ((rem >> 22) << 22)
+    cubic[segments.WHOLE] = whole + (rem >> 22)
+    rem = rem - ((rem >> 22) << 22)
+    cubic[segments.P] = rem >> 6
+    cubic[segments.P + 1] = (rem & 63) << 24
+    a = a - j  # the kernel's is that of a tick later
+    # the kernel's velocity is the displacement of a tick: half the acceleration more
+    v = v - (a >> 6)
+    cubic[segments.G1] = v >> 6
+    cubic[segments.G1 + 1] = (v & 63) << 24
+    cubic[segments.G2] = a >> 12
+    cubic[segments.G2 + 1] = (a & 0xFFF) << 18
+    cubic[segments.G3] = 0
+    cubic[segments.G3 + 1] = 0
+
+
+@micropython.viper
+def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
+    """Drop the segments from the one on that begins with this tick, of all motors of these bits, or
+    of none.
+
+    Return whether they are dropped: each motor has such a segment, and the tick is `least` ticks
+    ahead. dropped() tells where they began. To be called with interrupts off. m: the header.
+    """
+    ticks = elapsed(tick, m[TICKS])
+    if ticks < least or ticks >= HALF:
+        return 0
+    first = m[FIRST]
+    put = 0
+    while put < 2:
+        todo = bits
+        a = first
+        while todo:
+            m = ptr32(a)
+            a = m[NEXT]
+            if todo & 1:
+                n = ticks - m[LEFT]
+                head = m[READ_INDEX]
+                q = ptr32(m[QUEUE])
+                while n > 0 and head != m[WRITE_INDEX]:
+                    n -= q[(head & (SEGMENTS - 1)) << 3]
+                    head = (head + 1) & WIDE_WRAP
+                if n or head == m[WRITE_INDEX] or m[MODE] & (RUN | STOP) != RUN:
+                    return 0
+                if put:
+                    m[WRITE_INDEX] = head
+            todo >>= 1
+        put += 1
+    return 1
+
+
+@micropython.viper
+def dropped(m: ptr32, at: ptr32):
+    """at: where the first segment that cut_at() has dropped began, in AT_ words. m: the block."""
+    q = ptr32(m[QUEUE])
+    k = (m[WRITE_INDEX] & (SEGMENTS - 1)) << 3
+    at[AT_STEP] = q[k + SEG_WHOLE]
+    at[AT_PART] = q[k + SEG_FRACTION] >> 6

@@ -1,0 +1,138 @@
+"""No tick comes late, whatever is asked in motion: on the emulated board with its flash cache, with
+copied files and with an image."""
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools import payloads as p
+from framestep_tools.boards import EmulatedBoard
+from host_tests.board.timing import Timing
+from host_tests.end_to_end.session import Session, run_request
+from host_tests.end_to_end.virtual import BOOM_NODAL, XYZ
+
+ESTOP, LIMIT = 19, 22
+RIG = {"estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}
+VELOCITY, ACCELERATION = 20_000, 50_000
+FAR = 2**31 - 1
+MOTORS = range(1, 9)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["copied", "image"])
+def session(request):
+    with EmulatedBoard(RIG, frozen=request.param) as board:
+        board.wire_switches()
+        session = Session(board, reply_s=0.2)
+        session.timing = Timing(session)
+        yield session
+
+
+def speeds(session, velocity, acceleration, motors=MOTORS):
+    for motor in motors:
+        session.speed(motor, velocity, acceleration)
+
+
+def configured(session, rig, velocity=VELOCITY, acceleration=ACCELERATION):
+    for axis in rig.axes:
+        if axis.motor:
+            session.speed(axis.motor, velocity, acceleration)
+            session.accept(p.MotorResetPosition(axis.motor, axis.step))
+    session.accept(p.VirtConfig.unpack(rig.payload()))
+    session.forget()
+
+
+@pytest.mark.parametrize(
+    "stop", [p.VirtStop(m.VIRT_MOTOR_EW), p.MotorStopAll()], ids=["VIRT_STOP", "STOP_ALL"]
+)
+@pytest.mark.parametrize("rig", [BOOM_NODAL, XYZ], ids=["type 1", "type 4"])
+def test_a_virtual_move_is_stopped(session, rig, stop):
+    configured(session, rig)
+    with session.timing.judged():
+        for moment in (0.3, 0.41, 0.52):
+            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 120 * 100_000))
+            session.run(moment)
+            session.accept(stop)
+            session.wait_idle()
+            session.accept(p.VirtMove(m.VIRT_MOTOR_EW, 0))
+            session.wait_idle()
+
+
+@pytest.mark.parametrize("velocity", [5000, VELOCITY])
+def test_a_virtual_jog_is_let_go(session, velocity):
+    """By a VIRT_STOP, and by not being repeated."""
+    configured(session, BOOM_NODAL, velocity, 20_000 if velocity == 5000 else ACCELERATION)
+    with session.timing.judged():
+        for sign in (1, -1):
+            for number in (m.VIRT_MOTOR_TRACK, m.VIRT_MOTOR_EW):
+                for moment in (0.3, 0.43):
+                    session.accept(p.VirtJog(number, 10_000, sign * FAR))
+                    session.run(moment)
+                    session.accept(p.VirtStop(number))
+                    session.wait_idle()
+                session.accept(p.VirtJog(number, 10_000, sign * FAR))
+                session.wait_idle()
+
+
+def test_jog_all_comes_to_rest_on_a_frame(session):
+    session.accept(p.VirtConfig.unpack(b"\0"))
+    speeds(session, 50_000, 200_000)
+    frames = np.arange(240)
+    begins = session.positions
+    session.upload(
+        {
+            n: (begins[n] + np.round(100 * n * np.sin(frames * 0.05))).astype(int).tolist()
+            for n in MOTORS
+        }
+    )
+    with session.timing.judged():
+        session.play(run_request(24, 1, 12))
+        for to, moment in ((200, 0.8), (20, 1.5), (200, 2.1), (20, 2.7)):
+            for stop in (p.MotorStopAll(), p.MotorStop(1)):
+                session.accept(p.RtJogAll(24_000, to))
+                session.run(moment)
+                session.accept(stop)
+                session.wait_idle()
+
+
+def test_runs_moves_and_stops(session):
+    session.accept(p.VirtConfig.unpack(b"\0"))
+    speeds(session, VELOCITY, ACCELERATION)
+    begins = session.positions
+    with session.timing.judged():
+        for factor in (1, 2):
+            for motor in MOTORS:
+                session.accept(p.MotorMove(motor, begins[motor] + factor * 5000))
+            session.run(0.3)
+            for motor in MOTORS:
+                session.accept(
+                    p.MotorStop(motor) if factor == 1 else p.MotorMove(motor, begins[motor])
+                )
+            session.accept(p.MotorStopAll())
+            session.wait_idle()
+        for motor in MOTORS:
+            session.accept(p.MotorJog(motor, 10_000, FAR))
+        session.wait_idle()
+
+
+def test_switches(session):
+    """The E-stop with all motors, then a limit switch with a coupled pair."""
+    session.accept(p.VirtConfig.unpack(b"\0"))
+    speeds(session, VELOCITY, ACCELERATION)
+    for motor in MOTORS:
+        session.accept(p.MotorResetPosition(motor, 0), p.MotorSetLimits(motor, 0, 0, 0, 0, 1))
+    session.accept(p.MotorConfigure(1, 1 | 0x20))
+    with session.timing.judged(stops=True):
+        for pin in (ESTOP, LIMIT):
+            for motor in MOTORS:
+                if motor != 2:
+                    session.accept(p.MotorMove(motor, session.position(motor) + 8000))
+            session.run(0.25)
+            for level in (1, 0, 1):  # it bounces
+                session.board.emulator.set_pin(pin, level)
+                session.run(0.0013)
+            session.wait_idle()
+            session.board.emulator.set_pin(pin, 0)
+            session.run(0.1)
+        session.wait_idle()
+    assert [message.reason for _, message in session.timing.hard_stops][:2] == [0, 1]
+    session.accept(p.MotorConfigure(1, 1))
