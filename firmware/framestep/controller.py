@@ -303,6 +303,7 @@ class Controller:
             if not reader.waiting:
                 self.backlog = False
                 break
+            sample(self.header, self.samples)  # a burst takes tens of ms
         return busy
 
     def _handle(self, reader):

@@ -4,7 +4,9 @@
 import numpy as np
 import pytest
 
+from framestep.protocol.messages import MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 from framestep_tools import payloads as p
+from framestep_tools.wire import encode
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
 
@@ -173,6 +175,84 @@ def test_moves_and_a_live_motor_beside_a_run():
     session.wait_idle()
     for motor in (1, 2, 3):
         assert session.position(motor) == pins(motor, session.now)
+
+
+def tick(board):
+    """A millisecond without a pass of the main loop."""
+    board.hal.now_ns = board.next_tick
+    board.hal.tick()
+    board.next_tick += 1_000_000
+
+
+@pytest.mark.inside
+@pytest.mark.parametrize("away", [*range(2, 19), 30, 50])
+def test_at_rest_after_an_absence(away):
+    """The main loop is away as the last motor stops: as soon as STATUS says that nothing moves,
+    positions are those of rest, and the last report has them, too."""
+    for back in range(1, 8):  # ms from the last step to the next pass
+        session = rig()
+        session.speed(1, 20_000, 400_000)
+        session.speed(2, 20_000, 300_000)
+        session.accept(p.MotorMove(2, 500), p.MotorMove(1, 1000))
+        board = session.board._board
+        while board.steps(0) < 1000:
+            session.run(0.001)
+        ended = board.hal.now_ns
+        session = rig()
+        session.speed(1, 20_000, 400_000)
+        session.speed(2, 20_000, 300_000)
+        session.forget()
+        session.accept(p.MotorMove(2, 500), p.MotorMove(1, 1000))
+        board = session.board._board
+        session.run((ended - board.hal.now_ns) * 1e-9 + (back - away) * 1e-3)
+        for _ in range(away):
+            tick(board)
+        both = encode(MSG_MOTOR_STATUS, b"", 5) + encode(MSG_MOTOR_GET_POSITION, b"", 5)
+        frames = [f for _ in range(300) for f in session.bytes_for(both, 0.001)]
+        told = [f for f in frames if f.type == MSG_MOTOR_GET_POSITION]
+        statuses = [f for f in frames if f.type == MSG_MOTOR_STATUS]
+        for frame, status in zip([f for f in told if f.id == 5], statuses, strict=True):
+            steps = p.Positions.unpack(frame.payload).steps[:2]
+            moving = p.Status.unpack(status.payload).moving
+            assert moving or steps == (1000, 500), (back, steps)
+        unasked = [event for _, event in session.events(p.Positions)]
+        unasked += [p.Positions.unpack(f.payload) for f in told if f.id == 0]
+        assert unasked[-1].steps[:2] == (1000, 500), back
+
+
+@pytest.mark.inside
+@pytest.mark.parametrize("request_", [p.MotorGetPosition(), p.MotorStatus()])
+def test_in_a_burst_of_requests(request_):
+    """Each answer is of its own moment, though all are answered in one pass."""
+    session = rig()
+    session.speed(1, 20_000, 400_000)
+    session.speed(2, 17_000, 300_000)
+    session.accept(p.MotorMove(1, 30_000), p.MotorMove(2, -30_000))
+    session.run(0.012)
+    pins = Pins(session)
+    pins.origin = {1: 0, 2: 0}
+    board = session.board._board
+    handle = board.controller._handle
+    answered = []
+
+    def slowly(reader):
+        if reader.type == MSG_MOTOR_GET_POSITION:
+            answered.append(session.now)
+        code = handle(reader)
+        for _ in range(3):
+            tick(board)
+        return code
+
+    board.controller._handle = slowly
+    ask = encode(MSG_MOTOR_GET_POSITION, b"", 5)
+    other = encode(request_.TYPE, b"", 6)
+    frames = session.bytes_for((other * 3 + ask) * 4 + ask * 3)
+    board.controller._handle = handle
+    told = [p.Positions.unpack(f.payload) for f in frames if f.id and len(f.payload) > 5]
+    session.run(0.1)
+    messages = list(zip(answered, told, strict=True))
+    assert len(messages) >= 7
+    assert_of_one_moment(session, pins, messages)
 
 
 def test_a_position_that_is_reset_while_others_move():

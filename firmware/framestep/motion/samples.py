@@ -1,8 +1,8 @@
 """Where all loads have been at recent ticks, to report positions of one moment.
 
 The pins are some ticks behind the kernel, and positions are reported as of pulses that have been
-made. So each pass of the main loop keeps a sample of all positions, and what is reported is the
-newest one whose pulses are out.
+made. So each pass of the main loop keeps a sample of all positions, as does each further request
+that it answers. What is reported is the newest one whose pulses are out; at rest that is a new one.
 """
 
 from array import array
@@ -14,9 +14,9 @@ from framestep.motion.stepper import (
     BEHIND,
     FIRST,
     LOAD_POSITION,
+    MODE,
     NEXT,
     POSITION,
-    RUNNING,
     TICKS,
 )
 from framestep.native import const, micropython, ptr32
@@ -27,7 +27,7 @@ ALARM = const(1)  # a tick, modulo 2^29, or -1
 _ROW = const(2)  # words of a row
 _END = const(3)
 _ROWS = const(4)
-_SAMPLES = const(7 + engine.BATCH)  # kept, one in each pass of the main loop
+_SAMPLES = const(7 + engine.BATCH)  # kept, of different ticks
 _STALE = const(15 + engine.BATCH)  # ticks after which one is too old to be reported
 
 
@@ -88,9 +88,14 @@ def choose(header, words, reported: ptr32) -> int:
     Returns the tick (modulo 2^29) whose pulses were the last of them.
     """
     h = ptr32(header)
-    running = h[RUNNING]
+    running = 0
+    a = h[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        running |= m[MODE]
     if running == 0:
-        sample(header, words)  # nothing has moved for some ticks
+        sample(header, words)  # the last pulses are out
     out = ptr32(words)
     i = out[_NEWEST]
     tick = (h[TICKS] - h[BEHIND] - 1) & WRAP
