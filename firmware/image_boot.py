@@ -1,18 +1,33 @@
-"""What comes before boot.py in an image: pulses are ended and DMA is stopped, then a boot.py on the
-file system runs.
+"""boot.py of an image: ends pulses, stops DMA, puts an overlay in place, runs a boot.py on the file
+system.
 
-That may be framestep's own, from when its files were copied. Its lines do nothing a second time.
+After a soft reset framestep starts again from here, since mpremote skips main.py then.
 """
 
 import os
+import sys
 
 import framestep.leftovers
 
 framestep.leftovers.lower_pins()
 framestep.leftovers.stop_dma()
 try:
+    os.stat("/overlay")
+except OSError:
+    pass
+else:
+    __import__("framestep_overlay").begin()
+try:
     os.stat("/boot.py")
 except OSError:
     pass
 else:
     execfile("/boot.py")  # noqa: F821 -- MicroPython has it
+
+if framestep.leftovers.usb_alive():
+    if "framestep_overlay" in sys.modules:
+        sys.modules["framestep_overlay"].start(True)
+    else:
+        import framestep.boot
+
+        framestep.boot.start(True)

@@ -2,12 +2,16 @@
 do as it likes."""
 
 import os
+import sys
 
 try:
     os.stat("/main.py")
 except OSError:
-    import framestep.boot
+    if "framestep_overlay" in sys.modules:
+        sys.modules["framestep_overlay"].start()
+    else:
+        import framestep.boot
 
-    framestep.boot.start()
+        framestep.boot.start()
 else:
     execfile("/main.py")  # noqa: F821 -- MicroPython has it

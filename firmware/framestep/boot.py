@@ -13,6 +13,7 @@ import gc
 import sys
 
 from framestep.native import const
+from framestep.protocol.messages import CONDITION_OVERLAY, CONDITION_OVERLAY_LEFT_OUT
 
 _DENSE = const(4096)  # bytes taken between two collections
 _SAVE = (
@@ -62,6 +63,7 @@ def _settings(board):
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
     _forget("framestep.rig", "framestep.rig_home", "framestep.rig_servos", "framestep.board")
+    _forget("framestep.rig_settings", "framestep.rig_pins")
     _forget("framestep.io.tmc2209_setup")
     return settings, mistake
 
@@ -101,7 +103,7 @@ def start(again=False):
     from framestep.leftovers import stop_dma
 
     stop_dma()  # where boot.py is not framestep's
-    spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/") else _LEFT_BY_IMAGE)
+    spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/lib") else _LEFT_BY_IMAGE)
     from framestep.board import BOARD
 
     held = _held(BOARD)
@@ -140,6 +142,9 @@ def start(again=False):
             )
         runner = Runner(hal, settings.ports == 2)
         controller = Controller(hal, settings, broken=mistake is not None)
+        overlay = sys.modules.get("framestep_overlay")
+        if overlay:
+            controller.overlay = CONDITION_OVERLAY if overlay.in_use else CONDITION_OVERLAY_LEFT_OUT
     except MemoryError:
         print(_SAVE)
         raise
@@ -152,7 +157,7 @@ def start(again=False):
         print("framestep: not started,", held)
         return
     hal.start()
-    _forget("framestep.hal.rp2_stack")
+    _forget("framestep.hal.rp2_stack", "framestep.hal.usb_descriptor")
     try:
         controller.moves.take_memory()
     except ValueError as error:
@@ -163,4 +168,6 @@ def start(again=False):
     release(spare)
     gc.collect()
     gc.threshold(-1)
+    if overlay:
+        overlay.started()
     runner.run(controller)

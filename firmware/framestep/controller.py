@@ -70,6 +70,7 @@ class Controller:
         self.hal = hal
         self.rig = rig
         self.broken = broken
+        self.overlay = 0  # CONDITION_OVERLAY or CONDITION_OVERLAY_LEFT_OUT
         self.port = hal.port
         self.reader = FrameReader()
         self.writer = FrameWriter(m.LARGEST_FRAME)
@@ -374,7 +375,7 @@ class Controller:
 
     def condition(self):
         """The state of the board: CONDITION_ bits. framestep.texts has the texts."""
-        bits = 0
+        bits = self.overlay
         if self.broken:
             bits |= m.CONDITION_RIG_FILE_INVALID
         if self.safety.tripped:

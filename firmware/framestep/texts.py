@@ -25,6 +25,8 @@ from framestep.protocol.messages import (
     CONDITION_DRIVER,
     CONDITION_ESTOP,
     CONDITION_EXCEEDED,
+    CONDITION_OVERLAY,
+    CONDITION_OVERLAY_LEFT_OUT,
     CONDITION_POSITIONS_PENDING,
     CONDITION_POSITIONS_SAVED,
     CONDITION_POSITIONS_UNSAVABLE,
@@ -73,6 +75,10 @@ CONDITIONS = {
     ),
     CONDITION_EXCEEDED: "the last move asks too much of a motor, or does not fit into memory",
     CONDITION_DRIVER: "a driver does not work and its motor does not move (the REPL says why)",
+    CONDITION_OVERLAY: "an overlay is in use: edited modules replace the image's (framestep flash)",
+    CONDITION_OVERLAY_LEFT_OUT: (
+        "an overlay was left out: the image's own modules run (framestep flash, or flash --clean)"
+    ),
 }
 LIMITS_COUNT = (
     "soft limits count from a lost position, so they do not protect; RESET_POSITION sets it"

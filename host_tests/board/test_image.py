@@ -10,7 +10,7 @@ import pytest
 
 from framestep_emulator import Emulator
 from framestep_tools.client import Client
-from framestep_tools.files import CACHE, ROOT, board_data, merged_sources
+from framestep_tools.files import CACHE, ROOT, board_data, board_sources
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
 from framestep_tools.ram_functions import symbols
 
@@ -119,6 +119,6 @@ def test_kernels_that_run_from_ram(firmware):
     elf = CACHE / "build" / "image-pico" / "firmware.elf"
     said = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True)
     places = {line.split()[2]: int(line.split()[0], 16) for line in said.stdout.splitlines()}
-    wanted = {f"fun_data_{name}" for name in symbols(merged_sources("pico"))}
+    wanted = {f"fun_data_{name}" for name in symbols(board_sources("pico"))}
     in_ram = {name for name, place in places.items() if RAM <= place < RAM + RAM_SIZE}
     assert {name for name in in_ram if name.startswith("fun_data_")} == wanted

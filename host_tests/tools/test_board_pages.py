@@ -157,7 +157,9 @@ def test_folder_is_complete(name):
     assert line in header, (
         f"boards/{name}/mpconfigboard.h needs this line, the name of board.json in it: {line}"
     )
-    assert "MICROPY_HW_FLASH_STORAGE_BYTES" in header
+    assert '#include "../framestep.h"' in header, (
+        f"boards/{name}/mpconfigboard.h: the size of the file system is in boards/framestep.h"
+    )
     assert (folder / "manifest.py").read_text() == 'include("../manifest.py")\n'
 
 

@@ -221,6 +221,8 @@ def test_what_a_board_gets(modules):
     count = struct.unpack_from("<I", pages[0], 12)[0]
     taken = 0
     for name in modules:
+        if "/lib/" + name not in files:
+            continue  # merged into another
         new = parse(files["/lib/" + name])
         for body in new.body.walk():
             if (

@@ -3,7 +3,7 @@
 import pytest
 
 from framestep_tools.constants import FoldError
-from framestep_tools.files import _board_sources, sources
+from framestep_tools.files import _copied_sources, sources
 from framestep_tools.merging import LINES, groups, merge, where
 
 FIRST = """from array import array
@@ -107,7 +107,7 @@ def test_a_package_is_one_module_in_the_order_of_its_imports():
 
 
 def test_boards_have_them_merged():
-    found = _board_sources("pico")
+    found = _copied_sources("pico")
     for last, others in groups(
         {path: file.read_text() for path, file in sources().items()}
     ).items():

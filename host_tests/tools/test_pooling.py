@@ -83,6 +83,6 @@ def test_one_formula_stays():
 
 
 def test_a_board_has_one_string_for_all_moves():
-    source = files._board_sources("pico")["framestep/moves/requests.mpy"].decode()
+    source = files._copied_sources("pico")["framestep/moves/requests.mpy"].decode()
     formulas = set(re.findall(r"compute\(\d+, 0, \w+, (\w+)\)", source))
     assert len(formulas) <= 3  # but for those that a condition chooses

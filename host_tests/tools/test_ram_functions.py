@@ -3,7 +3,7 @@
 import pytest
 
 from framestep_tools import ram_functions
-from framestep_tools.files import merged_sources
+from framestep_tools.files import board_sources
 
 TEXT = b"""
 if RP2350:
@@ -56,4 +56,4 @@ def test_one_that_is_not_there(monkeypatch):
 
 
 def test_all_are_there():
-    assert len(ram_functions.symbols(merged_sources("pico"))) == len(ram_functions.RAM_FUNCTIONS)
+    assert len(ram_functions.symbols(board_sources("pico"))) == len(ram_functions.RAM_FUNCTIONS)

@@ -4,7 +4,7 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,8 +17,8 @@ from framestep_tools.files import (
     board_chip,
     board_modules,
     board_names,
+    board_sources,
     compiled,
-    merged_sources,
 )
 from framestep_tools.ram_functions import symbols
 from framestep_tools.uf2 import FLASH, RP2040, from_flash
@@ -32,7 +32,12 @@ _PRODUCTS = {
     "rv32": "build/rv32/micropython",
     "esp32": "build/esp32/micropython",
 }
-_BEGINNING = {"boot.py": ("image_boot.py", "boot.py"), "main.py": ("image_main.py",)}
+# Frozen as they are; an overlay cannot replace them
+_BEGINNING = {
+    "boot.py": "image_boot.py",
+    "main.py": "image_main.py",
+    "framestep_overlay.py": "framestep_overlay.py",
+}
 
 
 class BuildError(ToolError):
@@ -90,22 +95,37 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """{module's path: content} of what is frozen into a board's image: what it would get copied,
-    but for what begins.
+    """{module's path: content} of what is frozen into a board's image.
 
     Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
     """
     processor = board_chip(board).processor
     files = board_modules(processor, board)
+    image = compiled("framestep_image.py", image_module(board, files).encode(), processor)
     in_ram = {name: files.pop(name) for name in IN_RAM}
     files["framestep/ram_files.mpy"] = compiled(
         "framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor
     )
-    beginning = {
-        name: b"\n".join((FIRMWARE / part).read_bytes() for part in parts)
-        for name, parts in _BEGINNING.items()
-    }
-    return files | beginning
+    return files | beginnings() | {"framestep_image.mpy": image}
+
+
+def image_module(board: str, modules: Mapping[str, bytes]) -> str:
+    """Source of framestep_image: the image's ID, its board, a hash of each module in it."""
+    hashes = b"".join(
+        sorted(module_hash(*module) for module in {**modules, **beginnings()}.items())
+    )
+    ident = hashlib.sha256(hashes).hexdigest()[:8]
+    return f"ID = {ident!r}\nBOARD = {board!r}\nHASHES = {hashes!r}\n"
+
+
+def module_hash(name: str, content: bytes) -> bytes:
+    """Hash of a module, one of framestep_image.HASHES."""
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()[:4]
+
+
+def beginnings() -> dict[str, bytes]:
+    """{module's path: content} of what an overlay cannot replace."""
+    return {name: (FIRMWARE / source).read_bytes() for name, source in _BEGINNING.items()}
 
 
 def _digest(board: str, files: dict[str, bytes]) -> str:
@@ -117,7 +137,7 @@ def _digest(board: str, files: dict[str, bytes]) -> str:
     definition = {
         str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
     }
-    in_ram = symbols(merged_sources(board))
+    in_ram = symbols(board_sources(board))
     return hashlib.sha256(
         repr((sorted(files.items()), sorted(definition.items()), in_ram)).encode()
     ).hexdigest()
@@ -187,7 +207,7 @@ def frozen(board: str = "pico", checkout: str | None = None, show: bool = False)
             FRAMESTEP=str(modules),
             IMAGE=str(build),
             UF2_FAMILY=board_chip(board).uf2_family,
-            IN_RAM=" ".join(symbols(merged_sources(board))),
+            IN_RAM=" ".join(symbols(board_sources(board))),
             MICROPYTHON=os.path.abspath(checkout) if checkout else "",
         )
         flash_left(product.read_bytes())

@@ -21,6 +21,9 @@ from typing import Any
 from framestep.motion.formula import FormulaError, formula
 
 _FORMULA = "framestep.motion.formula"
+_NATIVE = "framestep.native"
+_CASTS = {"ptr8", "ptr16", "ptr32"}
+_DECORATORS = {"viper", "native"}
 
 _OPERATORS: dict[type, Callable[..., int]] = {
     ast.Add: operator.add,
@@ -345,3 +348,63 @@ def shorten(edits: Edits, node: ast.ImportFrom, gone: set[str]) -> None:
         alias.name + (f" as {alias.asname}" if alias.asname else "") for alias in kept
     )
     edits.replace(node, f"from {node.module} import {names}")
+
+
+def live(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield a node and all nodes in it that are compiled: nothing behind `if 0:`."""
+    yield node
+    match node:
+        case ast.If(test=ast.Constant(value=value)):
+            inner: list[ast.AST] = [*(node.body if value else node.orelse)]
+        case _:
+            inner = list(ast.iter_child_nodes(node))
+    for child in inner:
+        yield from live(child)
+
+
+def is_decorator(node: ast.AST) -> bool:
+    """Whether a function with this decorator is compiled to machine code."""
+    match node:
+        case ast.Attribute(value=ast.Name(id="micropython"), attr=name):
+            return name in _DECORATORS
+    return False
+
+
+def drop_imports(edits: Edits, tree: ast.Module) -> None:
+    """Import from framestep.native only the names that the board looks up.
+
+    The compiler alone needs the others: `const`, `micropython` for decorators, viper's casts. Each
+    name that a module imports is an entry of its dictionary.
+    """
+    for_compiler: set[int] = set()  # ids of Name nodes
+    for node in live(tree):
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(func=function)) if (
+                name.startswith("_")
+            ):
+                if node in tree.body:
+                    for_compiler.add(id(function))
+            case ast.FunctionDef(decorator_list=decorators):
+                for decorator in decorators:
+                    if is_decorator(decorator):
+                        for_compiler.update(map(id, ast.walk(decorator)))
+                        for_compiler.update(
+                            id(n)
+                            for n in ast.walk(node)
+                            if isinstance(n, ast.Name) and n.id in _CASTS
+                        )
+    needed = {
+        node.id
+        for node in live(tree)
+        if isinstance(node, ast.Name) and id(node) not in for_compiler
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == _NATIVE:
+            shorten(edits, node, {"const", "micropython", *_CASTS} - needed)
+
+
+def without_compiler_imports(text: str) -> str:
+    """Return a module's source after drop_imports()."""
+    edits = Edits(text)
+    drop_imports(edits, ast.parse(text))
+    return edits.text()

@@ -23,7 +23,7 @@ from typing import Any, ParamSpec
 from . import code_file, home
 from .chips import Chip, chip
 from .code_file import CodeFile
-from .constants import fold
+from .constants import fold, without_compiler_imports
 from .errors import ToolError
 from .home import CACHE, FIRMWARE, ROOT
 from .inlining import inline
@@ -299,8 +299,21 @@ def merged_sources(board: str) -> dict[str, bytes]:
 
 
 @_remembered
-def _board_sources(board: str) -> dict[str, bytes]:
-    """{"framestep/motors/axes.mpy": source} of what is compiled for a board."""
+def board_sources(board: str) -> dict[str, bytes]:
+    """{"framestep/motors/axes.mpy": source} of what is compiled for a board's image."""
+    folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
+    return {
+        name.removesuffix(".py") + ".mpy": (
+            text if name in _NAMED else without_compiler_imports(text.decode()).encode()
+        )
+        for name, text in folds.items()
+        if name not in _HOST_ONLY
+    }
+
+
+@_remembered
+def _copied_sources(board: str) -> dict[str, bytes]:
+    """The same of what is copied to a board whose memory is short."""
     merged = pooled({name: text.decode() for name, text in merged_sources(board).items()})
     lean = _lean({name: text.encode() for name, text in merged.items()})
     return {
@@ -322,7 +335,7 @@ def _dotted(mpy: str) -> str:
 
 def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
     """{"framestep/motors/axes.mpy": content} of the modules for a board, each whole."""
-    return {name: _compiled(name, source, march) for name, source in _board_sources(board).items()}
+    return {name: _compiled(name, source, march) for name, source in board_sources(board).items()}
 
 
 def board_files(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
@@ -346,7 +359,7 @@ def _board_files(march: str, board: str) -> dict[str, bytes]:
     framestep.code_file says why.
     """
     if board_chip(board).code_in_flash:
-        modules = _with_code_file(_board_sources(board), march)
+        modules = _with_code_file(_copied_sources(board), march)
     else:
         modules = board_modules(march, board)
     files = {"/lib/" + name: content for name, content in modules.items()}

@@ -21,11 +21,8 @@ Lines stay where they are, so that tracebacks are right.
 import ast
 from collections.abc import Iterator, Mapping, Set
 
-from .constants import Edits, shorten
+from .constants import Edits, drop_imports, is_decorator, live
 
-_NATIVE = "framestep.native"
-_CASTS = {"ptr8", "ptr16", "ptr32"}
-_DECORATORS = {"viper", "native"}
 # loaded for the start alone, but their names remain
 _BRIEF = {"framestep/rig.py", "framestep/hal/rp2_code.py"}
 _INNER = (
@@ -60,61 +57,13 @@ def lean(
     found = {}
     for path, text in texts.items():
         edits = Edits(text)
-        _drop_imports(edits, trees[path])
+        drop_imports(edits, trees[path])
         _number_attributes(edits, trees[path], private)
         if not path.startswith(by_hand or ("/",)):
             _number_parameters(edits, trees[path], named)
             _number_globals(edits, trees[path], looked_up, path in _BRIEF)
         found[path] = edits.text()
     return found
-
-
-def _live(node: ast.AST) -> Iterator[ast.AST]:
-    """The node and all in it that is compiled: not what stands behind `if 0:`."""
-    yield node
-    match node:
-        case ast.If(test=ast.Constant(value=value)):
-            inner: list[ast.AST] = [*(node.body if value else node.orelse)]
-        case _:
-            inner = list(ast.iter_child_nodes(node))
-    for child in inner:
-        yield from _live(child)
-
-
-def _is_decorator(node: ast.AST) -> bool:
-    match node:
-        case ast.Attribute(value=ast.Name(id="micropython"), attr=name):
-            return name in _DECORATORS
-    return False
-
-
-def _drop_imports(edits: Edits, tree: ast.Module) -> None:
-    """Take what the compiler alone needs out of the imports from framestep.native."""
-    for_compiler: set[int] = set()  # ids of Name nodes
-    for node in _live(tree):
-        match node:
-            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(func=function)) if (
-                name.startswith("_")
-            ):
-                if node in tree.body:
-                    for_compiler.add(id(function))
-            case ast.FunctionDef(decorator_list=decorators):
-                for decorator in decorators:
-                    if _is_decorator(decorator):
-                        for_compiler.update(map(id, ast.walk(decorator)))
-                        for_compiler.update(
-                            id(n)
-                            for n in ast.walk(node)
-                            if isinstance(n, ast.Name) and n.id in _CASTS
-                        )
-    needed = {
-        node.id
-        for node in _live(tree)
-        if isinstance(node, ast.Name) and id(node) not in for_compiler
-    }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module == _NATIVE:
-            shorten(edits, node, {"const", "micropython", *_CASTS} - needed)
 
 
 def _number_parameters(edits: Edits, tree: ast.Module, named: set[str]) -> None:
@@ -222,7 +171,7 @@ def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str], brief: 
     functions."""
     own: dict[str, str] = {}
     inner: set[str] = set()  # names that functions and classes have of their own
-    for node in _live(tree):
+    for node in live(tree):
         match node:
             case ast.FunctionDef() | ast.ClassDef() if node not in tree.body:
                 inner.add(node.name)
@@ -237,7 +186,7 @@ def _number_globals(edits: Edits, tree: ast.Module, looked_up: set[str], brief: 
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 constant = isinstance(value, ast.Call) and ast.unparse(value.func) == "const"
             case ast.FunctionDef(name=name, decorator_list=decorators) if brief or any(
-                map(_is_decorator, decorators)
+                map(is_decorator, decorators)
             ):
                 constant = False
             case _:

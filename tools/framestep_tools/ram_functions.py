@@ -10,17 +10,17 @@ tools/micropython/in_ram.sh.
 import ast
 from collections.abc import Iterator, Mapping
 
-# Module, as it is after merging; class or ""; function
+# Module; class or ""; function
 RAM_FUNCTIONS = (
     ("framestep/hal/rp2_pins.py", "", "levels"),
     ("framestep/hal/rp2_stack.py", "WholeStack", "call"),
     ("framestep/hal/rp2_pulses.py", "", "lost_commands"),
-    ("framestep/hal/usb_port.py", "", "arrived"),
+    ("framestep/hal/usb_transfers.py", "", "arrived"),
     ("framestep/hal/usb_port.py", "UsbPort", "send"),
     ("framestep/motion/stepper.py", "", "awaiting_target"),
     ("framestep/motion/stepper.py", "", "poll_flags"),
     ("framestep/motion/stepper.py", "", "moving"),
-    ("framestep/motors/requests.py", "", "neediest"),
+    ("framestep/motors/feeder.py", "", "neediest"),
 )
 
 
@@ -38,18 +38,20 @@ def _kernels(body: list[ast.stmt], owner: str = "") -> Iterator[tuple[str, str]]
 
 
 def symbols(modules: Mapping[str, bytes]) -> list[str]:
-    """What MicroPython's freezing calls RAM_FUNCTIONS: {"framestep/hal/usb_port.py": text, as it is
-    compiled} -> "framestep_hal_usb_port_UsbPort_framestep_slash_...", numbered within their class.
+    """What MicroPython's freezing calls RAM_FUNCTIONS in {"framestep/hal/usb_port.mpy": source}.
+
+    "framestep_hal_usb_port_UsbPort_framestep_slash_...", numbered within their class.
 
     KeyError: one of them is not there.
     """
     found = {}
     for module, text in modules.items():
-        plain = module.removesuffix(".py").replace("/", "_")
-        file = module.replace("/", "_slash_").replace(".", "_dot_")
+        source = module.removesuffix(".mpy").removesuffix(".py") + ".py"
+        plain = source.removesuffix(".py").replace("/", "_")
+        file = source.replace("/", "_slash_").replace(".", "_dot_")
         numbers: dict[str, int] = {}
         for owner, name in _kernels(ast.parse(text).body):
             number = numbers[owner] = numbers.get(owner, 0) + 1
             within = f"{plain}_{owner}_" if owner else f"{plain}_"
-            found[module, owner, name] = within + file + (str(number) if number > 1 else "")
+            found[source, owner, name] = within + file + (str(number) if number > 1 else "")
     return [found[wanted] for wanted in RAM_FUNCTIONS]

@@ -18,16 +18,20 @@ _ANSWER_S = 2.0
 _Answer = TypeVar("_Answer")
 
 
-def hello(repl: str, protocol: str | None, ports: int) -> tuple[str, DeviceInfo]:
+def hello(
+    repl: str, protocol: str | None, ports: int, advice: str | None = None
+) -> tuple[str, DeviceInfo]:
     """Ask the board that restarts who it is; the port on which it answers, and the answer.
 
     repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that
-    is known; ports: how many the rig file asks for.
+    is known; ports: how many the rig file asks for; advice: what to do if nobody answers.
     """
+    if advice is None:
+        advice = f"what it says as it starts shows mpremote connect {repl} exec 'import main'"
     return answer(
         lambda: repl if ports == 1 else protocol or protocol_of(repl),
         "it has no port named framestep DMC",
-        f"; what it says as it starts shows mpremote connect {repl} exec 'import main'",
+        f"; {advice}",
     )
 
 
@@ -43,8 +47,12 @@ def answer(
 
 def takes_rig(path: str) -> bool:
     """Whether the board that has started and has this port goes by its rig file."""
-    _, condition = _asked(GetCondition(), lambda: path, "")
-    return not condition.bits & messages.CONDITION_RIG_FILE_INVALID
+    return not condition(path) & messages.CONDITION_RIG_FILE_INVALID
+
+
+def condition(path: str) -> int:
+    """The CONDITION_ bits of the board that has started and has this port."""
+    return _asked(GetCondition(), lambda: path, "")[1].bits
 
 
 def _asked(

@@ -20,6 +20,9 @@ from framestep.native import addressof, as_word, const, micropython, ptr32
 
 _RP2350 = "RP2350" in sys.implementation._machine
 _SCRATCH4 = (0x400D8000 if _RP2350 else 0x40058000) + 0x1C
+_SCRATCH0 = (0x400D8000 if _RP2350 else 0x40058000) + 0x0C
+# in SCRATCH0 while framestep_overlay guards the start by the watchdog
+_STARTING = const(0x1DEA5C3B)
 # what the SDK leaves in SCRATCH4: the watchdog ran, as opposed to machine.reset()
 _ARMED = const(0x6AB73121)
 _PAGE = 0x400D if _RP2350 else 0x4005
@@ -48,7 +51,9 @@ class Watchdog:
         scratch = machine.mem32[_SCRATCH4] & 0xFFFFFFFF
         self.caused_reset = machine.reset_cause() == machine.WDT_RESET and scratch == _ARMED
         machine.mem32[_SCRATCH4] = 0  # told once, not again after a soft reset
-        _disable(_PAGE)  # it may still run after a soft reset in motion
+        # it may still run after a soft reset in motion
+        if machine.mem32[_SCRATCH0] != _STARTING:
+            _disable(_PAGE)
         self._wdt = None
         self.words = array("i", [0] * _WORDS)  # the main loop keeps PASS
         self._timer = None

@@ -151,6 +151,9 @@ CONDITION_POSITIONS_UNSAVABLE = const(0x40)  # they should be, but cannot
 # the last move asked a motor for more than it is set to: MSG_EXCEEDED
 CONDITION_EXCEEDED = const(0x80)
 
+CONDITION_OVERLAY = const(0x100)  # modules on the file system replace the image's
+CONDITION_OVERLAY_LEFT_OUT = const(0x200)  # such modules are there, but the image's own run
+
 EXCEEDED_NOTHING = const(results.EXCEEDED_NOTHING)
 EXCEEDED_VELOCITY = const(results.EXCEEDED_VELOCITY)
 EXCEEDED_ACCELERATION = const(results.EXCEEDED_ACCELERATION)

@@ -65,14 +65,21 @@ def flash(
             help="port that Dragonframe will use, where it cannot be told", metavar="PORT"
         ),
     ] = None,
+    clean: Annotated[
+        bool, typer.Option("--clean", help="back to the modules of the board's image")
+    ] = False,
 ) -> None:
-    """Copy framestep beside the MicroPython that is on a board.
+    """Copy edited modules onto a board with framestep's image.
+
+    On a board without one, copy framestep beside its MicroPython.
 
     rig.json and other files of yours stay.
     """
     from ..flash import flash_board
+    from ..overlay import flash_overlay
 
-    flash_board(board, port, protocol, _say)
+    if not flash_overlay(port, protocol, clean, _say):
+        flash_board(board, port, protocol, _say)
 
 
 def uf2(

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from framestep.protocol.messages import CONDITION_OVERLAY
+
 from ..client import Client
 from ..errors import ToolError
 from ..files import board_data
-from ..payloads import DeviceInfo, Hi
+from ..payloads import DeviceInfo, GetCondition, Hi
 from .chips import CHIPS
 from .instrument import Instrument
 from .layout import Layout, layout
@@ -58,6 +60,7 @@ class Board:
                 f"{' and '.join(CHIPS)}, whose state machines can watch its pins"
             )
         self._chip = chip
+        self.overlay = self.client.request(GetCondition()).bits & CONDITION_OVERLAY
         self.copied = self.run(_FROZEN).startswith("/")  # files, not an image
         self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))
         self.instrument = Instrument(self.run, chip, self.clock_hz)

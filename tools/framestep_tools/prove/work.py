@@ -45,10 +45,12 @@ def prove(
 
 
 def is_plain(board: Board) -> bool:
-    """Whether the board runs an image, and its rig file has nothing that takes time or memory."""
+    """Whether the board runs its image without an overlay, and no setting of its rig file takes
+    time or memory."""
     motors = range(1, board.layout.motors + 1)
     return (
         not board.copied
+        and not board.overlay
         and set(board.rig) <= _PLAIN
         and all(set(board.settings(m)) <= _PLAIN_MOTOR for m in motors)
     )
@@ -62,6 +64,8 @@ def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> l
         found.append(f"servos were left out: {servos}")
     if board.copied:
         found.append("framestep is there as copied files, which are slower than its image")
+    if board.overlay:
+        found.append("an overlay is in use: edited modules replace the image's")
     if known is None:
         found.append("no emulated board is of this kind, so nothing stands beside these figures")
     elif not plain or count != known.motors:
