@@ -17,7 +17,8 @@ Pulses. The engine takes 32-bit commands and executes them one after another on 
 differs between engines.
 
 Time. A tick's pulses come `AHEAD` cycles after the tick was due: almost `LEAD` ticks, so that an
-interrupt that comes late by up to `LATEST` moves no edge.
+interrupt that comes late by up to `LATEST` moves no edge by more than some microseconds: an engine
+that has run dry by then, since its last pulse came early in its tick, gets a new wait (START).
 """
 
 from framestep.native import const, micropython, ptr32

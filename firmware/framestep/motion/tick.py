@@ -119,16 +119,27 @@ class Header(array):
                 m[DUE] = now & WIDE_WRAP
             elif m[RUNNING]:
                 m[WORST_LATE] = late
-        if late >= m[LATEST]:
-            # The engines have run dry and stand. A stop with BRAKE began where the pulses ended;
-            # what of it fell into the hole is over. The time lost is not made up for.
-            missed = (late - m[LATEST]) // TICK_US + 1 + m[LEAD]
-            late = late % TICK_US  # the ticks missed are left out, the grid stays
-            m[DUE] = (now - late) & WIDE_WRAP
+        if late >= m[LATEST] - TICK_US:
+            # From LATEST on all engines have run dry and are at rest. A stop with BRAKE began where
+            # the pulses ended; the ramp goes on as if it had gone on during the hole. The time lost
+            # is not made up for. Before LATEST, only engines whose last pulse came early in its
+            # tick have run dry: START has each of them looked at below.
+            missed = 0
+            if late >= m[LATEST]:
+                missed = (late - m[LATEST]) // TICK_US + 1 + m[LEAD]
+                late = late % TICK_US  # the ticks missed are left out, the grid stays
+                m[DUE] = (now - late) & WIDE_WRAP
             a = m[FIRST]
             while a:
                 m = ptr32(a)
                 a = m[NEXT]
+                if missed == 0:
+                    if m[MODE] & START:
+                        pass
+                    elif m[MODE] & (RUN | STOP):
+                        m[IDLE_AT] = h[TICKS]
+                        m[MODE] = m[MODE] | START
+                    continue
                 m[IDLE_AT] = (h[TICKS] - 1000) & WRAP
                 if m[MODE] & START:
                     m[MODE] = RUN | START  # has yet to begin
@@ -183,50 +194,46 @@ class Header(array):
             a = m[NEXT]
             if m[MODE]:
                 h[RUNNING] = 4
+                alone = 0  # the first pulse gets a command by itself
+                if m[MODE] & START:
+                    m[MODE] = m[MODE] & (RUN | STOP)
+                    clock = ptr32(h[CLOCK])
+                    passed = (clock[0] - h[DUE] + TICK_US) & WIDE_WRAP
+                    wait = h[AHEAD] - passed * h[CYCLES_PER_US]
+                    idle = elapsed(h[TICKS] - 1, m[IDLE_AT])
+                    if idle < h[LEAD] and m[CARRY] + idle * cycles - (m[SHORTEST] >> 1) < wait:
+                        # the engine has not run dry since
+                        m[CARRY] = m[CARRY] + idle * cycles
+                    else:
+                        # Make the engine wait so that this tick's output begins AHEAD of the tick's
+                        # own time, however late within it this line is reached.
+                        fifo = ptr32(m[FIFO])
+                        word = m[WORD]
+                        wait = wait - m[RESERVE] + m[FIXED] - COMMAND_CYCLES
+                        while wait > LONGEST_WAIT:
+                            if RING:
+                                k = fifo[COMMANDS]
+                                fifo[COMMANDS] = (k + 1) & WIDE_WRAP
+                                fifo[k & (COMMANDS - 1)] = word + (
+                                    (LONGEST_WAIT - WAIT_CYCLES) << GAP
+                                )
+                            else:
+                                fifo[0] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
+                            wait = wait - LONGEST_WAIT
+                        if wait > WAIT_CYCLES:
+                            if RING:
+                                k = fifo[COMMANDS]
+                                fifo[COMMANDS] = (k + 1) & WIDE_WRAP
+                                fifo[k & (COMMANDS - 1)] = word + ((wait - WAIT_CYCLES) << GAP)
+                            else:
+                                fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
+                        m[CARRY] = m[RESERVE]
+                        if idle == 0:
+                            alone = 1
                 if m[MODE] & RUN:
                     if m[LEFT]:
                         pass
                     else:
-                        if m[MODE] & START:
-                            m[MODE] = m[MODE] & (RUN | STOP)
-                            idle = elapsed(h[TICKS] - 1, m[IDLE_AT])
-                            if idle < h[LEAD] and idle * TICK_US + late < h[LATEST]:
-                                # the engine has not run dry since
-                                m[CARRY] = m[CARRY] + idle * cycles
-                            else:
-                                # Make the engine wait so that this tick's output begins AHEAD of
-                                # the tick's own time, however late within it this line is reached.
-                                fifo = ptr32(m[FIFO])
-                                word = m[WORD]
-                                clock = ptr32(h[CLOCK])
-                                passed = (clock[0] - h[DUE] + TICK_US) & WIDE_WRAP
-                                wait = (
-                                    h[AHEAD]
-                                    - passed * h[CYCLES_PER_US]
-                                    - m[RESERVE]
-                                    + m[FIXED]
-                                    - COMMAND_CYCLES
-                                )
-                                while wait > LONGEST_WAIT:
-                                    if RING:
-                                        k = fifo[COMMANDS]
-                                        fifo[COMMANDS] = (k + 1) & WIDE_WRAP
-                                        fifo[k & (COMMANDS - 1)] = word + (
-                                            (LONGEST_WAIT - WAIT_CYCLES) << GAP
-                                        )
-                                    else:
-                                        fifo[0] = word + ((LONGEST_WAIT - WAIT_CYCLES) << GAP)
-                                    wait = wait - LONGEST_WAIT
-                                if wait > WAIT_CYCLES:
-                                    if RING:
-                                        k = fifo[COMMANDS]
-                                        fifo[COMMANDS] = (k + 1) & WIDE_WRAP
-                                        fifo[k & (COMMANDS - 1)] = word + (
-                                            (wait - WAIT_CYCLES) << GAP
-                                        )
-                                    else:
-                                        fifo[0] = word + ((wait - WAIT_CYCLES) << GAP)
-                                m[CARRY] = m[RESERVE]
                         head = m[READ_INDEX]
                         if head - m[WRITE_INDEX]:
                             q = ptr32(m[QUEUE])
@@ -349,6 +356,9 @@ class Header(array):
                                     pass
                                 elif carry > 0:
                                     extra = 1
+                        if alone:
+                            back = n - 1
+                            extra = 0
                     else:
                         if d < 64:
                             # a step owed from before, at rest or turning round
