@@ -246,6 +246,8 @@ class Replies(Part):
                 motor.stands(self.ms)
                 motor.homes(self.rig.hard_stop_factor)
                 self.led(motor)
+                if motor.coupled:  # its limits count as little as its leader's
+                    self.motors[motor.index + 1].soft = None
 
     def _set_speed(self, request, payload):
         i, velocity, acceleration = request.words("BII")
