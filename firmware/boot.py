@@ -4,6 +4,9 @@ mpremote makes a soft reset before each of its commands, and MicroPython leaves 
 boot.py of your own can begin with these lines.
 """
 
+import micropython
+
+micropython.kbd_intr(-1)  # a Ctrl-C does not break the start off; main.py and the REPL set it again
 try:
     import framestep.leftovers
 except ImportError:  # framestep has been taken away

@@ -7,7 +7,11 @@ After a soft reset framestep starts again from here, since mpremote skips main.p
 import os
 import sys
 
-import framestep.leftovers
+import micropython
+
+micropython.kbd_intr(-1)  # a Ctrl-C does not break the start off
+
+import framestep.leftovers  # noqa: E402
 
 framestep.leftovers.lower_pins()
 framestep.leftovers.stop_dma()
@@ -22,9 +26,11 @@ try:
 except OSError:
     pass
 else:
+    micropython.kbd_intr(3)
     execfile("/boot.py")  # noqa: F821 -- MicroPython has it
 
 if framestep.leftovers.usb_alive():
+    micropython.kbd_intr(-1)
     if "framestep_overlay" in sys.modules:
         sys.modules["framestep_overlay"].start(True)
     else:

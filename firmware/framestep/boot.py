@@ -28,6 +28,17 @@ _LEFT_BY_IMAGE = const(10 * 1024)
 hal = None
 controller = None
 runner = None
+mistake = None  # what is wrong with the rig file, as text
+# Modules that only reading the rig file needs
+_READING = (
+    "framestep.rig",
+    "framestep.rig_home",
+    "framestep.rig_servos",
+    "framestep.rig_settings",
+    "framestep.rig_pins",
+    "framestep.board",
+    "framestep.io.tmc2209_setup",
+)
 
 
 class Settings:
@@ -58,14 +69,41 @@ def _forget(*names):
 
 
 def _settings(board):
+    global mistake
     from framestep import rig
 
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
-    _forget("framestep.rig", "framestep.rig_home", "framestep.rig_servos", "framestep.board")
-    _forget("framestep.rig_settings", "framestep.rig_pins")
-    _forget("framestep.io.tmc2209_setup")
-    return settings, mistake
+    _forget(*_READING)
+    return settings
+
+
+def judge(text):
+    """Judge the text of a rig file: (True, what it makes of this board), (False, what is wrong),
+    or (None, "") where there is no memory left to tell. For the REPL; the code is let go."""
+    try:
+        import json
+
+        from framestep.board import BOARD
+        from framestep.rig import Rig, RigError
+
+        try:
+            rig = Rig(json.loads(text), BOARD)
+        except RigError as error:
+            return False, str(error)
+        except ValueError:
+            return False, "not valid JSON"
+        name = BOARD["name"]
+        return True, "right for %s: '%s', %d motors set" % (
+            name,
+            rig.name.decode(),
+            len(rig.motors),
+        )
+    except MemoryError:
+        return None, ""
+    finally:
+        _forget(*_READING)
+        gc.collect()
 
 
 def _load_into_ram():
@@ -115,7 +153,7 @@ def start(again=False):
     # at once: while the rest is loaded they would float
     from framestep.hal.rp2_pins import drivers_off
 
-    settings, mistake = _settings(BOARD)
+    settings = _settings(BOARD)
     del BOARD
     drivers_off(settings.board, settings)
     if again and settings.ports != 2:

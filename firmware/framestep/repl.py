@@ -22,6 +22,10 @@ import sys
 import framestep
 from framestep.native import CPYTHON
 
+_NO_MEMORY = (
+    "() needs more memory than is free: delete what your program holds, or set a smaller "
+    "motor_count or virtuals in rig.json"
+)
 _COMMANDS = "status() move(1, 200) home(1) jog() stop() io() timing() rig()"
 
 
@@ -29,6 +33,8 @@ def _call(module, name, *arguments):
     try:
         found = __import__("framestep.repl_commands." + module, None, None, (name,))
         return getattr(found, name)(*arguments)
+    except MemoryError:
+        print(name, _NO_MEMORY, sep="")
     finally:
         if not CPYTHON:
             for each in (".state", ".motion", ".figures", ""):

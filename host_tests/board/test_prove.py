@@ -4,10 +4,11 @@ saw."""
 import numpy as np
 import pytest
 
+from framestep_tools.errors import ToolError
 from framestep_tools.payloads import MotorGetPosition, MotorMove, MotorSetSpeed
 from framestep_tools.prove.board import emulated
 from framestep_tools.prove.figures import AS_EMULATED, FIGURES
-from framestep_tools.prove.measure import RUNS
+from framestep_tools.prove.measure import RUNS, Measuring
 from framestep_tools.prove.report import emulated_boards
 from framestep_tools.prove.work import Options, prove
 
@@ -122,6 +123,23 @@ def test_a_measurement_in_short(board):
     # W25Q16JV, typical: 45 ms for a sector, 0.4 ms for a page; the call takes up to one more
     assert 45 <= report.figures["erase_ms"] <= 46.5
     assert report.figures["program_ms"] == pytest.approx(0.4, rel=0.05)
+
+
+def test_what_was_measured_before_it_broke_off_is_in_the_report(board, monkeypatch):
+    def broken(_):
+        raise ToolError("the board stumbled")
+
+    with monkeypatch.context() as at_once:
+        at_once.setattr(Measuring, "_stands", broken)
+        with pytest.raises(ToolError, match="the board stumbled"):
+            prove(board, Options(short=True), emulated_boards(), lambda line: None)
+
+    monkeypatch.setattr(Measuring, "_together", broken)
+    report = prove(board, Options(short=True), emulated_boards(), lambda line: None)
+    assert report.complaints == ["the measurement broke off here: the board stumbled"]
+    assert {"upload_frames", "rate_350k", "edge_350k_us"} <= set(report.figures)
+    assert "reply_ms" not in report.figures
+    assert "the board stumbled" in report.as_markdown()
 
 
 SERVO_PIN = 27

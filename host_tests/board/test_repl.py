@@ -16,7 +16,7 @@ LED, JUMPER = 25, 27
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard() as board:
+    with EmulatedBoard(frozen=True) as board:
         yield Session(board, reply_s=0.1)
 
 
@@ -151,7 +151,7 @@ def test_faults_in_words(session):
     session.forget()
     text = repl.exec("b.controller.moves.poll = None\ntime.sleep_ms(200)")
     assert "framestep: stopped by a fault in the firmware; a reset starts it again" in text
-    assert 'File "framestep.controller", line' in text
+    assert 'File "framestep/controller.py", line' in text
     assert "TypeError" in text
     assert shows(FAULT, led(board)), "although nothing looks after it any more"
     session.run(0.05)

@@ -35,7 +35,8 @@ _LOOK_S = 0.2
 _ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
 _ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
 _CHUNK = 1024
-_SMALL_CHUNK = 512  # where a board's memory is in small pieces
+_SMALL_CHUNK = 192  # where a board's memory is in small pieces
+_WINDOW_BITS = _CHUNK.bit_length() - 1  # of what unpacks: its window is as large as a chunk
 _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
 
 # what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to,
@@ -57,14 +58,11 @@ else:
     if c: r.stop()
     print(0)
 """
-# What the board finds wrong with its rig file; None where that can be read now
+# What the board has found wrong with its rig file when it started; None for nothing
 MISTAKE = """
+import framestep.boot
 print("\\x02")
-try:
-    from framestep import rig
-    from framestep.board import BOARD
-    print(rig.load(board=BOARD)[1])
-except MemoryError: print("it has no memory left to tell")
+print(framestep.boot.mistake)
 """
 _WHO = """
 import sys, machine
@@ -108,13 +106,21 @@ def digest(path):
     print(repr(path) + ":" + repr(h.digest()) + ",")
 """
 # Packed and in base64 a file is a third of what its bytes are as text, and the text is what takes
-# the time
-_WRITE = """
+# the time. Unpacking takes 1.3 kB of memory in one piece.
+_WRITE_PACKED = """
 from binascii import a2b_base64
 from deflate import DeflateIO, RAW
 from io import BytesIO
 f = open(%r, "wb")
 def w(b): f.write(DeflateIO(BytesIO(a2b_base64(b)), RAW, %d).read(%d))
+"""
+_WRITE = """
+import gc
+from binascii import a2b_base64
+f = None
+gc.collect()
+f = open(%r, "wb")
+def w(b): f.write(a2b_base64(b))
 """
 _FOLDER = """
 import os
@@ -168,8 +174,8 @@ class Who(NamedTuple):
 # ---- a board
 
 
-def _packed(data: bytes, bits: int) -> bytes:
-    packer = zlib.compressobj(9, zlib.DEFLATED, -bits)
+def _packed(data: bytes) -> bytes:
+    packer = zlib.compressobj(9, zlib.DEFLATED, -_WINDOW_BITS)
     return b2a_base64(packer.compress(data) + packer.flush(), newline=False)
 
 
@@ -319,12 +325,16 @@ class Device:
 
     def read(self, name: str) -> bytes | None:
         """A file's content, None if there is no such file."""
-        try:
-            return bytes(self._transport.fs_readfile(name, _CHUNK))
-        except FileNotFoundError:
-            return None
-        except (OSError, TransportError) as error:
-            raise DeviceError(f"cannot read {name} from the board: {error}") from None
+        for chunk in (_CHUNK, _SMALL_CHUNK):
+            try:
+                return bytes(self._transport.fs_readfile(name, chunk))
+            except FileNotFoundError:
+                return None
+            except (OSError, TransportError) as error:
+                failure = error
+                if "MemoryError" not in str(error):
+                    break
+        raise DeviceError(f"cannot read {name} from the board: {failure}")
 
     def write(self, name: str, data: bytes) -> None:
         """Write a file, in folders that are made if need be. A file that is there is cut short
@@ -332,20 +342,23 @@ class Device:
         for at, sign in enumerate(name):
             if sign == "/" and at:
                 self.run(_FOLDER % name[:at])
-        for chunk in (_CHUNK, _SMALL_CHUNK):
+        try:
             try:
-                self._write(name, data, chunk)
-                return
+                self._write(_WRITE_PACKED % (name, _WINDOW_BITS, _CHUNK), data, _CHUNK, _packed)
             except DeviceError as error:
-                if chunk == _SMALL_CHUNK or "MemoryError" not in str(error):
-                    raise DeviceError(f"cannot write {name} to the board: {error}") from None
+                if "MemoryError" not in str(error):
+                    raise
+                self._write(_WRITE % name, data, _SMALL_CHUNK, b2a_base64)
+        except DeviceError as error:
+            raise DeviceError(f"cannot write {name} to the board: {error}") from None
 
-    def _write(self, name: str, data: bytes, chunk: int) -> None:
-        bits = chunk.bit_length() - 1  # of the window of what unpacks: as large as a chunk
-        self.run(_WRITE % (name, bits, chunk))
+    def _write(
+        self, script: str, data: bytes, chunk: int, encoded: Callable[[bytes], bytes]
+    ) -> None:
+        self.run(script)
         for at in range(0, len(data), chunk):
-            self.run(f"w({_packed(data[at : at + chunk], bits)!r})")
-        self.run("f.close()")
+            self.run(f"w({encoded(data[at : at + chunk])!r})")
+        self.run("f.close()\nf = w = None")
 
     def replace(self, name: str, data: bytes) -> None:
         """Give a file new content, in one step at the end: it is the old or the new one, whatever

@@ -40,21 +40,10 @@ except OSError: pass
 # wrong or what it makes]
 CHECK = """
 import json
+from framestep.boot import judge
 print("\\x02")
-try:
-    from framestep.board import BOARD
-    from framestep.rig import Rig, RigError
-    try:
-        rig = Rig(json.loads(text), BOARD)
-        print(json.dumps([True, "right for %s: '%s', %d motors set" % (BOARD["name"], rig.name.decode(), len(rig.motors))]))
-    except RigError as error: print(json.dumps([False, str(error)]))
-    except ValueError: print(json.dumps([False, "not valid JSON"]))
-except MemoryError: print('[null, ""]')
-import sys, framestep
-for each in ("rig", "rig_home", "rig_servos", "board"):
-    if sys.modules.pop("framestep." + each, None) and hasattr(framestep, each): delattr(framestep, each)
-rig = Rig = RigError = BOARD = None
-"""  # noqa: E501
+print(json.dumps(judge(text)))
+"""
 # 1: motors move, or are about to; then nothing has been stopped
 HALT = (
     STATE

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from typing import NamedTuple
 
+from ..errors import ToolError
 from .board import Board
 from .measure import Measuring
 from .report import Emulated, Report
@@ -26,18 +27,28 @@ def prove(
     emulated: Mapping[str, Emulated],
     say: Callable[[str], None],
 ) -> Report:
-    """Measure a board. emulated: the boards to compare it with; say: told what comes next."""
+    """Measure a board. emulated: the boards to compare it with; say: told what comes next.
+
+    If the measurement breaks off, the report has the figures until then, and says so; ToolError if
+    there are none.
+    """
+    micropython = board.run(_MICROPYTHON).strip()
     measuring = Measuring(board, say, options.short)
-    with nullcontext() if options.with_drivers else board.drivers_off():
-        figures = measuring.everything()
+    try:
+        with nullcontext() if options.with_drivers else board.drivers_off():
+            measuring.everything()
+    except ToolError as error:
+        if "upload_frames" not in measuring.figures:  # the first one
+            raise
+        measuring.complaints.append(f"the measurement broke off here: {error}")
     known = emulated.get(board.folder)
     count, plain = len(board.layout.measured), is_plain(board)
     return Report(
         board.folder,
         board.where,
         board.clock_hz,
-        board.run(_MICROPYTHON).strip(),
-        figures,
+        micropython,
+        measuring.figures,
         measuring.complaints,
         known.beside(count, plain) if known else {},
         _remarks(board, known, count, plain),
