@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo sim emu test test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak mutants flash image install dist release emulator-measure strain conform prove clean
+	plots bench profile soak flash image install dist release emulator-measure strain conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -110,10 +110,6 @@ soak: setup node ## two emulated hours of a host's work: heap flat, positions ex
 	@tools/micropython/build.sh rp2
 	@tools/micropython/build.sh unix32f
 	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
-
-mutants: setup ## which changes of protocol, motion and moves no test would notice; ARGS="--sample 300 --seed 1 --files 'motion/*' --jobs 2"
-	@tools/setup.sh mutants
-	@"$(PYTHON_VENV)" -m host_tests.mutants $(ARGS)
 
 strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(ARGS)

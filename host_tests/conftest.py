@@ -13,6 +13,7 @@ from hypothesis.internal.conjecture import providers
 from framestep import native_cpython
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
+from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
 
 _IN_CI = bool(os.environ.get("CI"))
@@ -44,6 +45,10 @@ def pytest_addoption(parser):
         action="store_true",
         help="play the end-to-end sessions again on 32-bit MicroPython, the heap locked",
     )
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(ProcessorTime())
 
 
 # What takes long begins first, so that at the end no processor waits for another one. Of the rest

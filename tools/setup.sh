@@ -2,7 +2,7 @@
 # Python packages in a virtual environment of their own (.cache/venv), MicroPython's type stubs beside it, and the
 # node package of the emulator, or a browser for the tests of the console. Does only what is missing.
 #
-# usage: tools/setup.sh [python|node|chromium|mutants]      (default: python)
+# usage: tools/setup.sh [python|node|chromium]      (default: python)
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/steps.sh"
 
@@ -51,15 +51,6 @@ python_packages() {
     stamp >"$VENV/.complete"
 }
 
-# For mutation testing alone, so not for everybody.
-mutants_is_there() { "$VENV/bin/python" -c 'import cosmic_ray' 2>/dev/null; }
-
-mutants_packages() {
-    python_is_there || python_packages
-    step cosmic-ray "installing cosmic-ray, which makes the mutants" \
-        "$VENV/bin/python" -m pip install -c "$ROOT/tools/constraints.txt" -e "$ROOT[dev,mutants]"
-}
-
 node_packages() {
     local board=$ROOT/tools/emulator/board
     command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
@@ -81,8 +72,8 @@ chromium_is_there() {
 chromium_packages() { need_packages "test the console in a browser" chromium; }
 
 case ${1:-python} in
-    python | node | chromium | mutants) ;;
-    *) die "usage: tools/setup.sh [python|node|chromium|mutants]" ;;
+    python | node | chromium) ;;
+    *) die "usage: tools/setup.sh [python|node|chromium]" ;;
 esac
 "${1:-python}_is_there" && exit # without waiting for a build that is under way
 lock

@@ -1,0 +1,54 @@
+"""What the tests take of the processors: of this process, and of the ones that it started and that
+have ended. A look at the end of a run, not a verdict: computers differ by half."""
+
+import os
+
+import pytest
+
+_SLOWEST = 10
+_LARGE_SHARE = 0.03  # of the sum: files that are named
+
+
+def _seconds():
+    return sum(os.times()[:4])
+
+
+class ProcessorTime:
+    """Collects {test: seconds}, from xdist's workers too, and prints a summary."""
+
+    def __init__(self):
+        self.taken = {}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item):
+        before = _seconds()
+        try:
+            return (yield)
+        finally:
+            self.taken[item.nodeid] = _seconds() - before
+
+    def pytest_sessionfinish(self, session):
+        if hasattr(session.config, "workeroutput"):
+            session.config.workeroutput["processor_time"] = self.taken
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node):
+        self.taken |= getattr(node, "workeroutput", {}).get("processor_time", {})
+
+    def pytest_terminal_summary(self, terminalreporter):
+        if not self.taken:
+            return
+        files = {}
+        for test, seconds in self.taken.items():
+            name = test.partition("::")[0]
+            files[name] = files.get(name, 0) + seconds
+        total = sum(files.values())
+        write = terminalreporter.write_line
+        terminalreporter.section("processor time")
+        write(f"{total:.0f} s in all; the {_SLOWEST} tests that take most:")
+        for test in sorted(self.taken, key=self.taken.get, reverse=True)[:_SLOWEST]:
+            write(f"{self.taken[test]:7.1f} s  {test}")
+        write(f"files that take more than {_LARGE_SHARE:.0%}:")
+        for name in sorted(files, key=files.get, reverse=True):
+            if files[name] > _LARGE_SHARE * total:
+                write(f"{files[name]:7.1f} s  {name}")
