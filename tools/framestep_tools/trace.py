@@ -127,12 +127,19 @@ class PinDecoder:
 # ---- CSV -----------------------------------------------------------------------------------------
 
 
+def _created(path: str | os.PathLike) -> TextIO:
+    try:
+        return open(path, "w")
+    except OSError as error:
+        raise TraceError(f"cannot write the trace {path}: {error.strerror}") from None
+
+
 class TraceWriter:
     """Writes a trace as it happens. Edges may come in any order up to the time that `release` has
     been told."""
 
     def __init__(self, file: str | os.PathLike | TextIO):
-        self.file: TextIO = open(file, "w") if isinstance(file, str | os.PathLike) else file  # noqa: SIM115
+        self.file: TextIO = _created(file) if isinstance(file, str | os.PathLike) else file
         self.written = 0
         self._heap: list[tuple[int, int, str, int]] = []
         self._order = 0  # keeps edges of one moment as they came

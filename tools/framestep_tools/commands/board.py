@@ -38,7 +38,10 @@ def install(
     """
     from .. import drives, install
     from ..drives import DriveError
+    from ..files import board_data
 
+    if board:
+        board_data(board)  # there is one of this name
     if drive is None:
         found = drives.wait(_say, install.DRIVE_S)
     else:

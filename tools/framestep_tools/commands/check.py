@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import Json, put, say_json, talking
+from .common import Json, extra, put, say_json, talking
 from .moves import FirstFrame, Fps, LastFrame, MoveFile, Postroll, Preroll, Reverse, fits, section
 
 if TYPE_CHECKING:
@@ -74,13 +74,12 @@ def check(
         raise typer.BadParameter("--loop and --ping-pong do not go together")
     if plot and plot.suffix.lower() not in _ENDINGS:
         raise ToolError(f"{plot}: a picture is one of {', '.join(_ENDINGS)}")
-    try:
-        from .. import check_plot, move_check
-        from ..boards import read_rig
-    except ModuleNotFoundError as error:
-        raise ToolError(
-            f"a check needs {error.name}, which an extra brings: pip install framestep[plots]"
-        ) from None
+    from .. import check_plot, move_check
+    from ..boards import read_rig
+
+    if plot:
+        with extra("a picture"):
+            import matplotlib  # noqa: F401
     content = read_move(or_example(file))
     begin, end = section(content, first, last, reverse)
     run = RtRunMove(

@@ -17,7 +17,10 @@ _OPEN_S = 1.0
 def console(
     device: Url = None,
     port: Annotated[
-        int, typer.Option(help="where the page is served on this computer; 0 takes a free one")
+        int,
+        typer.Option(
+            help="where the page is served on this computer; 0 takes a free one", min=0, max=65535
+        ),
     ] = _PORT,
     repl: Annotated[
         str | None, typer.Option(help="port of the board's REPL, where it cannot be told")

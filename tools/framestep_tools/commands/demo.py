@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .common import put
+from .common import extra, put
 
 
 def demo(
@@ -18,17 +18,12 @@ def demo(
     ),
 ) -> int:
     """Play a camera move on a simulated board and check every edge."""
-    from ..errors import ToolError
     from ..move_file import CAMERA_MOVE
 
-    try:
+    with extra("the demo"):
         import matplotlib  # noqa: F401
 
         from ..demo import BoardKind, main
-    except ModuleNotFoundError as error:
-        raise ToolError(
-            f"the demo needs {error.name}, which an extra brings: pip install framestep[plots]"
-        ) from None
     return main(BoardKind.HOST, fps, move or CAMERA_MOVE, out)
 
 

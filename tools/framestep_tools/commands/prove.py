@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Json, Url, put, say_json
-from .traces import extra
+from .common import Json, Url, extra, put, say_json
 
 _ASK = (
     "The step and direction pins of all motors are driven, with up to 500 000 steps/s, and speeds "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .common import put
+from .common import extra, put
 
 if TYPE_CHECKING:
     from ..trace import Trace
@@ -21,19 +21,6 @@ File = Annotated[
         help="a trace: CSV with time_ns,signal,value", metavar="TRACE", show_default=False
     ),
 ]
-
-
-@contextmanager
-def extra(what: str) -> Iterator[None]:
-    """For the imports of libraries that not every user has installed."""
-    from ..errors import ToolError
-
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ToolError(
-            f"{what} needs {error.name}, which an extra brings: pip install framestep[plots]"
-        ) from None
 
 
 def _read(trace: Path) -> "Trace":

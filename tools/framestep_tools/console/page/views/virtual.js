@@ -11,6 +11,7 @@ const MILLI = 1000;
 const FULL_SPEED = 10_000;
 const FARTHEST = 2_000_000_000; // a step of the main motor that no jog reaches
 const SAVED = "virtual rig";
+const LENGTHS = { length: 1000 }; // an arm of length 0 is refused
 // Virtual motors, the field of VirtPositions, the axes that may be their main motor
 const POSE = [
   [M.VIRT_MOTOR_TRACK, "vTrack", "track", ["track", "z"]],
@@ -93,10 +94,11 @@ export class VirtualView {
     this.#axes = axes.map((name, i) => {
       const before = saved.axes?.[i] ?? {};
       const axis = { name, motor: motors(), perUnit: real(before.perUnit ?? 1000), position: real(before.position ?? 0) };
-      axis.motor.value = String(Math.min(before.motor ?? i + 1, this.#device.motors));
+      const motor = before.motor ?? i + 1;
+      axis.motor.value = String(motor > this.#device.motors ? 0 : motor);
       return axis;
     });
-    const length = (name, label) => field(label, (this.#lengths[name] = real(saved[name] ?? 0)));
+    const length = (name, label) => field(label, (this.#lengths[name] = real(saved[name] ?? LENGTHS[name] ?? 0)));
     this.#lengths = {};
     const swingPan = Number(this.#type.value) === M.VIRT_SWING_PAN;
     const lengths = swingPan ? [] : [
