@@ -6,12 +6,15 @@ fcntl, tty or pty, nor anything that only this project needs.
 """
 
 import os
+import signal
 import subprocess
 import sys
+import urllib.request
 import zipfile
 
 import pytest
 
+from framestep_tools.client import Client
 from framestep_tools.files import ROOT, board_data, board_files, board_names
 from framestep_tools.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import board_behind  # noqa: F401 -- a fixture
@@ -49,7 +52,17 @@ class Installed:
         """What a command prints; it ends well."""
         return self.python("from framestep_tools.cli import app; app()", *args)
 
-    def start(self, command):
+    def begin(self, script, *args):
+        """A Python script in a process of its own."""
+        return subprocess.Popen(
+            [sys.executable, "-c", script, *map(str, args)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **self._surroundings(),
+        )
+
+    def _surroundings(self):
         environment = {
             "PYTHONPATH": str(self.folder),
             "HOME": str(self.home),
@@ -57,13 +70,11 @@ class Installed:
             "LANG": "C.UTF-8",
         }
         system = {key: value for key, value in os.environ.items() if key in ("SYSTEMROOT", "TEMP")}
+        return {"cwd": self.home, "env": environment | system}
+
+    def start(self, command):
         return subprocess.run(
-            command,
-            cwd=self.home,
-            env=environment | system,
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
+            command, capture_output=True, text=True, encoding="utf-8", **self._surroundings()
         )
 
 
@@ -195,6 +206,28 @@ def test_a_stock_micropython_gets_framestep_beside_it(installed, tmp_path):
         "uf2", "--micropython", stock, "-o", joined
     )
     assert joined.stat().st_size > stock.stat().st_size + 200_000
+
+
+def test_a_simulated_device_and_the_console_without_a_board(installed):
+    """On a system without pseudo-terminals, such as Windows."""
+    commands = {
+        "sim": ("--plain", "--tcp", "127.0.0.1:0"),
+        "console": ("--demo", "--no-browser", "--port", "0"),
+    }
+    for command, options in commands.items():
+        process = installed.begin("from framestep_tools.cli import app; app()", command, *options)
+        try:
+            said = process.stdout.readline()
+            if command == "sim":
+                with Client.open(f"socket://{said.split()[1]}") as client:
+                    assert client.greet().motors == 8
+            else:
+                with urllib.request.urlopen(said.strip()) as page:
+                    assert b"framestep console" in page.read()
+        finally:
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=60)
+        assert "Traceback" not in err
 
 
 def test_what_needs_unix_says_so_in_a_sentence(installed):

@@ -9,10 +9,10 @@ from framestep_emulator import EmulatorError
 
 from .boards import EmulatedBoard, read_rig
 from .builds import BuildError
+from .commands.sim import Board, Rig, Speed, Tcp, TraceFile
 from .errors import Command
 from .files import CompileError
 from .serve import Server, parse_speed
-from .sim import Board, Rig, Speed, Tcp, TraceFile
 
 app = Command("emu", expected=(EmulatorError, BuildError, CompileError))
 

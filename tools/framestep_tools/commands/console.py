@@ -3,6 +3,8 @@
 import asyncio
 import contextlib
 import signal
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +27,9 @@ def console(
     repl: Annotated[
         str | None, typer.Option(help="port of the board's REPL, where it cannot be told")
     ] = None,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="try it without a board, on a simulated one")
+    ] = False,
     browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
     save: Annotated[
         Path | None,
@@ -45,12 +50,40 @@ def console(
     from .. import ports
     from ..client import Client
 
-    url = device or ports.protocol_port()
-    with Client.open(url) as client:
-        client.greet()  # a wrong port is told here, not on the page
-    # a second Ctrl-C while motors ramp down: the controller stops them when its port closes
-    with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_serve(url, repl or _repl_of(url), port, browser))
+    if demo and device:
+        raise typer.BadParameter("--demo simulates a device, so it takes no other one")
+    with _simulated() if demo else contextlib.nullcontext(device or ports.protocol_port()) as url:
+        with Client.open(url) as client:
+            client.greet()  # a wrong port is told here, not on the page
+        # a second Ctrl-C while motors ramp down: the controller stops them when its port closes
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(_serve(url, repl or _repl_of(url), port, browser))
+
+
+@contextlib.contextmanager
+def _simulated() -> Iterator[str]:
+    """The address of a simulated board, with the example rig of a Pico."""
+    from ..boards import SimulatedBoard, read_rig
+    from ..home import BOARDS
+    from ..serve import Server
+    from ..tcp_port import SCHEME
+
+    board = SimulatedBoard(read_rig(BOARDS / "pico" / "rig.json"))
+    board.wire_switches()
+    server = Server(board, tcp="127.0.0.1:0")
+
+    def serve() -> None:
+        while not server.stopping:
+            server.step()
+
+    thread = threading.Thread(target=serve, name="simulated-board", daemon=True)
+    thread.start()
+    try:
+        yield SCHEME + server.announcements[-1].removeprefix("tcp ")
+    finally:
+        server.stop()
+        thread.join()
+        server.close()
 
 
 def _repl_of(url: str) -> str | None:
