@@ -13,6 +13,7 @@ from hypothesis.internal.conjecture import providers
 from framestep import native_cpython
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
+from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
 
@@ -45,10 +46,14 @@ def pytest_addoption(parser):
         action="store_true",
         help="play the end-to-end sessions again on 32-bit MicroPython, the heap locked",
     )
+    parser.addoption("--near", help="only tests that what has changed since this commit reaches")
+    parser.addoption("--seconds", type=float, default=45, help="with --near: begin none after that")
 
 
 def pytest_configure(config):
     config.pluginmanager.register(ProcessorTime())
+    if since := config.getoption("--near"):
+        config.pluginmanager.register(Near(since, config.getoption("--seconds")))
 
 
 # What takes long begins first, so that at the end no processor waits for another one. Of the rest

@@ -1,0 +1,167 @@
+"""The tests that are nearest to a change: `make check`.
+
+First come tests that are named after a file that has changed since `main`. Then nearness is the
+number of imports from a test's file to a changed one, or to a module that names a changed file of
+another kind. Tests begin in this order until the time is up.
+"""
+
+import ast
+import subprocess
+import time
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from framestep_tools.files import ROOT
+
+_MOST_FILES = 50
+_SOURCES = {
+    "framestep": "firmware/framestep",
+    "framestep_tools": "tools/framestep_tools",
+    "framestep_emulator": "tools/emulator",
+    "host_tests": "host_tests",
+}
+
+
+def changed(since: str) -> set[str]:
+    """Files of the working tree, relative to the root, that are not as on a branch."""
+
+    def git(*words: str) -> list[str]:
+        said = subprocess.run(
+            ["git", *words, "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+        )
+        return said.stdout.split("\0")[:-1]
+
+    base = subprocess.run(
+        ["git", "merge-base", since, "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return {
+        *git("diff", "--name-only", base.stdout.strip()),
+        *git("ls-files", "--others", "--exclude-standard"),
+    }
+
+
+@cache
+def _modules() -> dict[str, str]:
+    """{dotted name: file} of all Python modules."""
+    found = {}
+    for package, folder in _SOURCES.items():
+        for path in (ROOT / folder).rglob("*.py"):
+            if "node_modules" in path.parts:
+                continue
+            parts = path.relative_to(ROOT / folder).with_suffix("").parts
+            if parts[-1] == "__init__":
+                parts = parts[:-1]
+            found[".".join((package, *parts))] = path.relative_to(ROOT).as_posix()
+    return found
+
+
+def _named(tree: ast.AST, package: str) -> set[str]:
+    """What a module may import, as dotted names; what follows `from x import` may be a module or
+    not."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")[: len(package.split(".")) - node.level + 1]
+            base = ".".join(parts) if node.level else ""
+            base = ".".join(filter(None, (base, node.module)))
+            found.update({base, *(f"{base}.{alias.name}" for alias in node.names)})
+    return found
+
+
+@cache
+def importers() -> dict[str, set[str]]:
+    """{file: the files that import it}."""
+    modules = _modules()
+    found: dict[str, set[str]] = {file: set() for file in modules.values()}
+    for name, file in modules.items():
+        package = name if file.endswith("__init__.py") else name.rpartition(".")[0]
+        for imported in _named(ast.parse((ROOT / file).read_text()), package):
+            if imported in modules:
+                found[modules[imported]].add(file)
+    return found
+
+
+def _naming(name: str) -> set[str]:
+    """Modules that have this file's name in their text."""
+    return {file for file in _modules().values() if name in (ROOT / file).read_text()}
+
+
+def distances(files: set[str]) -> dict[str, int]:
+    """{file: imports from it to the nearest of these files} of all files that reach one."""
+    by = importers()
+    found = dict.fromkeys(files, 0)
+    edge = {file for file in files if file in by}
+    for file in files - edge:
+        edge.update(_naming(Path(file).name))
+    for file in edge:
+        found.setdefault(file, 1)
+    while edge:
+        edge = {after for file in edge for after in by[file]} - found.keys()
+        far = max(found.values()) + 1
+        found.update(dict.fromkeys(edge, far))
+    return found
+
+
+def nearest(files: set[str]) -> list[str]:
+    """Tests that reach these files, those named after one first, then by distance."""
+    found = distances(files)
+    stems = {Path(file).stem for file in files}
+
+    def order(file: str) -> tuple[bool, int, str]:
+        named = Path(file).stem.removeprefix("test_") in stems
+        return not named, found[file], file
+
+    return sorted((file for file in found if Path(file).name.startswith("test_")), key=order)
+
+
+class Near:
+    """Runs the tests nearest to what has changed since `since`, for `seconds`."""
+
+    def __init__(self, since: str, seconds: float):
+        self._seconds = seconds
+        self._begun = time.monotonic()
+        self._left = 0
+        tests = nearest(changed(since))
+        self._order = {ROOT / file: place for place, file in enumerate(tests[:_MOST_FILES])}
+        self._other_files = len(tests[_MOST_FILES:])
+
+    def pytest_ignore_collect(self, collection_path):
+        """Read nearby files only: reading all takes as long as a minute of tests."""
+        if collection_path.suffix == ".py" and collection_path not in self._order:
+            return True
+        return None
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items):
+        """Put the nearest first."""
+        items.sort(key=lambda item: self._order[item.path])
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item):
+        """Begin no further test once the time is up."""
+        if time.monotonic() - self._begun < self._seconds:
+            return None
+        self._left += 1
+        return True
+
+    def pytest_sessionfinish(self, session):
+        """Tell the process that prints the summary."""
+        if hasattr(session.config, "workeroutput"):
+            session.config.workeroutput["left"] = self._left
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node):
+        """Add what a worker of xdist has left out."""
+        self._left += getattr(node, "workeroutput", {}).get("left", 0)
+
+    def pytest_terminal_summary(self, terminalreporter):
+        """Say what was not run."""
+        if self._left or self._other_files:
+            terminalreporter.write_line(
+                f"left out, farther from the change: {self._left} tests after {self._seconds:g} s, "
+                f"and {self._other_files} files (make test runs them all)"
+            )
