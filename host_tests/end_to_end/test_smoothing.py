@@ -208,3 +208,44 @@ def test_a_motor_at_its_limits_is_not_driven_beyond_them(reach, period):
     at = start[1] + np.cumsum(trace.steps(1)[1])
     assert (at.min(), at.max()) == (min(steps), max(steps))
     common_origin(trace, start, {1: steps}, 24, range(last + 1))
+
+
+def turning(frames):
+    """Slow and fast motors that turn often, and one that tells when each frame is."""
+    x = np.arange(frames)
+    swings = [(31, 14.3, 2.4), (50.5, 6.02, 1.1), (36, 11.7, 4.7), (3.2, 38, 0.3), (57, 22.1, 3.2)]
+    upload = {
+        motor: np.rint(reach * np.sin(2 * np.pi * x / period + phase)).astype(int)
+        for motor, (reach, period, phase) in enumerate(swings, 1)
+    }
+    # a frame's position here and there that is one off, as by rounding
+    upload[6] = np.cumsum(np.random.default_rng(5).choice([-1, 0, 0, 0, 1, 1], frames))
+    return upload | {8: 400 * x}
+
+
+@pytest.mark.parametrize("smoothing", [False, True])
+@pytest.mark.parametrize("fps", [13.7, 23.976, 24, 59.94])
+def test_the_count_of_steps_at_each_frame(smoothing, fps):
+    """Exactly the uploaded one: a step that leads there has come by then, within two microseconds,
+    and none that leads away, also where the frame lies within a tick and the motor turns."""
+    upload = turning(160)
+    due = frame_times_ns(160, round(1000 * fps))
+    board, client = prepared(upload, fps, rig={"smoothing": smoothing})
+    trace, start = played(board, client)
+    times, ways = trace.steps(8)
+    at = start[8] + np.cumsum(ways)
+    origin = np.median([times[np.argmax(at == upload[8][k])] - due[k] for k in range(2, 159)])
+    if smoothing:  # it passes a frame half a step beyond the position
+        origin += 0.5e9 / fps / 400
+    for motor, steps in upload.items():
+        times, ways = trace.steps(motor)
+        counts = start[motor] + np.concatenate(([0], np.cumsum(ways)))
+        for k in range(1, 159):
+            early, late = (
+                counts[np.searchsorted(times, origin + due[k] + off)] for off in (-2000, 2000)
+            )
+            assert min(early, late) <= steps[k] <= max(early, late), (
+                motor,
+                k,
+                steps[k - 3 : k + 4],
+            )

@@ -160,7 +160,7 @@ def test_cut(cubic, ticks):
 def test_bridge(cubic, part):
     """A tick in which the phase changes: its displacement is exact."""
     block, queue = new_block()
-    state = array("i", [0] * 5)
+    state = array("i", [0] * segments.OPEN_WORDS)
     before = coefficients(cubic)
     segments.mark(state, cubic)
     segments.shift(cubic, part, 0, 0)
@@ -182,7 +182,7 @@ def test_bridge(cubic, part):
 @example(2**29 + 1)
 def test_the_tick_in_which_a_motor_comes_to_rest(part):
     block, queue = new_block()
-    state = array("i", [0] * 5)
+    state = array("i", [0] * segments.OPEN_WORDS)
     cubic = array("i", [7, 0, 0, 0, 0, 0, 0, 0, 0])
     segments.mark(state, cubic)
     segments.bridge(state, cubic, block, part)

@@ -23,7 +23,7 @@ What is written: the words of the header, of each motor's block, cubic and place
 import sys
 from array import array
 
-from framestep.motion import reals, segments
+from framestep.motion import reals, segments, stepper
 from framestep.motion.kernel import StepKernel
 from framestep.motors.axes import Axes
 from framestep.native import addressof
@@ -244,13 +244,17 @@ def calculate(r, words, out, fraction, powers, limit):
     heap_unlock()
 
 
-def cut(cubic, block, state, r, words, fraction, powers, back, ticks):
+def cut(cubic, block, state, r, words, fraction, powers, back, ticks, at):
     heap_lock()
     segments.distance(r, 0, words, 1, cubic)
     segments.velocity(r, 2, cubic, segments.G1)
     segments.velocity(r, 4, cubic, segments.G2)
     segments.cut(cubic, block, ticks)
     segments.mark(state, cubic)
+    segments.shift(cubic, fraction, 0, 0)
+    reals.copy_word(at, stepper.AT_STEP, cubic, segments.WHOLE)
+    at[stepper.AT_PART] = cubic[segments.P] if back else 0
+    segments.knot(state, at, fraction)
     segments.shift(cubic, fraction, powers, back)
     segments.bridge(state, cubic, block, fraction)
     segments.coefficient(cubic, segments.G1, r, 2)
@@ -268,6 +272,7 @@ def numbers(seed, count, write):
     queue = rig.kernel.queues[0]
     cubic = array("i", [0] * segments.CUBIC_WORDS)
     state = array("i", [0] * segments.OPEN_WORDS)
+    at = array("i", [0] * stepper.AT_WORDS)
     for _ in range(count):
         number(random, r, 0)
         number(random, r, 2)
@@ -297,6 +302,7 @@ def numbers(seed, count, write):
             random.bits(2),
             random.bits(1),
             1 + random.bits(5),
+            at,
         )
         write(cubic)
         write(state)

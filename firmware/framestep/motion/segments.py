@@ -14,6 +14,7 @@ first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 from framestep.motion.stepper import (
     AT_PART,
     AT_STEP,
+    ONE,
     QUEUE,
     SEG_ACCEL,
     SEG_BRIDGE,
@@ -39,6 +40,8 @@ CUBIC_WORDS = const(9)
 
 LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the time to a new plan
 
+_SLOW = const(0x2000000)  # Q22: eight steps per tick
+_STEEP = const(0x4000)  # Q16: a quarter of a step per tick²
 _SLOTS = const(SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)
 
@@ -125,9 +128,10 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
 OPEN_WHOLE = const(0)  # where it begins: whole steps,
 OPEN_FRACTION = const(1)  # Q22 of one more,
 OPEN_ACCEL = const(2)  # half the acceleration there, Q27
-OPEN_TURN = const(3)  # share of the tick (Q30) after which it may turn, or 0,
-OPEN_STEP = const(4)  # and on which step
-OPEN_WORDS = const(5)
+OPEN_SHARE = const(3)  # share of the tick (Q30) after which it is at a known place, or 0:
+OPEN_STEP = const(4)  # whole steps,
+OPEN_PART = const(5)  # Q16 of one more
+OPEN_WORDS = const(6)
 
 
 @micropython.viper
@@ -136,16 +140,16 @@ def mark(state: ptr32, cubic: ptr32):
     state[OPEN_WHOLE] = cubic[WHOLE]
     state[OPEN_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
     state[OPEN_ACCEL] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
-    state[OPEN_TURN] = 0
+    state[OPEN_SHARE] = 0
 
 
 @micropython.viper
 def knot(state: ptr32, at: ptr32, part: int):
-    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is on the
-    step at[AT_STEP] exactly."""
-    if at[AT_PART] == 0:
-        state[OPEN_TURN] = part
-        state[OPEN_STEP] = at[AT_STEP]
+    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is at the
+    place `at` (AT_ words) exactly."""
+    state[OPEN_SHARE] = part
+    state[OPEN_STEP] = at[AT_STEP]
+    state[OPEN_PART] = at[AT_PART]
 
 
 @micropython.viper
@@ -154,6 +158,9 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
 
     part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes
     to.
+
+    Of the two phases the kernel makes one parabola. Where it is slow that goes through the place of
+    knot(), so that the steps there are in time: this is a frame's.
 
     Where it turns within the tick, at or beside the step of knot(), that step lies outside of what
     the tick's ends tell, and the kernel would not make it. Then the motor goes there in that share
@@ -177,20 +184,40 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     q[k + SEG_BRIDGE] = 1
     q[k + SEG_SPAN] = block[WHOLE_SPAN]
     turns = 0
-    if state[OPEN_TURN]:
-        step = state[OPEN_STEP]
+    share = state[OPEN_SHARE]
+    step = state[OPEN_STEP]
+    if share and state[OPEN_PART] == 0:
         back = step - cubic[WHOLE]  # back from there to the end of the tick, rounded up
         if back > 0:
             if back < 3 and state[OPEN_WHOLE] < step:
-                turns = state[OPEN_TURN]
+                turns = share
         elif back > -2:
             # below both ends
-            if cubic[P] or back:
+            if cubic[P] or cubic[P + 1] or back:
                 if state[OPEN_WHOLE] > step or (state[OPEN_WHOLE] == step and state[OPEN_FRACTION]):
-                    turns = state[OPEN_TURN]
-        if turns:
-            q[k + SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]
-            part = turns
+                    turns = share
+    if turns == 0 and share >> 23 and (_MASK - share) >> 23:
+        d = q[k + SEG_VELOCITY]
+        if (d + _SLOW) >> 26 == 0 and (step - state[OPEN_WHOLE] + 16) >> 5 == 0:
+            # p(x) = d·x - a·x·(1 - x)/2: the a with which p(share) is there
+            x = share >> 17
+            e = ((d >> 11) * x >> 2) + ((d & 0x7FF) * x >> 13)
+            e = e - ((step - state[OPEN_WHOLE]) << 22)
+            e = e + state[OPEN_FRACTION] - (state[OPEN_PART] << 6)
+            if (e + ONE // 2) >> 22 == 0:
+                x = x * (8192 - x) >> 14
+                d = d >> 6
+                e = e << 6
+                half = e // x  # of a, Q16
+                if d < 0:
+                    d = 0 - d
+                if state[OPEN_PART] == 0 and (half > d + d or half + d + d < 0):
+                    turns = share  # far beyond the tick's ends, or at rest for a part of it
+                elif (half + _STEEP) >> 15 == 0:
+                    q[k + SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
+    if turns:
+        q[k + SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]
+        part = turns
     if turns or (cubic[G1] == 0 and cubic[G1 + 1] == 0):
         q[k + SEG_SPAN] = ((part >> 16) * block[WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
     block[WRITE_INDEX] = (block[WRITE_INDEX] + 1) & _MASK
