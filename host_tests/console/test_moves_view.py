@@ -24,6 +24,7 @@ from host_tests.console.looking import (
 FRAMES = 60
 SPEED = 3.0  # times real time: nothing is held here but a jog that may end anywhere
 MOVE = "frame,slide,pan\n" + "".join(f"{n},{10 * n},{-7 * n}\n" for n in range(1, FRAMES + 1))
+FAST_MOVE = "frame,slide,pan\n" + "".join(f"{n},{100 * n},0\n" for n in range(1, FRAMES + 1))
 LONG = 3000
 # It needs several sections for each motor
 LONG_MOVE = "frame;a\r\n" + "".join(f"{n};{n % 50}\r\n" for n in range(LONG)) + ";\r\n"
@@ -148,6 +149,20 @@ def test_a_run_that_is_refused_is_not_prepared(page):
     run.get_by_role("button", name="Get ready").click()
     expect(log(page).locator("p").first).to_contain_text("RT_RUN_MOVE was refused with ERR_RANGE")
     expect(run.get_by_role("status")).to_have_text("Nothing is prepared from this page.")
+
+
+def test_a_run_that_is_too_fast_says_for_which_motor_and_by_how_much(page):
+    upload(page, FAST_MOVE)
+    run = card(page, "Run")
+    run.get_by_label("To frame", exact=True).fill(str(FRAMES))
+    run.get_by_label("Frames per second").fill("100")
+    run.get_by_role("button", name="Get ready").click()
+    expect(log(page).locator("p").first).to_have_text(
+        re.compile(
+            r"RT_RUN_MOVE was refused: motor 1 at frame \d+ would need \d+ steps/s at 100 frames/s,"
+            r" its velocity is 5000 steps/s: raise it under Motors, .*"
+        )
+    )
 
 
 def runs_asked(page):

@@ -10,7 +10,13 @@ export class Refused extends Error {
   constructor(request, code) {
     const [name, meaning] = CODES[code] ?? [`code ${code}`, "the specification has no such code"];
     super(`${REQUESTS[request].name} was refused with ${name}: ${meaning}`);
+    this.request = request;
     this.code = code;
+  }
+
+  /** Give the reason that the device has told, if there is one, instead of the meaning of the code. */
+  because(reason) {
+    if (reason) this.message = `${REQUESTS[this.request].name} was refused: ${reason}`;
   }
 }
 

@@ -2,6 +2,7 @@
 
 import { Client, LinkError, Refused } from "./client.js";
 import { CONDITIONS, M, REQUESTS, TRUST } from "./protocol.js";
+import { explain } from "./refusals.js";
 
 const NO_MOTOR = 255;
 const MOVING_MS = 120; // from one question what moves to the next
@@ -109,10 +110,18 @@ export class Device extends EventTarget {
 
   /** The same for those who tell the user themselves: throws Refused, LinkError, RangeError. */
   async demand(request, values) {
-    if (!this.client) throw new LinkError("no device is connected");
-    const answer = await this.client.request(request, values);
-    this.#soon();
-    return answer;
+    const { client } = this;
+    if (!client) throw new LinkError("no device is connected");
+    try {
+      const answer = await client.request(request, values);
+      this.#soon();
+      return answer;
+    } catch (error) {
+      if (error instanceof Refused) {
+        error.because(await explain((...asked) => client.request(...asked), request, values, error.code));
+      }
+      throw error;
+    }
   }
 
   /** Ask at once what moves, so that `state.moving` is not older than the request before. */

@@ -1,0 +1,72 @@
+// Why the device has refused a request, in a sentence: which motor and frame, what is needed, what is set. The device
+// is asked for it (framestep's own messages); other devices' refusals keep the words of their code.
+
+import { EXCEEDED, M } from "./protocol.js";
+
+const SPEED = "raise it under Motors, “Zero, soft limits, speed”";
+const PLAYED = new Set(["RtRunMove", "RtJogAll", "RtPositionFrame", "RtGo", "RtShootFrame", "RtShootFrame2"]);
+
+/** A sentence, or null where the device does not say more. ask(request, values) asks it. */
+export async function explain(ask, request, values, code) {
+  try {
+    if (code === M.ERR_MOVING) return "motors move, or a run waits for GO: wait, or press STOP";
+    if (code === M.ERR_GENERAL) return await whatStops(ask);
+    if (code === M.ERR_SOFT_UP || code === M.ERR_SOFT_LOW) {
+      const found = values?.motor ? pastLimit(await ask("GetExceeded", { motor: values.motor }), values, code) : null;
+      if (found) return found;
+    }
+    if (PLAYED.has(request)) return beyond(await ask("GetExceeded"), values);
+  } catch {
+    // it does not tell, or has gone
+  }
+  return null;
+}
+
+async function whatStops(ask) {
+  const { bits } = await ask("GetCondition");
+  if (bits & M.CONDITION_RIG_FILE_INVALID) return "the rig file has a mistake: nothing moves until it is right";
+  if (bits & M.CONDITION_ESTOP) return "the E-stop is held";
+  if (bits & M.CONDITION_DRIVER) return "a driver does not work; the REPL says which and why";
+  return null;
+}
+
+function pastLimit(set, { motor, position, destination }, code) {
+  const up = code === M.ERR_SOFT_UP;
+  const limit = up ? set.upper : set.lower;
+  if (limit === undefined) return null;
+  return `${position ?? destination} is past the ${up ? "upper" : "lower"} soft limit of motor ${motor}, ${limit}`;
+}
+
+/** What the last move asks too much of. */
+function beyond(told, values) {
+  const { what, motor, frame, by } = told;
+  const where = `motor ${motor} at frame ${frame}`;
+  const rate = values?.fps_milli ? ` at ${values.fps_milli / 1000} frames/s` : "";
+  switch (what) {
+    case M.EXCEEDED_NOTHING: return null;
+    case M.EXCEEDED_VELOCITY:
+      if (told.velocity === undefined) break;
+      return `${where} would need ${told.velocity + by} steps/s${rate}, its velocity is ${told.velocity} steps/s: ${SPEED}`;
+    case M.EXCEEDED_ACCELERATION:
+      if (told.acceleration === undefined) break;
+      return `${where} would need ${told.acceleration + by} steps/s²${rate}, its acceleration is ${told.acceleration} steps/s²: ${SPEED}`;
+    case M.EXCEEDED_BOARD: return `${where} would need a change of velocity that the board cannot make: fewer steps or frames/s`;
+    case M.EXCEEDED_UPPER: return `${where} would be past its upper soft limit${limited(told.upper, told.bits & M.SET_UPPER)}`;
+    case M.EXCEEDED_LOWER: return `${where} would be past its lower soft limit${limited(told.lower, told.bits & M.SET_LOWER)}`;
+    case M.EXCEEDED_PREROLL:
+    case M.EXCEEDED_POSTROLL: {
+      const roll = what === M.EXCEEDED_PREROLL ? "pre-roll" : "post-roll";
+      if (by && told.acceleration !== undefined) {
+        return `in its ${roll} motor ${motor} would need ${told.acceleration + by} steps/s², its acceleration is ${told.acceleration} steps/s²: give it a longer one, or raise the acceleration`;
+      }
+      return `in its ${roll} motor ${motor} would pass its soft limits: give it a shorter one`;
+    }
+    default:
+  }
+  const text = EXCEEDED[what];
+  return text ? `at frame ${frame} of motor ${motor}, ${text.replace("%d", by)}` : null;
+}
+
+function limited(value, set) {
+  return value !== undefined && set ? `, ${value}` : "";
+}
