@@ -25,11 +25,14 @@ def firmware():
     return builds.frozen("pico")
 
 
+def ident_of(board):
+    """ID of a board's image, as framestep_image has it."""
+    return builds.image_module(board, board_modules("armv6m", board)).split("'")[1]
+
+
 @pytest.fixture(scope="module")
 def ident(firmware):
-    """ID of the image, as framestep_image has it."""
-    source = builds.image_module("pico", board_modules("armv6m", "pico"))
-    return source.split("'")[1]
+    return ident_of("pico")
 
 
 def edited(name, more="", old="", new=""):

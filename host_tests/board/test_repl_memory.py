@@ -13,6 +13,7 @@ from framestep_tools.console.scripts import CHECK
 from framestep_tools.device import MISTAKE, Device
 from framestep_tools.files import ROOT, board_data, board_names
 from framestep_tools.payloads import Hi
+from host_tests.board.test_overlay import edited, ident_of, on_board
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
 START_MS = 3000  # from power-on until framestep runs, with a margin
@@ -63,16 +64,31 @@ def rigs():
         yield pytest.param(board, rig, id=name)
 
 
+def every_command_works(repl):
+    repl.exec("import framestep.repl")
+    for command, expected in COMMANDS.items():
+        said = repl.exec(command)
+        assert expected in said, command
+        assert "Error" not in said, command
+
+
 @pytest.mark.parametrize(("name", "rig"), list(rigs()))
 def test_every_command_works(name, rig):
     with EmulatedBoard(rig, trace=False, board=name, frozen=True) as board:
         board.wire_switches()
-        repl = board.emulator.repl()
-        repl.exec("import framestep.repl")
-        for command, expected in COMMANDS.items():
-            said = repl.exec(command)
-            assert expected in said, command
-            assert "Error" not in said, command
+        every_command_works(board.emulator.repl())
+
+
+@pytest.mark.parametrize("module", ["framestep/controller.mpy", "framestep/motion/reals.mpy"])
+def test_every_command_works_beside_an_overlay(module):
+    """A module of the usual size, and one of the largest."""
+    rig = json.dumps(FEATURES["homing"][1]).encode()
+    files = {**on_board(ident_of("pico"), {module: edited(module)}), "/rig.json": rig}
+    with Emulator(builds.frozen(), files=files) as emulator:
+        emulator.wait_usb(10_000, ports=2)
+        repl = emulator.repl()
+        every_command_works(repl)
+        assert "an overlay is in use" in repl.exec("status()")
 
 
 def test_a_ctrl_c_while_the_board_starts_changes_nothing():
