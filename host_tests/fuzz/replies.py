@@ -132,7 +132,7 @@ class Replies(Part):
             if self.trial.idle_since is None:
                 self.trial.idle_since = ms
             self.trial.stops.asked = 0
-            self.trial.runs.jogs_all = False
+            self.trial.runs.jogs_all = 0
             going = self.trial.runs.going
             if going and going["motors"] and self.ms - self.trial.idle_since > 400:
                 self.fail("rt-end", "everything stands after GO, and RT_END has not come")

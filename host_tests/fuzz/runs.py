@@ -22,7 +22,7 @@ class Runs(Part):
         self.prepared = False  # an operation is
         self.going: dict | None = None  # after GO
         self.run: dict | None = None  # what was prepared last
-        self.jogs_all = False
+        self.jogs_all = 0  # ms that a JOG_ALL may take to come to rest, 0: there is none
         self.done = {
             m.MSG_RT_UPLOAD_MOVE_BEGIN: self._upload_begin,
             m.MSG_RT_UPLOAD_MOVE_AXIS: self._upload_axis,
@@ -103,7 +103,10 @@ class Runs(Part):
         velocity, _ = bounds_of(self._played(motor), self.run["fps"], 0)
         velocity = min(velocity, 3 * (motor.velocity + self.run["fps"]))
         # the last frame lasts its period (field note 6.11)
-        way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / motor.acceleration
+        acceleration = motor.acceleration
+        if motor.coupled:  # the lower one counts for both
+            acceleration = min(acceleration, self.motors[motor.index + 1].acceleration)
+        way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / acceleration
         way += velocity / self.run["fps"] if number == self.run["end"] else 0
         place = self._place(motor, number)
         motor.reach(int(place - way - 2), int(place + way + 2))
@@ -196,7 +199,9 @@ class Runs(Part):
 
     def _jog_all(self, request, payload):
         fps, _ = request.words("Ii")
-        self.jogs_all = True
+        # to its rate with 4 frames/s², and back, on no more frames than there are
+        ramp = min(fps / 4000, (self.upload.count / 2) ** 0.5)
+        self.jogs_all = max(self.jogs_all, 4500 + round(1000 * ramp))
         self.prepared = False
         for motor in self._takers():
             motor.let_go_by = None

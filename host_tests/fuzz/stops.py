@@ -92,8 +92,7 @@ class Stops(Part):
                 t += 2 * max(slow, motor.acceleration) / motor.jerk
             longest = max(longest, t)
         bound = 1.3 * longest * 1000 + 600 + max(motor.backlash for motor in self.motors) * 2
-        if self.trial.runs.jogs_all:
-            bound += 4500
+        bound += self.trial.runs.jogs_all
         if self.trial.virtual:
             bound = 3 * bound + 3000
         return round(bound)
