@@ -12,7 +12,7 @@ MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython demo sim emu check test test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
+.PHONY: help setup node chromium micropython demo sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
 	plots bench profile soak flash image install dist release emulator-measure strain conform prove clean
 
 help: ## show this list
@@ -59,6 +59,9 @@ dist: setup ## packages for mpremote mip install, one folder per processor (buil
 
 test: lint types node micropython chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
+
+test-all: lint types node micropython chromium ## all that make test has, and what repeats it with other values and on other processors
+	@$(PYTEST) --all $(ARGS)
 
 check: lint types ## while you work: style, types, and the tests nearest to what has changed since main, in a minute
 	@PYTHONHASHSEED=0 "$(PYTHON_VENV)" -m pytest -q -n auto --near=main $(ARGS)

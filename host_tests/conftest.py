@@ -13,6 +13,7 @@ from hypothesis.internal.conjecture import providers
 from framestep import native_cpython
 from framestep_tools import builds
 from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
+from host_tests.covering import by_test, parameters, spare
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
 from host_tests.runtimes import Runtime
@@ -46,6 +47,11 @@ def pytest_addoption(parser):
         action="store_true",
         help="play the end-to-end sessions again on 32-bit MicroPython, the heap locked",
     )
+    parser.addoption(
+        "--all",
+        action="store_true",
+        help="tests as well that repeat with other values what others show",
+    )
     parser.addoption("--near", help="only tests that what has changed since this commit reaches")
     parser.addoption("--seconds", type=float, default=45, help="with --near: begin none after that")
 
@@ -69,7 +75,8 @@ _FIRST = (
 )
 
 
-def pytest_collection_modifyitems(items):
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config, items):
     """Files in the order in which processors are to take them; within a file tests stay in
     theirs."""
 
@@ -79,6 +86,13 @@ def pytest_collection_modifyitems(items):
             (i for i, beginning in enumerate(_FIRST) if path.startswith(beginning)), len(_FIRST)
         )
 
+    if not config.getoption("--all"):
+        for cases in by_test(items).values():
+            for item in spare(cases) if len(parameters(cases[0])) > 1 else ():
+                item.add_marker(pytest.mark.repeats)
+        repeating = [item for item in items if item.get_closest_marker("repeats")]
+        config.hook.pytest_deselected(items=repeating)
+        items[:] = [item for item in items if not item.get_closest_marker("repeats")]
     items.sort(key=turn)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from framestep.protocol.messages import EXCEEDED_BOARD, EXCEEDED_SLOWED
 from framestep_tools import payloads as p
+from host_tests.covering import sweep
 from host_tests.end_to_end.frame_jogs import (
     ACCELERATION,
     FRAMES,
@@ -84,7 +85,7 @@ def test_only_the_frames_between_count(standing, to):
     assert rate == pytest.approx(12, rel=0.02)
 
 
-@pytest.mark.parametrize("grain", range(10))
+@pytest.mark.parametrize("grain", sweep(range(10), 0, 4, 9))
 def test_slows_down_under_way(grain):
     """Sent on into frames that it can follow at less than its speed only: it has come down to that
     before them."""
@@ -173,7 +174,7 @@ def test_keeps_the_limits_at_corners(corners, velocity, acceleration, play):
     assert np.abs(np.diff(rates)).max() / window <= acceleration * 1.02 + 2 / window**2
 
 
-@pytest.mark.parametrize("grain", range(8))
+@pytest.mark.parametrize("grain", sweep(range(8), 0, 5))
 def test_stopped_just_before_a_turn(grain):
     """The play is taken up for the way behind the turn, also where the last bit before it is one
     with that."""

@@ -1,51 +1,39 @@
 """What runs on 32-bit MicroPython runs on each processor: x86, ESP32's two, and the RISC-V cores of
 an RP2350."""
 
-import itertools
 import os
 from pathlib import Path
 
 import pytest
 
 from framestep_tools.files import CACHE
+from host_tests.covering import by_test, parameters, spare
 from host_tests.runtimes import PROCESSORS, Runtime
 
 HERE = Path(__file__).parent
 SLOWEST = "xtensa"
 RUNTIMES = ("runtime", "stream_runtime")
+# What each processor runs in any test run: every kernel beside its result on this computer
+KERNELS = ("test_motion.py", "test_runtimes.py")
 
 
 def pytest_collection_modifyitems(config, items):
     """Of a test's combinations of parameters the slowest processor gets only as many as have each
     value of each parameter in one of them."""
-    combined = {}
-    for item in items:
-        if HERE in item.path.parents and SLOWEST in _parameters(item).values():
-            combined.setdefault((item.path, item.originalname), []).append(item)
-    dropped = set(itertools.chain(*(_spare(cases) for cases in combined.values())))
+    slowest = [
+        item for item in items if HERE in item.path.parents and SLOWEST in parameters(item).values()
+    ]
+    dropped = {item for cases in by_test(slowest).values() for item in spare(cases, RUNTIMES)}
     config.hook.pytest_deselected(items=list(dropped))
     items[:] = [item for item in items if item not in dropped]
+    for item in items:
+        if HERE in item.path.parents and item.path.name not in KERNELS and _emulated(item):
+            item.add_marker(pytest.mark.repeats)
 
 
-def _parameters(item):
-    return item.callspec.params if hasattr(item, "callspec") else {}
-
-
-def _values(item):
-    """{(parameter, value)} of a case, but for the processor."""
-    return {
-        (name, repr(value)) for name, value in _parameters(item).items() if name not in RUNTIMES
-    }
-
-
-def _spare(cases):
-    """Cases that are not needed for each value to be in one."""
-    missing, spare = set().union(*map(_values, cases)), list(cases)
-    while missing:
-        best = max(spare, key=lambda item: len(_values(item) & missing))
-        missing -= _values(best)
-        spare.remove(best)
-    return spare if len(cases) > 1 else []
+def _emulated(item):
+    """Whether QEMU runs it."""
+    return any(PROCESSORS[each].emulator for each in map(parameters(item).get, RUNTIMES) if each)
 
 
 def _runtime(name, scratch, engine="pio"):

@@ -1,0 +1,38 @@
+"""Which of a test's parameters, and which of their combinations, are enough."""
+
+import pytest
+
+
+def sweep(values, *kept):
+    """Parameters of a test of which only those kept are in each run, the others with --all."""
+    return [
+        pytest.param(value, marks=() if value in kept else pytest.mark.repeats) for value in values
+    ]
+
+
+def parameters(item):
+    """{name: value} of a test's case."""
+    return item.callspec.params if hasattr(item, "callspec") else {}
+
+
+def spare(cases, but=()):
+    """Cases of one test that are not needed for each value of each parameter to be in one of the
+    others. but: parameters that do not count."""
+
+    def values(item):
+        return {(name, repr(value)) for name, value in parameters(item).items() if name not in but}
+
+    left = {item: values(item) for item in cases}
+    missing = set().union(*left.values())
+    while missing:
+        best = max(left, key=lambda item: len(left[item] & missing))
+        missing -= left.pop(best)
+    return list(left) if len(cases) > 1 else []
+
+
+def by_test(items):
+    """{(file, test): its cases}."""
+    found = {}
+    for item in items:
+        found.setdefault((item.path, getattr(item, "originalname", item.name)), []).append(item)
+    return found

@@ -1,0 +1,33 @@
+"""Which combinations of parameters are in each run."""
+
+import itertools
+from types import SimpleNamespace
+
+from host_tests.covering import by_test, spare
+
+
+class Case(SimpleNamespace):
+    __hash__ = object.__hash__
+
+
+def test_each_value_is_in_a_case_that_stays():
+    cases = [
+        Case(callspec=SimpleNamespace(params={"a": a, "b": b, "c": c}))
+        for a, b, c in itertools.product(range(3), range(2), range(2))
+    ]
+    left = [each for each in cases if each not in spare(cases)]
+    assert len(left) == 3
+    for name, values in (("a", {0, 1, 2}), ("b", {0, 1}), ("c", {0, 1})):
+        assert {each.callspec.params[name] for each in left} == values
+
+
+def test_a_parameter_that_does_not_count_decides_nothing():
+    cases = [
+        Case(callspec=SimpleNamespace(params={"a": a, "on": on})) for a in (1, 2) for on in "xy"
+    ]
+    assert len(spare(cases, ("on",))) == 2
+
+
+def test_one_case_stays():
+    assert spare([Case()]) == []
+    assert by_test([]) == {}
