@@ -7,6 +7,7 @@ import pytest
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
+from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.board.timing import Timing
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual import BOOM_NODAL, XYZ
@@ -15,6 +16,7 @@ ESTOP, LIMIT = 19, 22
 RIG = {"estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}
 VELOCITY, ACCELERATION = 20_000, 50_000
 FAR = 2**31 - 1
+QUEUED_MS = 50  # the least for which queues must last; 65 ms were found in 200 jogs of any rigs
 MOTORS = range(1, 9)
 
 
@@ -71,6 +73,28 @@ def test_a_virtual_jog_is_let_go(session, velocity):
                     session.wait_idle()
                 session.accept(p.VirtJog(number, 10_000, sign * FAR))
                 session.wait_idle()
+
+
+@pytest.mark.parametrize("kind", [1, 3])
+@pytest.mark.parametrize(
+    ("steps", "velocity", "acceleration"), [(100.0, 8000, 40_000), (500.0, 20_000, 100_000)]
+)
+def test_a_virtual_jog_of_fast_motors_is_planned_in_time(
+    session, kind, steps, velocity, acceleration
+):
+    """Its survey goes on while the queues hold little."""
+    pose = (0.0, 0.0, 500.0, 20.0, 0.0, 0.0)
+    axes = tuple(Axis(i, steps, at) for i, at in enumerate(pose, 1))
+    rig = Rig(kind, axes, length=800.0, extension=50.0, nodal=(0.0, 50.0, 10.0))
+    configured(session, rig, velocity, acceleration)
+    with session.timing.judged():
+        for sign in (1, -1):
+            for _ in range(5):
+                session.accept(p.VirtJog(m.VIRT_MOTOR_EW, 10_000, sign * FAR))
+                session.timing.run(0.25)
+            session.accept(p.VirtStop(m.VIRT_MOTOR_EW))
+            session.wait_idle()
+        assert session.timing.least_queued >= QUEUED_MS
 
 
 def test_jog_all_comes_to_rest_on_a_frame(session):

@@ -4,7 +4,7 @@ import base64
 import contextlib
 import struct
 
-from framestep.motion.stepper import WORST_LATE
+from framestep.motion import stepper
 from framestep_tools.payloads import HardStop
 from host_tests.soak.on_board import LATE_US
 
@@ -22,17 +22,50 @@ class Timing:
         self.address = self.repl.eval("uctypes.addressof(framestep.boot.hal.kernel.state)")
         self.late_us = self.masked_us = 0
         self.hard_stops = []
+        self.least_queued = 1000
+
+    def _words(self, address, count):
+        data = self.emulator.cmd("peek", address=address, length=4 * count)["data"]
+        return struct.unpack(f"<{count}i", base64.b64decode(data))
 
     def worst_late(self):
         """The worst lateness of a tick in motion since begin(), microseconds."""
-        data = self.emulator.cmd("peek", address=self.address + 4 * WORST_LATE, length=4)["data"]
-        return struct.unpack("<i", base64.b64decode(data))[0]
+        return self._words(self.address, stepper.HEADER_WORDS)[stepper.WORST_LATE]
+
+    def queued(self):
+        """Ticks queued of the motor in motion with more to come that has the fewest, or None."""
+        address = self._words(self.address, stepper.HEADER_WORDS)[stepper.FIRST]
+        least = None
+        while address:
+            block = self._words(address, stepper.BLOCK_WORDS)
+            address = block[stepper.NEXT]
+            if (
+                block[stepper.MODE] == stepper.RUN
+                and block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
+            ):
+                words = stepper.SEGMENTS * stepper.SEGMENT_WORDS
+                queue = self._words(block[stepper.QUEUE], words)
+                ticks = block[stepper.LEFT] + sum(
+                    queue[k % stepper.SEGMENTS * stepper.SEGMENT_WORDS]
+                    for k in range(block[stepper.READ_INDEX], block[stepper.WRITE_INDEX])
+                )
+                least = ticks if least is None else min(least, ticks)
+        return least
+
+    def run(self, seconds):
+        """Let time pass, and keep in `least_queued` the fewest ticks that queued() shows."""
+        for _ in range(round(seconds * 100)):
+            self.session.run(0.01)
+            ticks = self.queued()
+            if ticks is not None:
+                self.least_queued = min(self.least_queued, ticks)
 
     def begin(self):
         """Forget what has been measured."""
-        self.repl.exec(f"framestep.boot.hal.kernel.state[{WORST_LATE}] = 0")
+        self.repl.exec(f"framestep.boot.hal.kernel.state[{stepper.WORST_LATE}] = 0")
         self.session.board.run_until(self.emulator.ns)
         self.emulator.cycles(clear=True)
+        self.least_queued = 1000
 
     @contextlib.contextmanager
     def judged(self, stops=False):

@@ -56,7 +56,7 @@ HALTED = const(3)  # the motors ramp down by themselves
 TAKING_UP = const(4)  # backlash is taken up for the direction in which each motor is to start
 SETTLING = const(5)  # at the end of the line: motors that have turned take up their backlash
 
-_BEGIN = const(4)  # knots queued before anything moves
+_BEGIN_TICKS = const(128)  # queued before anything moves
 _AHEAD_TICKS = const(256)  # to plan ahead
 _SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
 _KNOTS = const(16)  # remembered
@@ -213,7 +213,7 @@ class LinearMove:
             self._set_out()
             return True
         if state == STARTING:
-            if self.closed or self.queued >= _BEGIN:
+            if self.closed or self.times[self.queued % _KNOTS] >= _BEGIN_TICKS:
                 if self.axes.filled:
                     self._release()
                 return False
@@ -228,7 +228,8 @@ class LinearMove:
             if self.ahead and left > _SCARCE_TICKS and self.ahead.extend():
                 return True
             if left < _AHEAD_TICKS:
-                self._plan()
+                if not self._plan() and self.ahead:
+                    self.ahead.extend()
                 return True
         elif not self.axes.moving_bits() & self.line.bits:
             if state == MOVING and self._settle():
@@ -252,7 +253,8 @@ class LinearMove:
         reals.fetch(self.marks, k + 2, self.r, V)
 
     def _plan(self):
-        """Place the next knot, or queue the phases to the one before it.
+        """Place the next knot, or queue the phases to the one before it. False: the survey of a jog
+        does not reach far enough.
 
         The velocity of a motor at a knot is known only with the knot after it.
         """
@@ -266,11 +268,14 @@ class LinearMove:
             knot += 1
             if self.line.positions_at(S, ROW * (knot % _KNOTS)):
                 self.halt()  # the survey has said that it can be reached
-                return
+                return True
             self._note(knot)
             ticks = reals.floor(r, TICKS, HALF)
             self.times[knot % _KNOTS] = after(self.times[(knot - 1) % _KNOTS], ticks)
             self.knot = knot
+        else:
+            return False
+        return True
 
     def _queue(self, knot):
         """Append the phase to a knot that has one on either side."""
