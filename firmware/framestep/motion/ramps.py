@@ -52,11 +52,12 @@ _T1 = const(PLANNER + 24)  # of an S-curve: how long the jerk lasts, either time
 _T2 = const(PLANNER + 26)  # and the acceleration between
 _G2 = const(PLANNER + 28)  # half an acceleration
 _G3 = const(PLANNER + 30)  # a sixth of a jerk
-_LOW = const(PLANNER + 32)
+_LOW = const(PLANNER + 32)  # bounds of the cruising velocity, see _D and _SINCE
 _HIGH = const(PLANNER + 34)
 _REST = const(PLANNER + 36)  # what is cruised; of a stop, its last part
 _PEAK = const(PLANNER + 38)  # deceleration of a stop
-_D = const(PLANNER + 32)  # its deceleration when it begins
+# A stop has no cruising velocity to look for, so it has these in the registers of _LOW and _HIGH
+_D = const(PLANNER + 32)  # deceleration of a stop when it begins
 _SINCE = const(PLANNER + 34)  # for how long it would have had jerk by then
 _THIRD = const(PLANNER + 40)
 _SIXTH = const(PLANNER + 42)
@@ -201,7 +202,10 @@ _LAST_RAMP = formula(globals(), "_T = 2 * (_S / _CRUISE)")
 
 
 def _ramp(between):
-    """FROM, TO, CHANGE, T and WAY of the shortest ramp between two velocities: a formula."""
+    """Find _FROM, _TO, _CHANGE, _T and _DISTANCE of the shortest ramp between two velocities.
+
+    between: the formula that gives the velocities.
+    """
     r = scratch
     compute(0, 0, r, between)
     if reals.sign(r, _J) <= 0:
