@@ -130,6 +130,24 @@ def test_stops_at_any_moment_leave_no_step_between(flag, sense):
     assert session.positions[1] == sense * session.positions[2]
 
 
+@pytest.mark.parametrize("flag, sense", [(COUPLE, 1), (REVERSED, -1)])
+def test_limits_that_leave_no_room(flag, sense):
+    """Back toward the range of one is past the limit of the other: nothing moves."""
+    session = simulated()
+    limits = (1, 0, 0, 0) if sense > 0 else (0, 0, 1, 0)
+    session.accept(
+        p.MotorConfigure(1, 1 | flag),
+        p.MotorSetLimits(2, *limits),
+        p.MotorSetLimits(1, 0, 0, 1, -1000),
+    )
+    session.refuse(p.Ack.ERR_SOFT_LOW, p.MotorMove(1, -500), p.MotorMove(1, -2000))
+    session.refuse(p.Ack.ERR_SOFT_UP, p.MotorMove(1, 500))
+    for target in (-2000, -500, 500):
+        session.accept(p.MotorJog(1, 10_000, target))
+        session.run(0.6)
+    assert session.made(1) == session.made(2) == 0
+
+
 def test_a_disabled_partner_keeps_both_still():
     """Without power on one of them the other would pull at the load: the leader is refused, nothing
     is switched on."""

@@ -184,11 +184,17 @@ class Motor:
         A motor that is past a bound already may move toward the allowed range (field note 4.3).
         """
         self.refresh()
-        side = self.beyond(target, i)
-        if side and order_words(self.load_position, 0, self.bounds, 1 if side > 0 else 0) == side:
-            if order_words(target, i, self.load_position, 0) != side:
-                return 0
-        return side
+        # both ends: limits of coupled motors may leave no room at all
+        side = 1
+        while side >= -1:
+            end = 1 if side > 0 else 0
+            if order_words(target, i, self.bounds, end) == side and (
+                order_words(self.load_position, 0, self.bounds, end) != side
+                or order_words(target, i, self.load_position, 0) == side
+            ):
+                return side
+            side -= 2
+        return 0
 
     def beyond(self, target, i):
         """As outside(), wherever the motor is now."""
