@@ -1,5 +1,8 @@
 """`framestep rig check` says what the board says; editing goes on until the file is right."""
 
+import json
+import re
+
 import pytest
 
 from framestep import rig, rig_home, rig_servos, rig_settings
@@ -92,6 +95,37 @@ def test_giving_up_and_leaving_it_as_it_was(tmp_path):
         edit(tmp_path, ['{"ports": 3}'], [False])
     assert edit(tmp_path, ["{}"], []) == (None, [])
     assert edit(tmp_path, ["no JSON", "{}"], [True])[0] is None
+
+
+def test_a_setting_that_was_changed_in_a_comment_is_told(tmp_path):
+    path = tmp_path / "rig.json"
+    path.write_text(rig_file.commented("{}"))
+    asked = []
+
+    def editor(file):
+        text = file.read_text()
+        if not asked:
+            file.write_text(text.replace('//   "estop": "none"', '//   "estop": "nc"'))
+        else:
+            file.write_text(text.replace("{}", '{"estop": "nc"}', 1))
+
+    def again(mistake):
+        asked.append(mistake)
+        return True
+
+    found = rig_file.edit_until_right(path, board_data("pico"), editor, again, b"{}")
+    assert json.loads(found) == {"estop": "nc"}
+    assert len(asked) == 1
+    assert re.match(r'line \d+ has changed, but it is a comment: "estop": "nc"', asked[0])
+    # without another try nothing is changed, and other comments are nobody's business
+    path.write_text(rig_file.commented("{}"))
+    asked.clear()
+    assert (
+        rig_file.edit_until_right(path, board_data("pico"), editor, lambda _: False, b"{}") is None
+    )
+    path.write_text("// mine\n{}")
+    other = lambda file: file.write_text("// another\n{}")  # noqa: E731
+    assert rig_file.edit_until_right(path, board_data("pico"), other, again, b"{}") is None
 
 
 def test_the_editor(tmp_path, monkeypatch):

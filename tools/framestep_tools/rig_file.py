@@ -201,6 +201,20 @@ def _tidy(content: bytes) -> bytes:
     return b"\n".join(line.rstrip() for line in content.splitlines() if line.strip())
 
 
+def _changed_comment(before: bytes, after: bytes) -> str | None:
+    """Which setting was changed where it has no effect, as a sentence."""
+    known = set(before.splitlines())
+    for number, line in enumerate(after.splitlines(), 1):
+        found = re.match(rb'\s*//\s*("\w+"\s*:.*)', line)
+        if found and line not in known:
+            text = found[1].decode(errors="replace").strip()
+            return (
+                f"line {number} has changed, but it is a comment: {text}\n"
+                "Copy it into the braces, without //, to change the setting."
+            )
+    return None
+
+
 def edit_until_right(
     path: Path,
     board: Mapping[str, Any],
@@ -212,13 +226,19 @@ def edit_until_right(
     what it was before.
 
     before: what the board has, if not this. A mistake is given to `again`, which says whether to
-    edit once more; RigFileError if not.
+    edit once more; RigFileError if not. So is a change in a comment alone.
     """
-    before = _tidy(path.read_bytes() if before is None else before)
+    draft = path.read_bytes()
+    before = _tidy(draft if before is None else before)
     while True:
         editor(path)
-        new = _bare(path.read_bytes())
+        edited = path.read_bytes()
+        new = _bare(edited)
         if _tidy(new) == before:
+            inside = _changed_comment(draft, edited)
+            draft = edited
+            if inside and again(inside):
+                continue
             return None
         try:
             check(parse(new, path.name), board, path.name)
