@@ -199,9 +199,7 @@ class Runs(Part):
 
     def _jog_all(self, request, payload):
         fps, _ = request.words("Ii")
-        # to its rate with 4 frames/s², and back, on no more frames than there are
-        ramp = min(fps / 4000, (self.upload.count / 2) ** 0.5)
-        self.jogs_all = max(self.jogs_all, 4500 + round(1000 * ramp))
+        frame = 0.0  # s that a frame takes the slowest motor
         self.prepared = False
         for motor in self._takers():
             motor.let_go_by = None
@@ -209,6 +207,14 @@ class Runs(Part):
             self._over(motor, path)
             fastest = np.abs(np.diff(path)).max() if len(path) > 1 else 0
             self._along(motor, path, max(fps / 1000, 2.0), 12 * float(fastest + motor.backlash))
+            slower = [motor, self.motors[motor.index + 1]] if motor.coupled else [motor]
+            for each in slower:
+                way = float(fastest + motor.backlash)
+                frame = max(frame, way / each.velocity + 2 * (way / each.acceleration) ** 0.5)
+        # to its rate with 4 frames/s², and back, on no more frames than there are; and on to the
+        # next frame
+        ramp = min(fps / 4000, (self.upload.count / 2) ** 0.5)
+        self.jogs_all = max(self.jogs_all, 4500 + round(1000 * ramp + 1300 * frame))
 
     def _shoot(self, request, payload):
         self.prepared = True
