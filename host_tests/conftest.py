@@ -12,7 +12,7 @@ from hypothesis.internal.conjecture import providers
 
 from framestep import native_cpython
 from framestep_tools import builds
-from framestep_tools.files import CACHE, FIRMWARE, ROOT, board_files, compiled_tree
+from framestep_tools.files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests.covering import by_test, parameters, spare
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
@@ -158,10 +158,9 @@ def emulator():
 
 @pytest.fixture
 def board(emulator):
-    """board(files={...}, **options): the same with the project's files on it, those given besides
-    or instead."""
+    """board(files={...}, **options): the same with the Pico's image, and these files on it."""
 
     def start(files=None, **options):
-        return emulator(files={**board_files("armv6m"), **(files or {})}, **options)
+        return emulator(firmware=builds.frozen(), files=files, **options)
 
     return start

@@ -38,7 +38,7 @@ LAYERS = (
     ("repl_commands", "repl"),
 )
 
-_MADE = {"board", "ram_files"}  # by the build
+_MADE = {"board"}  # by the build
 
 
 def dotted(path: str) -> str:

@@ -16,14 +16,8 @@ from framestep.native import const
 from framestep.protocol.messages import CONDITION_OVERLAY, CONDITION_OVERLAY_LEFT_OUT
 
 _DENSE = const(4096)  # bytes taken between two collections
-_SAVE = (
-    "framestep: an image (make image) has more memory; "
-    "or set a smaller motor_count or virtuals in rig.json"
-)
-# Bytes for the REPL and a user's own code, in one piece; framestep's commands take more of it as
-# copied files than in an image
-_LEFT_BY_FILES = const(13 * 1024)
-_LEFT_BY_IMAGE = const(10 * 1024)
+_SAVE = "framestep: set a smaller motor_count or virtuals in rig.json"
+_SPARE = const(10 * 1024)  # bytes for the REPL and a user's own code, in one piece
 
 hal = None
 controller = None
@@ -106,18 +100,6 @@ def judge(text):
         gc.collect()
 
 
-def _load_into_ram():
-    """Load those modules of a frozen image that run from RAM; copied files do so anyway."""
-    try:
-        from framestep.ram_files import FILES
-    except ImportError:
-        return
-    from framestep.hal import rp2_ram
-
-    rp2_ram.load(FILES)
-    _forget("framestep.hal.rp2_ram", "framestep.ram_files")
-
-
 def _held(board):
     """What keeps framestep from starting, as text: BOOTSEL, or the jumper to ground; or None."""
     import rp2
@@ -141,7 +123,7 @@ def start(again=False):
     from framestep.leftovers import stop_dma
 
     stop_dma()  # where boot.py is not framestep's
-    spare = bytearray(_LEFT_BY_FILES if __file__.startswith("/lib") else _LEFT_BY_IMAGE)
+    spare = bytearray(_SPARE)
     from framestep.board import BOARD
 
     held = _held(BOARD)
@@ -149,7 +131,6 @@ def start(again=False):
         print("framestep: not started,", held)
         return
     gc.threshold(_DENSE)
-    _load_into_ram()
     # at once: while the rest is loaded they would float
     from framestep.hal.rp2_pins import drivers_off
 
@@ -186,8 +167,7 @@ def start(again=False):
     except MemoryError:
         print(_SAVE)
         raise
-    # rp2_code, where there is one: a module that is loaded later loads it again
-    _forget("framestep.io.restore", "framestep.hal.rp2_claim", "framestep.hal.rp2_code")
+    _forget("framestep.io.restore", "framestep.hal.rp2_claim")
     # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
     held = _held(settings.board)
     if held:

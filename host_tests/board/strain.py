@@ -57,6 +57,9 @@ def read(path):
     with open(path, "rb") as file:
         while file.read(200):
             pass
+with open("/data.bin", "wb") as file:
+    for _ in range(80):
+        file.write(bytes(range(256)))
 """
 WORK = (
     "take(60)",
@@ -65,8 +68,8 @@ WORK = (
     "sum(range(20000))",
     "len(str(7**700))",
     "read('/rig.json')",
-    "read('/lib/framestep/code.bin')",
-    "os.listdir('/lib/framestep'); os.stat('/rig.json'); os.statvfs('/')",
+    "read('/data.bin')",
+    "os.listdir('/'); os.stat('/rig.json'); os.statvfs('/')",
     "print('x' * 300)",
     "for i in range(40): print(i, i / 7)",
     "gc.collect()",

@@ -19,7 +19,7 @@ APART_NS = 1000  # of the motors' first edges
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard(trace=False, frozen=True) as board:
+    with EmulatedBoard(trace=False) as board:
         session = Session(board)
         yield session
         assert not any(isinstance(event.message, HardStop) for event in session.client.events)

@@ -31,7 +31,7 @@ def test_two_thousand_frames_with_lights_and_triggers():
     times = np.arange(FRAMES)
     moves = [np.rint(800 * np.sin(times / (20 + 3 * motor))).astype(int) for motor in range(MOTORS)]
     rig = {"outputs": [{"pin": 26}, {"pin": 27}]}
-    with EmulatedBoard(rig, frozen=True) as board:
+    with EmulatedBoard(rig) as board:
         session = Session(board, motors=MOTORS, reply_s=0.1)
         assert session.client.request(p.Hi()).upload_frames >= 10_000
         session.accept(p.RtUploadMoveBegin(1, FRAMES))
@@ -70,7 +70,7 @@ def test_ten_thousand_frames_without_lights():
         motor: np.rint(3000 * np.sin(times / (20 + 3 * motor))).astype(int)
         for motor in range(1, MOTORS + 1)
     }
-    with EmulatedBoard(frozen=True) as board:
+    with EmulatedBoard() as board:
         session = Session(board, motors=MOTORS, reply_s=0.1)
         for motor in moves:
             session.speed(motor, 50_000, 200_000)

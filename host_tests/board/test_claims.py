@@ -66,7 +66,7 @@ def test_a_claim_at_any_time_around_a_bus_reset(emulator, chip):
 @pytest.fixture(scope="module")
 def rig():
     """framestep on a B1."""
-    found = Session(EmulatedBoard(frozen=True, args=B1), motors=8, reply_s=0.1)
+    found = Session(EmulatedBoard(args=B1), motors=8, reply_s=0.1)
     with found.board:
         for motor in (1, 7):
             found.speed(motor, 2000, 200_000)
@@ -152,9 +152,7 @@ def test_a_pin_that_something_else_takes(rig, asked):
 def test_a_bus_reset_in_motion_with_one_port():
     """The port is the REPL's there, and tells nothing of it: the motors ramp down all the same, as
     for a lost host."""
-    found = Session(
-        EmulatedBoard({"ports": 1, "motor_count": 7}, frozen=True, args=B1), motors=7, reply_s=0.1
-    )
+    found = Session(EmulatedBoard({"ports": 1, "motor_count": 7}, args=B1), motors=7, reply_s=0.1)
     with found.board:
         emulator = found.board.emulator
         found.speed(7, 2000, 20_000)

@@ -88,7 +88,7 @@ def test_form_of_the_answers(session):
 
 
 def test_form_of_the_answers_in_the_other_dialect():
-    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False, frozen=True) as board:
+    with EmulatedBoard({"dialect": "dmc-lite"}, trace=False) as board:
         assert_form(Session(board, reply_s=0.1), wide=True)
 
 
@@ -150,7 +150,7 @@ def test_nothing_is_allocated(session):
 def test_one_port():
     """`ports: 1`: the protocol on the REPL's port. A move from upload to RT_END, then Ctrl-C gives
     the REPL back."""
-    with EmulatedBoard({"ports": 1}, frozen=True) as board:
+    with EmulatedBoard({"ports": 1}) as board:
         session = Session(board)
         positions = move(session, (1, 2))
         stands = load(session, positions)
@@ -185,7 +185,7 @@ def test_one_port_closed_within_a_frame():
     """There is no DTR to be seen. A frame's beginning left by the client before is never carried
     out, nor any mixture of it with what comes next: that is damaged at most. And the next client's
     first request is answered."""
-    with EmulatedBoard({"ports": 1}, frozen=True) as board:
+    with EmulatedBoard({"ports": 1}) as board:
         port = board.protocol
         left = (
             encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 500), 77),

@@ -70,7 +70,7 @@ fifo = b.hal.engine.fifo(4)
 
 
 def session():
-    found = Session(EmulatedBoard(RIG, frozen=True), motors=6, reply_s=0.1)
+    found = Session(EmulatedBoard(RIG), motors=6, reply_s=0.1)
     for motor in (1, 2, 3):
         found.speed(motor, VELOCITY, ACCELERATION)
         found.accept(p.MotorResetPosition(motor, 0))

@@ -1,40 +1,37 @@
-"""`make flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one board
-for all, in order."""
+"""`framestep flash` and `framestep rig edit`, whole, on an emulated board that runs freely: one
+board for all, in order."""
 
-import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import serial
 
-from framestep_emulator import Emulator
+from framestep_emulator import Emulator, edge_times
 from framestep_emulator.image import read_image
-from framestep_tools import cli, dist
+from framestep_tools import builds, cli, overlay
 from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_files
+from framestep_tools.files import ROOT, board_modules
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
+from host_tests.board.test_overlay import BACKLASH, STEP, TICK, edited, seven_more
 
 RIG = b'{"name": "my crane"}'
-HELLO = re.compile(r"my crane on \S+, firmware [\d.]+: 8 motors, .* \d{3,} frames")
-FILE_SYSTEM = 640 * 1024  # where it begins in the flash
 PATIENCE_S = 300
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    """A board with MicroPython and a rig file, and the paths of its two ports.
+    """A board with the image, and the paths of its two ports.
 
     It is no faster than a real one: what it does while the tools work is of no use here.
     """
     with (
-        Emulator(files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
+        Emulator(builds.frozen(), files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
         emu.pty(0) as repl,
         emu.pty(1) as protocol,
     ):
@@ -44,30 +41,15 @@ def bench(tmp_path_factory):
         )
 
 
-def command(bench):
-    return [
-        "make",
-        "-s",
-        "flash",
-        "BOARD=pico",
-        f"PORT={bench.repl}",
-        f"ARGS=--protocol {bench.protocol}",
-    ]
-
-
-@pytest.fixture(scope="module")
-def wanted():
-    """What a board gets."""
-    return board_files()
-
-
 @pytest.fixture
-def flash(bench, capsys):
-    """The command in this process: what it prints, standard error too."""
+def flash(bench, capsys, monkeypatch):
+    """Run the command as if these modules had been edited; return what it prints."""
 
-    def run(status=0):
-        args = ["--board", "pico", "--port", bench.repl, "--protocol", bench.protocol]
-        result = cli.app.status(["flash", *args])
+    def run(changes=None, *options, status=0):
+        modules = board_modules() | (changes or {})
+        monkeypatch.setattr(overlay, "board_modules", lambda *_: modules)
+        args = ["flash", "--port", bench.repl, "--protocol", bench.protocol, *options]
+        result = cli.app.status(args)
         said = "".join(capsys.readouterr())
         assert result == status, said
         return said
@@ -76,57 +58,96 @@ def flash(bench, capsys):
 
 
 def files(bench):
-    """What lies on the board's file system."""
-    dump = bench.folder / "flash.bin"
-    bench.emu.cmd("flash_dump", file=str(dump))
-    return read_image(dump.read_bytes()[FILE_SYSTEM:])
+    """{path: content} on the board's file system."""
+    dump = bench.folder / "files.bin"
+    bench.emu.cmd("flash_dump", file=str(dump), fs=True)
+    return read_image(dump.read_bytes())
 
 
-def copied(text):
-    return [int(n) for n in re.findall(r"copying \d+/(\d+) ", text)]
+def steps(bench):
+    """Pulses that 500 steps make."""
+    with Client.open(bench.protocol, timeout_s=PATIENCE_S) as client:
+        client.request(MotorSetSpeed(1, 2000, 10_000))
+        bench.emu.trace_start([STEP])
+        client.request(MotorMove(1, 500))
+        client.wait_idle()
+        client.pump(0.1)
+    return len(edge_times(bench.emu.trace_stop(), STEP, 1))
 
 
-def kill_at(bench, line):
-    """Begin, and kill it all a moment after this line."""
-    process = subprocess.Popen(
-        command(bench), cwd=ROOT, stdout=subprocess.PIPE, text=True, start_new_session=True
+def test_nothing_was_edited(bench):
+    """The command in a process of its own, on the modules of this very checkout."""
+    command = ["make", "-s", "flash", f"PORT={bench.repl}", f"ARGS=--protocol {bench.protocol}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "no overlay is on the board" in done.stdout
+    assert re.search(r"my crane on \S+, firmware [\d.]+: 8 motors", done.stdout)
+    assert files(bench) == {"/rig.json": RIG}
+
+
+def test_edited_modules_are_copied_and_removed(bench, flash):
+    """An edit, the same again, one that cannot start, a clean board."""
+    good = seven_more()
+    said = flash(good)
+    assert f"copying 1/1 {overlay.FOLDER}/{BACKLASH}" in said
+    assert "my crane on" in said
+    assert steps(bench) == 507
+    said = flash(good)
+    assert "copying" not in said
+    assert "(1 modules) is on the board" in said
+    broken = seven_more("raise RuntimeError('mistake')\n")
+    assert "RuntimeError: mistake" in flash(broken, status=1)
+    assert steps(bench) == 500
+    flash(None, "--clean")
+    assert files(bench) == {"/rig.json": RIG}
+
+
+def test_interrupted_the_board_starts_with_the_modules_of_its_image(bench, flash):
+    script = (
+        "import sys; from host_tests.board.test_flash import edited_flash; "
+        "edited_flash(sys.argv[1:])"
     )
-    assert any(said.startswith(line) for said in process.stdout)
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "--port", bench.repl, "--protocol", bench.protocol],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert any(said.startswith("copying 1/") for said in process.stdout)
     time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     process.stdout.close()
-
-
-def test_interrupted_half_way_the_next_run_repairs_it(bench, wanted):
-    # the second time without a power cycle: the REPL is where it was left
-    for line in ("copying 5/", "copying 12/"):
-        kill_at(bench, line)
     begun = bench.emu.ns
-    bench.emu.reset()  # a power cycle: it comes up as plain MicroPython
-    bench.emu.wait_usb(after=begun, ports=1, ms=PATIENCE_S * 1000)
-    assert "/main.py" not in files(bench)
-
-    done = subprocess.run(
-        command(bench), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    said = done.stdout
-    numbers = copied(said)
-    assert numbers, "what had been copied is not copied again"
-    assert numbers[0] <= len(wanted) - 15, "what had been copied is not copied again"
-    assert HELLO.search(said.splitlines()[-1]), said
-    found = files(bench)
-    assert found.pop("/rig.json") == RIG
-    found.pop("/lib/framestep/files.json")
-    assert found == wanted
+    bench.emu.reset()  # a power cycle
+    bench.emu.wait_usb(after=begun, ports=2, ms=PATIENCE_S * 1000)
+    assert overlay.LIST not in files(bench)
+    assert steps(bench) == 500
+    flash(seven_more())
+    assert steps(bench) == 507
+    flash(None, "--clean")
 
 
-def test_the_second_time_there_is_nothing_to_copy(flash, wanted):
-    said = flash()
-    assert f"all {len(wanted)} files are there already" in said
-    assert not copied(said)
-    assert HELLO.search(said.splitlines()[-1]), said
+def edited_flash(args):
+    """Run the command with two edited modules."""
+    modules = board_modules() | seven_more() | {TICK: edited(TICK, "EDITED = 1\n")}
+    overlay.board_modules = lambda *_: modules
+    cli.app.status(["flash", *args])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"framestep/leftovers.mpy": b"x"}, "an overlay cannot replace this"),
+        ({"framestep/motors/axis.mpy": bytes(50_000)}, "much for an overlay"),
+    ],
+    ids=["fixed", "large"],
+)
+def test_refused_if_an_overlay_cannot_do_it(flash, changes, message):
+    said = flash(changes, status=1)
+    assert message in said
+    assert "framestep install --board pico" in said
 
 
 def test_refused_while_something_moves(bench, flash):
@@ -184,45 +205,3 @@ def test_one_port(bench, flash, monkeypatch, capsys):
         assert client.request(Hi()).name == "small", "the controller is there again"
     said = edit(bench, monkeypatch, capsys, "1", "2")
     assert re.search(f"small on {bench.protocol}, firmware", said)
-
-
-def one_of_each_kind(package):
-    """Entries of a package's list: the smallest file of each folder of the board, what lies beside
-    /lib, and what differs from board to board."""
-    urls = json.loads(package.read_text())["urls"]
-    smallest = {}
-    for target, source in sorted(urls, key=lambda url: (package.parent / url[1]).stat().st_size):
-        smallest.setdefault(Path(target).parent, [target, source])
-    chosen = [url for url in urls if url[0].startswith("../") or url[1].startswith("boards/")]
-    return chosen + [url for url in smallest.values() if url not in chosen]
-
-
-def test_installed_by_mip(tmp_path, wanted):
-    """mpremote mip install of a package.json of `make dist`, cut to one file of each kind, onto a
-    board that has all others; then a reset: framestep answers. That the whole list is what `flash`
-    copies is in tools/test_dist.py."""
-    dist.write(tmp_path / "dist")
-    package = tmp_path / "dist" / "armv6m" / "package.json"
-    urls = one_of_each_kind(package)
-    package.write_text(json.dumps({"urls": urls, "version": "1"}))
-    coming = {f"/lib/{target}".replace("/lib/../", "/") for target, _ in urls}
-    assert {"/boot.py", "/main.py", "/lib/framestep/board.mpy"} < coming
-    others = {path: content for path, content in wanted.items() if path not in coming}
-    assert len(others) + len(urls) == len(wanted)
-    with (
-        Emulator(files=others, lockstep=False, speed=1) as emu,
-        emu.pty(0) as repl,
-        emu.pty(1) as protocol,
-    ):
-        emu.wait_usb()
-        mpremote = [sys.executable, "-m", "mpremote", "connect", repl]
-        done = subprocess.run(
-            [*mpremote, "mip", "install", str(package)], capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert files(SimpleNamespace(emu=emu, folder=tmp_path)) == wanted
-        begun = emu.ns
-        subprocess.run([*mpremote, "reset"], check=True, capture_output=True)
-        emu.wait_usb(after=begun, ports=2, ms=PATIENCE_S * 1000)
-        with Client.open(protocol, timeout_s=PATIENCE_S) as client:
-            assert client.request(Hi()).motors == 8

@@ -68,7 +68,7 @@ class Rail:
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard(RIG, frozen=True) as board:
+    with EmulatedBoard(RIG) as board:
         board.wire_switches()
         yield Session(board, reply_s=0.1)
 

@@ -1,5 +1,4 @@
-"""No tick comes late, whatever is asked in motion: on the emulated board with its flash cache, with
-copied files and with an image."""
+"""No tick comes late, whatever is asked in motion: on the emulated board with its flash cache."""
 
 import numpy as np
 import pytest
@@ -20,9 +19,9 @@ QUEUED_MS = 50  # the least for which queues must last; 65 ms were found in 200 
 MOTORS = range(1, 9)
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["copied", "image"])
-def session(request):
-    with EmulatedBoard(RIG, frozen=request.param) as board:
+@pytest.fixture(scope="module")
+def session():
+    with EmulatedBoard(RIG) as board:
         board.wire_switches()
         session = Session(board, reply_s=0.2)
         session.timing = Timing(session)

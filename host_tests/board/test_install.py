@@ -1,7 +1,6 @@
 """Onto an emulated board as a user does it: by the command `framestep` of the package, unpacked
-from its wheel, without the sources, a compiler or the modules that only Unix has. A stock
-MicroPython's UF2 file is joined with framestep's files and dropped onto a folder that stands for
-the board's drive; then a move."""
+from its wheel, without the sources, a compiler or the modules that only Unix has. An image is
+dropped onto a folder that stands for the board's drive; then a move."""
 
 import socket
 import threading
@@ -10,7 +9,7 @@ import time
 import pytest
 
 from framestep_emulator import Emulator
-from framestep_tools import uf2
+from framestep_tools import builds, uf2
 from framestep_tools.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import drive_in
 from host_tests.tools.test_package import installed  # noqa: F401 -- a fixture
@@ -53,16 +52,12 @@ def bare_board(tmp_path):
         emulator.close()
 
 
-def test_from_a_stock_micropython_to_a_move_in_one_file(bare_board, paths, tmp_path, installed):  # noqa: F811
+def test_from_an_image_to_a_move(bare_board, installed):  # noqa: F811
     drive, port = bare_board
-    stock, joined, rig = tmp_path / "stock.uf2", tmp_path / "joined.uf2", tmp_path / "rig.json"
-    stock.write_bytes(uf2.from_flash(paths.rp2_firmware.read_bytes(), uf2.RP2040).packed())
-    rig.write_text('{"name": "joined rig"}')
-
+    image = builds.frozen().with_suffix(".uf2")
     framestep = installed.run
-    framestep("uf2", "--micropython", stock, "--rig", rig, "-o", joined)
-    assert f"joined rig on {port}, firmware 0.1.0: 8 motors" in framestep(
-        "install", "--drive", drive, "--image", joined, "--device", port
+    assert f"framestep on {port}, firmware 0.1.0: 8 motors" in framestep(
+        "install", "--drive", drive, "--image", image, "--device", port
     )
     for motor in range(1, 5):
         framestep("move", port, motor, 0, "--velocity", 20_000, "--acceleration", 100_000)

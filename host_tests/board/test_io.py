@@ -17,7 +17,7 @@ EIGHT = tuple(range(1, 9))
 
 
 def session(rig=None):
-    board = EmulatedBoard(rig, frozen=True)
+    board = EmulatedBoard(rig)
     return Session(board), board
 
 

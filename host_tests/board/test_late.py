@@ -23,7 +23,7 @@ def light(after, us):
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard({"dmx": False}, frozen=True) as board:
+    with EmulatedBoard({"dmx": False}) as board:
         session = Session(board, reply_s=0.1)
         session.repl = board.emulator.repl()
         session.repl.exec(HOLD)

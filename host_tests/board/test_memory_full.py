@@ -4,8 +4,8 @@ REPL tells it."""
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools import builds
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.files import board_files
 from framestep_tools.payloads import (
     Ack,
     DeviceInfo,
@@ -154,7 +154,7 @@ def test_a_fault_and_words_for_all_of_it(full):
 
 def test_what_is_released_is_free(emulator):
     """Though something still points to it: any word of machine code may seem to."""
-    repl = emulator(files=board_files()).repl()
+    repl = emulator(firmware=builds.frozen(), files={"/main.py": b""}).repl()
     repl.exec(
         "import gc\n"
         "from framestep.hal.rp2 import release\n"

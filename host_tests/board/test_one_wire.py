@@ -49,8 +49,19 @@ class DrivenBoard(EmulatedBoard):
         self.bit_lengths = []
         for pin in PINS:
             self.emulator.set_pin(pin, None)
+        begun = self.emulator.ns
+        self.emulator.reset()  # the chips hear this start from its first bit
         self.emulator.trace_start([*self.pins.pins, *PINS])
         self._records()  # the levels that the pins begin with
+        while not self._configured(begun):
+            self.run_until(self.now_ns + 20 * SLICE_NS)
+
+    def _configured(self, since):
+        """Whether the host has found the board's ports since then."""
+        return any(
+            event["type"] == "usb-configured" and event["t"] >= since
+            for event in self.emulator.events()
+        )
 
     def edges(self):
         kept, self.kept = self.kept, []

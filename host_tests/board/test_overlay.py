@@ -1,16 +1,14 @@
 """Modules in /overlay replace the image's. If the board cannot start with them, it starts without
-them. `framestep flash` puts them there."""
-
-from types import SimpleNamespace
+them. test_flash.py has the command that puts them there."""
 
 import pytest
 
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator, edge_times
-from framestep_tools import builds, cli, overlay
+from framestep_tools import builds, overlay
 from framestep_tools.client import Client
 from framestep_tools.files import board_modules, board_sources, compiled
-from framestep_tools.payloads import GetCondition, Hi, MotorMove, MotorSetSpeed
+from framestep_tools.payloads import GetCondition, Hi, MotorMove
 
 BACKLASH = "framestep/motors/backlash.mpy"
 TICK = "framestep/motion/tick.mpy"
@@ -134,79 +132,3 @@ def test_an_overlay_for_another_image_or_incomplete_is_left_out(firmware, listin
         emu.wait_usb(10_000, ports=2)
         assert pulses(emu) == 500
         assert condition(emu) == m.CONDITION_OVERLAY_LEFT_OUT
-
-
-# ---- framestep flash
-
-
-@pytest.fixture(scope="module")
-def bench(firmware):
-    """A board with the image that runs no faster than a real one."""
-    with (
-        Emulator(
-            firmware, files={"/rig.json": b'{"name": "my crane"}'}, lockstep=False, speed=1
-        ) as emu,
-        emu.pty(0) as repl,
-        emu.pty(1) as protocol,
-    ):
-        emu.wait_usb()
-        yield SimpleNamespace(emu=emu, repl=repl, protocol=protocol)
-
-
-@pytest.fixture
-def flash(bench, capsys, monkeypatch):
-    """Run the command as if these modules had been edited; return what it prints."""
-
-    def run(*options, status=0, **changes):
-        changes = {name.replace("__", "/") + ".mpy": text for name, text in changes.items()}
-        modules = board_modules("armv6m", "pico") | changes
-        monkeypatch.setattr(overlay, "board_modules", lambda *_: modules)
-        args = ["flash", "--port", bench.repl, "--protocol", bench.protocol, *options]
-        result = cli.app.status(args)
-        said = "".join(capsys.readouterr())
-        assert result == status, said
-        return said
-
-    return run
-
-
-def steps(bench):
-    with Client.open(bench.protocol) as client:
-        client.request(MotorSetSpeed(1, 2000, 10_000))
-        bench.emu.trace_start([STEP])
-        client.request(MotorMove(1, 500))
-        client.wait_idle()
-        client.pump(0.1)
-    return len(edge_times(bench.emu.trace_stop(), STEP, 1))
-
-
-def test_flash_copies_what_was_edited_and_takes_it_away(bench, flash):
-    """An edit, the same again, one that cannot start, a clean board."""
-    good = seven_more()[BACKLASH]
-    said = flash(framestep__motors__backlash=good)
-    assert "copying 1/1 /overlay/framestep/motors/backlash.mpy" in said
-    assert "my crane on" in said
-    assert steps(bench) == 507
-    said = flash(framestep__motors__backlash=good)
-    assert "copying" not in said
-    assert "(1 modules) is on the board" in said
-    broken = seven_more("raise RuntimeError('mistake')\n")[BACKLASH]
-    assert "RuntimeError: mistake" in flash(framestep__motors__backlash=broken, status=1)
-    assert steps(bench) == 500
-    flash("--clean")
-    assert "overlay" not in bench.emu.repl().eval("__import__('os').listdir('/')")
-    assert flash().count("no overlay is on the board") == 1
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"framestep__leftovers": b"x"}, "an overlay cannot replace this"),
-        ({"framestep__motors__axis": bytes(50_000)}, "much for an overlay"),
-    ],
-    ids=["fixed", "large"],
-)
-def test_flash_refuses_what_an_overlay_cannot_do(flash, changes, message):
-    said = flash(status=1, **changes)
-    assert message in said
-    assert "framestep install --board pico" in said

@@ -10,7 +10,7 @@ import pytest
 
 from framestep.motion import stepper
 from framestep_emulator import Emulator, edge_times
-from framestep_tools.files import board_files
+from framestep_tools import builds
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile, trapezoid
 
@@ -69,9 +69,8 @@ class Board:
 
 @pytest.fixture(scope="module")
 def board():
-    files = board_files()
-    del files["/main.py"]
-    with Emulator(files=files) as emu:
+    # framestep does not start
+    with Emulator(builds.frozen(), files={"/main.py": b""}) as emu:
         yield Board(emu)
 
 

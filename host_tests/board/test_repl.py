@@ -4,8 +4,8 @@ not to start."""
 import pytest
 
 from framestep_emulator import Emulator
+from framestep_tools import builds
 from framestep_tools.boards import EmulatedBoard
-from framestep_tools.files import board_files
 from framestep_tools.payloads import Ack, HardStop, RtEnd, RtGo, RtJogAll
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, run_request
@@ -13,18 +13,21 @@ from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING
 
 LED, JUMPER = 25, 27
 
+BEAT_NS = 128_000_000  # of the LED; beats are counted from power-on
+
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard(frozen=True) as board:
+    with EmulatedBoard() as board:
         yield Session(board, reply_s=0.1)
 
 
 def led(board, levels=16):
-    """What the LED shows over `levels` eighths of a second; where it begins is not known."""
+    """What the LED shows in this many beats, in the middle of each; the first may be any."""
     shown = ""
-    for _ in range(levels):
-        board.run_until(board.now_ns + 128_000_000)
+    now = board.emulator.ns // BEAT_NS * BEAT_NS + BEAT_NS // 2
+    for beat in range(1, levels + 1):
+        board.run_until(now + beat * BEAT_NS)
         shown += "*" if board.emulator.pin(LED) else "."
     return shown
 
@@ -166,7 +169,7 @@ def test_faults_in_words(session):
 
 def test_a_move_that_asks_too_much_is_told_unasked():
     """Field note 5.5: which motor and where, on the REPL; status() says by how much."""
-    with EmulatedBoard(frozen=True) as board:
+    with EmulatedBoard() as board:
         session = Session(board, reply_s=0.1)
         repl = board.emulator.repl()
         repl.exec("import time")
@@ -184,7 +187,7 @@ def test_a_move_that_asks_too_much_is_told_unasked():
 
 
 def test_bootsel_and_jumper_keep_it_from_starting():
-    with Emulator(files=board_files(board="skr_pico")) as emulator:
+    with Emulator(builds.frozen("skr_pico")) as emulator:
 
         def found():
             """What there is of framestep once main.py has ended."""
@@ -204,7 +207,7 @@ def test_bootsel_and_jumper_keep_it_from_starting():
         # later
         emulator.set_pin(JUMPER, None)
         emulator.reset()
-        emulator.advance(1200)
+        emulator.advance(700)
         emulator.press_bootsel()
         emulator.advance(2000)
         assert found() == (True, False)

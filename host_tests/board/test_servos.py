@@ -20,7 +20,7 @@ RIG = {"motors": [{}, {"servo": {"pin": PIN}}, {}]}
 
 def test_it_follows_the_path_that_a_step_motor_takes():
     """Both play the same move. Each pulse has the position of its moment."""
-    with EmulatedBoard(RIG, frozen=True) as board:
+    with EmulatedBoard(RIG) as board:
         session = Session(board, reply_s=0.1)
         assert board.pins.levels[PIN] == "servo2"
         session.run(0.1)

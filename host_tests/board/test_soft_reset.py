@@ -10,7 +10,6 @@ import pytest
 from framestep_emulator import Emulator, edge_times
 from framestep_tools import builds
 from framestep_tools.client import Client
-from framestep_tools.files import FIRMWARE, board_files
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
 
 PATIENCE_S = 600
@@ -26,26 +25,14 @@ def mpremote(path, *arguments):
     return result.stdout
 
 
-def board(kind, rig=RIG, **options):
-    """A board with framestep copied to it, or as an image."""
-    files = {"/rig.json": json.dumps(rig).encode()}
-    if kind == "image":
-        return Emulator(builds.frozen("pico"), files=files, **options)
-    return Emulator(files=board_files() | files, **options)
+def board(**options):
+    return Emulator(builds.frozen("pico"), files={"/rig.json": json.dumps(RIG).encode()}, **options)
 
 
 @pytest.fixture(scope="module")
 def image():
-    """One for those that leave framestep running."""
-    with board("image") as emu:
-        emu.wait_usb(20_000, ports=2)
-        yield emu
-
-
-@pytest.fixture(scope="module")
-def copied():
-    """The same with copied code; the last test takes main.py away."""
-    with board("copied") as emu:
+    """One for several tests."""
+    with board() as emu:
         emu.wait_usb(20_000, ports=2)
         yield emu
 
@@ -55,8 +42,7 @@ def answers(path):
         return client.request(Hi())
 
 
-@pytest.mark.parametrize("kind", ["copied", "image"])
-def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
+def test_mpremote_finds_its_port_and_framestep_is_there_again(tmp_path):
     package = tmp_path / "hello"
     package.mkdir()
     (package / "hello.py").write_text("print('hello from a package')\n")
@@ -64,13 +50,12 @@ def test_mpremote_finds_its_port_and_framestep_is_there_again(kind, tmp_path):
         json.dumps({"urls": [["hello.py", "hello.py"]], "version": "1"})
     )
     # no faster than a board, so that it does not work while mpremote starts
-    with board(kind, lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
+    with board(lockstep=False, speed=1) as emu, emu.pty(0) as repl, emu.pty(1) as protocol:
         emu.wait_usb(ms=PATIENCE_S * 1000, ports=2)
         frames = answers(protocol).upload_frames
         emu.events(clear=True)
-        if kind == "image":  # where a start takes a second, not five
-            assert mpremote(repl, "exec", "print(6 * 7)") == "42\n"
-            assert answers(protocol).name == "soft"
+        assert mpremote(repl, "exec", "print(6 * 7)") == "42\n"
+        assert answers(protocol).name == "soft"
         said = mpremote(
             repl, "mip", "install", str(package / "package.json"), "+", "exec", "import hello"
         )
@@ -104,10 +89,10 @@ def test_whoever_has_the_protocol_port_open(image):
     assert "soft reboot" in repl.read_all().decode()
 
 
-def test_in_motion(copied):
+def test_in_motion(image):
     """The motors stand at once, their drivers go off, and nothing strikes later; the host is told
     what is lost."""
-    emu = copied
+    emu = image
     client = Client(emu.serial(1))
     client.request(Hi())
     for motor in (1, 2):
@@ -124,7 +109,7 @@ def test_in_motion(copied):
     assert client.request(MotorStatus()).moving == [1, 2]
     struck = emu.ns
     repl.write(b"\x04")
-    emu.advance(5500)
+    emu.advance(2500)
     edges = emu.trace_stop()
     for pin in STEP:
         times = edge_times(edges, pin)
@@ -138,22 +123,22 @@ def test_in_motion(copied):
     assert client.request(MotorStatus()).moving == []
 
 
-def test_lights_leave_memory_alone(copied):
+def test_lights_leave_memory_alone():
     """DMX512 runs by DMA, which MicroPython does not stop: boot.py does, also where framestep does
     not start again."""
-    repl = copied.repl()
-    assert dma_running(repl)
-    repl.exec("import os; os.rename('/main.py', '/main.txt')")
-    repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
-    repl.enter()
-    repl.serial.write(b"\x04")
-    copied.advance(500)
-    repl = copied.repl()
-    assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
-    assert (
-        repl.eval("[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]")
-        == [0] * 12
-    )
+    busy = "[__import__('machine').mem32[0x5000000C + 64 * i] >> 24 & 1 for i in range(12)]"
+    with board() as emu:
+        emu.wait_usb(20_000, ports=2)
+        repl = emu.repl()
+        assert dma_running(repl)
+        repl.exec("open('/main.py', 'w').close()")
+        repl.exec("import machine; machine.mem32[0x50100FC8] = 0")  # as if USB had not been up
+        repl.enter()
+        repl.serial.write(b"\x04")
+        emu.advance(500)
+        repl = emu.repl()
+        assert repl.eval("'framestep.boot' in __import__('sys').modules") is False
+        assert repl.eval(busy) == [0] * 12
 
 
 def dma_running(repl):
@@ -162,10 +147,26 @@ def dma_running(repl):
     return repl.eval(code)
 
 
-@pytest.mark.parametrize("beside", [(FIRMWARE / "boot.py").read_text(), "mine = 6 * 7\n"])
+# boot.py that framestep 0.1.0 copied beside a stock MicroPython
+COPIED = """
+try:
+    import framestep.leftovers
+except ImportError:
+    pass
+else:
+    framestep.leftovers.lower_pins()
+    framestep.leftovers.stop_dma()
+    if framestep.leftovers.usb_alive():
+        import framestep.boot
+
+        framestep.boot.start(True)
+"""
+
+
+@pytest.mark.parametrize("beside", [COPIED, "mine = 6 * 7\n"], ids=["framestep's", "user's"])
 def test_an_image_beside_a_boot_py(beside):
-    """Framestep's own, left by `flash` or a package, or a user's: DMX512 and framestep go on after
-    a soft reset."""
+    """A user's, or one that is left from copied files: DMX512 and framestep go on after a soft
+    reset."""
     with Emulator(builds.frozen("pico"), files={"/boot.py": beside}) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
@@ -186,11 +187,10 @@ def test_an_image_beside_a_boot_py(beside):
             assert Client(emu.serial(1)).request(Hi()).motors == 8
 
 
-@pytest.mark.parametrize("kind, start_ms", [("copied", 6000), ("image", 2500)])
-def test_one_port_set_on_a_board_that_has_two(kind, start_ms):
+def test_one_port_set_on_a_board_that_has_two():
     """mpremote's raw REPL comes: framestep does not take it from within boot.py. After Ctrl-D or a
     reset framestep has the one port."""
-    with board(kind) as emu:
+    with board() as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         settings = '{"ports": 1, "name": "one"}'
@@ -200,20 +200,20 @@ def test_one_port_set_on_a_board_that_has_two(kind, start_ms):
             emu.advance(50)
             repl.serial.read_all()
             repl.serial.write(b"\x04")
-            emu.advance(start_ms)
+            emu.advance(2500)
             assert repl.serial.read_all().endswith(b"raw REPL; CTRL-B to exit\r\n>")
             assert repl.eval("6 * 7") == 42
             assert emu.pin(ENABLE) == 1, "the drivers are off"
         repl.leave()
         repl.serial.write(b"\x04")
-        emu.advance(start_ms)
+        emu.advance(2500)
         repl.serial.reset_input_buffer()
         assert Client(repl.serial).request(Hi()).name == "one"
 
 
 def test_drivers_are_off_before_framestep_has_been_loaded():
-    """Copied code takes four seconds for that."""
-    with board("copied", boot=False) as emu:
+    """At power-on MicroPython itself takes most of this time."""
+    with board(boot=False) as emu:
         emu.advance(310)
         assert emu.pin(ENABLE) == 1
 
@@ -221,7 +221,7 @@ def test_drivers_are_off_before_framestep_has_been_loaded():
 def test_a_boot_py_that_knows_nothing_of_framestep():
     """framestep's start stops DMA that a soft reset has left, before it takes memory; held back by
     BOOTSEL it does so, too."""
-    with board("copied") as emu:
+    with board() as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         repl.exec("with open('/boot.py', 'w') as file: file.write('mine = 6 * 7\\n')")

@@ -23,7 +23,7 @@ VELOCITY, ACCELERATION = 20_000, 50_000
 
 @pytest.fixture(scope="module")
 def session():
-    with EmulatedBoard(frozen=True) as board:
+    with EmulatedBoard() as board:
         session = Session(board, reply_s=0.2)
         for axis in BOOM_NODAL.axes:
             session.speed(axis.motor, VELOCITY, ACCELERATION)

@@ -32,7 +32,7 @@ LIVE = re.compile(r"Interrupts: [1-9]\d* µs of(.|\n)*Segments that wait, of 16:
 
 @pytest.fixture(scope="module")
 def device(shared_stage):
-    found = Device(EmulatedBoard({"name": "before"}, trace=False, frozen=True), 1.0, repl=True)
+    found = Device(EmulatedBoard({"name": "before"}, trace=False), 1.0, repl=True)
     shared_stage.closing(found.close)
     return found
 

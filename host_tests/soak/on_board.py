@@ -45,7 +45,7 @@ def worst_late(repl) -> tuple[int, int]:
 
 
 def play(rounds: int, seed: int) -> OnBoard:
-    """So many rounds with copied code. AssertionError where anything but the lateness is wrong."""
+    """So many rounds. AssertionError where anything but the lateness is wrong."""
     with EmulatedBoard({**RIG, "motor_count": MOTORS}) as board:
         session = Session(board, MOTORS, reply_s=0.1)
         played = Rounds(session, seed)

@@ -33,10 +33,6 @@ KEYS = [
     "virtual_reply_ms_max",
     "heap_bytes_per_hour",
     "virtual_update_us",
-    "upload_frames_8_copied",
-    "tick_us_8_copied",
-    "reply_ms_median_copied",
-    "reply_ms_max_copied",
 ]
 
 

@@ -10,7 +10,7 @@ import pytest
 from framestep.rig import Rig
 from framestep.rig_pins import fitted
 from framestep_tools import board_pages
-from framestep_tools.files import ROOT, board_data, board_files, board_module, board_names, march
+from framestep_tools.files import ROOT, board_data, board_module, board_modules, board_names, march
 from framestep_tools.rig_file import read
 
 BOARDS = board_names()
@@ -174,9 +174,9 @@ def test_example_rig_file_is_valid(name):
 def test_firmware_compiles_for_the_rp2350():
     """That is all that can be tried of it: it is not emulated. For the RP2040 every test on the
     board compiles."""
-    files = board_files(march("rp2350"), "pico2")
-    assert files["/lib/framestep/hal/rp2_pulses.mpy"][0] == ord("M")
-    assert board_data("pico2")["name"].encode() in files["/lib/framestep/board.mpy"]
+    modules = board_modules(march("rp2350"), "pico2")
+    assert modules["framestep/hal/rp2_pulses.mpy"][0] == ord("M")
+    assert board_data("pico2")["name"].encode() in modules["framestep/board.mpy"]
 
 
 @pytest.mark.parametrize("name", BOARDS)

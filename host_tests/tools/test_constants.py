@@ -1,6 +1,6 @@
 import pytest
 
-from framestep_tools.constants import FoldError, fold
+from framestep_tools.constants import FoldError, fold, without_compiler_imports
 from framestep_tools.files import folded, sources
 
 CODES = """from framestep.native import const
@@ -159,3 +159,37 @@ def test_bytes_of_numbers_become_a_literal():
         "x = bytes(\n    (c.OK, _A + 1)\n    + (c.OK + _A, 255)\n)\ny = bytes((1, z))\n"
     )
     assert user.splitlines()[3:] == [r"x = b'\x10\x03\x12\xff'", "", "", "", "y = bytes((1, z))"]
+
+
+def test_imports_for_the_compiler_alone_are_dropped():
+    text = """from framestep.native import addressof, const, micropython, ptr8, ptr32
+
+_N = const(3)
+
+
+@micropython.viper
+def f(data: ptr8, words: ptr32) -> int:
+    return data[_N] + ptr32(words)[0]
+
+
+x = addressof
+"""
+    first = without_compiler_imports(text).splitlines()[0]
+    assert first == "from framestep.native import addressof"
+    text = text.replace(" addressof,", "").replace("x = addressof\n", "")
+    assert without_compiler_imports(text).splitlines()[0] == "pass"
+
+
+def test_imports_that_the_board_looks_up_stay():
+    text = "from framestep.native import const, micropython, ptr8\n"
+    for use, kept in (
+        ("x = const(3)\n", "const"),
+        ("_X = {1: const(3)}\n", "const"),
+        ("def f():\n    micropython.kbd_intr(3)\n", "micropython"),
+        ("def f(x):\n    return ptr8(x)\n", "ptr8"),
+        ("if 1:\n    def f(x):\n        return ptr8(x)\n", "ptr8"),
+    ):
+        first = without_compiler_imports(text + use).splitlines()[0]
+        assert first == f"from framestep.native import {kept}"
+    hidden = "if 0:\n    def f(x):\n        return ptr8(x)\n"
+    assert without_compiler_imports(text + hidden).splitlines()[0] == "pass"

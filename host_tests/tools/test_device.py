@@ -66,7 +66,7 @@ def test_a_board_with_little_memory_gets_smaller_pieces(monkeypatch):
     silent = Device.__new__(Device)
     silent.write("x.bin", bytes(1200))
     pieces = [script for script in scripts if script.startswith("w(")]
-    assert len(pieces) == 7
+    assert len(pieces) == 10
     assert max(map(len, pieces)) < 300
     monkeypatch.setattr(
         Device, "run", lambda device, script: (_ for _ in ()).throw(DeviceError("OSError: 28"))

@@ -15,7 +15,7 @@ import zipfile
 import pytest
 
 from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_data, board_files, board_names
+from framestep_tools.files import ROOT, board_data, board_names
 from framestep_tools.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import board_behind  # noqa: F401 -- a fixture
 from host_tests.tools.test_uf2 import uf2_file
@@ -164,20 +164,10 @@ def test_help_of_every_command(installed):
 @pytest.mark.parametrize("board", board_names())
 def test_it_brings_what_goes_onto_each_board(installed, board):
     script = (
-        "import hashlib, sys; from framestep_tools.files import board_data, board_files; "
-        "board = sys.argv[1]\n"
-        "for name, data in sorted(board_files(board=board).items()): "
-        "print(name, hashlib.sha256(data).hexdigest())\n"
-        "print(board_data(board)['name'])"
+        "import sys; from framestep_tools.files import board_data; "
+        "print(board_data(sys.argv[1])['name'])"
     )
-    from hashlib import sha256
-
-    from framestep_tools.files import board_chip
-
-    *files, name = installed.python(script, board).splitlines()
-    wanted = board_files(board_chip(board).processor, board)
-    assert files == [f"{path} {sha256(data).hexdigest()}" for path, data in sorted(wanted.items())]
-    assert name == board_data(board)["name"]
+    assert installed.python(script, board).strip() == board_data(board)["name"]
     example = installed.folder / "framestep_tools/data/boards" / board / "rig.json"
     assert "is right for" in installed.run("rig", "check", example, "--board", board)
     assert installed.run("rig", "example", "--board", board) == example.read_text()
@@ -197,15 +187,6 @@ def test_a_session_from_a_bare_board_to_a_move(installed, board_behind, tmp_path
         "play", port, CAMERA_MOVE.name, "--to", "48", "--velocity", "20000",
         "--acceleration", "100000",
     )  # fmt: skip
-
-
-def test_a_stock_micropython_gets_framestep_beside_it(installed, tmp_path):
-    stock, joined = tmp_path / "stock.uf2", tmp_path / "joined.uf2"
-    stock.write_bytes(uf2_file())
-    assert "plug the Raspberry Pi Pico in with BOOTSEL held" in installed.run(
-        "uf2", "--micropython", stock, "-o", joined
-    )
-    assert joined.stat().st_size > stock.stat().st_size + 200_000
 
 
 def test_a_simulated_device_and_the_console_without_a_board(installed):

@@ -1,82 +1,12 @@
-"""`make release`: what does not take a build of MicroPython. The index is read as mpremote's mip
-does."""
+"""`make release`: what does not take a build of MicroPython."""
 
-import hashlib
-import http.server
 import io
-import json
-import threading
 import zipfile
-from functools import partial
 
 import pytest
 
-from framestep_tools import dist, release
+from framestep_tools import release
 from framestep_tools.builds import BuildError
-from framestep_tools.files import board_files, board_names, write_tree
-
-
-@pytest.fixture(scope="module")
-def tree():
-    return release.index(dist.packages())
-
-
-def test_the_index_has_a_package_for_each_board(tree):
-    listed = json.loads(tree["index.json"])["packages"]
-    assert [entry["name"] for entry in listed] == [f"framestep-{board}" for board in board_names()]
-    for entry in listed:
-        latest = tree[f"package/6/{entry['name']}/latest.json"]
-        assert latest == tree[f"package/6/{entry['name']}/{entry['version']}.json"]
-        for _, short in json.loads(latest)["hashes"]:
-            assert hashlib.sha256(tree[f"file/{short[:2]}/{short}"]).hexdigest().startswith(short)
-
-
-def test_mpremote_installs_from_it(tree, tmp_path, monkeypatch):
-    """mpremote's own mip, with a board of nothing but files, and the index served as a web page."""
-    from mpremote import mip
-
-    write_tree(tmp_path, tree)
-    handler = partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-    monkeypatch.setattr(http.server.SimpleHTTPRequestHandler, "log_message", lambda *_: None)
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    board = FileBoard()
-    try:
-        url = f"http://127.0.0.1:{server.server_address[1]}"
-        mip._install_package(board, "framestep-pico", url, "/lib", None, True)
-    finally:
-        server.shutdown()
-    files = {path.replace("/lib/../", "/"): content for path, content in board.files.items()}
-    assert files == board_files("armv6m", "pico")
-
-
-class FileBoard:
-    """What mip asks of mpremote's transport."""
-
-    def __init__(self):
-        self.files = {}
-
-    def exec(self, script):
-        pass
-
-    def eval(self, expression):
-        assert expression == "getattr(sys.implementation, '_mpy', 0) & 0xFF"
-        return 6
-
-    def fs_exists(self, path):
-        return False
-
-    def fs_isdir(self, path):
-        return True
-
-    def fs_mkdir(self, path):
-        pass
-
-    def fs_hashfile(self, path, algorithm, **_):
-        raise FileNotFoundError
-
-    def fs_writefile(self, path, data, **_):
-        self.files[path] = bytes(data)
 
 
 def test_a_zip_is_the_same_for_the_same():

@@ -1,31 +1,28 @@
-"""UF2 files: read, looked into, and joined with a file system."""
+"""UF2 files: read, and looked into."""
 
 import struct
 
 import pytest
 
-from framestep_tools import install, uf2
-from framestep_tools.errors import ToolError
+from framestep_tools import uf2
 from framestep_tools.file_system import make_image, read_image
-from framestep_tools.files import board_files
 
 FILES_AT, FILES_SIZE = 0x100A0000, 1408 * 1024  # those of a Raspberry Pi Pico
 
 
 def firmware(
-    version=b"v1.26.1",
     name=b"MicroPython",
     board=b"Raspberry Pi Pico",
     at=FILES_AT,
     size=FILES_SIZE,
 ):
-    """The flash of a firmware with pico-sdk's binary info: its version, and a block device."""
+    """The flash of a firmware with pico-sdk's binary info: a block device among it."""
     flash = bytearray(3000)
     struct.pack_into("<5I", flash, 0x100, 0x7188EBF2, 0x10000200, 0x10000208, 0, 0xE71AA390)
     struct.pack_into("<2I", flash, 0x200, 0x10000300, 0x10000320)
     struct.pack_into("<HHII", flash, 0x300, 6, 0x5052, 0x11A9BC3A, 0x10000400)
     struct.pack_into("<HHIIIIH", flash, 0x320, 7, 0x504D, 0x10000420, at, size, 0, 0)
-    for place, text in ((0x400, version), (0x420, name), (0x440, board)):
+    for place, text in ((0x400, b"v1.26.1"), (0x420, name), (0x440, board)):
         flash[place : place + len(text) + 1] = text + b"\0"
     return bytes(flash)
 
@@ -46,10 +43,10 @@ def test_what_is_read_is_what_was_packed():
 
 def test_the_firmware_says_what_it_is():
     image = uf2.parse(uf2_file(), "x.uf2")
-    assert image.version() == "v1.26.1"
     assert image.file_system() == uf2.DeviceArea(FILES_AT, FILES_SIZE)
     other = uf2.from_flash(bytes(3000), uf2.RP2040)
-    assert (other.version(), other.file_system()) == (None, None)
+    assert other.file_system() is None
+    assert uf2.from_flash(firmware(name=b"ROMFS"), uf2.RP2040).file_system() is None
 
 
 def test_a_block_for_another_family_stays_first():
@@ -74,64 +71,6 @@ def test_a_block_for_another_family_stays_first():
 def test_files_that_are_none(content, complaint):
     with pytest.raises(uf2.Uf2Error, match=complaint):
         uf2.parse(content, "x.uf2")
-
-
-# ---- joined with framestep's files
-
-
-def files_in(content):
-    image = uf2.parse(content, "joined.uf2")
-    return read_image(image.read(FILES_AT, FILES_SIZE))
-
-
-def test_joined_it_has_the_firmware_and_the_files():
-    flash = firmware()
-    board, content = install.joined(uf2_file(flash), "x.uf2", None, b'{"name": "mine"}')
-    assert board == "pico"
-    image = uf2.parse(content, "joined.uf2")
-    assert image.read(uf2.FLASH, len(flash)) == flash
-    files = files_in(content)
-    wanted = board_files("armv6m", "pico")
-    assert {path: files[path] for path in wanted} == wanted
-    assert files["/rig.json"] == b'{"name": "mine"}'
-    assert files.keys() == {*wanted, "/rig.json", "/lib/framestep/files.json"}
-    # what the sectors in between have is left alone, so the file stays small
-    assert len(content) < 2 * 512 * 1408 * 1024 // 256 // 2
-
-
-def test_a_sector_is_given_as_a_whole():
-    """The chip's loader erases a sector when its first page comes, so one with something in it has
-    all its pages."""
-    _, content = install.joined(uf2_file(), "x.uf2", None, None)
-    pages = [at for at in uf2.parse(content, "x").pages if at >= FILES_AT]
-    sectors = {at & -uf2.SECTOR for at in pages}
-    assert sorted(pages) == [
-        at + page for at in sorted(sectors) for page in range(0, uf2.SECTOR, uf2.PAGE)
-    ]
-
-
-@pytest.mark.parametrize(
-    ("flash", "board", "complaint"),
-    [
-        (
-            bytes(3000),
-            None,
-            "no MicroPython: get one from https://micropython.org/download/RPI_PICO/",
-        ),
-        (firmware(name=b"ROMFS"), None, "no MicroPython"),
-        (firmware(version=b"v1.25.0"), None, r"MicroPython v1.25.0; 1\.26 or newer"),
-        (firmware(board=b"Raspberry Pi Pico with framestep"), None, "framestep in it already"),
-        (firmware(), "pico2", "is for an RP2040, pico2 has an RP2350"),
-        (firmware(size=64 * 1024), None, "does not fit: the board has 64 KB"),
-    ],
-)
-def test_what_cannot_be_joined_says_why(flash, board, complaint):
-    with pytest.raises(ToolError, match=complaint):
-        install.joined(uf2_file(flash), "x.uf2", board, None)
-
-
-def test_a_preview_counts_as_its_version():
-    install.joined(uf2_file(firmware(version=b"v1.29.0-preview.12.gabc")), "x.uf2", None, None)
 
 
 def test_a_file_system_takes_what_it_was_given():

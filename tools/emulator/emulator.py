@@ -33,7 +33,7 @@ from .repl import Repl
 from .trace import edges_from
 
 HERE = Path(__file__).resolve().parent
-# Until a Pico with copied files has its second port it takes 4.0 s; drivers to set up add to that
+# Until a Pico has its second port it takes 1.6 s; drivers to set up add to that
 BOOT_LIMIT_MS = 10_000
 POLL_SECONDS = 0.005  # real time between looks at a board that runs freely
 

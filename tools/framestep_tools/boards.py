@@ -215,12 +215,11 @@ class BoardHalted(ToolError):
 
 
 class EmulatedBoard:
-    """The firmware as a board gets it, on an emulated one: nothing is patched.
+    """A board's image on an emulated board: nothing is patched.
 
     `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port
-    and there is no REPL channel. `frozen`: the firmware with the code in it instead of copied
-    files. `args` go to the emulator (its --help). `board` is a folder in boards/: the firmware gets
-    that one's pins. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like,
+    and there is no REPL channel. `args` go to the emulator (its --help). `board` is a folder in
+    boards/. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like,
     `pins` the pin map.
     """
 
@@ -232,21 +231,16 @@ class EmulatedBoard:
         trace: bool = True,
         flash: str | None = None,
         board: str = "pico",
-        frozen: bool = False,
         args: Sequence[str] = (),
     ):
         from framestep_emulator import Emulator
 
         from . import builds
-        from .files import board_files
 
         rig = dict(rig or {})
-        files = {} if frozen else board_files(board=board)
-        if rig:
-            files["/rig.json"] = json.dumps(rig).encode()
+        files = {"/rig.json": json.dumps(rig).encode()} if rig else {}
         single = rig.get("ports") == 1
-        firmware = builds.frozen(board) if frozen else None
-        self.emulator = Emulator(firmware, files=files, flash=flash, args=args).start()
+        self.emulator = Emulator(builds.frozen(board), files=files, flash=flash, args=args).start()
         try:
             self.pins = load_board(board, rig)
             inverted = [

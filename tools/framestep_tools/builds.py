@@ -12,7 +12,6 @@ from framestep_tools.errors import ToolError
 from framestep_tools.files import (
     CACHE,
     FIRMWARE,
-    IN_RAM,
     ROOT,
     board_chip,
     board_modules,
@@ -102,10 +101,6 @@ def image_files(board: str) -> dict[str, bytes]:
     processor = board_chip(board).processor
     files = board_modules(processor, board)
     image = compiled("framestep_image.py", image_module(board, files).encode(), processor)
-    in_ram = {name: files.pop(name) for name in IN_RAM}
-    files["framestep/ram_files.mpy"] = compiled(
-        "framestep/ram_files.py", f"FILES = {in_ram!r}\n".encode(), processor
-    )
     return files | beginnings() | {"framestep_image.mpy": image}
 
 

@@ -21,11 +21,8 @@ class Chip:
     pins: int  # numbers from 0 on that a board's data and a rig file may name
     uarts: list[dict[str, list[int]]]  # the pins that each UART can have as TX and RX
     processor: str  # as mpy-cross calls it
-    code_in_flash: bool  # copied functions run from flash, for want of RAM: see code_file.py
-    platform: str  # sys.platform of its MicroPython
-    download: str  # its page at micropython.org/download
     uf2_family: str
-    plain_board: str  # the board whose package is package.json
+    plain_board: str  # the board that `framestep install` takes if none is named
 
 
 @cache

@@ -29,13 +29,12 @@ RIG_FILE = "/rig.json"
 PATIENCE = float(os.environ.get("FRAMESTEP_PATIENCE") or 1)
 _READ_S = 10.0 * PATIENCE  # a board that is silent for so long in the middle of something has gone
 _REPL_S = 10.0 * PATIENCE  # to get to the raw REPL
-_REPL_AGAIN_S = 3.0  # the same, of a board that restarts: then once more
-_COME_BACK_S = 60.0 * PATIENCE  # for a board that restarts
 _LOOK_S = 0.2
 _ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
 _ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
 _CHUNK = 1024
-_SMALL_CHUNK = 192  # where a board's memory is in small pieces
+# If a board's memory is in small pieces; as text that the REPL prints it takes four times as much
+_SMALL_CHUNK = 128
 _WINDOW_BITS = _CHUNK.bit_length() - 1  # of what unpacks: its window is as large as a chunk
 _AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
 
@@ -64,16 +63,6 @@ import framestep.boot
 print("\\x02")
 print(framestep.boot.mistake)
 """
-_WHO = """
-import sys, machine
-i = sys.implementation
-try:
-    import framestep
-    f = framestep.__file__
-except Exception: f = ""
-a = getattr
-print((sys.platform, i.version[:3], a(i, "_mpy", 0), a(i, "_machine", ""), hasattr(machine, "USBDevice"), f))
-"""  # noqa: E501
 BOARD = """
 try:
     from framestep.board import BOARD
@@ -145,30 +134,6 @@ class State(NamedTuple):
     runs: bool
     moving: int
     background: bool
-
-
-class Who(NamedTuple):
-    """What is on a board. `framestep` is where its copy comes from, "" if there is none."""
-
-    platform: str
-    version: tuple[int, int, int]
-    mpy: int
-    machine: str
-    second_port: bool
-    framestep: str
-
-    @property
-    def march(self) -> str:
-        """Processor of native code in .mpy files, by mpy-cross' name (MicroPython's docs, "mpy
-        files")."""
-        names = ("", "x86", "x64", "armv6", "armv6m", "armv7m", "armv7em", "armv7emsp", "armv7emdp")
-        number = self.mpy >> 10 & 15
-        return names[number] if number < len(names) else f"number {number}"
-
-    @property
-    def frozen(self) -> bool:
-        """Whether framestep is part of the firmware image."""
-        return bool(self.framestep) and not self.framestep.startswith("/")
 
 
 # ---- a board
@@ -286,16 +251,12 @@ class Device:
         except (OSError, TransportError) as error:
             raise DeviceError(f"the board on {self.path} has gone: {error}") from None
 
-    def who(self) -> Who:
-        """What is on the board."""
-        return Who(*literal_eval(self.run(_WHO)))
-
     def board(self) -> dict[str, Any]:
         """The data of boards/<board>/board.json that framestep has there."""
         found = self.run(BOARD)
         if not found.strip():
             raise DeviceError(
-                f"framestep is not on the board on {self.path}: framestep flash puts it there"
+                f"framestep is not on the board on {self.path}: framestep install puts it there"
             )
         return literal_eval(found)
 
@@ -388,30 +349,3 @@ class Device:
             raise DeviceError(f"the board on {self.path} has gone: {error}") from None
         self._transport.in_raw_repl = False
         self.close()
-
-    def restart_and_connect(self) -> None:
-        """Reset the board and get to its REPL again."""
-        self.run("before_reset = 1")
-        self.restart()
-        end = time.monotonic() + _COME_BACK_S
-        while True:
-            time.sleep(_LOOK_S)
-            for port in ports.listed():  # the system may give it another name
-                if (
-                    self._board
-                    and port.board == self._board
-                    and port.use in (ports.REPL, ports.SINGLE)
-                ):
-                    self.path = port.path
-                    break
-            try:
-                self._open()
-                self._enter(_REPL_AGAIN_S)
-                if "before_reset" not in self.run("print(dir())"):
-                    self.state = State(*literal_eval(self.run(STATE)))
-                    return
-                raise DeviceError(f"the board on {self.path} has not restarted")
-            except DeviceError as error:
-                self.close()
-                if time.monotonic() > end:
-                    raise error

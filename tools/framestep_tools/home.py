@@ -2,8 +2,7 @@
 has installed.
 
 setup.py puts into the package what a user needs without the sources: `data/boards` with each
-board's board.json and rig.json, `data/packages` as framestep_tools.dist makes them, and
-`data/images/<board>.uf2`.
+board's board.json and rig.json, and `data/images/<board>.uf2`.
 """
 
 import os
@@ -16,7 +15,6 @@ DATA = PACKAGE / "data"
 INSTALLED = DATA.is_dir()
 ROOT = PACKAGE.parents[1]  # of the checkout
 BOARDS = DATA / "boards" if INSTALLED else ROOT / "boards"
-PACKAGES = DATA / "packages"
 IMAGES = DATA / "images"
 FIRMWARE = ROOT / "firmware"
 CACHE = Path(os.environ.get("FRAMESTEP_CACHE") or ROOT / ".cache").absolute()

@@ -1,21 +1,17 @@
-"""framestep onto a board without a compiler: its image onto the BOOTSEL drive, or one file of a
-stock MicroPython and framestep's file system."""
+"""framestep onto a board without a compiler: its image onto the BOOTSEL drive."""
 
 from collections.abc import Callable
-from hashlib import sha256
 from pathlib import Path
 
 from . import drives, home, uf2
 from .chips import chips
 from .drives import Drive, DriveError
 from .errors import ToolError
-from .files import board_chip, board_data, board_files, board_names
-from .flash import BOOT, LIST, MAIN, OLDEST, listing
+from .files import board_chip, board_data, board_names
 from .ports import OTHER, PROTOCOL, listed
 from .restart import answer, greeting
 
 DRIVE_S = 300.0  # to find BOOTSEL and plug the board in
-_OURS = b" with framestep"  # in the name that an image of framestep gives its board
 
 
 def image_of(board: str) -> bytes:
@@ -31,8 +27,7 @@ def image_of(board: str) -> bytes:
         raise ToolError(
             f"this installation of framestep brings no image for {board}: "
             "it was installed from sources. "
-            "Take the release's package or its .uf2 file (--image FILE), "
-            "or join one with MicroPython's: framestep uf2 --help"
+            "Take the release's package or its .uf2 file (--image FILE)"
         )
     return path.read_bytes()
 
@@ -93,43 +88,6 @@ def onto_drive(
     say(greeting(path, info))
     if f"{info.major}.{info.minor}.{info.revision}" != home.version():
         say(f"this is not the version that was copied, {home.version()}: is it another board?")
-
-
-def joined(content: bytes, name: str, board: str | None, rig: bytes | None) -> tuple[str, bytes]:
-    """A stock MicroPython's UF2 file with framestep's files added: the board, and the new UF2
-    file's content.
-
-    rig: the rig file's content. The file system is written as a whole: what a board had in it goes.
-    """
-    image = uf2.parse(content, name)
-    board = board or chips()[image.chip].plain_board
-    chip = board_chip(board)
-    if board_data(board)["chip"] != image.chip:
-        raise ToolError(f"{name} is for an {chips()[image.chip].name}, {board} has an {chip.name}")
-    area, version = image.file_system(), image.version()
-    if area is None or version is None:
-        raise ToolError(
-            f"{name} is no MicroPython: get one from https://micropython.org/download/{chip.download}/"
-        )
-    if _OURS in image.flash():
-        raise ToolError(f"{name} has framestep in it already: drop it onto the board as it is")
-    numbers = tuple(
-        int(part) for part in version.lstrip("v").split("-")[0].split(".")[:2] if part.isdigit()
-    )
-    if len(numbers) == 2 and numbers < OLDEST:
-        raise ToolError(
-            f"{name} is MicroPython {version}; {'.'.join(map(str, OLDEST))} or newer is needed, "
-            f"from https://micropython.org/download/{chip.download}/"
-        )
-    files = dict(board_files(chip.processor, board))
-    boot, main = (sha256(files[path]) for path in (BOOT, MAIN))
-    files[LIST] = listing(board, files, main.digest(), [boot.hexdigest()])
-    if rig is not None:
-        files["/rig.json"] = rig
-    from .file_system import BLOCK_SIZE, make_image
-
-    image.put(area.address, make_image(files, area.size // BLOCK_SIZE))
-    return board, image.packed()
 
 
 def read(path: Path) -> bytes:

@@ -17,8 +17,8 @@ from . import home
 from .builds import beginnings, module_hash
 from .device import RIG_FILE, Device, DeviceError
 from .files import board_chip, board_data, board_modules
-from .flash import tell_rig
 from .restart import condition, greeting, hello
+from .rig_file import RigFileError, check, parse
 
 FOLDER = "/overlay"
 LIST = FOLDER + "/modules"
@@ -68,10 +68,15 @@ class Image(NamedTuple):
         return any(self.hashes[at : at + 4] == wanted for at in range(0, len(self.hashes), 4))
 
 
-def image_of(board: Files) -> Image | None:
-    """Ask a board for its image; None if it runs something else, or an older image."""
+def image_of(board: Files) -> Image:
+    """Ask a board for its image; DeviceError if it runs something else, or an older image."""
     found = board.run(_IMAGE).strip()
-    return Image(*literal_eval(found)) if found else None
+    if not found:
+        raise DeviceError(
+            "the board does not run an image of framestep, or an older one: framestep install puts "
+            "the image on it, and rig.json stays"
+        )
+    return Image(*literal_eval(found))
 
 
 def edited(image: Image, modules: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -129,20 +134,28 @@ def put(board: Files, ident: str, modules: Mapping[str, bytes], say: Callable[[s
     return len(changed) + len(stale) + 1
 
 
+def tell_rig(content: bytes | None, board: str, say: Callable[[str], None]) -> int:
+    """Say what is wrong with the board's rig file; return the number of ports that it asks for."""
+    if content is None:
+        return 2
+    try:
+        return check(parse(content, RIG_FILE), board_data(board), RIG_FILE).ports
+    except RigFileError as error:
+        say(f"{error}")
+        say("until it is right nothing will move: framestep rig edit")
+        return 2
+
+
 def flash_overlay(
     port: str | None, protocol: str | None, clean: bool, say: Callable[[str], None]
-) -> bool:
+) -> None:
     """Copy edited modules onto a board that runs framestep's image, or remove the overlay.
-
-    Return False if the board runs no such image.
 
     port: of the REPL; without it the only board on USB. protocol: the port that Dragonframe will
     use, where it cannot be told.
     """
     with Device(port, say) as device:
         image = image_of(device)
-        if image is None:
-            return False
         if home.INSTALLED and not clean:
             raise DeviceError(
                 "the board runs an image, and there is no source to replace its modules: update it "
@@ -174,4 +187,3 @@ def flash_overlay(
             + reason.decode().partition("\n")[2].strip()
         )
     say(greeting(path, info))
-    return True

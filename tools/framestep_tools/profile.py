@@ -56,7 +56,7 @@ def _interrupts(servos: int, rate_hz: int, args: list[str]) -> tuple[float, floa
     each ms, and interrupts per ms."""
     servo = {"servo": {"at_start": "on", "rate_hz": rate_hz}}
     rig = {"motors": [{}] * (MOTORS - servos) + [servo] * servos}
-    with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
+    with EmulatedBoard(rig, trace=False, args=args) as board:
         board.emulator.advance(1000)
         with board.emulator.measure() as measured:
             board.emulator.advance(2000)
@@ -111,7 +111,7 @@ def main(
     if scenario is Scenario.SERVOS:
         console.print(servo_table(args))
         return
-    with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
+    with EmulatedBoard(rig, trace=False, args=args) as board:
         session = Session(board)
         profile = Profile(board.emulator, elf)
         if scenario is Scenario.PLAY:

@@ -17,6 +17,7 @@ RAM_FUNCTIONS = (
     ("framestep/hal/rp2_pulses.py", "", "lost_commands"),
     ("framestep/hal/usb_transfers.py", "", "arrived"),
     ("framestep/hal/usb_port.py", "UsbPort", "send"),
+    ("framestep/motion/tick.py", "Header", "tick"),
     ("framestep/motion/stepper.py", "", "awaiting_target"),
     ("framestep/motion/stepper.py", "", "poll_flags"),
     ("framestep/motion/stepper.py", "", "moving"),

@@ -2,19 +2,14 @@
 
 framestep-VERSION-py3-none-any.whl   the package, for pipx install
 framestep-BOARD-VERSION.uf2          the image of each board
-framestep-mip-VERSION.zip            the packages for mpremote mip install; `mip` is the same as a
-                                     tree to be served
 SHA256SUMS, NOTES.md                 sums of all of these, and what CHANGELOG.md says of this
                                      version
 
-Times inside the files are that of the commit, or SOURCE_DATE_EPOCH. An index for mip (mpremote mip
-install --index .../mip framestep-pico) is made as MicroPython's own: package/6/NAME/latest.json and
-file/XX/HASH.
+Times inside the files are that of the commit, or SOURCE_DATE_EPOCH.
 """
 
 import hashlib
 import io
-import json
 import os
 import re
 import shutil
@@ -25,15 +20,13 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from . import dist, home
+from . import home
 from .builds import BuildError, frozen
-from .chips import chips
 from .errors import Command
-from .files import board_data, board_names, write_tree
+from .files import board_data, board_names
 from .home import ROOT, version
 
 RELEASE = ROOT / "build" / "release"
-_MPY = "6"  # version of .mpy files, as mip asks for packages
 _FIRST = 315532800  # 1980, the first that a zip file can tell
 
 app = Command("release")
@@ -63,41 +56,6 @@ def notes(changelog: str, wanted: str) -> str:
         + "\n\n".join(part.strip() for part in (new, said) if part)
         + "\n"
     )
-
-
-def index(packages: Mapping[str, bytes]) -> dict[str, bytes]:
-    """{path: content} of an index for mip, of the packages that `make dist` makes: one a board,
-    framestep-BOARD."""
-    made: dict[str, bytes] = {}
-    listed = []
-    for board in board_names():
-        folder = chips()[board_data(board)["chip"]].processor
-        urls = json.loads(packages[f"{folder}/{board}.json"])["urls"]
-        hashes = []
-        for target, source in urls:
-            content = packages[f"{folder}/{source}"]
-            short = hashlib.sha256(content).hexdigest()[:8]
-            made[f"file/{short[:2]}/{short}"] = content
-            hashes.append([target, short])
-        name = f"framestep-{board}"
-        package = {"v": 1, "version": version(), "hashes": hashes, "urls": [], "deps": []}
-        for what in ("latest", version()):
-            made[f"package/{_MPY}/{name}/{what}.json"] = _json(package)
-        entry = {
-            "name": name,
-            "version": version(),
-            "versions": {_MPY: [version()]},
-            "license": "MIT",
-        }
-        listed.append(
-            entry | {"author": "", "description": f"framestep for {board_data(board)['name']}"}
-        )
-    made["index.json"] = _json({"v": 2, "updated": epoch(), "packages": listed})
-    return made
-
-
-def _json(content: object) -> bytes:
-    return json.dumps(content, indent=1).encode() + b"\n"
 
 
 def zipped(files: Mapping[str, bytes], when: int) -> bytes:
@@ -154,10 +112,6 @@ def make(folder: Path) -> list[Path]:
             frozen(board, show=True).with_suffix(".uf2"),
             folder / f"framestep-{board}-{version()}.uf2",
         )
-    print("the packages for mpremote", flush=True)
-    tree = index(dist.packages(say=lambda line: print(line, flush=True)))
-    write_tree(folder / "mip", tree)
-    (folder / f"framestep-mip-{version()}.zip").write_bytes(zipped(tree, when))
     print("the package for pip", flush=True)
     wheel(folder, when)
     (folder / "NOTES.md").write_text(notes((ROOT / "CHANGELOG.md").read_text(), version()))

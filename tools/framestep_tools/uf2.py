@@ -1,10 +1,8 @@
-"""UF2 files: what is dropped onto a board's drive. Read them, look into MicroPython's, join one
-with a file system.
+"""UF2 files: what is dropped onto a board's drive.
 
 The format is that of https://github.com/microsoft/uf2: blocks of 512 bytes, each with up to 256
-bytes for an address in flash. What the firmware in one says of itself (pico-sdk's "binary info":
-its version, where its file system lies) is read from the image, so no board's numbers are kept
-here.
+bytes for an address in flash. Where the firmware in one has its file system is read from the
+firmware (pico-sdk's "binary info"), so no board's numbers are kept here.
 """
 
 import struct
@@ -18,17 +16,14 @@ RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
 CHIPS = {RP2040: "rp2040", RP2350: "rp2350"}
 FLASH = 0x1000_0000
 PAGE = 256
-SECTOR = 4096
 
 _BLOCK = struct.Struct("<8I476sI")
 _MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)
 _HAS_FAMILY = 0x2000
 _NOT_FOR_FLASH = 0x0001
-_RP = 0x5052  # tag "RP"
 _INFO_START, _INFO_END = 0x7188EBF2, 0xE71AA390  # around the places of the binary info
 _INFO_WITHIN = 0x1000  # from the start of the flash
-_TEXT, _DEVICE = 6, 7  # kinds of binary info: a string with an ID, a block device
-_VERSION = 0x11A9BC3A
+_DEVICE = 7  # kind of binary info: a block device
 _FILES = "MicroPython"  # the name of its file system; ROMFS is another
 _LONGEST_TEXT = 100
 
@@ -74,16 +69,6 @@ class Image:
         """The flash's content from its start to the last byte given."""
         return self.read(FLASH, max(self.pages, default=FLASH) + PAGE - FLASH)
 
-    def put(self, address: int, data: bytes) -> None:
-        """Put data over what is there, from the start of a page. Pages of nothing but 0xFF are
-        given where their sector holds something: the sector is erased as a whole."""
-        for at in range(0, len(data), SECTOR):
-            sector = data[at : at + SECTOR]
-            if sector.count(0xFF) == len(sector):
-                continue
-            for page in range(0, len(sector), PAGE):
-                self.pages[address + at + page] = sector[page : page + PAGE].ljust(PAGE, b"\xff")
-
     def packed(self) -> bytes:
         """The UF2 file."""
         blocks = list(self.others)
@@ -108,15 +93,6 @@ class Image:
 
     def _text(self, address: int) -> str:
         return self.read(address, _LONGEST_TEXT).split(b"\0")[0].decode(errors="replace")
-
-    def version(self) -> str | None:
-        """The version that the firmware has, such as v1.26.1; None if it does not say."""
-        for place, kind, tag in self._infos():
-            if kind == _TEXT and tag == _RP:
-                number, text = struct.unpack("<II", self.read(place + 4, 8))
-                if number == _VERSION:
-                    return self._text(text)
-        return None
 
     def file_system(self) -> DeviceArea | None:
         """Where MicroPython has its files; None for other firmware."""

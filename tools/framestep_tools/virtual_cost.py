@@ -88,17 +88,17 @@ def memory(run: Callable[[str], str]) -> dict[str, int]:
 def main() -> None:
     from framestep_emulator import Emulator
 
-    from .files import board_files
+    from . import builds
 
-    files = {name: content for name, content in board_files().items() if name != "/main.py"}
-    with Emulator(files=files) as emulator:
+    files = {"/main.py": b""}  # framestep does not start
+    with Emulator(builds.frozen(), files=files) as emulator:
         print(
             *(f"{name} {size}" for name, size in memory(emulator.repl().exec).items()),
             sep=" bytes, ",
             end=" bytes\n",
         )
     for label, args in (("", []), (", without the model of the flash cache", ["--xip-miss", "0"])):
-        with Emulator(files=files, args=args) as emulator:
+        with Emulator(builds.frozen(), files=files, args=args) as emulator:
             print(f"virtual_update_us {virtual_update_us(emulator.repl().exec):.0f}{label}")
 
 

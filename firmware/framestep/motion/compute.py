@@ -144,9 +144,8 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
     """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not
     computed then.
 
-    m: where in `formula` it begins. Pass 0: the build for a board puts many formulas into one
-    string, and their places into the calls (framestep_tools.pooling). n is a parameter because
-    viper keeps the first two in registers on ARM; what is passed does not matter.
+    m: where in `formula` it begins, 0. Both m and n are parameters because viper keeps the first
+    two in registers on ARM; n may be anything.
     """
     r = ptr32(registers)
     at = m

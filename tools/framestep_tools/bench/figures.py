@@ -30,8 +30,6 @@ class Figure:
         return None if self.at_most is None else value <= self.at_most
 
 
-_COPIED = "the same with copied files instead of a frozen image"
-
 FIGURES = (
     Figure(
         "steps_per_s_8",
@@ -170,10 +168,6 @@ FIGURES = (
         "with nodal offset and boom table, nothing playing; "
         "a virtual axis in motion needs it for each knot",
     ),
-    Figure("upload_frames_8_copied", "frames", 5_000, None, _COPIED),
-    Figure("tick_us_8_copied", "µs", None, 60, _COPIED),
-    Figure("reply_ms_median_copied", "ms", None, 2, _COPIED),
-    Figure("reply_ms_max_copied", "ms", None, 8, _COPIED),
 )
 
 

@@ -51,7 +51,7 @@ def loops() -> list[tuple[str, int, int, int, int]]:
         for name in ("PLANNED", "PLAN_SEGMENTS", "WRITE_INDEX", "READ_INDEX")
     }
     found = []
-    with EmulatedBoard(trace=False, frozen=True) as board:
+    with EmulatedBoard(trace=False) as board:
         session = Session(board)
         client = session.client
         session.repl(_WATCH.format(**names))

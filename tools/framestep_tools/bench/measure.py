@@ -194,7 +194,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
     rig: dict[str, Any] = {"motors": [{"pulse_us": PULSE_US}] * MOTORS}
     figures: dict[str, float] = {}
     say("booting the frozen image")
-    with EmulatedBoard(rig, trace=False, frozen=True, args=args) as board:
+    with EmulatedBoard(rig, trace=False, args=args) as board:
         session = Session(board)
         figures["upload_frames_8"] = session.info.upload_frames
         say("upload")
@@ -213,15 +213,9 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
     say("upload through a single port")
-    with EmulatedBoard({**rig, "ports": 1}, trace=False, frozen=True, args=args) as board:
+    with EmulatedBoard({**rig, "ports": 1}, trace=False, args=args) as board:
         figures["rx_bytes_per_s_single_port"] = upload_rate(Session(board), 1000)
     figures["velocity_unrest"], figures["acceleration_unrest"] = unrest_ratios(rig, args, say)
-    say("copied files: mixed move")
-    with EmulatedBoard(rig, trace=False, args=args) as board:
-        session = Session(board)
-        copied: dict[str, float] = {"upload_frames_8": session.info.upload_frames}
-        _mixed(session, copied)
-        figures |= {f"{key}_copied": value for key, value in copied.items()}
     return {figure.key: figures[figure.key] for figure in FIGURES}
 
 

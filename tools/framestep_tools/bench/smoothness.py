@@ -23,9 +23,7 @@ def unrest_ratios(
     found = []
     for smoothing in (True, False):
         say(f"unrest of rounding, {'with' if smoothing else 'without'} smoothing")
-        with EmulatedBoard(
-            {**rig, "smoothing": smoothing}, trace=False, frozen=True, args=args
-        ) as board:
+        with EmulatedBoard({**rig, "smoothing": smoothing}, trace=False, args=args) as board:
             session = Session(board)
             found.append(sum((_played(session, fps, smoothing) for fps in UNREST_RATES), Unrest()))
     smooth, rough = found

@@ -24,7 +24,6 @@ EMULATED_CHIP = "rp2040"
 _FORCED_LOW, _FORCED_HIGH = 2, 3  # of a pin's output
 _REMARK = re.compile(r"framestep: .*\r?\n?")  # what framestep tells the user at any time
 _BOARD = "print(__import__('json').dumps(boot.hal.board))"
-_FROZEN = "import framestep\nprint(framestep.__file__)"
 _FREE = "import gc\ngc.collect()\nprint(gc.mem_free())"
 
 
@@ -61,7 +60,6 @@ class Board:
             )
         self._chip = chip
         self.overlay = self.client.request(GetCondition()).bits & CONDITION_OVERLAY
-        self.copied = self.run(_FROZEN).startswith("/")  # files, not an image
         self.clock_hz = int(self.run("import machine\nprint(machine.freq())"))
         self.instrument = Instrument(self.run, chip, self.clock_hz)
         self.layout: Layout = layout(
@@ -130,7 +128,7 @@ def emulated(
     from ..boards import EmulatedBoard, LockstepPort
 
     settings = emulated_rig(board) if rig is None else rig
-    with EmulatedBoard(settings, trace=False, board=board, frozen=True, args=args) as chip:
+    with EmulatedBoard(settings, trace=False, board=board, args=args) as chip:
         client = Client(LockstepPort(chip))
         client.wait_event(DeviceInfo, 10)
         repl = chip.emulator.repl()

@@ -60,8 +60,7 @@ def is_plain(board: Board) -> bool:
     time or memory."""
     motors = range(1, board.layout.motors + 1)
     return (
-        not board.copied
-        and not board.overlay
+        not board.overlay
         and set(board.rig) <= _PLAIN
         and all(set(board.settings(m)) <= _PLAIN_MOTOR for m in motors)
     )
@@ -73,8 +72,6 @@ def _remarks(board: Board, known: Emulated | None, count: int, plain: bool) -> l
     if board.layout.servos:
         servos = ", ".join(map(str, sorted(board.layout.servos)))
         found.append(f"servos were left out: {servos}")
-    if board.copied:
-        found.append("framestep is there as copied files, which are slower than its image")
     if board.overlay:
         found.append("an overlay is in use: edited modules replace the image's")
     if known is None:
