@@ -16,6 +16,8 @@ FUNCTIONS=(
     # names and attributes
     mp_map_lookup mp_load_global mp_load_attr mp_load_method mp_load_method_maybe mp_convert_member_lookup
     mp_obj_instance_attr mp_obj_class_lookup find_qstr qstr_hash
+    # reading an array in the tick
+    mp_get_buffer array_get_buffer
     # calls
     nlr_push nlr_push_tail mp_native_swap_globals fun_builtin_0_call
     # from the timer's interrupt to the tick
