@@ -94,10 +94,7 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def image_files(board: str) -> dict[str, bytes]:
-    """{module's path: content} of what is frozen into a board's image.
-
-    Modules that are to run from RAM are in it as data, for framestep.hal.rp2_ram.
-    """
+    """Return {module's path: content} of everything that is frozen into a board's image."""
     processor = board_chip(board).processor
     files = board_modules(processor, board)
     image = compiled("framestep_image.py", image_module(board, files).encode(), processor)
