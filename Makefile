@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak flash image install release emulator-measure strain conform prove clean
+	plots bench profile soak flash image install release emulator-measure conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -87,8 +87,13 @@ test-console: setup node micropython chromium ## the page of `framestep console`
 console-pictures: setup chromium ## draw each view of the console for the documents (docs/console)
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
-fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7; what fails is kept as a script in build/fuzz
+fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7, or BOARD=emulator; what fails is kept as a script in build/fuzz
+ifeq ($(BOARD),emulator)
+	@tools/setup.sh node && tools/micropython/build.sh rp2
+	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
+else
 	@"$(PYTHON_VENV)" -m host_tests.fuzz.fuzz --seconds $(or $(SECONDS),60) $(if $(SEED),--seed $(SEED)) $(ARGS)
+endif
 
 lint: setup ## style (ruff)
 	@"$(PYTHON_VENV)" -m ruff check --quiet && "$(PYTHON_VENV)" -m ruff format --check --quiet
@@ -112,9 +117,6 @@ profile: setup node micropython ## where the processor's time goes: ARGS=upload,
 soak: setup node ## two emulated hours of a host's work: heap flat, positions exact, ticks in time, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
 	@tools/micropython/build.sh unix32f
 	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
-
-strain: setup node micropython ## 20 000 requests on the emulated board beside work on its REPL; ARGS="--requests N --seed N"
-	@"$(PYTHON_VENV)" -m host_tests.board.strain $(ARGS)
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m framestep_tools.conform.score

@@ -1,12 +1,13 @@
 """Any requests in any order on the emulated board, while somebody works on its REPL: memory taken
 to the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
-    python -m host_tests.board.strain [--requests 20000] [--seed 1]      (make strain)
+    make fuzz BOARD=emulator ARGS="--requests 20000 --seed 1 --quiet"
 
 Every sound request is answered once and in time, whatever stops the motors is answered for, the
-motors end where their edges say, no tick in motion comes late, and the firmware is alive at the
-end. HARD_STOP 100 may come where the REPL keeps passes away for longer than queues last; how often
-it came, and why, is told.
+motors end where their edges say, no tick in motion comes late, interrupts are not off for long, and
+the firmware is alive at the end. HARD_STOP 100 may come where the REPL keeps passes away for longer
+than queues last; how often it came, and why, is reported. quiet: nobody works on the REPL, and
+HARD_STOP 100 is a fault.
 """
 
 import argparse
@@ -21,8 +22,11 @@ from pathlib import Path
 
 from framestep.protocol import messages as m
 from framestep_emulator import ReplError
+from framestep_tools import payloads as p
 from framestep_tools.boards import EmulatedBoard
+from framestep_tools.virtual_reference import Axis, Rig
 from framestep_tools.wire import FrameDecoder, encode
+from host_tests.board.timing import MASKED_US, Timing
 from host_tests.soak import on_board
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
@@ -114,9 +118,13 @@ def words(*values):
 
 
 class Strain:
-    """One board under strain. say: called with lines of the report."""
+    """One board under strain. say: called with lines of the report. quiet: nobody works on the
+    REPL."""
 
-    def __init__(self, board, seed, say=print):
+    def __init__(self, board, seed, say=print, quiet=False):
+        self.quiet = quiet
+        self.timing: Timing | None = None
+        self.recent: collections.deque[str] = collections.deque(maxlen=12)
         self.board = board
         self.say = say
         self.dice = random.Random(seed)
@@ -140,6 +148,8 @@ class Strain:
         self.ask(m.MSG_HI)
         self.repl = board.emulator.repl()
         self.repl.exec(HELPERS)
+        self.timing = Timing(self, self.repl)
+        self.timing.begin()
 
     # ---- the protocol's end
 
@@ -158,6 +168,23 @@ class Strain:
         ]
         if late:
             raise self.broken(f"no answer to {[hex(kind) for kind in late]}")
+        if self.timing:
+            self.judge()
+
+    def judge(self):
+        """Ticks are in time, interrupts are on, queues are filled."""
+        self.late_us = max(self.late_us, self.timing.worst_late())
+        if self.late_us > on_board.LATE_US:
+            raise self.broken(on_board.late(self.late_us))
+        self.masked_us = self.timing.masked()
+        if self.masked_us > MASKED_US:
+            raise self.broken(f"interrupts were off for {self.masked_us:.0f} µs")
+        if self.quiet:
+            if self.counts["HARD_STOP 100"]:
+                raise self.broken("HARD_STOP 100")
+            ticks = self.timing.queued()
+            if ticks is not None:
+                self.least_queued = min(self.least_queued, ticks)
 
     def take(self, frame):
         if frame.id == 0:
@@ -182,6 +209,7 @@ class Strain:
         self.number += 1
         number = self.number * 0x9E3779B1 & 0xFFFFFFFF or 1
         self.waiting[number] = self.board.now_ns, kind
+        self.recent.append(f"{self.board.now_ns * 1e-9:.3f} {kind:04X} {payload.hex()[:60]}")
         self.renumbered |= kind in (m.MSG_MOTOR_RESET_POSITION, m.MSG_MOTOR_CONFIGURE)
         self.board.protocol.receive(encode(kind, payload, number))
         self.counts["requests"] += 1
@@ -195,7 +223,8 @@ class Strain:
 
     def broken(self, what):
         return Broken(
-            f"{what} at {self.board.now_ns * 1e-9:.3f} s, after {self.counts['requests']} requests"
+            f"{what} at {self.board.now_ns * 1e-9:.3f} s, after {self.counts['requests']} requests,"
+            f" the last of which were\n" + "\n".join(self.recent)
         )
 
     # ---- what comes
@@ -233,6 +262,49 @@ class Strain:
         self.send(m.MSG_RT_GO, b"")
         self.wander(dice.choice((20, 800)))
 
+    def virtual(self):
+        """A rig of any type, its motors fast or slow; a motion of it, and what ends that."""
+        dice = self.dice
+        self.send(m.MSG_MOTOR_STOP_ALL, b"")
+        self.wander(400)
+        velocity, acceleration = dice.choice(((2000, 8000), (5000, 20_000), (20_000, 100_000)))
+        steps = dice.choice((50.0, 100.0, 500.0))
+        kind = dice.choice((1, 2, 3, 4))
+        pose = [dice.uniform(-20, 20) for _ in range(6)]
+        axes = tuple(
+            Axis(motor, steps, round(at, 2))
+            for motor, at in enumerate(pose[: 2 if kind == 2 else 4], 1)
+        )
+        if kind != 2:
+            axes += (Axis(0), Axis(0))
+        for axis in axes:
+            if axis.motor:
+                self.ask(m.MSG_MOTOR_CONFIGURE, bytes((axis.motor, 1)))
+                self.ask(p.MotorSetSpeed.TYPE, bytes((axis.motor,)) + words(velocity, acceleration))
+                self.ask(p.MotorResetPosition.TYPE, bytes((axis.motor,)) + words(0))
+        rig = Rig(kind, axes, length=800.0, extension=50.0)
+        self.ask(p.VirtConfig.TYPE, rig.payload())
+        for _ in range(dice.choice((1, 3))):
+            number = dice.choice((1, 2, 3, 4, 5))
+            far = dice.choice((-1, 1)) * (2**31 - 1)
+            motion = dice.choice(
+                (
+                    p.VirtMove(number, dice.randrange(-30, 30) * 100_000),
+                    p.VirtJog(number, dice.choice((2000, 10_000)), far),
+                    p.VirtJogOnLine(dice.randrange(5), dice.choice((-10_000, 10_000))),
+                )
+            )
+            code = struct.unpack("<H", self.ask(motion.TYPE, motion.pack()))[0]
+            self.counts["virtual motions taken"] += code == m.OK
+            self.wander(dice.choice((40, 150, 400, 700)))
+            if dice.random() < 0.6:
+                self.send(m.MSG_VIRT_STOP, bytes((number,)))
+            elif dice.random() < 0.5:
+                self.send(m.MSG_MOTOR_STOP_ALL, b"")
+                if dice.random() < 0.3:
+                    self.send(m.MSG_MOTOR_STOP_ALL, b"")
+            self.wander(dice.choice((10, 300)))
+
     def wander(self, ms):
         """Time passes, with work on the REPL."""
         end = self.board.now_ns + ms * 1_000_000
@@ -260,7 +332,9 @@ class Strain:
             self.board.emulator.set_pin(ESTOP, int(self.estop))
         elif chance < 0.03:
             self.play()
-        elif chance < 0.06:
+        elif chance < 0.036:
+            self.virtual()
+        elif chance < 0.066:
             self.send(m.MSG_MOTOR_STOP_ALL, b"")
         else:
             self.send(kind, payload)
@@ -312,7 +386,7 @@ class Strain:
                 raise self.broken(f"the firmware has ended: {self.heard[-2000:]!r}")
             if err and not any(name in err.decode() for name in BEARABLE):
                 raise self.broken(f"{self.piece!r} ended with {err!r}")
-        elif dice.random() < 0.5:
+        elif not self.quiet and dice.random() < 0.5:
             self.endless = dice.random() < 0.3
             self.piece = dice.choice(ENDLESS if self.endless else WORK)
             self.heard = b""
@@ -365,6 +439,8 @@ class Strain:
 
     faults = 0
     late_us = 0  # of the worst tick in motion
+    masked_us = 0.0  # the longest that interrupts were off
+    least_queued = 1000  # ticks, of a motor in motion with more to come
     heard = b""
     piece = ""
     answer = None
@@ -395,9 +471,6 @@ class Strain:
             with contextlib.suppress(ReplError):
                 if self.repl.eval(alive) != (True, None):
                     raise self.broken("the firmware is not alive")
-                self.late_us = on_board.worst_late(self.repl)[0]
-                if wrong := on_board.late(self.late_us):
-                    raise self.broken(wrong)
                 return self
         raise self.broken("the REPL finds no memory")
 
@@ -406,21 +479,25 @@ class Strain:
             self.say(f"{count:7} {name}")
         for line, count in self.told.most_common():
             self.say(f"{count:7} × {line}")
-        self.say(f"slowest answer {self.slowest / 1e6:.0f} ms, worst tick {self.late_us} µs late")
+        self.say(
+            f"slowest answer {self.slowest / 1e6:.0f} ms, worst tick {self.late_us} µs late, "
+            f"interrupts off for {self.masked_us:.0f} µs, {self.least_queued} ticks queued at least"
+        )
 
 
-def strain(seed, requests, say=print):
+def strain(seed, requests, say=print, quiet=False):
     with EmulatedBoard(RIG) as board:
         board.wire_switches()
-        return Strain(board, seed, say).run(requests)
+        return Strain(board, seed, say, quiet).run(requests)
 
 
 def main():
     parser = argparse.ArgumentParser(description="requests and REPL work on the emulated board")
     parser.add_argument("--requests", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--quiet", action="store_true", help="nobody works on the REPL")
     args = parser.parse_args()
-    strain(args.seed, args.requests).report()
+    strain(args.seed, args.requests, quiet=args.quiet).report()
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""A piece of `make strain`: any requests on the emulated board beside any work on its REPL. See
-strain.py."""
+"""A piece of `make fuzz BOARD=emulator`: any requests on the emulated board, alone and beside work
+on its REPL. See strain.py."""
 
 from host_tests.board.strain import strain
 
+QUIET_SEED = 5
 SEED = 3
 REQUESTS = 500
 
@@ -14,3 +15,11 @@ def test_requests_beside_work_on_the_repl():
     for name in ("taken", "refused", "closed", "damaged", "Ctrl-C"):
         assert counts[name] > 0, name  # it has been there
     assert counts["REPL"] > REQUESTS / 50
+
+
+def test_requests_alone():
+    """No tick is late, no queue runs dry; virtual motions are among them."""
+    found = strain(QUIET_SEED, REQUESTS // 2, quiet=True)
+    assert found.late_us > 0
+    assert found.counts["virtual motions taken"] > 0
+    assert found.least_queued > 20

@@ -14,10 +14,10 @@ MASKED_US = 140  # the longest that interrupts may be off, but for writing of th
 class Timing:
     """Measures the board of a session. `late_us` and `masked_us`: the last judged() found."""
 
-    def __init__(self, session):
+    def __init__(self, session, repl=None):
         self.session = session
         self.emulator = session.board.emulator
-        self.repl = self.emulator.repl()
+        self.repl = repl or self.emulator.repl()
         self.repl.exec("import uctypes, framestep.boot")
         self.address = self.repl.eval("uctypes.addressof(framestep.boot.hal.kernel.state)")
         self.late_us = self.masked_us = 0
@@ -60,6 +60,10 @@ class Timing:
             if ticks is not None:
                 self.least_queued = min(self.least_queued, ticks)
 
+    def masked(self):
+        """The longest that interrupts were off since begin(), microseconds."""
+        return self.emulator.cycles()["masked"]["us"]
+
     def begin(self):
         """Forget what has been measured."""
         self.repl.exec(f"framestep.boot.hal.kernel.state[{stepper.WORST_LATE}] = 0")
@@ -78,7 +82,7 @@ class Timing:
         self.session.forget()
         yield
         self.late_us = self.worst_late()
-        self.masked_us = self.emulator.cycles()["masked"]["us"]
+        self.masked_us = self.masked()
         self.hard_stops = self.session.events(HardStop)
         print(f"late {self.late_us} µs, masked {self.masked_us:.0f} µs")
         assert stops or not self.hard_stops

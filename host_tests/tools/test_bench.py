@@ -21,6 +21,7 @@ KEYS = [
     "velocity_unrest",
     "acceleration_unrest",
     "tick_us_8",
+    "tick_late_us_worst",
     "cpu_load_8_percent",
     "upload_frames_8",
     "light_channels_with_2000_frames",

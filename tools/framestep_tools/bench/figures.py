@@ -85,6 +85,14 @@ FIGURES = (
         "entry and exit too",
     ),
     Figure(
+        "tick_late_us_worst",
+        "µs",
+        None,
+        200,
+        "the firmware's own count: the worst lateness of a tick in motion over a fixed set of "
+        "requests in motion: moves, runs, JOG_ALL, virtual axes, questions, every kind of stop",
+    ),
+    Figure(
         "cpu_load_8_percent",
         "%",
         None,

@@ -37,6 +37,7 @@ from ..virtual_cost import virtual_update_us
 from ..virtual_reference import Axis, Rig
 from ..wire import encode
 from .figures import FIGURES
+from .late import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
 from .smoothness import unrest_ratios
@@ -210,6 +211,7 @@ def measure(cache: bool, say: Callable[[str], None]) -> dict[str, float]:
         say("virtual axes")
         figures["virtual_update_us"] = virtual_update_us(session.repl)
         figures["virtual_reply_ms_max"] = max(virtual_replies(session))
+        figures["tick_late_us_worst"] = worst_late_us(session, ARM, ARM_SPEED)
         figures["steps_per_s_8"] = top_rate(session, MOTORS, say)
         figures["steps_per_s_1"] = top_rate(session, 1, say)
     say("upload through a single port")
