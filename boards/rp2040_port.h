@@ -12,3 +12,8 @@
 #define MICROPY_PY_MACHINE_I2C_TARGET (0)
 #define MICROPY_PY_FRAMEBUF (0) // displays
 #define MICROPY_PY_MATH_SPECIAL_FUNCTIONS (0) // math.erf, gamma, sinh and so on
+#undef MICROPY_EMIT_INLINE_THUMB
+#define MICROPY_EMIT_INLINE_THUMB (0) // @micropython.asm_thumb
+#define MICROPY_PY_CMATH (0) // complex functions
+#undef MICROPY_PY_BUILTINS_HELP_TEXT
+#define MICROPY_PY_BUILTINS_HELP_TEXT mp_help_default_text // the port's own is 1 kB longer
