@@ -141,6 +141,7 @@ class Strain:
         self.positions: list[int] = []
         self.renumbered = True
         self.estop = False
+        self.turns = 0
         self.busy = False  # the REPL runs something
         self.endless = False
         board.protocol.open_port(True)
@@ -318,23 +319,25 @@ class Strain:
         if payload and dice.random() < 0.35:
             payload = self.spoilt(payload)
         chance = dice.random()
-        if chance < 0.01:
+        self.turns += 1
+        # by count and not by chance, so that short runs have them too, whatever the board answers
+        if self.turns % 100 == 50:
             data = bytearray(encode(kind, payload, 0x7FFF0000))
             data[dice.randrange(2, len(data))] ^= 1 << dice.randrange(8)
             self.send(m.MSG_HI, b"")  # in front of it, as damage may swallow what follows
             while self.waiting:
                 self.pass_time(5)
             self.damage(bytes(data))
-        elif chance < 0.015:
+        elif self.turns % 150 == 75:
             self.leave()
-        elif chance < 0.02 or self.estop:
+        elif chance < 0.005 or self.estop:
             self.estop = not self.estop
             self.board.emulator.set_pin(ESTOP, int(self.estop))
-        elif chance < 0.03:
+        elif chance < 0.015:
             self.play()
-        elif chance < 0.036:
+        elif chance < 0.021:
             self.virtual()
-        elif chance < 0.066:
+        elif chance < 0.051:
             self.send(m.MSG_MOTOR_STOP_ALL, b"")
         else:
             self.send(kind, payload)
