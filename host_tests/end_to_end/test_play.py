@@ -127,7 +127,7 @@ def test_a_loop_ends_with_ctrl_c_where_it_is_said(framestep, board, move, monkey
     pan, tilt = standing(board)
     assert err.splitlines() == [
         "stopping; Ctrl-C once more stops harder",
-        f"motor 1 stands at {pan}; motor 2 stands at {tilt}",
+        f"stopped: motor 1 is at {pan}, motor 2 is at {tilt}",
     ]
     gaps = np.diff(sorted(time for time, name, _ in board.edges() if name == "m1")[-20:])
     assert gaps[-1] > 2 * gaps[0], "ramped down, not cut off"

@@ -122,7 +122,7 @@ def test_ctrl_c_tells_what_is_shot(framestep, board, move, monkeypatch):
     assert (status, out) == (INTERRUPTED, "")
     lines = err.splitlines()
     assert lines[0] == "stopping; Ctrl-C once more stops harder"
-    assert "stands at" in lines[1] or lines[1] == "nothing moves"
+    assert lines[1].startswith("stopped: ") or lines[1] == "nothing was moving"
     assert lines[2] == "8-9 shot, 10-12 not"
     assert len(exposures(board.edges())) in (2, 3)
 
