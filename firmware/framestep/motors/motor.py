@@ -128,7 +128,7 @@ class Motor:
             partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
 
     def apply_pending(self):
-        """Take the lower acceleration that waits, if the motor stands. Whether none waits now."""
+        """Apply the acceleration that waits if the motor is at rest. False: one still waits."""
         if self.block[stepper.PENDING] and self.stands:
             self._apply()
         return not self.block[stepper.PENDING]
