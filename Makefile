@@ -31,28 +31,28 @@ micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on t
 	@tools/micropython/build.sh all
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
-	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.make_image; then board=emulator; \
+	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image; then board=emulator; \
 	else echo "The emulated board is not available here; the demo runs on the host simulation instead." >&2; board=host; fi; \
-	"$(PYTHON_VENV)" -m framestep_tools.demo --board $$board $(ARGS)
+	"$(PYTHON_VENV)" -m framestep_tools.judge.demo --board $$board $(ARGS)
 
 sim: setup ## the controller on this computer, on a pseudo-terminal; ARGS="--tcp 127.0.0.1:7000 --trace FILE"
-	@"$(PYTHON_VENV)" -m framestep_tools.sim $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.simulator.sim $(ARGS)
 
 emu: setup node ## the controller on the emulated board, on a pseudo-terminal; ARGS as for sim, and --repl
-	@"$(PYTHON_VENV)" -m framestep_tools.make_image >&2
-	@"$(PYTHON_VENV)" -m framestep_tools.emu $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image >&2
+	@"$(PYTHON_VENV)" -m framestep_tools.simulator.emu $(ARGS)
 
 flash: setup ## copy edited modules onto a board with framestep's image: PORT=/dev/ttyACM0 if there are several; ARGS=--clean removes them
 	@"$(PYTHON_VENV)" -m framestep_tools flash $(if $(PORT),--port $(PORT)) $(ARGS)
 
 image: setup ## MicroPython with framestep in it: build/BOARD.uf2; BOARD=pico, and MICROPYTHON=path of a checkout
-	@"$(PYTHON_VENV)" -m framestep_tools.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.building.make_image --board $(BOARD) $(if $(MICROPYTHON),--micropython $(MICROPYTHON)) $(ARGS)
 
 install: setup ## build the image and put it on a board plugged in with BOOTSEL held: BOARD=pico
 	@"$(PYTHON_VENV)" -m framestep_tools install --board $(BOARD) $(ARGS)
 
 release: setup ## all that a release has (build/release): the package for pip, images, sums, notes
-	@"$(PYTHON_VENV)" -m framestep_tools.release
+	@"$(PYTHON_VENV)" -m framestep_tools.building.release
 
 test: lint types node micropython chromium ## everything: style, types, and every layer of tests
 	@$(PYTEST) $(ARGS)
@@ -105,14 +105,14 @@ format: setup ## bring the source into ruff's form
 	@"$(PYTHON_VENV)" -m ruff check --fix --quiet; "$(PYTHON_VENV)" -m ruff format --quiet
 
 plots: setup ## draw the pictures in docs again
-	@"$(PYTHON_VENV)" -m framestep_tools.plot_interpolation
-	@"$(PYTHON_VENV)" -m framestep_tools.plot_virtuals
+	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_interpolation
+	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
 
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
-	@"$(PYTHON_VENV)" -m framestep_tools.profile $(ARGS)
+	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
 
 soak: setup node ## two emulated hours of a host's work: heap flat, positions exact, ticks in time, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
 	@tools/micropython/build.sh unix32f
@@ -128,4 +128,4 @@ emulator-measure: setup node micropython ## measure the emulated board itself (4
 	@"$(PYTHON_VENV)" -m framestep_emulator.measure $(ARGS)
 
 clean: ## remove build/ and .cache, everything that can be made again
-	rm -rf build .cache tools/emulator/board/node_modules framestep.egg-info
+	rm -rf build .cache tools/framestep_emulator/board/node_modules framestep.egg-info

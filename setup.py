@@ -1,5 +1,5 @@
 """What `pip install .` and `make release` put into the package beside the code: see
-tools/framestep_tools/home.py.
+tools/framestep_tools/paths.py.
 
 Boards' data and example files, and the images that have been built of these very sources
 (`make image`; an image needs a compiler, so none is built here).
@@ -17,7 +17,7 @@ TOOLS = "framestep_tools"
 ONLY_IN_A_CHECKOUT = "framestep_emulator"  # it needs node, and a MicroPython that has been built
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "firmware")]
 
-from framestep_tools.home import version  # noqa: E402
+from framestep_tools.paths import version  # noqa: E402
 
 
 class BuildPackage(build_py):
@@ -32,11 +32,11 @@ class BuildPackage(build_py):
             self.put_data(Path(self.build_lib) / TOOLS)
 
     def put_data(self, package: Path) -> None:
-        from framestep_tools import builds
+        from framestep_tools.building import images
 
         folder = package / "data"
-        for path in sorted((ROOT / "tools/framestep_tools/moves").glob("*.csv")):
-            self.put(path, package / "moves" / path.name)
+        for path in sorted((ROOT / "tools/framestep_tools/move").glob("*.csv")):
+            self.put(path, package / "move" / path.name)
         emulated = ROOT / "tools/framestep_tools/prove/emulated.json"
         self.put(emulated, package / "prove" / emulated.name)
         page = ROOT / "tools/framestep_tools/console/page"
@@ -46,7 +46,7 @@ class BuildPackage(build_py):
             self.put(path, folder / "boards" / path.name)
         for path in sorted((ROOT / "boards").glob("*/*.json")):
             self.put(path, folder / "boards" / path.parent.name / path.name)
-        for board, path in builds.images_ready().items():
+        for board, path in images.images_ready().items():
             self.put(path, folder / "images" / f"{board}.uf2")
 
     def put(self, source: Path, target: Path) -> None:
@@ -68,7 +68,7 @@ setup(
     package_dir={
         "framestep": "firmware/framestep",
         TOOLS: "tools/framestep_tools",
-        ONLY_IN_A_CHECKOUT: "tools/emulator",
+        ONLY_IN_A_CHECKOUT: "tools/framestep_emulator",
     },
     include_package_data=False,
     cmdclass={"build_py": BuildPackage},

@@ -7,7 +7,7 @@
 #define MICROPY_HW_USB_PRODUCT_FS_STRING "framestep"
 
 // Size of the file system at the end of the flash, the same as of a stock MicroPython: files survive a new image.
-// Tools and the emulator read it from the built image, which must end before it (framestep_tools.builds checks).
+// Tools and the emulator read it from the built image, which must end before it (framestep_tools.building.images checks).
 #ifndef MICROPY_HW_FLASH_STORAGE_BYTES
 #define MICROPY_HW_FLASH_STORAGE_BYTES (1408 * 1024)
 #endif

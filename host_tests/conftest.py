@@ -11,8 +11,8 @@ import pytest
 from hypothesis.internal.conjecture import providers
 
 from framestep import native_cpython
-from framestep_tools import builds
-from framestep_tools.files import CACHE, FIRMWARE, ROOT, compiled_tree
+from framestep_tools.building import images
+from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests.covering import by_test, parameters, spare
 from host_tests.near import Near
 from host_tests.processor_time import ProcessorTime
@@ -124,11 +124,11 @@ class Paths:
 
     @property
     def unix32f(self) -> Path:
-        return builds.micropython("unix32f")
+        return images.micropython("unix32f")
 
     @property
     def rp2_firmware(self) -> Path:
-        return builds.micropython("rp2")
+        return images.micropython("rp2")
 
     @property
     def compiled(self) -> Path:
@@ -161,6 +161,6 @@ def board(emulator):
     """board(files={...}, **options): the same with the Pico's image, and these files on it."""
 
     def start(files=None, **options):
-        return emulator(firmware=builds.frozen(), files=files, **options)
+        return emulator(firmware=images.frozen(), files=files, **options)
 
     return start

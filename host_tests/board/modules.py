@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from framestep_tools.files import compiled, folded
+from framestep_tools.building.board_files import compiled, folded
 
 
 def board_modules(names: Iterable[str]) -> dict[str, bytes]:

@@ -23,9 +23,9 @@ from pathlib import Path
 from framestep.protocol import messages as m
 from framestep_emulator import ReplError
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.virtual_reference import Axis, Rig
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.judge.virtual_reference import Axis, Rig
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.timing import MASKED_US, Timing
 from host_tests.soak import on_board
 

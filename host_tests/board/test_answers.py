@@ -7,9 +7,9 @@ import pytest
 from framestep_tools.bench.measure import AT_ONCE, Asker, virtual_replies
 from framestep_tools.bench.moves import STEADY_RATES, STEEPEST, mixed_move
 from framestep_tools.bench.session import Session
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import HardStop, MotorSetSpeed, MotorStatus, RtEnd, RtGo
-from framestep_tools.trace import Trace
+from framestep_tools.simulator.boards import EmulatedBoard
 
 WORST_MS = 10  # design.md's goal
 WORST_VIRTUAL_MS = 15

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.client import upload_requests
-from framestep_tools.judge import judge
-from framestep_tools.reference import Reference
+from framestep_tools.client.client import upload_requests
+from framestep_tools.judge.judge import judge
+from framestep_tools.judge.reference import Reference
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_io import DMX_PIN, Wire
 from host_tests.end_to_end.session import Session, run_request
 

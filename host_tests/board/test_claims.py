@@ -12,7 +12,6 @@ import pytest
 
 from framestep.motors.positions import KNOWN, LOST, SET, STEPS
 from framestep.protocol import messages as m
-from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     DeviceInfo,
     GetCondition,
@@ -21,6 +20,7 @@ from framestep_tools.payloads import (
     MotorResetPosition,
     RtGo,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.modules import board_modules
 from host_tests.end_to_end.session import Session, run_request
 

@@ -12,15 +12,15 @@ import sys
 import pytest
 
 from framestep_tools import cli
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.errors import DONE
-from framestep_tools.files import ROOT
 
 
 @contextlib.contextmanager
 def served(rig):
     """The lines that `make emu` prints: its pseudo-terminal, its address."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools.emu", "--speed", "1",
+        [sys.executable, "-m", "framestep_tools.simulator.emu", "--speed", "1",
          "--tcp", "127.0.0.1:0", "--rig", str(rig)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip

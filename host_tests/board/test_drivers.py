@@ -7,10 +7,7 @@ import pytest
 from framestep.motion import stepper
 from framestep.motors import positions
 from framestep.protocol import messages as m
-from framestep_tools import driver_chips as chip
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.driver_chips import Chip, Chips
-from framestep_tools.files import board_data
+from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import (
     GetCondition,
     HardStop,
@@ -18,6 +15,9 @@ from framestep_tools.payloads import (
     MotorResetPosition,
     MotorStatus,
 )
+from framestep_tools.simulator import driver_chips as chip
+from framestep_tools.simulator.boards import EmulatedBoard
+from framestep_tools.simulator.driver_chips import Chip, Chips
 from host_tests.end_to_end.session import Session, deceleration
 
 ENABLE = tuple(board_data("skr_pico")["enable"])

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.judge import judge
+from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.judge.judge import judge
 from framestep_tools.payloads import Ack, DeviceInfo, HardStop, MotorMove, RtEnd, RtGo
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session, run_request
 
 FRAMES = 40

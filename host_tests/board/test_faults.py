@@ -22,7 +22,7 @@ from framestep.motors.positions import (
 )
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request
 
 VELOCITY, ACCELERATION = 10_000, 50_000

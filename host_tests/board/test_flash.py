@@ -14,9 +14,11 @@ import serial
 
 from framestep_emulator import Emulator, edge_times
 from framestep_emulator.image import read_image
-from framestep_tools import builds, cli, overlay
-from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_modules
+from framestep_tools import cli
+from framestep_tools.board import overlay
+from framestep_tools.building import images
+from framestep_tools.building.board_files import ROOT, board_modules
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorSetSpeed, MotorStatus, MotorStopAll
 from host_tests.board.test_overlay import BACKLASH, STEP, TICK, edited, seven_more
 
@@ -31,7 +33,7 @@ def bench(tmp_path_factory):
     It is no faster than a real one: what it does while the tools work is of no use here.
     """
     with (
-        Emulator(builds.frozen(), files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
+        Emulator(images.frozen(), files={"/rig.json": RIG}, lockstep=False, speed=1) as emu,
         emu.pty(0) as repl,
         emu.pty(1) as protocol,
     ):

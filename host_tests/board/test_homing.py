@@ -4,7 +4,7 @@ import pytest
 
 from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.home_switches import trust
 from host_tests.end_to_end.session import Session
 

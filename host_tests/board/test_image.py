@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from framestep_emulator import Emulator
-from framestep_tools.client import Client
-from framestep_tools.files import CACHE, ROOT, board_data, board_sources
+from framestep_tools.building.board_files import CACHE, ROOT, board_data, board_sources
+from framestep_tools.building.ram_functions import symbols
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorGetPosition, MotorMove
-from framestep_tools.ram_functions import symbols
 
 FLASH = 0x1000_0000
 RP2040 = 0xE48BFF56
@@ -115,7 +115,7 @@ def test_a_main_py_on_the_board_goes_first(firmware):
 
 
 def test_kernels_that_run_from_ram(firmware):
-    """Those of framestep_tools.ram_functions, by their places in the firmware."""
+    """Those of framestep_tools.building.ram_functions, by their places in the firmware."""
     elf = CACHE / "build" / "image-pico" / "firmware.elf"
     said = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True)
     places = {line.split()[2]: int(line.split()[0], 16) for line in said.stdout.splitlines()}

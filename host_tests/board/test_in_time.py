@@ -5,8 +5,8 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.virtual_reference import Axis, Rig
+from framestep_tools.judge.virtual_reference import Axis, Rig
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.timing import Timing
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.virtual import BOOM_NODAL, XYZ

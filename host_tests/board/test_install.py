@@ -9,8 +9,9 @@ import time
 import pytest
 
 from framestep_emulator import Emulator
-from framestep_tools import builds, uf2
-from framestep_tools.move_file import CAMERA_MOVE
+from framestep_tools.board import uf2
+from framestep_tools.building import images
+from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import drive_in
 from host_tests.tools.test_package import installed  # noqa: F401 -- a fixture
 
@@ -54,7 +55,7 @@ def bare_board(tmp_path):
 
 def test_from_an_image_to_a_move(bare_board, installed):  # noqa: F811
     drive, port = bare_board
-    image = builds.frozen().with_suffix(".uf2")
+    image = images.frozen().with_suffix(".uf2")
     framestep = installed.run
     assert f"framestep on {port}, firmware 0.1.0: 8 motors" in framestep(
         "install", "--drive", drive, "--image", image, "--device", port

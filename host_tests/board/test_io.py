@@ -7,7 +7,7 @@ import pytest
 from framestep.motion import stepper
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DMX_PIN, ESTOP_PIN, LIMIT_PIN = 0, 19, 22

@@ -1,9 +1,9 @@
 """The kinematics of the virtual axes as machine code of the RP2040: the bits of CPython, in less
 than a millisecond."""
 
-from framestep_tools.files import compiled_tree
-from framestep_tools.virtual_cost import virtual_update_us
-from framestep_tools.virtual_precision import RIGS
+from framestep_tools.bench.virtual_cost import virtual_update_us
+from framestep_tools.bench.virtual_precision import RIGS
+from framestep_tools.building.board_files import compiled_tree
 from host_tests.runtime.test_virtuals import REPLAY, expected, script
 
 

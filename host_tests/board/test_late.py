@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
 VELOCITIES = {1: 333, 2: 700, 3: 1011, 4: 3700, 5: 20_000}

@@ -4,8 +4,7 @@ REPL tells it."""
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools import builds
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.building import images
 from framestep_tools.payloads import (
     Ack,
     DeviceInfo,
@@ -17,6 +16,7 @@ from framestep_tools.payloads import (
     RtEnd,
     RtGo,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, assert_within
 
@@ -154,7 +154,7 @@ def test_a_fault_and_words_for_all_of_it(full):
 
 def test_what_is_released_is_free(emulator):
     """Though something still points to it: any word of machine code may seem to."""
-    repl = emulator(firmware=builds.frozen(), files={"/main.py": b""}).repl()
+    repl = emulator(firmware=images.frozen(), files={"/main.py": b""}).repl()
     repl.exec(
         "import gc\n"
         "from framestep.hal.rp2 import release\n"

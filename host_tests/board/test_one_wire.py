@@ -3,10 +3,10 @@ on. The bits on the pins are decoded, and chips answer on the same pins, bit by 
 
 import numpy as np
 
-from framestep_tools import driver_chips as chip
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.driver_chips import Chip, Chips
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
+from framestep_tools.simulator import driver_chips as chip
+from framestep_tools.simulator.boards import EmulatedBoard
+from framestep_tools.simulator.driver_chips import Chip, Chips
 from host_tests.end_to_end.session import Session
 
 PINS = (20, 17)  # v1

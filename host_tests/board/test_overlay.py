@@ -5,9 +5,10 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator, edge_times
-from framestep_tools import builds, overlay
-from framestep_tools.client import Client
-from framestep_tools.files import board_modules, board_sources, compiled
+from framestep_tools.board import overlay
+from framestep_tools.building import images
+from framestep_tools.building.board_files import board_modules, board_sources, compiled
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
 
 BACKLASH = "framestep/motors/backlash.mpy"
@@ -20,12 +21,12 @@ CODE_OF_A_FUNCTION = 12
 
 @pytest.fixture(scope="module")
 def firmware():
-    return builds.frozen("pico")
+    return images.frozen("pico")
 
 
 def ident_of(board):
     """ID of a board's image, as framestep_image has it."""
-    return builds.image_module(board, board_modules("armv6m", board)).split("'")[1]
+    return images.image_module(board, board_modules("armv6m", board)).split("'")[1]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from framestep.motion import stepper
 from framestep_emulator import Emulator, edge_times
-from framestep_tools import builds
+from framestep_tools.building import images
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile, trapezoid
 
@@ -70,7 +70,7 @@ class Board:
 @pytest.fixture(scope="module")
 def board():
     # framestep does not start
-    with Emulator(builds.frozen(), files={"/main.py": b""}) as emu:
+    with Emulator(images.frozen(), files={"/main.py": b""}) as emu:
         yield Board(emu)
 
 

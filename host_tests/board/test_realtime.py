@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 
-from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     BlurMotor,
     Dmx,
@@ -21,6 +20,7 @@ from framestep_tools.payloads import (
     RtShootFrame2,
     RtStopLoop,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.realtime import (
     ACCELERATION,
     MOVE,

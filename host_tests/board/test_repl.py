@@ -4,9 +4,9 @@ not to start."""
 import pytest
 
 from framestep_emulator import Emulator
-from framestep_tools import builds
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.building import images
 from framestep_tools.payloads import Ack, HardStop, RtEnd, RtGo, RtJogAll
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING
@@ -187,7 +187,7 @@ def test_a_move_that_asks_too_much_is_told_unasked():
 
 
 def test_bootsel_and_jumper_keep_it_from_starting():
-    with Emulator(builds.frozen("skr_pico")) as emulator:
+    with Emulator(images.frozen("skr_pico")) as emulator:
 
         def found():
             """What there is of framestep once main.py has ended."""

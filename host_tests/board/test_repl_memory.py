@@ -6,13 +6,13 @@ import json
 import pytest
 
 from framestep_emulator import Emulator
-from framestep_tools import builds
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.board.repl_device import MISTAKE, Device
+from framestep_tools.building import images
+from framestep_tools.building.board_files import ROOT, board_data, board_names
+from framestep_tools.client.client import Client
 from framestep_tools.console.scripts import CHECK
-from framestep_tools.device import MISTAKE, Device
-from framestep_tools.files import ROOT, board_data, board_names
 from framestep_tools.payloads import Hi
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_overlay import edited, ident_of, on_board
 
 HOME = {"limit": 1, "travel": 3000, "back_off": 400}
@@ -84,7 +84,7 @@ def test_every_command_works_beside_an_overlay(module):
     """A module of the usual size, and one of the largest."""
     rig = json.dumps(FEATURES["homing"][1]).encode()
     files = {**on_board(ident_of("pico"), {module: edited(module)}), "/rig.json": rig}
-    with Emulator(builds.frozen(), files=files) as emulator:
+    with Emulator(images.frozen(), files=files) as emulator:
         emulator.wait_usb(10_000, ports=2)
         repl = emulator.repl()
         every_command_works(repl)
@@ -94,7 +94,7 @@ def test_every_command_works_beside_an_overlay(module):
 def test_a_ctrl_c_while_the_board_starts_changes_nothing():
     """mpremote sends one as soon as the port is there."""
     rig = json.dumps({"name": "starting"}).encode()
-    with Emulator(firmware=builds.frozen(), files={"/rig.json": rig}, boot=False) as emulator:
+    with Emulator(firmware=images.frozen(), files={"/rig.json": rig}, boot=False) as emulator:
         emulator.wait_usb(10_000, ports=1)
         repl = emulator.serial(0)
         while emulator.ns < START_MS * 1_000_000:
@@ -121,7 +121,7 @@ def refused():
     rig = json.dumps({"motor_count": 99}).encode()
     with (
         Emulator(
-            firmware=builds.frozen(), files={"/rig.json": rig}, lockstep=False, speed=1
+            firmware=images.frozen(), files={"/rig.json": rig}, lockstep=False, speed=1
         ) as emulator,
         emulator.pty(0) as path,
     ):

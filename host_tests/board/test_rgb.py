@@ -4,9 +4,9 @@ them."""
 import numpy as np
 import pytest
 
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.files import board_data
+from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import MotorMove
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING, WAITING
 

@@ -7,10 +7,10 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_emulator import Emulator
-from framestep_tools import builds
 from framestep_tools import payloads as p
-from framestep_tools.boards import EmulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.building import images
+from framestep_tools.client.client import Client
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import Session, run_request
 
@@ -52,7 +52,7 @@ def test_a_soft_reset_in_mid_pulse():
     low. Then there are no pulses until the motor is to move."""
     servo = {"pin": PIN, "rate_hz": 333, "low_us": 500, "high_us": 2500, "low": 0, "high": 2000}
     rig = json.dumps({"motors": [{"servo": servo}]}).encode()
-    with Emulator(builds.frozen("pico"), files={"/rig.json": rig}) as emu:
+    with Emulator(images.frozen("pico"), files={"/rig.json": rig}) as emu:
         emu.wait_usb(20_000, ports=2)
         repl, port = emu.serial(0), emu.serial(1)
         client = Client(port)

@@ -2,7 +2,6 @@
 stops, outputs."""
 
 from framestep.protocol import messages as m
-from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     GioCam,
     GioIn,
@@ -13,6 +12,7 @@ from framestep_tools.payloads import (
     MotorMove,
     MotorSetLimits,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
 ENABLE = (12, 7, 2, 15)  # boards/skr_pico: low switches a driver on

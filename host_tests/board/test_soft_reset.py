@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from framestep_emulator import Emulator, edge_times
-from framestep_tools import builds
-from framestep_tools.client import Client
+from framestep_tools.building import images
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import Hi, MotorMove, MotorResetPosition, MotorSetSpeed, MotorStatus
 
 PATIENCE_S = 600
@@ -26,7 +26,7 @@ def mpremote(path, *arguments):
 
 
 def board(**options):
-    return Emulator(builds.frozen("pico"), files={"/rig.json": json.dumps(RIG).encode()}, **options)
+    return Emulator(images.frozen("pico"), files={"/rig.json": json.dumps(RIG).encode()}, **options)
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +167,7 @@ else:
 def test_an_image_beside_a_boot_py(beside):
     """A user's, or one that is left from copied files: DMX512 and framestep go on after a soft
     reset."""
-    with Emulator(builds.frozen("pico"), files={"/boot.py": beside}) as emu:
+    with Emulator(images.frozen("pico"), files={"/boot.py": beside}) as emu:
         emu.wait_usb(20_000, ports=2)
         repl = emu.repl()
         for mode in (b"\x01", b"\x02"):  # raw, as mpremote has it, and as a hand does

@@ -5,7 +5,6 @@ nothing is written below the stack, where the heap ends.
 import pytest
 
 from framestep.hal import DEEPEST, REPL_STACK, STACK
-from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     HardStop,
     MotorMove,
@@ -14,6 +13,7 @@ from framestep_tools.payloads import (
     RtEnd,
     RtGo,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
 from host_tests.end_to_end.session import Session, assert_within
 

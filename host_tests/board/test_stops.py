@@ -3,7 +3,6 @@ on meanwhile."""
 
 import pytest
 
-from framestep_tools.boards import EmulatedBoard
 from framestep_tools.payloads import (
     HardStop,
     MotorConfigure,
@@ -12,6 +11,7 @@ from framestep_tools.payloads import (
     MotorStop,
     MotorStopAll,
 )
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 
 RIG = {"motors": [{"jerk": 0}, {"jerk": 0}, {"jerk": 100, "backlash": 24}, {"jerk": 100}]}

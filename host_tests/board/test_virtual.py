@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.judge.virtual_reference import aim, world
 from framestep_tools.payloads import (
     HardStop,
     MotorMove,
@@ -14,7 +14,7 @@ from framestep_tools.payloads import (
     VirtMove,
     VirtStop,
 )
-from framestep_tools.virtual_reference import aim, world
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 from host_tests.end_to_end.virtual import BOOM_NODAL, UNIT, Track, assert_straight, joints, pose
 

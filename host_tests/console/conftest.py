@@ -10,12 +10,12 @@ import time
 import pytest
 from playwright.sync_api import sync_playwright
 
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.client import BrokenOff, Client
+from framestep_tools.client.client import BrokenOff, Client
+from framestep_tools.client.open_port import open_port
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.console.server import ConsoleServer
-from framestep_tools.opening import open_port
-from framestep_tools.serve import Server
+from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.serve import Server
 
 _LOOK_S = 0.02
 PATIENCE_MS = 100_000  # the answer comes at once, but a busy computer may take its time

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from playwright.sync_api import expect, sync_playwright
 
-from framestep_tools.files import ROOT
-from framestep_tools.move_file import CAMERA_MOVE
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.console.conftest import FLAGS, Stage, browser_program
 from host_tests.console.looking import go_to, log, wait_connected, wait_rest
 

@@ -6,11 +6,11 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from framestep_tools import rig_file
-from framestep_tools.boards import EmulatedBoard
+from framestep_tools.board import rig_file
+from framestep_tools.board.restart import takes_rig
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.errors import ToolError
-from framestep_tools.restart import takes_rig
+from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.console.conftest import Device
 from host_tests.console.looking import (
     go_to,

@@ -3,6 +3,7 @@
 import pytest
 
 from framestep.protocol import messages
+from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.payloads import (
     BlurMotor,
     Condition,
@@ -27,7 +28,6 @@ from framestep_tools.payloads import (
     VirtJogOnLine,
     VirtPositions,
 )
-from framestep_tools.wire import FrameDecoder, encode
 
 REQUESTS = [
     MotorMove(7, -500),

@@ -6,9 +6,9 @@ import pytest
 from playwright.sync_api import expect
 
 from framestep.protocol.messages import RUN_STILLS, RUN_VIDEO
-from framestep_tools.client import RequestRefused
+from framestep_tools.client.client import RequestRefused
+from framestep_tools.client.wire import FrameDecoder
 from framestep_tools.payloads import MotorGetPosition, MotorStatus, RtGo, RtPositionFrame, RtRunMove
-from framestep_tools.wire import FrameDecoder
 from host_tests.console.conftest import PATIENCE_MS
 from host_tests.console.looking import (
     HIDE,

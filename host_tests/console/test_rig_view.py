@@ -5,8 +5,8 @@ import json
 import pytest
 from playwright.sync_api import expect
 
-from framestep_tools import rig_file
-from framestep_tools.files import ROOT
+from framestep_tools.board import rig_file
+from framestep_tools.building.board_files import ROOT
 from host_tests.console.looking import go_to, wait_connected
 
 EXAMPLES = sorted(ROOT.glob("boards/*/rig.json"))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from framestep_tools.judge.virtual_reference import POSE, Axis, Rig, looks
 from framestep_tools.payloads import VirtConfig
-from framestep_tools.virtual_reference import POSE, Axis, Rig, looks
 from host_tests.console.looking import LOOK_MS, go_to, log, wait_connected, wait_moving, wait_rest
 from host_tests.console.test_moves_view import upload
 

@@ -7,7 +7,7 @@ import pytest
 
 from framestep_emulator import TraceFile, device_file, edge_times
 from framestep_emulator.image import collect, make_image, read_image
-from framestep_tools import builds
+from framestep_tools.building import images
 
 
 def test_boots_to_repl(emulator):
@@ -73,7 +73,7 @@ def test_files_from_directories(emulator, tmp_path):
 
 def test_image_too_big():
     with pytest.raises(ValueError, match=r"/big \(2000000 bytes\) does not fit"):
-        make_image({"/big": bytes(2_000_000)}, builds.micropython("rp2"))
+        make_image({"/big": bytes(2_000_000)}, images.micropython("rp2"))
 
 
 def test_lockstep_is_deterministic(emulator):

@@ -12,7 +12,7 @@ RUNS = 100_000
 
 
 def test_instructions_agree_with_rp2040js(paths):
-    script = paths.root / "tools/emulator/board/test/core.mjs"
+    script = paths.root / "tools/framestep_emulator/board/test/core.mjs"
     result = subprocess.run(["node", script, str(RUNS)], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
     # a few cases in which rp2040js departs from the architecture are left out

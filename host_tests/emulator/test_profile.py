@@ -4,7 +4,7 @@ exceptions."""
 import pytest
 
 from framestep_emulator import Profile
-from framestep_tools import builds
+from framestep_tools.building import images
 
 SETUP = """
 import micropython
@@ -34,7 +34,7 @@ def test_profile(emulator):
     repl.exec(SETUP)
     with (
         emu.measure() as measured,
-        Profile(emu, builds.micropython("rp2").with_suffix(".elf")) as profile,
+        Profile(emu, images.micropython("rp2").with_suffix(".elf")) as profile,
     ):
         repl.exec("outer()")
     assert sum(profile.firmware.values()) == pytest.approx(measured["busy_cycles"] / 125, rel=1e-3)

@@ -77,7 +77,7 @@ def test_what_a_host_sees_of_it(emulator):
 def test_double_buffered_endpoints(paths):
     """The controller's side of what newer drivers do: buffers that take turns, a buffer that is
     taken back."""
-    script = paths.root / "tools/emulator/board/test/usb.mjs"
+    script = paths.root / "tools/framestep_emulator/board/test/usb.mjs"
     result = subprocess.run(["node", script], capture_output=True, text=True)
     assert result.returncode == 0, result.stdout + result.stderr
     assert int(result.stdout.split()[0]) >= 8

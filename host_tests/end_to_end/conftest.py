@@ -9,9 +9,9 @@ import math
 import pytest
 
 from framestep_tools import cli
-from framestep_tools.boards import LockstepPort
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import RtPositionFrame
+from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end import realtime
 from host_tests.end_to_end.frame_jogs import FRAMES, PATH
 from host_tests.end_to_end.session import DIALECTS, simulated

@@ -4,8 +4,8 @@ edges must be."""
 import numpy as np
 
 from framestep_tools import payloads as p
-from framestep_tools.judge import frame_times_ns, judge
-from framestep_tools.trace import Trace
+from framestep_tools.judge.judge import frame_times_ns, judge
+from framestep_tools.judge.trace import Trace
 from host_tests.end_to_end.session import simulated
 
 FRAMES = 25

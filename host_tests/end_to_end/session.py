@@ -11,8 +11,9 @@ from array import array
 import numpy as np
 
 from framestep.moves.operations import READY
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
+from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import (
     Ack,
     DeviceInfo,
@@ -24,8 +25,7 @@ from framestep_tools.payloads import (
     RtGo,
     RtRunMove,
 )
-from framestep_tools.trace import Trace
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 DIALECTS = ("spec", "dmc-lite")
 SETTLE_S = 0.05  # after the last report, until the last edges are out

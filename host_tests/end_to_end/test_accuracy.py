@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from framestep_tools.judge import Limits, judge
-from framestep_tools.move_file import read_move
+from framestep_tools.judge.judge import Limits, judge
+from framestep_tools.move.move_file import read_move
 from framestep_tools.payloads import MotorResetPosition
 from host_tests.end_to_end.session import run_request, simulated
 

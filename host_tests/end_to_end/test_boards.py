@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.files import ROOT, board_names
-from framestep_tools.judge import judge
+from framestep_tools.board.rig_file import read
+from framestep_tools.building.board_files import ROOT, board_names
+from framestep_tools.judge.judge import judge
 from framestep_tools.payloads import (
     GioOut,
     HardStop,
@@ -17,7 +17,7 @@ from framestep_tools.payloads import (
     RtEnd,
     RtGo,
 )
-from framestep_tools.rig_file import read
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request
 
 

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from framestep_tools import cli
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
-from framestep_tools.judge import judge
-from framestep_tools.move_check import FITS, REFUSED, STEEP, Device, Setting, check
-from framestep_tools.move_file import Move, read_move
-from framestep_tools.move_peaks import peaks
+from framestep_tools.client.client import Client
+from framestep_tools.judge.judge import judge
+from framestep_tools.judge.reference import Reference
+from framestep_tools.judge.trace import Trace
+from framestep_tools.move.move_check import FITS, REFUSED, STEEP, Device, Setting, check
+from framestep_tools.move.move_file import Move, read_move
+from framestep_tools.move.move_peaks import peaks
 from framestep_tools.payloads import (
     MotorGetPosition,
     MotorSetLimits,
@@ -21,8 +22,7 @@ from framestep_tools.payloads import (
     RtGo,
     RtRunMove,
 )
-from framestep_tools.reference import Reference
-from framestep_tools.trace import Trace
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 FAST = Setting(20_000, 100_000)
 

@@ -7,8 +7,8 @@ import pytest
 
 from framestep.protocol.messages import CONDITION_EXCEEDED
 from framestep_tools import cli
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client, RequestRefused
+from framestep_tools.client.client import Client, RequestRefused
+from framestep_tools.client.refusals import explain
 from framestep_tools.payloads import (
     BlurMotor,
     GetCondition,
@@ -30,7 +30,7 @@ from framestep_tools.payloads import (
     VirtMove,
     VirtStop,
 )
-from framestep_tools.refusals import explain
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 RIG = {"limits": [{"high": 22, "contact": "no"}, {"low": 26, "contact": "no"}], "estop": "no"}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.boards import SimulatedBoard
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, deceleration, run_request, simulated
 
 COUPLE, REVERSED = 0x10, 0x20

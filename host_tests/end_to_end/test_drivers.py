@@ -6,7 +6,6 @@ import pytest
 
 from framestep.motors import positions
 from framestep.protocol import messages as m
-from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import (
     GetCondition,
     HardStop,
@@ -17,6 +16,7 @@ from framestep_tools.payloads import (
     RtJogAll,
     RtPositionFrame,
 )
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, deceleration, run_request
 
 DRIVER = {"run_ma": 800}

@@ -8,10 +8,10 @@ from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOU
 from framestep.rig_settings import RigError
 from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.boards import LockstepPort
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
+from framestep_tools.client.wire import encode
 from framestep_tools.errors import REFUSED
-from framestep_tools.wire import encode
+from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.home_switches import (
     HIGH,
     LOW,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools.client.wire import encode
 from framestep_tools.payloads import (
     Dmx,
     GioCam,
@@ -23,7 +24,6 @@ from framestep_tools.payloads import (
     RtUploadMoveDmx,
     RtUploadMoveEnd,
 )
-from framestep_tools.wire import encode
 from host_tests.end_to_end.session import run_request, simulated
 from host_tests.end_to_end.switches import SWITCHES, inputs, set_input
 

@@ -6,8 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import (
     Ack,
     MotorConfigure,
@@ -23,6 +22,7 @@ from framestep_tools.payloads import (
     RtGo,
     RtRunMove,
 )
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.end_to_end.session import simulated
 
 COUPLE, REVERSED, LIVE = 0x10, 0x20, 0x08

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
-from framestep_tools.judge import Limits, judge
+from framestep_tools.client.client import Client
+from framestep_tools.judge.judge import Limits, judge
+from framestep_tools.judge.reference import Reference
+from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import MotorGetPosition, MotorSetSpeed, RtEnd, RtGo, RtRunMove
-from framestep_tools.reference import Reference
-from framestep_tools.trace import Trace
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 LIMITS = Limits(path_us=5)
 

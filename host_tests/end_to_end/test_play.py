@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
 from framestep_tools.errors import INTERRUPTED, REFUSED
-from framestep_tools.judge import frame_times_ns
-from framestep_tools.light_file import read_lights
-from framestep_tools.move_display import MoveDisplay
-from framestep_tools.move_file import MoveFileError
+from framestep_tools.judge.judge import frame_times_ns
+from framestep_tools.move.light_file import read_lights
+from framestep_tools.move.move_display import MoveDisplay
+from framestep_tools.move.move_file import MoveFileError
 from framestep_tools.payloads import (
     MotorGetPosition,
     MotorStopAll,
@@ -22,6 +21,7 @@ from framestep_tools.payloads import (
     RtUploadMoveTriggers,
     Trigger,
 )
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 RIG = {"estop": "no", "outputs": [{"pin": 22}, {"pin": 26}]}
 FRAMES = 36

@@ -6,8 +6,7 @@ from framestep import texts
 from framestep.motors.positions import DRIVER_OFF, HELD, KNOWN, LOST, SET, STEPS, UNPOWERED, UNSET
 from framestep.protocol import messages as m
 from framestep_tools import cli
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import (
     Ack,
     GetCondition,
@@ -19,6 +18,7 @@ from framestep_tools.payloads import (
     MotorStopAll,
     PositionTrust,
 )
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.end_to_end.session import simulated
 
 NOT_SET = PositionTrust(LOST, UNSET)

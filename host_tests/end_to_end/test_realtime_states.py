@@ -6,7 +6,7 @@ import pytest
 from framestep.moves.operations import POSITIONING
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 from host_tests.end_to_end import realtime_answers
 from host_tests.end_to_end.realtime import FRAMES, loaded, rig
 from host_tests.end_to_end.session import run_request

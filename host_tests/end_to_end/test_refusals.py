@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.wire import encode
+from framestep_tools.client.wire import encode
 from host_tests.end_to_end.session import DIALECTS, run_request, simulated, state
 
 MOVE = {1: [100 + 60 * i for i in range(25)], 2: [abs(40 * (i - 12)) for i in range(25)]}

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.judge import judge
+from framestep_tools.judge.judge import judge
 from host_tests.end_to_end.session import run_request, simulated
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 

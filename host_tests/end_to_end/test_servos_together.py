@@ -6,7 +6,7 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools import payloads as p
-from framestep_tools.virtual_reference import Axis, Rig
+from framestep_tools.judge.virtual_reference import Axis, Rig
 from host_tests.end_to_end.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual import UNIT, assert_straight, configured, joints

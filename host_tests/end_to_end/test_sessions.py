@@ -2,8 +2,8 @@
 
 import pytest
 
+from framestep_tools.client.wire import encode
 from framestep_tools.payloads import DeviceInfo, MotorMove
-from framestep_tools.wire import encode
 from host_tests.end_to_end.session import simulated
 
 

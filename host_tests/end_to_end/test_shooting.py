@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from framestep_tools.blur import ends
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
 from framestep_tools.errors import INTERRUPTED, REFUSED
-from framestep_tools.move_display import ShotDisplay
+from framestep_tools.judge.trace import Trace
+from framestep_tools.move.half_frame import ends
+from framestep_tools.move.move_display import ShotDisplay
+from framestep_tools.move.shoot import FramesError, frames_of, spans
 from framestep_tools.payloads import (
     MotorConfigure,
     MotorGetPosition,
@@ -21,8 +22,7 @@ from framestep_tools.payloads import (
     RtGo,
     RtShootFrame2,
 )
-from framestep_tools.shoot import FramesError, frames_of, spans
-from framestep_tools.trace import Trace
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 PAN = [0, 0, 40, 120, 260, 420, 560, 640, 660, 640]
 FOCUS = [5 * i for i in range(10)]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from framestep_tools.bench.moves import UNREST_FRAMES, unrest_paths
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client
-from framestep_tools.judge import frame_times_ns
+from framestep_tools.client.client import Client
+from framestep_tools.judge.judge import frame_times_ns
+from framestep_tools.judge.ripple import Unrest, origins_ns, unrest
+from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import (
     MotorGetPosition,
     MotorSetLimits,
@@ -18,8 +19,7 @@ from framestep_tools.payloads import (
     RtRunMove,
     RtStopLoop,
 )
-from framestep_tools.trace import Trace
-from framestep_tools.unrest import Unrest, origins_ns, unrest
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 
 def prepared(upload, fps, first=None, last=None, rig=None, flags=0, velocity=400_000, roll_ms=500):

@@ -4,7 +4,7 @@ import struct
 
 from framestep.controller import STALL_MS
 from framestep.host_board import HostBoard
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.client.wire import FrameDecoder, encode
 
 HI, BEGIN, AXIS = 0x0001, 0x0100, 0x0101
 

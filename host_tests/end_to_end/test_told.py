@@ -6,7 +6,7 @@ import pytest
 
 from framestep.protocol.messages import MSG_MOTOR_GET_POSITION, MSG_MOTOR_STATUS
 from framestep_tools import payloads as p
-from framestep_tools.wire import encode
+from framestep_tools.client.wire import encode
 from host_tests.end_to_end.realtime import rig, upload
 from host_tests.end_to_end.session import run_request
 

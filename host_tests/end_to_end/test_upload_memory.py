@@ -10,10 +10,10 @@ from framestep.moves.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_EXCEEDED, EXCEEDED_MEMORY
 from framestep.repl_commands import state as repl_state
 from framestep_tools import payloads as p
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client, RequestRefused
-from framestep_tools.refusals import explain
-from framestep_tools.state import ask, lines
+from framestep_tools.client.client import Client, RequestRefused
+from framestep_tools.client.refusals import explain
+from framestep_tools.client.state import ask, lines
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 from host_tests.end_to_end.session import run_request
 
 FRAMES = 256

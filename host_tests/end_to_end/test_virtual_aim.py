@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools.judge.virtual_reference import Axis, Rig, aim, world
 from framestep_tools.payloads import (
     Ack,
     HardStop,
@@ -19,7 +20,6 @@ from framestep_tools.payloads import (
     VirtMove,
     VirtStop,
 )
-from framestep_tools.virtual_reference import Axis, Rig, aim, world
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual import (
     BOOM,

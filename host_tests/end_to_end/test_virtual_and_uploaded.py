@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools.client.wire import encode
+from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.payloads import (
     BlurMotor,
     HardStop,
@@ -23,8 +25,6 @@ from framestep_tools.payloads import (
     VirtMove,
     VirtStop,
 )
-from framestep_tools.virtual_reference import Axis, Rig
-from framestep_tools.wire import encode
 from host_tests.end_to_end.realtime import FRAMES, upload
 from host_tests.end_to_end.session import assert_within, run_request, simulated
 

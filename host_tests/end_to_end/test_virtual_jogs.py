@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from framestep.protocol import messages as m
+from framestep_tools.judge.virtual_reference import Axis, Rig, line_direction
 from framestep_tools.payloads import (
     Ack,
     HardStop,
@@ -16,7 +17,6 @@ from framestep_tools.payloads import (
     VirtPositions,
     VirtStop,
 )
-from framestep_tools.virtual_reference import Axis, Rig, line_direction
 from host_tests.end_to_end.session import assert_within
 from host_tests.end_to_end.virtual import (
     BOOM,

@@ -7,8 +7,8 @@ import pytest
 
 from framestep.protocol import messages as m
 from framestep_tools import cli
-from framestep_tools.boards import LockstepPort
-from framestep_tools.client import Client
+from framestep_tools.client.client import Client
+from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.payloads import (
     Ack,
     Hi,
@@ -26,7 +26,7 @@ from framestep_tools.payloads import (
     VirtPositions,
     VirtStop,
 )
-from framestep_tools.virtual_reference import Axis, Rig
+from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end.session import simulated
 from host_tests.end_to_end.virtual import (
     BOOM,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from framestep_tools import payloads as p
-from framestep_tools.judge import frame_times_ns
+from framestep_tools.judge.judge import frame_times_ns
 from host_tests.end_to_end.session import assert_within, run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played, section
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from framestep_tools.judge import judge
+from framestep_tools.judge.judge import judge
 
 FRAMES = 25
 # A motor at constant speed, one that swings, one that holds still in the middle

@@ -4,8 +4,8 @@ motors' limits."""
 import numpy as np
 
 from framestep.protocol import messages as m
+from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.payloads import HardStop, MotorResetPosition, VirtConfig, VirtGetPosition
-from framestep_tools.virtual_reference import Axis, Rig
 from host_tests.end_to_end.session import Session, assert_within, simulated
 
 XYZ = Rig(

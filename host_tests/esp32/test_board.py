@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from framestep.rig import Rig, RigError
-from framestep_tools.esp32_board import Esp32Board, Esp32Error, board_data
-from framestep_tools.judge import frame_times_ns
+from framestep_tools.judge.judge import frame_times_ns
 from framestep_tools.payloads import (
     Ack,
     GetCondition,
@@ -23,6 +22,7 @@ from framestep_tools.payloads import (
     RtEnd,
     RtGo,
 )
+from framestep_tools.simulator.esp32_board import Esp32Board, Esp32Error, board_data
 from host_tests.end_to_end.session import Session, deceleration, run_request
 from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 

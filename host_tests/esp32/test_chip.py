@@ -3,7 +3,7 @@ a driver has to reckon with."""
 
 import pytest
 
-from framestep_tools import chain
+from framestep_tools.simulator import shift_registers
 
 HEAD = """
 import gc, select, sys, time
@@ -48,7 +48,9 @@ def on_chip(chip, tmp_path):
     def run(script):
         record = tmp_path / "played"
         text = chip.run(f"{HEAD}\nchip.record({str(record)!r})\n{script}")
-        heard = [(t // 1000, data[0], data.count(data[0])) for t, data in chain.played(record)]
+        heard = [
+            (t // 1000, data[0], data.count(data[0])) for t, data in shift_registers.played(record)
+        ]
         return text.splitlines(), heard
 
     return run

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from framestep.motion import stepper
-from framestep_tools import chain
-from framestep_tools.trace import BoardPins, Trace
+from framestep_tools.judge.trace import BoardPins, Trace
+from framestep_tools.simulator import shift_registers
 from host_tests.hal.streams import on_pio
 
 REPLAY = Path(__file__).with_name("chain_replay.py")
@@ -55,13 +55,13 @@ def play(chip, tmp_path):
         script = "".join(line + "\n" for line in [f"new 2 {width} {buffers}", *lines])
         said = chip.run(REPLAY, tmp_path / "played", stdin=script.encode()).splitlines()
         rows = [(line.split()[0], [int(word) for word in line.split()[1:]]) for line in said]
-        times, words = chain.outputs(chain.played(tmp_path / "played"), RATE)
+        times, words = shift_registers.outputs(shift_registers.played(tmp_path / "played"), RATE)
         pins = BoardPins((0, 20), (1, 21), {1: "dir1", 21: "dir2", 24: "shutter"})
         motors = [row for kind, row in rows if kind == "motor"]
         return Played(
             times,
             words,
-            Trace.from_records(chain.records(times, words), pins),
+            Trace.from_records(shift_registers.records(times, words), pins),
             [row for kind, row in rows if kind == "pass"],
             next(row[0] for kind, row in rows if kind == "end"),
             *map(list, zip(*motors, strict=True)),

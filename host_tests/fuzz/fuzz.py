@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
-from framestep_tools.script import Script, parse
+from host_tests.script import Script, parse
 
 SCRIPTS = Path(__file__).parent / "scripts"
 FOUND = Path(__file__).parents[2] / "build" / "fuzz"
@@ -162,7 +162,7 @@ def main() -> int:
     )
     options = parser.parse_args()
     if options.int32:
-        from framestep_tools import int32
+        from host_tests import int32
 
         int32.install()
     if options.scripts:

@@ -5,8 +5,8 @@ from random import Random
 
 from framestep.rig import Rig, RigError
 from framestep.rig_home import least_back_off
-from framestep_tools.files import board_data, board_names
-from framestep_tools.script import Script
+from framestep_tools.building.board_files import board_data, board_names
+from host_tests.script import Script
 
 
 def draw_rig(dice: Random, board: str) -> dict:

@@ -3,7 +3,7 @@
 import struct
 
 from framestep.protocol import messages as m
-from framestep_tools.script import Script
+from host_tests.script import Script
 
 from .link import frame
 from .trial import Trial

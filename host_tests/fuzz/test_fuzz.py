@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools.int32 import Outside, rewritten
-from framestep_tools.script import parse
+from host_tests.int32 import Outside, rewritten
+from host_tests.script import parse
 
 from . import fuzz, reader
 
@@ -33,7 +33,7 @@ def python(a, b):
 
 def outcome(line, a, b, name="kernel"):
     """What a function of one line gives, or Outside."""
-    from framestep_tools import int32
+    from host_tests import int32
 
     space: dict = {}
     exec(rewritten(KERNEL.format(line, line), "test"), space)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 
 
 @pytest.mark.parametrize("first, sessions, checks", [(0, 24, []), (24, 12, ["--int32"])])

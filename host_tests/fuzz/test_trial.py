@@ -23,7 +23,7 @@ from framestep.stops import Stops
 from framestep.virtuals import move
 from framestep.virtuals.lookahead import LookAhead
 from framestep.virtuals.registers import MAX_A
-from framestep_tools.script import parse
+from host_tests.script import parse
 
 from . import fuzz
 from .finding import Finding

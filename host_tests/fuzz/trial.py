@@ -32,9 +32,9 @@ import traceback
 from collections import Counter
 
 from framestep.protocol import messages as m
-from framestep_tools import int32
-from framestep_tools.script import Script
-from framestep_tools.script_player import Player
+from host_tests import int32
+from host_tests.script import Script
+from host_tests.script_player import Player
 
 from .bounds import FREE, STEEPEST, Motor
 from .edges import Edges

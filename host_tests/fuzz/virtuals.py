@@ -3,8 +3,8 @@
 import struct
 
 from framestep.protocol import messages as m
-from framestep_tools.virtual_reference import Axis as VirtualAxis
-from framestep_tools.virtual_reference import Rig as VirtualRig
+from framestep_tools.judge.virtual_reference import Axis as VirtualAxis
+from framestep_tools.judge.virtual_reference import Rig as VirtualRig
 
 from .host import ODD, Deeds, signed
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from framestep.motion.stepper import AHEAD, DUE, FIFO
 from framestep.motors.axes import Axes
-from framestep_tools.files import folded, write_tree
+from framestep_tools.building.board_files import folded, write_tree
 from host_tests.motion.engine import PER_US, Bench
 
 REPLAY = Path(__file__).parents[1] / "runtime" / "stream_replay.py"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from framestep_tools.building.board_files import FIRMWARE
 from framestep_tools.chips import chips
-from framestep_tools.files import FIRMWARE
 
 HAL = FIRMWARE / "framestep" / "hal"
 CONTRACT = HAL / "contract.py"

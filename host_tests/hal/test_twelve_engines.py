@@ -10,7 +10,7 @@ from typing import ClassVar
 import pytest
 
 from framestep import native_cpython
-from framestep_tools.files import board_data
+from framestep_tools.building.board_files import board_data
 
 # RP2350 datasheet 11.7: blocks, TXF0 and FDEBUG
 BLOCKS = (0x50200000, 0x50300000, 0x50400000)

@@ -25,7 +25,6 @@ from framestep.motors.positions import (
     UNSET,
 )
 from framestep.protocol import messages as m
-from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import (
     GetCondition,
     MotorConfigure,
@@ -33,6 +32,7 @@ from framestep_tools.payloads import (
     MotorResetPosition,
     RtGo,
 )
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request
 from host_tests.fakes import Motors
 

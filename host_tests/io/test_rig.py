@@ -4,7 +4,7 @@ import pytest
 
 from framestep.hal.host import BOARD
 from framestep.rig import Rig, RigError, load
-from framestep_tools.files import board_data
+from framestep_tools.building.board_files import board_data
 
 
 def test_the_simulated_board_is_a_pico():

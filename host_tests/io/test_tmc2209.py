@@ -11,9 +11,9 @@ from framestep.hal.host import BOARD
 from framestep.io import tmc2209
 from framestep.io.tmc2209_setup import most_ma, registers, scale
 from framestep.rig import Rig, RigError
-from framestep_tools import driver_chips as chip
-from framestep_tools.driver_chips import Chip, Chips, crc8
-from framestep_tools.files import board_data
+from framestep_tools.building.board_files import board_data
+from framestep_tools.simulator import driver_chips as chip
+from framestep_tools.simulator.driver_chips import Chip, Chips, crc8
 
 SKR_PICO = board_data("skr_pico")
 RIG = {"motors": [{"driver": {"run_ma": 800}}, {"driver": {"run_ma": 400, "mode": "spread"}}]}

@@ -4,8 +4,8 @@ alive."""
 from framestep.host_board import HostBoard
 from framestep.io.watchdog import CHECK_MS, HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.protocol import messages as m
-from framestep_tools.boards import SimulatedBoard
 from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorStopAll, RtEnd, RtGo
+from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.session import Session, run_request, simulated
 
 MS = 1_000_000

@@ -11,7 +11,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from framestep.protocol import fields, messages
-from framestep_tools import wire
+from framestep_tools.client import wire
 
 PLENTY = 30_000  # bytes of memory that no plot fills
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15

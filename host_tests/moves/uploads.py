@@ -12,7 +12,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from framestep.protocol import messages
-from framestep_tools import wire
+from framestep_tools.client import wire
 
 OK, ERR_RANGE, ERR_GENERAL = 0x10, 0x14, 0x15
 replay = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "store_replay.py"))["replay"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from hypothesis import strategies as st
 
-from framestep_tools import wire
+from framestep_tools.client import wire
 
 ERR_CHECKSUM = 0x0011
 WAITING = 0x7777  # type of the echo's frames that tell `waiting`

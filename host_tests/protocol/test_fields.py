@@ -8,7 +8,7 @@ import pytest
 
 from framestep.protocol import fields, messages
 from framestep_tools import payloads
-from framestep_tools.files import sources
+from framestep_tools.building.board_files import sources
 from framestep_tools.payloads import codec
 
 _NAMES = [name for name in vars(fields) if name.isupper()]

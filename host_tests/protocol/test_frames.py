@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from framestep.protocol import messages
 from framestep.protocol.frames import DAMAGED, FRAME, NOT_SMALL, NOTHING, FrameReader, FrameWriter
-from framestep_tools import wire
+from framestep_tools.client import wire
 from host_tests.protocol import streams
 
 echo = runpy.run_path(str(Path(__file__).parents[1] / "runtime" / "frames_echo.py"))["echo"]

@@ -9,7 +9,7 @@ from framestep.controller import _KEEPS_EARLY_PLAN
 from framestep.host_board import HostBoard
 from framestep.protocol import messages
 from framestep.protocol.messages import known, payload_fits
-from framestep_tools.files import sources
+from framestep_tools.building.board_files import sources
 
 SENT_ONLY = {messages.MSG_MOTOR_HARD_STOP, messages.MSG_RT_END}
 NAMES = {

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, settings
 
-from framestep_tools.wire import FrameDecoder
+from framestep_tools.client.wire import FrameDecoder
 
 HERE = Path(__file__).parent
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools.files import CACHE
+from framestep_tools.building.board_files import CACHE
 from host_tests.covering import by_test, parameters, spare
 from host_tests.runtimes import PROCESSORS, Runtime
 

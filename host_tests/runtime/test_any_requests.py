@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.client.wire import FrameDecoder, encode
 
 HERE = Path(__file__).parent
 SCRIPTS = ("session_replay", "virtual_replay", "realtime_replay")

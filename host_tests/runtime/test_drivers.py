@@ -9,7 +9,7 @@ from unittest import mock
 
 from framestep.io.tmc2209 import Drivers
 from framestep.rig import Rig
-from framestep_tools.driver_chips import STANDSTILL, Chip, Chips
+from framestep_tools.simulator.driver_chips import STANDSTILL, Chip, Chips
 from host_tests.runtime import drivers_replay
 
 REPLAY = Path(__file__).parent / "drivers_replay.py"

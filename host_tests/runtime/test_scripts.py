@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.script import Script, parse
-from framestep_tools.script_player import Player
-from framestep_tools.wire import encode
+from framestep_tools.client.wire import encode
 from host_tests.recording import differences, recorded
+from host_tests.script import Script, parse
+from host_tests.script_player import Player
 
 FOUND = sorted((Path(__file__).parents[1] / "fuzz" / "scripts").glob("*.txt"))
 EXTREME = (

@@ -4,7 +4,7 @@ says on CPython."""
 import struct
 from pathlib import Path
 
-from framestep_tools.wire import FrameDecoder
+from framestep_tools.client.wire import FrameDecoder
 from host_tests.runtime import session_replay
 
 REPLAY = Path(__file__).parent / "session_replay.py"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools.wire import FrameDecoder
+from framestep_tools.client.wire import FrameDecoder
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ import itertools
 import math
 import random
 
-from framestep_tools.client import upload_requests
+from framestep_tools.client.client import upload_requests
 from framestep_tools.payloads import (
     LAST_SECTION,
     DeviceInfo,

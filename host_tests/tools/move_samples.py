@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from framestep_tools import cli
-from framestep_tools.move_file import Move, read_move
+from framestep_tools.move.move_file import Move, read_move
 
 LINEAR = """
 [[axis]]

@@ -9,8 +9,8 @@ from rich.console import Console
 
 from framestep_tools.bench.figures import FIGURES, table
 from framestep_tools.bench.moves import FPS, RAMP, ROLL_MS, STEADY_RATES, mixed_move
-from framestep_tools.reference import Reference
-from framestep_tools.trace import PinDecoder, Trace, load_board
+from framestep_tools.judge.reference import Reference
+from framestep_tools.judge.trace import PinDecoder, Trace, load_board
 
 KEYS = [
     "steps_per_s_8",

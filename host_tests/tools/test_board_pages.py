@@ -9,9 +9,16 @@ import pytest
 
 from framestep.rig import Rig
 from framestep.rig_pins import fitted
-from framestep_tools import board_pages
-from framestep_tools.files import ROOT, board_data, board_module, board_modules, board_names, march
-from framestep_tools.rig_file import read
+from framestep_tools.board.rig_file import read
+from framestep_tools.building.board_files import (
+    ROOT,
+    board_data,
+    board_module,
+    board_modules,
+    board_names,
+    march,
+)
+from framestep_tools.documents import board_pages
 
 BOARDS = board_names()
 
@@ -109,7 +116,7 @@ def test_page_and_drawing_are_up_to_date(name):
         for path, text in board_pages.page(name).items()
         if path.read_text() != text
     ]
-    assert not old, f"run python -m framestep_tools.board_pages: {', '.join(old)}"
+    assert not old, f"run python -m framestep_tools.documents.board_pages: {', '.join(old)}"
 
 
 @pytest.mark.parametrize("name", BOARDS)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from framestep_tools import builds
+from framestep_tools.building import images
 from host_tests.tools.test_uf2 import firmware
 
 
@@ -16,18 +16,18 @@ def test_two_builds_at_once_are_one(tmp_path):
     script = f"""
 import time
 from pathlib import Path
-from framestep_tools import builds
+from framestep_tools.building import images
 from host_tests.tools.test_uf2 import firmware
-builds.CACHE = Path({str(tmp_path)!r})
-builds.image_files = lambda board: {{"a.mpy": b"1"}}
+images.CACHE = Path({str(tmp_path)!r})
+images.image_files = lambda board: {{"a.mpy": b"1"}}
 def run(*command, **environment):
     with open({str(log)!r}, "a") as f: f.write("begin\\n")
     time.sleep(0.5)
     Path(environment["IMAGE"]).mkdir(parents=True, exist_ok=True)
     Path(environment["IMAGE"], "firmware.bin").write_bytes(firmware())
     with open({str(log)!r}, "a") as f: f.write("end\\n")
-builds._run = run
-print(builds.frozen("pico"))
+images._run = run
+print(images.frozen("pico"))
 """
     both = [
         subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
@@ -40,7 +40,7 @@ print(builds.frozen("pico"))
 
 def test_an_image_ends_before_its_file_system():
     image = firmware(at=0x1000_1000)
-    assert builds.flash_left(image) == 0x1000 - len(image)
-    builds.flash_left(image.ljust(0x1000, b"x"))
-    with pytest.raises(builds.BuildError, match="4 bytes too large"):
-        builds.flash_left(image.ljust(0x1004, b"x"))
+    assert images.flash_left(image) == 0x1000 - len(image)
+    images.flash_left(image.ljust(0x1000, b"x"))
+    with pytest.raises(images.BuildError, match="4 bytes too large"):
+        images.flash_left(image.ljust(0x1004, b"x"))

@@ -1,6 +1,6 @@
 """Sizes of call frames in the compiled firmware."""
 
-from framestep_tools.files import board_modules, compiled
+from framestep_tools.building.board_files import board_modules, compiled
 from host_tests.mpy_file import BYTECODE, parse
 
 

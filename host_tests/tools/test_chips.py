@@ -5,8 +5,8 @@ import ast
 
 import pytest
 
+from framestep_tools.building.board_files import ENGINES, FIRMWARE, board_data, board_names
 from framestep_tools.chips import chips
-from framestep_tools.files import ENGINES, FIRMWARE, board_data, board_names
 
 HAL = FIRMWARE / "framestep" / "hal"
 
@@ -21,7 +21,8 @@ def names(module):
 def test_its_parts_exist(key):
     chip = chips()[key]
     assert chip.engine in ENGINES, (
-        f"{key}: add its engine {chip.engine!r} to ENGINES in tools/framestep_tools/files.py"
+        f"{key}: add its engine {chip.engine!r} to ENGINES in "
+        "tools/framestep_tools/building/board_files.py"
     )
     assert (HAL / f"{chip.hal}.py").exists(), (
         f"{key}: write its HAL, firmware/framestep/hal/{chip.hal}.py"

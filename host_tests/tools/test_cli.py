@@ -7,16 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from framestep_tools import cli, demo, emu, sim
+from framestep_tools import cli
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.client.wire import encode
 from framestep_tools.commands.common import arranged
 from framestep_tools.errors import STATUSES
-from framestep_tools.files import ROOT
-from framestep_tools.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
+from framestep_tools.judge import demo
+from framestep_tools.move.move_file import CAMERA_MOVE, MoveFileError, or_example, read_move
 from framestep_tools.payloads import Hi, MotorMove, Positions, RtUploadMoveAxis
-from framestep_tools.serve import PtyLink
-from framestep_tools.sniffer import Relay, capture_bytes, read_capture, timed
-from framestep_tools.traffic_log import Recorder
-from framestep_tools.wire import encode
+from framestep_tools.simulator import emu, sim
+from framestep_tools.simulator.serve import PtyLink
+from framestep_tools.traffic.log import Recorder
+from framestep_tools.traffic.sniffer import Relay, capture_bytes, read_capture, timed
 
 
 @pytest.mark.parametrize(

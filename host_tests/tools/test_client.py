@@ -7,9 +7,15 @@ import pytest
 
 from framestep.protocol import messages
 from framestep_tools import payloads as p
-from framestep_tools.client import Client, ClientError, NoAnswer, RequestRefused, upload_requests
-from framestep_tools.opening import NoPort
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.client.client import (
+    Client,
+    ClientError,
+    NoAnswer,
+    RequestRefused,
+    upload_requests,
+)
+from framestep_tools.client.open_port import NoPort
+from framestep_tools.client.wire import FrameDecoder, encode
 
 INFO = p.DeviceInfo("fake", 1, 2, 3, 8, 512, 4, 4, 0, 10_000, 3, 2)
 

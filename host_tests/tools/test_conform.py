@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.conform import kit, report, score
 from framestep_tools.conform.variants import VARIANTS
-from framestep_tools.files import ROOT
 
 # what `make conform` runs in whole is run in parts here
 _PARTS = {

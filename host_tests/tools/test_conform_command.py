@@ -6,13 +6,14 @@ import re
 import pytest
 import typer
 
-from framestep_tools import cli, opening
-from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools import cli
+from framestep_tools.client import open_port
 from framestep_tools.conform import kit, trace_tail
 from framestep_tools.conform.checks import edges
 from framestep_tools.conform.simulated import RIG, SimulatedHands
 from framestep_tools.errors import BROKEN_OFF, DONE, FAILED, INTERRUPTED, USAGE
-from framestep_tools.trace import HEADER, TraceWriter
+from framestep_tools.judge.trace import HEADER, TraceWriter
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 
 class Port(LockstepPort):
@@ -43,7 +44,7 @@ def conform(board, monkeypatch, capsys):
     """The command on `board`: its status, what it prints, what it complains."""
 
     def run(*words, port=None):
-        monkeypatch.setattr(opening, "open_port", lambda url, timeout: port or Port(board))
+        monkeypatch.setattr(open_port, "open_port", lambda url, timeout: port or Port(board))
         status = cli.app.status(["conform", "socket://x", "--yes", *words])
         said = capsys.readouterr()
         return status, said.out, said.err
@@ -129,7 +130,7 @@ def test_somebody_presses_switches_when_asked(monkeypatch, capsys):
 
     monkeypatch.setattr(typer, "prompt", say)
     monkeypatch.setattr(typer, "confirm", lambda text, **_: True)
-    monkeypatch.setattr(opening, "open_port", lambda url, timeout: port)
+    monkeypatch.setattr(open_port, "open_port", lambda url, timeout: port)
     status = cli.app.status(["conform", "socket://x", "--yes", "--hands", "--subject", "inputs"])
     out, err = capsys.readouterr()
     assert (status, err) == (DONE, "")

@@ -5,12 +5,12 @@ import threading
 
 import pytest
 
-from framestep_tools.boards import LockstepPort, SimulatedBoard
 from framestep_tools.conform import kit, motion, report
 from framestep_tools.conform.bench import Bench
 from framestep_tools.conform.link import Failed, Link
 from framestep_tools.conform.pace import HELD_UP_S, HoldUps, PacedPort
 from framestep_tools.conform.spoiled import Behaviour, Spoiled
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 
 class Held:

@@ -19,15 +19,16 @@ from websockets.sync.client import connect
 
 from framestep.protocol import messages
 from framestep_tools import cli
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.client import BrokenOff, Client, RequestRefused
+from framestep_tools.board.rig_file import RigFileError
+from framestep_tools.client.client import BrokenOff, Client, RequestRefused
+from framestep_tools.client.open_port import open_port
+from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.commands.common import talking
 from framestep_tools.console import page_files
 from framestep_tools.console.board_work import BoardWork
 from framestep_tools.console.bridge import Bridge, Jogs
 from framestep_tools.console.server import ConsoleServer
 from framestep_tools.errors import ToolError
-from framestep_tools.opening import open_port
 from framestep_tools.payloads import (
     Ack,
     Hi,
@@ -43,9 +44,8 @@ from framestep_tools.payloads import (
     VirtJogOnLine,
     VirtStop,
 )
-from framestep_tools.rig_file import RigFileError
-from framestep_tools.serve import Server
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.serve import Server
 
 PATIENCE_S = 100
 FAR = 2_000_000_000
@@ -508,7 +508,7 @@ def test_a_rig_file_with_comments_and_a_mistake(monkeypatch):
             pass
 
         def board(self):
-            from framestep_tools.files import board_data
+            from framestep_tools.building.board_files import board_data
 
             return board_data("pico")
 

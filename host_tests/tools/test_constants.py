@@ -1,7 +1,7 @@
 import pytest
 
-from framestep_tools.constants import FoldError, fold, without_compiler_imports
-from framestep_tools.files import folded, sources
+from framestep_tools.building.board_files import folded, sources
+from framestep_tools.building.constants import FoldError, fold, without_compiler_imports
 
 CODES = """from framestep.native import const
 

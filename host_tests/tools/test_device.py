@@ -6,8 +6,8 @@ import tty
 
 import pytest
 
-from framestep_tools import device, restart
-from framestep_tools.device import Device, DeviceError
+from framestep_tools.board import repl_device, restart
+from framestep_tools.board.repl_device import Device, DeviceError
 
 
 @pytest.fixture(autouse=True)
@@ -17,7 +17,7 @@ def no_ports(monkeypatch):
 
 def test_a_port_that_cannot_be_opened():
     with pytest.raises(DeviceError, match="cannot open /dev/not-there"):
-        device.Device("/dev/not-there").connect()
+        repl_device.Device("/dev/not-there").connect()
 
 
 def test_a_terminal_that_says_nothing_is_left_in_time():
@@ -26,12 +26,12 @@ def test_a_terminal_that_says_nothing_is_left_in_time():
     master, slave = os.openpty()
     try:
         tty.setraw(slave)
-        silent = device.Device(os.ttyname(slave))
+        silent = repl_device.Device(os.ttyname(slave))
         silent._open()
         begun = time.monotonic()
         with pytest.raises(DeviceError, match="does not answer"):
             silent._enter(0.5)
-        assert time.monotonic() - begun < device._READ_S / 2
+        assert time.monotonic() - begun < repl_device._READ_S / 2
         silent.close()
     finally:
         os.close(master)

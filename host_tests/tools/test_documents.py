@@ -12,8 +12,8 @@ import pytest
 import typer.main
 
 from framestep import rig_home, rig_servos, rig_settings
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.cli import app
-from framestep_tools.files import ROOT
 
 DOCUMENTS = sorted(
     ROOT / name

@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep_tools import files
+from framestep_tools.building import board_files
 
 
 @pytest.fixture
@@ -17,14 +17,14 @@ def made(tmp_path, monkeypatch):
         calls.append((board, hide))
         return {board: bytes(range(256)), "of": source.read_bytes()}
 
-    monkeypatch.setattr(files, "CACHE", tmp_path / "cache")
-    monkeypatch.setattr(files, "ROOT", tmp_path)
-    monkeypatch.setattr(files, "FIRMWARE", tmp_path)
-    monkeypatch.setattr(files, "__file__", str(tmp_path / "tools" / "files.py"))
-    monkeypatch.setattr(files, "sources", lambda: {"module.py": source})
+    monkeypatch.setattr(board_files, "CACHE", tmp_path / "cache")
+    monkeypatch.setattr(board_files, "ROOT", tmp_path)
+    monkeypatch.setattr(board_files, "FIRMWARE", tmp_path)
+    monkeypatch.setattr(board_files, "__file__", str(tmp_path / "tools" / "files.py"))
+    monkeypatch.setattr(board_files, "sources", lambda: {"module.py": source})
     (tmp_path / "framestep/motion").mkdir(parents=True)
     (tmp_path / "framestep/motion/formula.py").write_text("")
-    return files._remembered(make), calls, tmp_path
+    return board_files._remembered(make), calls, tmp_path
 
 
 def test_the_second_time_it_is_there(made):
@@ -70,7 +70,7 @@ def test_a_caller_may_change_what_it_gets(made):
 
 def test_old_results_go(made, monkeypatch):
     remembered, _, folder = made
-    monkeypatch.setattr(files, "_KEPT_RESULTS", 3)
+    monkeypatch.setattr(board_files, "_KEPT_RESULTS", 3)
     for i in range(5):
         remembered(str(i))
     assert len(list((folder / "cache/mpy/results").iterdir())) == 3

@@ -1,8 +1,8 @@
 import pytest
 
-from framestep_tools.constants import FoldError
-from framestep_tools.files import folded
-from framestep_tools.inlining import inline
+from framestep_tools.building.board_files import folded
+from framestep_tools.building.constants import FoldError
+from framestep_tools.building.inlining import inline
 
 CLOCK = '''_WRAP = const(7)
 

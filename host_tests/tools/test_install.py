@@ -6,10 +6,11 @@ import time
 
 import pytest
 
-from framestep_tools import cli, drives, install
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.drives import Drive, DriveError
-from framestep_tools.serve import Server
+from framestep_tools import cli
+from framestep_tools.board import bootsel_drive, install
+from framestep_tools.board.bootsel_drive import Drive, DriveError
+from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.serve import Server
 from host_tests.tools.test_uf2 import uf2_file
 
 ABOUT = "UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {}\n"
@@ -26,12 +27,12 @@ def drive_in(folder, board="RPI-RP2"):
 
 @pytest.mark.parametrize(("board", "chip"), [("RPI-RP2", "rp2040"), ("RP2350", "rp2350")])
 def test_a_drive_tells_its_chip(tmp_path, board, chip):
-    assert drives.look(drive_in(tmp_path, board)) == Drive(tmp_path, chip)
+    assert bootsel_drive.look(drive_in(tmp_path, board)) == Drive(tmp_path, chip)
 
 
 def test_what_is_no_drive_of_these_boards(tmp_path):
-    assert drives.look(tmp_path) is None
-    assert drives.look(drive_in(tmp_path, "SAMD21")) is None
+    assert bootsel_drive.look(tmp_path) is None
+    assert bootsel_drive.look(drive_in(tmp_path, "SAMD21")) is None
 
 
 def test_places_on_each_system(tmp_path):
@@ -41,25 +42,25 @@ def test_places_on_each_system(tmp_path):
         "/dev/sdb1 /media/me/RPI-RP2 vfat rw 0 0\n"
         "/dev/sdc1 /mnt/with\\040blank vfat rw 0 0\n"
     )
-    linux = [place.as_posix() for place in drives.places("linux", mounts)]
+    linux = [place.as_posix() for place in bootsel_drive.places("linux", mounts)]
     assert linux == ["/media/me/RPI-RP2", "/mnt/with blank"]
-    assert str(next(drives.places("win32"))) == "D:\\"
-    assert list(drives.places("linux", tmp_path / "none")) == []
+    assert str(next(bootsel_drive.places("win32"))) == "D:\\"
+    assert list(bootsel_drive.places("linux", tmp_path / "none")) == []
 
 
 def test_waiting_says_once_what_to_press(tmp_path):
     said = []
     looks = iter([[], [], [Drive(tmp_path, "rp2040")]])
-    assert drives.wait(said.append, 60, lambda: next(looks)) == Drive(tmp_path, "rp2040")
-    assert said == [drives.PRESS]
+    assert bootsel_drive.wait(said.append, 60, lambda: next(looks)) == Drive(tmp_path, "rp2040")
+    assert said == [bootsel_drive.PRESS]
 
 
 def test_none_and_several(tmp_path):
     with pytest.raises(DriveError, match="no board's drive has appeared in 0 s"):
-        drives.wait(lambda line: None, 0, list)
+        bootsel_drive.wait(lambda line: None, 0, list)
     both = [Drive(tmp_path / "a", "rp2040"), Drive(tmp_path / "b", "rp2040")]
     with pytest.raises(DriveError, match="2 boards show a drive"):
-        drives.wait(lambda line: None, 60, lambda: both)
+        bootsel_drive.wait(lambda line: None, 60, lambda: both)
 
 
 def test_a_drive_that_goes_with_the_last_block_has_taken_everything(tmp_path, monkeypatch):
@@ -69,8 +70,8 @@ def test_a_drive_that_goes_with_the_last_block_has_taken_everything(tmp_path, mo
         (drive.path / "INFO_UF2.TXT").unlink()
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(drives.os, "fsync", gone)
-    drives.drop(drive, "x.uf2", bytes(1000))
+    monkeypatch.setattr(bootsel_drive.os, "fsync", gone)
+    bootsel_drive.drop(drive, "x.uf2", bytes(1000))
 
 
 def test_a_drive_that_takes_nothing_says_so(tmp_path, monkeypatch):
@@ -79,9 +80,9 @@ def test_a_drive_that_takes_nothing_says_so(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(drives.os, "fsync", full)
+    monkeypatch.setattr(bootsel_drive.os, "fsync", full)
     with pytest.raises(DriveError, match="No space left"):
-        drives.drop(drive, "x.uf2", bytes(1000))
+        bootsel_drive.drop(drive, "x.uf2", bytes(1000))
 
 
 # ---- the whole command

@@ -4,9 +4,9 @@ them."""
 import numpy as np
 import pytest
 
-from framestep_tools.judge import Limits, NoRun, frame_times_ns, judge
-from framestep_tools.move_file import read_move
-from framestep_tools.trace import Trace
+from framestep_tools.judge.judge import Limits, NoRun, frame_times_ns, judge
+from framestep_tools.judge.trace import Trace
+from framestep_tools.move.move_file import read_move
 
 ORIGIN_NS = 3_123_456_789
 ROLL_S = 1.0

@@ -15,12 +15,12 @@ import pytest
 from rich.console import Console
 
 from framestep_tools import payloads as p
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.faulty_line import FaultyLine
-from framestep_tools.files import ROOT
-from framestep_tools.live import LiveServer
-from framestep_tools.traffic_log import CLOSE, DEVICE, HOST, OPEN, Recorder
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.client.wire import FrameDecoder, encode
+from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.faulty_line import FaultyLine
+from framestep_tools.simulator.live import LiveServer
+from framestep_tools.traffic.log import CLOSE, DEVICE, HOST, OPEN, Recorder
 
 RIG = {
     "estop": "nc",
@@ -210,7 +210,7 @@ def terminal(*args):
     before = termios.tcgetattr(slave)
     termios.tcsetwinsize(slave, (60, 120))
     process = subprocess.Popen(
-        [sys.executable, "-m", "framestep_tools.sim", *args],
+        [sys.executable, "-m", "framestep_tools.simulator.sim", *args],
         stdin=slave, stdout=slave, stderr=slave, cwd=ROOT,
         env={**os.environ, "TERM": "xterm"},
     )  # fmt: skip

@@ -6,9 +6,11 @@ from host_tests.near import distances, importers, nearest
 def test_imports_are_found_in_each_way_of_writing_them():
     by = importers()
     assert "firmware/framestep/motors/axis.py" in by["firmware/framestep/motors/backlash.py"]
-    assert "tools/framestep_tools/boards.py" in by["tools/framestep_tools/errors.py"]  # relative
-    assert "host_tests/near.py" in by["tools/framestep_tools/files.py"]
-    assert "tools/emulator/__init__.py" in by["tools/emulator/emulator.py"]
+    assert (
+        "tools/framestep_tools/simulator/boards.py" in by["tools/framestep_tools/errors.py"]
+    )  # relative
+    assert "host_tests/near.py" in by["tools/framestep_tools/building/board_files.py"]
+    assert "tools/framestep_emulator/__init__.py" in by["tools/framestep_emulator/emulator.py"]
 
 
 def test_tests_named_after_a_change_come_first_then_the_nearest():
@@ -21,7 +23,7 @@ def test_tests_named_after_a_change_come_first_then_the_nearest():
 
 
 def test_what_a_change_does_not_reach_is_left_out():
-    tests = nearest({"tools/framestep_tools/vcd.py"})
+    tests = nearest({"tools/framestep_tools/judge/vcd.py"})
     assert tests
     assert "host_tests/motion/test_ramps.py" not in tests
 

@@ -13,9 +13,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from framestep_tools import cli, door, opening
-from framestep_tools.boards import SimulatedBoard
-from framestep_tools.client import GREETING_ID, BrokenOff, Client, NoAnswer, WrongPort
+from framestep_tools import cli
+from framestep_tools.client import open_port, shared_port
+from framestep_tools.client.client import GREETING_ID, BrokenOff, Client, NoAnswer, WrongPort
+from framestep_tools.client.open_port import NoPort, PortBusy
+from framestep_tools.client.wire import encode
 from framestep_tools.errors import (
     BROKEN_OFF,
     INTERRUPTED,
@@ -25,10 +27,9 @@ from framestep_tools.errors import (
     REFUSED,
     ToolError,
 )
-from framestep_tools.opening import NoPort, PortBusy
 from framestep_tools.payloads import Hi, MotorMove, MotorStatus, MotorStopAll
-from framestep_tools.serve import PtyLink, Server
-from framestep_tools.wire import encode
+from framestep_tools.simulator.boards import SimulatedBoard
+from framestep_tools.simulator.serve import PtyLink, Server
 
 PATIENCE_S = 100
 
@@ -113,7 +114,7 @@ def positions(device, capsys):
 def test_a_second_program_goes_through_the_first(way, ports, capsys):
     device = ports[way == "socket"]
     first = begun("move", device, "1", "200000")
-    until(lambda: (found := door.find(device)) and str(first.pid) in found.who)
+    until(lambda: (found := shared_port.find(device)) and str(first.pid) in found.who)
     until(lambda: ", moving" in positions(device, capsys).out)
     said = positions(device, capsys)
     assert f"through framestep move (process {first.pid}), which has {device}" in said.err
@@ -132,10 +133,12 @@ def test_a_stop_ends_what_is_repeated(device, between, capsys):
     """buzz and jog repeat their request, and would begin anew. A program between them that has the
     port changes nothing."""
     watcher = begun(*between, device, stdout=subprocess.DEVNULL) if between else None
-    until(lambda: not watcher or door.find(device))
+    until(lambda: not watcher or shared_port.find(device))
     first = begun("buzz", device, "2", "--steps", "10000", "--times", "1000")
     try:
-        until(lambda: (found := door.find(device)) and (watcher or str(first.pid) in found.who))
+        until(
+            lambda: (found := shared_port.find(device)) and (watcher or str(first.pid) in found.who)
+        )
         until(lambda: ", moving" in positions(device, capsys).out)
         assert cli.app.status(["stop", device]) == 0, capsys.readouterr().err
         out, err = first.communicate(timeout=PATIENCE_S)
@@ -213,7 +216,7 @@ def test_a_stop_without_a_device_says_so(capsys):
 
 def test_ctrl_c_stops_the_motors(device, capsys):
     first = begun("move", device, "1", "-200000")
-    until(lambda: (found := door.find(device)) and str(first.pid) in found.who)
+    until(lambda: (found := shared_port.find(device)) and str(first.pid) in found.who)
     until(lambda: ", moving" in positions(device, capsys).out)
     first.send_signal(signal.SIGINT)
     out, err = first.communicate(timeout=PATIENCE_S)
@@ -362,7 +365,7 @@ def test_whatever_comes_ends_in_a_sentence():
 def test_what_windows_says(text, kind, words):
     import serial
 
-    found = opening._why("COM5", serial.SerialException(text))
+    found = open_port._why("COM5", serial.SerialException(text))
     assert type(found) is kind
     assert words in str(found)
     assert found.status == (PORT_BUSY if kind is PortBusy else NO_PORT)
@@ -372,7 +375,7 @@ def test_who_has_a_port_on_a_mac(monkeypatch):
     monkeypatch.setattr(sys, "platform", "darwin")
     said = f"p4711\ncscreen\nf5\np{os.getpid()}\ncpython\n"
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=said))
-    assert opening.holders("/dev/cu.usbmodem2023") == ["screen (process 4711)"]
+    assert open_port.holders("/dev/cu.usbmodem2023") == ["screen (process 4711)"]
 
 
 def test_wrong_ports_have_a_status():

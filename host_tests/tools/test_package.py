@@ -14,9 +14,9 @@ import zipfile
 
 import pytest
 
-from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_data, board_names
-from framestep_tools.move_file import CAMERA_MOVE
+from framestep_tools.building.board_files import ROOT, board_data, board_names
+from framestep_tools.client.client import Client
+from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.tools.test_install import board_behind  # noqa: F401 -- a fixture
 from host_tests.tools.test_uf2 import uf2_file
 
@@ -164,7 +164,7 @@ def test_help_of_every_command(installed):
 @pytest.mark.parametrize("board", board_names())
 def test_it_brings_what_goes_onto_each_board(installed, board):
     script = (
-        "import sys; from framestep_tools.files import board_data; "
+        "import sys; from framestep_tools.building.board_files import board_data; "
         "print(board_data(sys.argv[1])['name'])"
     )
     assert installed.python(script, board).strip() == board_data(board)["name"]

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from framestep.protocol import messages
 from framestep_tools import payloads as p
-from framestep_tools.files import FIRMWARE, ROOT
+from framestep_tools.building.board_files import FIRMWARE, ROOT
+from framestep_tools.client.wire import Frame
 from framestep_tools.payloads import codec
-from framestep_tools.sniffer import describe
-from framestep_tools.wire import Frame
+from framestep_tools.traffic.sniffer import describe
 
 AXES = tuple(p.VirtualAxis(i, 1000 * i, -i) for i in range(1, 7))
 NUMBERS = {

@@ -2,7 +2,7 @@
 
 import pytest
 
-from framestep_tools.plot_virtuals import DOCS, FILES, draw
+from framestep_tools.documents.plot_virtuals import DOCS, FILES, draw
 
 
 @pytest.mark.parametrize("kind", FILES)

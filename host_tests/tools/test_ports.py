@@ -11,8 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from framestep_tools import cli, ports
-from framestep_tools.ports import PROTOCOL, REPL, SINGLE, PortError
+from framestep_tools import cli
+from framestep_tools.client import port_finder
+from framestep_tools.client.port_finder import PROTOCOL, REPL, SINGLE, PortError
 
 SERIAL = "E6614C775B5A4B2D"
 
@@ -128,11 +129,11 @@ def test_the_only_board(there, system):
     there += [*OTHERS, *BOARDS[system]]
     right = PROTOCOL_PORTS[system]
     wrong = next(r.device for r in BOARDS[system] if r.device != right)
-    assert ports.protocol_port() == right
-    assert ports.repl_port() == wrong
-    assert ports.protocol_of(wrong) == right
-    assert ports.is_repl(wrong)
-    assert not ports.is_repl(right)
+    assert port_finder.protocol_port() == right
+    assert port_finder.repl_port() == wrong
+    assert port_finder.protocol_of(wrong) == right
+    assert port_finder.is_repl(wrong)
+    assert not port_finder.is_repl(right)
 
 
 def test_several_boards(there):
@@ -140,32 +141,32 @@ def test_several_boards(there):
     with pytest.raises(
         PortError, match="there are 2 boards: name the port of one of them, COM5 or COM8"
     ):
-        ports.protocol_port()
+        port_finder.protocol_port()
     with pytest.raises(PortError, match="COM4 or COM7"):
-        ports.repl_port()
-    assert ports.protocol_of("COM4") == "COM5"
-    assert ports.protocol_of("COM7") == "COM8"
+        port_finder.repl_port()
+    assert port_finder.protocol_of("COM4") == "COM5"
+    assert port_finder.protocol_of("COM7") == "COM8"
 
 
 def test_one_port(there):
     there += [record("/dev/ttyACM0", "1-1", maker="MicroPython", product="Board in FS mode")]
-    assert ports.repl_port() == "/dev/ttyACM0"
-    assert not ports.is_repl("/dev/ttyACM0"), "the protocol may be there"
+    assert port_finder.repl_port() == "/dev/ttyACM0"
+    assert not port_finder.is_repl("/dev/ttyACM0"), "the protocol may be there"
     with pytest.raises(
         PortError, match=r'shows one port only: .*"ports": 1, then name .*--device /dev/ttyACM0'
     ):
-        ports.protocol_port()
-    assert [p.use for p in ports.listed()] == [SINGLE]
+        port_finder.protocol_port()
+    assert [p.use for p in port_finder.listed()] == [SINGLE]
 
 
 def test_no_board(there):
     there += OTHERS
     with pytest.raises(PortError, match="no board with framestep is on USB"):
-        ports.protocol_port()
+        port_finder.protocol_port()
     with pytest.raises(PortError, match="no board with MicroPython is on USB"):
-        ports.repl_port()
-    assert ports.protocol_of("/dev/ttyUSB0") is None
-    assert not ports.is_repl("/dev/ttyUSB0")
+        port_finder.repl_port()
+    assert port_finder.protocol_of("/dev/ttyUSB0") is None
+    assert not port_finder.is_repl("/dev/ttyUSB0")
 
 
 def test_another_makers_board(there):
@@ -180,7 +181,7 @@ def test_another_makers_board(there):
             interface="framestep DMC",
         ),
     ]
-    assert ports.protocol_port() == "/dev/ttyACM1"
+    assert port_finder.protocol_port() == "/dev/ttyACM1"
 
 
 def test_a_link_to_a_port(there, tmp_path):
@@ -188,8 +189,8 @@ def test_a_link_to_a_port(there, tmp_path):
     real.touch()
     link.symlink_to(real)
     there += [linux(str(real), 0), linux("/dev/x2", 2)]
-    assert ports.protocol_of(str(link)) == "/dev/x2"
-    assert ports.is_repl(str(link))
+    assert port_finder.protocol_of(str(link)) == "/dev/x2"
+    assert port_finder.is_repl(str(link))
 
 
 def test_the_list(there, capsys):

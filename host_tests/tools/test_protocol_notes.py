@@ -7,9 +7,9 @@ import struct
 import subprocess
 
 from framestep.protocol import messages
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.client.wire import FrameDecoder
 from framestep_tools.payloads import REPORTS, TYPE_NAMES, codec
-from framestep_tools.wire import FrameDecoder
 
 NOTES = ROOT / "docs" / "protocol-notes.md"
 CITED = re.compile(

@@ -6,11 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from framestep_tools import ports
-from framestep_tools.boards import LockstepPort, SimulatedBoard
+from framestep_tools.building.board_files import ROOT, board_data, board_names
 from framestep_tools.cli import app
-from framestep_tools.client import Client
-from framestep_tools.files import ROOT, board_data, board_names
+from framestep_tools.client import port_finder
+from framestep_tools.client.client import Client
 from framestep_tools.payloads import (
     DeviceInfo,
     MotorConfigure,
@@ -38,6 +37,7 @@ from framestep_tools.prove.figures import (
 from framestep_tools.prove.layout import Layout, layout
 from framestep_tools.prove.pins import HELD, RATES, trapezoids
 from framestep_tools.prove.watching import program, times_ns
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
 
 HZ = 125_000_000
 
@@ -210,8 +210,8 @@ def test_a_board_that_there_is_not(capsys):
 
 
 def test_a_board_with_one_port_is_refused_before_a_ctrl_c(monkeypatch):
-    one = ports.Port("/dev/one", ports.SINGLE, "board", "framestep", "1", 0)
-    monkeypatch.setattr(ports, "listed", lambda: [one])
+    one = port_finder.Port("/dev/one", port_finder.SINGLE, "board", "framestep", "1", 0)
+    monkeypatch.setattr(port_finder, "listed", lambda: [one])
     for device, port in ((None, None), ("/dev/one", None), (None, "/dev/one")):
         with (
             pytest.raises(report.ToolError, match='set "ports" to 2'),

@@ -2,8 +2,8 @@
 
 import pytest
 
-from framestep_tools import ram_functions
-from framestep_tools.files import board_sources
+from framestep_tools.building import ram_functions
+from framestep_tools.building.board_files import board_sources
 
 TEXT = b"""
 if RP2350:

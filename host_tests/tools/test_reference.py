@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from framestep_tools.judge import frame_times_ns
-from framestep_tools.move_file import read_move
-from framestep_tools.plot_interpolation import PICTURE, draw, linear_velocity
-from framestep_tools.reference import Reference, slopes
+from framestep_tools.documents.plot_interpolation import PICTURE, draw, linear_velocity
+from framestep_tools.judge.judge import frame_times_ns
+from framestep_tools.judge.reference import Reference, slopes
+from framestep_tools.move.move_file import read_move
 
 MOVE = read_move()
 FPS = [1000, 23_976, 24_000, 60_000]

@@ -5,8 +5,8 @@ import zipfile
 
 import pytest
 
-from framestep_tools import release
-from framestep_tools.builds import BuildError
+from framestep_tools.building import release
+from framestep_tools.building.images import BuildError
 
 
 def test_a_zip_is_the_same_for_the_same():

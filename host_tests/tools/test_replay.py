@@ -8,15 +8,16 @@ from dataclasses import replace as replaced
 import pytest
 
 from framestep.protocol.messages import MSG_FLAG_ACK
-from framestep_tools import cli, replay
+from framestep_tools import cli
 from framestep_tools import payloads as p
-from framestep_tools.boards import LockstepPort, SimulatedBoard
-from framestep_tools.client import Client, NoAnswer
+from framestep_tools.client.client import Client, NoAnswer
+from framestep_tools.client.wire import Frame, encode
 from framestep_tools.errors import ToolError
-from framestep_tools.serve import PtyLink, Server
-from framestep_tools.sniffer import Relay, Tally, describe, describe_entry
-from framestep_tools.traffic_compare import Rules, differences, names_known
-from framestep_tools.traffic_log import (
+from framestep_tools.simulator.boards import LockstepPort, SimulatedBoard
+from framestep_tools.simulator.serve import PtyLink, Server
+from framestep_tools.traffic import replay
+from framestep_tools.traffic.compare import Rules, differences, names_known
+from framestep_tools.traffic.log import (
     CLOSE,
     DEVICE,
     HOST,
@@ -29,7 +30,7 @@ from framestep_tools.traffic_log import (
     parse,
     read,
 )
-from framestep_tools.wire import Frame, encode
+from framestep_tools.traffic.sniffer import Relay, Tally, describe, describe_entry
 
 DAMAGED = encode(p.Hi.TYPE, b"", 77)[:-1] + b"\x55"
 

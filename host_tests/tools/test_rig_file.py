@@ -6,11 +6,12 @@ import re
 import pytest
 
 from framestep import rig, rig_home, rig_servos, rig_settings
-from framestep_tools import cli, rig_change, rig_file
-from framestep_tools.device import State
+from framestep_tools import cli
+from framestep_tools.board import rig_change, rig_file
+from framestep_tools.board.repl_device import State
+from framestep_tools.board.rig_file import RigFileError
+from framestep_tools.building.board_files import board_data
 from framestep_tools.errors import ToolError
-from framestep_tools.files import board_data
-from framestep_tools.rig_file import RigFileError
 
 WRONG = {
     '{"jog_timeout_ms": -1}': (

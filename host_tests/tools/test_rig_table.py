@@ -2,13 +2,14 @@
 
 import json
 
-from framestep_tools import cli, rig_schema, rig_table
-from framestep_tools.files import ROOT
+from framestep_tools import cli
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.documents import rig_schema, rig_table
 
 
 def test_page_is_up_to_date():
     text = rig_table.PAGE.read_text()
-    assert rig_table.updated(text) == text, "run python -m framestep_tools.rig_table"
+    assert rig_table.updated(text) == text, "run python -m framestep_tools.documents.rig_table"
 
 
 def test_a_changed_setting_shows(monkeypatch):
@@ -23,7 +24,7 @@ def test_a_changed_setting_shows(monkeypatch):
 def test_schema_is_up_to_date(capsys):
     file = ROOT / "docs" / "rig.schema.json"
     assert file.read_text(encoding="utf-8") == rig_schema.text(), (
-        "run python -m framestep_tools.rig_schema"
+        "run python -m framestep_tools.documents.rig_schema"
     )
     assert cli.app.status(["rig", "schema"]) == 0
     assert json.loads(capsys.readouterr().out) == rig_schema.schema()

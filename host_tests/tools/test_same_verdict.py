@@ -11,7 +11,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 
 TESTS = ROOT / "host_tests"
 SEEDED = {"Random", "default_rng"}  # with an argument

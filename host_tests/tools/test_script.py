@@ -5,9 +5,9 @@ import struct
 import pytest
 
 from framestep.protocol import messages as m
-from framestep_tools.script import Script, ScriptError, parse
-from framestep_tools.script_player import Player
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.client.wire import FrameDecoder, encode
+from host_tests.script import Script, ScriptError, parse
+from host_tests.script_player import Player
 
 MOVE = encode(m.MSG_MOTOR_MOVE, struct.pack("<Bi", 1, 300), 5)
 TEXT = f"""\

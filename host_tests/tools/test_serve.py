@@ -10,16 +10,23 @@ import time
 import pytest
 import serial
 
-from framestep_tools import serve
-from framestep_tools.boards import LockstepPort, read_rig
-from framestep_tools.client import Client, NoAnswer
+from framestep_tools.board.rig_file import RigFileError
+from framestep_tools.client.client import Client, NoAnswer
+from framestep_tools.client.open_port import open_port
+from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.errors import ToolError
-from framestep_tools.opening import open_port
+from framestep_tools.judge.trace import Trace
 from framestep_tools.payloads import DeviceInfo, Hi
-from framestep_tools.rig_file import RigFileError
-from framestep_tools.serve import Pace, PtyLink, Server, TcpLink, parse_address, parse_speed
-from framestep_tools.trace import Trace
-from framestep_tools.wire import FrameDecoder, encode
+from framestep_tools.simulator import serve
+from framestep_tools.simulator.boards import LockstepPort, read_rig
+from framestep_tools.simulator.serve import (
+    Pace,
+    PtyLink,
+    Server,
+    TcpLink,
+    parse_address,
+    parse_speed,
+)
 
 INFO = DeviceInfo("fake", 1, 2, 3, 8, 0, 0, 0, 0, 0, 0, 2)
 MS = 1_000_000

@@ -2,7 +2,7 @@
 
 import re
 
-from framestep_tools.files import FIRMWARE
+from framestep_tools.building.board_files import FIRMWARE
 
 
 def number(file, name):

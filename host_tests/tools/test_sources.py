@@ -8,7 +8,7 @@ from hashlib import sha256
 
 import pytest
 
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 
 SCRIPT = ROOT / "tools/micropython/build.sh"
 NUMBERS = {"MAJOR": 1, "MINOR": 26, "MICRO": 1, "PRERELEASE": 0}

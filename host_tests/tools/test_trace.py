@@ -8,9 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from framestep_tools.building.board_files import ROOT
 from framestep_tools.errors import ToolError
-from framestep_tools.files import ROOT
-from framestep_tools.trace import HEADER, PinDecoder, Trace, TraceError, TraceWriter, load_board
+from framestep_tools.judge.trace import (
+    HEADER,
+    PinDecoder,
+    Trace,
+    TraceError,
+    TraceWriter,
+    load_board,
+)
 
 RECORD = [("t", "<i8"), ("pin", "u1"), ("level", "u1")]
 

@@ -7,8 +7,8 @@ import pytest
 from vcd.reader import TokenKind, tokenize
 
 from framestep_tools import cli
-from framestep_tools.trace import HEADER, Trace
-from framestep_tools.vcd import write
+from framestep_tools.judge.trace import HEADER, Trace
+from framestep_tools.judge.vcd import write
 
 EDGES = (
     (5, "enable", 1),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep_tools.wire import OVERHEAD, Frame, FrameDecoder, checksum, encode
+from framestep_tools.client.wire import OVERHEAD, Frame, FrameDecoder, checksum, encode
 
 # Field notes, section 10: (bytes, id, type, payload)
 VECTORS = [

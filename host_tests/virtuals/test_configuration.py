@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from framestep.protocol import messages
 from framestep.virtuals import kinematics
 from framestep.virtuals.registers import NODAL_RIGHT, SAFE, WRIST_EW
-from framestep_tools.virtual_precision import Firmware, Refused
-from framestep_tools.virtual_reference import Axis, Rig
+from framestep_tools.bench.virtual_precision import Firmware, Refused
+from framestep_tools.judge.virtual_reference import Axis, Rig
 from host_tests.virtuals.rigs import HEAD, near
 
 FULL = {

@@ -4,10 +4,10 @@ import json
 from dataclasses import dataclass, fields
 from functools import cache
 
-from . import home
+from . import paths
 from .errors import ToolError
 
-FILE = home.BOARDS / "chips.json"
+FILE = paths.BOARDS / "chips.json"
 
 
 @dataclass(frozen=True)

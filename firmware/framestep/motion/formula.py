@@ -6,10 +6,10 @@
         SWING = angle(WRIST_EW, cosine) * SIDE + TURNS
     ''')
 
-The build for a board puts the bytes in the place of the call (framestep_tools.constants); on
-CPython they are made when the module is imported. Names in capitals are registers: constants of the
-module given; JOINT[2] is the second number after JOINT. Names in small letters are the formula's
-own, and are kept in free registers, those from SCRATCH to SCRATCH_END. A line is one of
+The build for a board puts the bytes in the place of the call (framestep_tools.building.constants);
+on CPython they are made when the module is imported. Names in capitals are registers: constants of
+the module given; JOINT[2] is the second number after JOINT. Names in small letters are the
+formula's own, and are kept in free registers, those from SCRATCH to SCRATCH_END. A line is one of
 
     name = expression
     a, b = sincos(x)

@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from .. import builds, tick_cost
+from ..building import images
+from ..building.board_files import ROOT
 from ..errors import Command
-from ..files import ROOT
+from . import tick_cost
 from .figures import TRUST, table
 from .loops import loop_table, loops
 from .measure import measure
@@ -35,7 +36,7 @@ def main(
     if not console.is_terminal:
         console.width = _WIDTH
     console.print("making the frozen image, if it is not there (two minutes)")
-    builds.frozen()
+    images.frozen()
     began = time.monotonic()
 
     def run(cache: bool) -> dict[str, float]:

@@ -218,6 +218,7 @@ TRUST = (
     "Computing times of the emulator have been checked against a real board only "
     "by MicroPython's own benchmarks: they run at 0.91 of the speed published for a Pico, "
     "at 1.12 without cache misses, single ones at 0.6 to 1.26 (make emulator-measure, "
-    "tools/emulator/README.md). Take what rests on computing time as right to about 20 %. "
+    "tools/framestep_emulator/README.md). Take what rests on computing time as right to about "
+    "20 %. "
     "Edges are exact to the clock cycle of the model of the PIO."
 )

@@ -5,7 +5,8 @@ import numpy as np
 from framestep.motion import stepper
 from framestep.protocol import messages
 
-from ..client import Client
+from ..client.client import Client
+from ..judge.virtual_reference import Rig
 from ..payloads import (
     GioOut,
     Hi,
@@ -28,7 +29,6 @@ from ..payloads import (
     VirtMove,
     VirtStop,
 )
-from ..virtual_reference import Rig
 from .moves import MOTORS
 from .session import Session
 

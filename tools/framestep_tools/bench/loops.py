@@ -4,8 +4,8 @@ from rich.table import Table
 
 from framestep.motion import stepper
 
-from ..boards import EmulatedBoard
 from ..payloads import RtEnd, RtGo
+from ..simulator.boards import EmulatedBoard
 from .moves import STEADY_RATES, mixed_move
 from .session import Session
 

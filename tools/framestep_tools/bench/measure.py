@@ -8,9 +8,10 @@ import numpy as np
 
 from framestep.protocol import messages
 
-from ..boards import EmulatedBoard
-from ..client import Client, upload_requests
+from ..client.client import Client, upload_requests
+from ..client.wire import encode
 from ..errors import ToolError
+from ..judge.virtual_reference import Axis, Rig
 from ..payloads import (
     Ack,
     Hi,
@@ -33,14 +34,13 @@ from ..payloads import (
     VirtMove,
     VirtStop,
 )
-from ..virtual_cost import virtual_update_us
-from ..virtual_reference import Axis, Rig
-from ..wire import encode
+from ..simulator.boards import EmulatedBoard
 from .figures import FIGURES
 from .late import worst_late_us
 from .moves import MOTORS, STEADY_RATES, STEEPEST, WINDOW, mixed_move, steady_move
 from .session import Session
 from .smoothness import unrest_ratios
+from .virtual_cost import virtual_update_us
 
 _CHANNELS = 512
 LEVELS_AT_ONCE = 1000

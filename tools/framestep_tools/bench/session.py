@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..boards import EmulatedBoard, LockstepPort
-from ..client import Client
+from ..client.client import Client
 from ..errors import ToolError
-from ..judge import Limits, Verdict, judge
+from ..judge.judge import Limits, Verdict, judge
+from ..judge.reference import Reference
+from ..judge.trace import Trace
 from ..payloads import (
     DeviceInfo,
     HardStop,
@@ -20,8 +21,7 @@ from ..payloads import (
     RtGo,
     RtRunMove,
 )
-from ..reference import Reference
-from ..trace import Trace
+from ..simulator.boards import EmulatedBoard, LockstepPort
 from .moves import FPS, ROLL_MS, STEEPEST, WINDOW
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..boards import EmulatedBoard
 from ..errors import ToolError
-from ..judge import frame_times_ns, judge
+from ..judge.judge import frame_times_ns, judge
+from ..judge.ripple import Unrest, origins_ns, unrest
+from ..judge.trace import Trace
 from ..payloads import RtEnd, RtGo
-from ..trace import Trace
-from ..unrest import Unrest, origins_ns, unrest
+from ..simulator.boards import EmulatedBoard
 from .moves import UNREST_FRAMES, UNREST_RATES, unrest_paths
 from .session import Session
 

@@ -36,18 +36,18 @@ def install(
 
     Then ask it who it is.
     """
-    from .. import drives, install
-    from ..drives import DriveError
-    from ..files import board_data
+    from ..board import bootsel_drive, install
+    from ..board.bootsel_drive import DriveError
+    from ..building.board_files import board_data
 
     if board:
         board_data(board)  # there is one of this name
     if drive is None:
-        found = drives.wait(_say, install.DRIVE_S)
+        found = bootsel_drive.wait(_say, install.DRIVE_S)
     else:
-        known = drives.look(drive)
+        known = bootsel_drive.look(drive)
         if known is None:
-            raise DriveError(f"{drive} is no board's drive: {drives.PRESS}")
+            raise DriveError(f"{drive} is no board's drive: {bootsel_drive.PRESS}")
         found = known
     wanted = install.board_on(found, board)
     content = install.read(image) if image else install.image_of(wanted)
@@ -73,7 +73,7 @@ def flash(
 
     rig.json and other files of yours stay.
     """
-    from ..overlay import flash_overlay
+    from ..board.overlay import flash_overlay
 
     flash_overlay(port, protocol, clean, _say)
 

@@ -11,7 +11,7 @@ from .common import Json, extra, put, say_json, talking
 from .moves import FirstFrame, Fps, LastFrame, MoveFile, Postroll, Preroll, Reverse, fits, section
 
 if TYPE_CHECKING:
-    from ..move_check import Device, Setting
+    from ..move.move_check import Device, Setting
 
 _LIMITS = re.compile(r"(?P<motor>\d+)=(?P<lower>-?\d+)?:(?P<upper>-?\d+)?")
 _VALUE = re.compile(r"(?:(?P<motor>\d+)=)?(?P<value>\d+)")
@@ -65,17 +65,17 @@ def check(
     from framestep.protocol.messages import RUN_LOOP, RUN_PING_PONG
     from framestep.rig import RigError
 
+    from ..building.board_files import board_data
     from ..errors import DONE, FAILED, REFUSED, ToolError
-    from ..files import board_data
-    from ..move_file import or_example, read_move
+    from ..move.move_file import or_example, read_move
     from ..payloads import RtRunMove
 
     if loop and ping_pong:
         raise typer.BadParameter("--loop and --ping-pong do not go together")
     if plot and plot.suffix.lower() not in _ENDINGS:
         raise ToolError(f"{plot}: a picture is one of {', '.join(_ENDINGS)}")
-    from .. import check_plot, move_check
-    from ..boards import read_rig
+    from ..move import check_plot, move_check
+    from ..simulator.boards import read_rig
 
     if plot:
         with extra("a picture"):
@@ -117,7 +117,7 @@ def _of_device(
     url: str, motors: list[int], settings: "dict[int, Setting]", asked: "Device"
 ) -> "tuple[dict[int, Setting], Device]":
     """What a device has set for its motors, and how many motors and frames it has."""
-    from ..move_check import settings_of
+    from ..move.move_check import settings_of
 
     with talking(url) as client:
         info = client.info or client.greet()

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
-    from ..client import Client
+    from ..client.client import Client
 
 STOP_TIME_S = 60.0
 _OFFER_S = 0.5  # for a program that has just opened the port to let others through
@@ -116,13 +116,13 @@ def say_json(found: Any) -> None:
 @contextmanager
 def talking(device: str | None) -> "Iterator[Client]":
     """A client of the device, or of the only board, which has told who it is."""
-    from .. import ports
-    from ..client import RequestRefused, WrongPort
-    from ..opening import is_socket
+    from ..client import port_finder
+    from ..client.client import RequestRefused, WrongPort
+    from ..client.open_port import is_socket
 
-    url = device or ports.protocol_port()
-    if device and not is_socket(device) and ports.is_repl(device):
-        right = ports.protocol_of(device)
+    url = device or port_finder.protocol_port()
+    if device and not is_socket(device) and port_finder.is_repl(device):
+        right = port_finder.protocol_of(device)
         raise WrongPort(
             f"{device} is the REPL of its board; "
             f"the protocol's port is {right}: name that one, or none"
@@ -131,7 +131,7 @@ def talking(device: str | None) -> "Iterator[Client]":
         try:
             yield client
         except RequestRefused as error:
-            from ..refusals import explain
+            from ..client.refusals import explain
 
             raise explain(client, error) from None
         finally:
@@ -142,9 +142,9 @@ def talking(device: str | None) -> "Iterator[Client]":
 def _greeted(url: str) -> "Client":
     """A client that has greeted the device: at its port, or through the program that has the
     port."""
-    from .. import door
-    from ..client import BrokenOff, Client, NoAnswer
-    from ..opening import PortBusy, is_socket
+    from ..client import shared_port
+    from ..client.client import BrokenOff, Client, NoAnswer
+    from ..client.open_port import PortBusy, is_socket
 
     # A second connection to a socket is closed, which a program behind it need not notice.
     if is_socket(url) and (client := _through(url)):
@@ -163,20 +163,22 @@ def _greeted(url: str) -> "Client":
         while not (through := _through(url)):
             if time.monotonic() > end:
                 raise
-            time.sleep(door.LOOK_S)
+            time.sleep(shared_port.LOOK_S)
         return through
     with suppress(OSError):  # then no other program comes through
-        client.door = door.Door(client, url, f"{SpokenCommand.under_way} (process {os.getpid()})")
+        client.door = shared_port.Door(
+            client, url, f"{SpokenCommand.under_way} (process {os.getpid()})"
+        )
     return client
 
 
 def _through(url: str) -> "Client | None":
     """A client that reaches the device through the program that has its port, if there is one."""
-    from .. import door
-    from ..client import DEFAULT_TIMEOUT_S, Client
+    from ..client import shared_port
+    from ..client.client import DEFAULT_TIMEOUT_S, Client
 
-    found = door.find(url)
-    port = found and door.enter(found, DEFAULT_TIMEOUT_S)
+    found = shared_port.find(url)
+    port = found and shared_port.enter(found, DEFAULT_TIMEOUT_S)
     if not (found and port):
         return None
     print(f"through {found.who}, which has {url}", file=sys.stderr, flush=True)
@@ -209,7 +211,7 @@ def moving(device: str | None) -> "Iterator[Client]":
 def _stop(client: "Client") -> None:
     """All motors come to rest, and it is said where. A further Ctrl-C: harder; one more leaves it
     to the controller, which stops them."""
-    from ..client import NoAnswer
+    from ..client.client import NoAnswer
     from ..payloads import MotorStatus, MotorStopAll
 
     for text, times in (("stopping; Ctrl-C once more stops harder", 1), ("stopping harder", 2)):

@@ -50,16 +50,16 @@ def conform(
     """Check a device against the protocol's specification. Motors move a little, slowly."""
     import json as files
 
-    from .. import ports
-    from ..client import BrokenOff
+    from ..board.repl_device import PATIENCE
+    from ..client import port_finder
+    from ..client.client import BrokenOff
+    from ..client.open_port import close_port, open_port
     from ..conform import kit, report, spec
     from ..conform.bench import Bench
     from ..conform.link import Failed, Link
     from ..conform.pace import HoldUps, PacedPort
     from ..conform.trace_tail import TraceTail
-    from ..device import PATIENCE
     from ..errors import ToolError
-    from ..opening import close_port, open_port
 
     if not 0 < speed <= _FASTEST:
         raise typer.BadParameter(f"--speed is more than 0 and at most {_FASTEST}, found {speed:g}")
@@ -84,7 +84,7 @@ def conform(
         if not json and result.verdict not in (kit.PASSED, kit.LEFT_OUT):
             print(report.line(result), flush=True)
 
-    url = device or ports.protocol_port()
+    url = device or port_finder.protocol_port()
     results: list[kit.Result] = []
     port = open_port(url, 1)
     link = Link(PacedPort(port, speed) if speed != 1 else port, PATIENCE)

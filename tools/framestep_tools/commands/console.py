@@ -47,12 +47,13 @@ def console(
 
         print(f"{page_files.save(save)} files are in {save}")
         return
-    from .. import ports
-    from ..client import Client
+    from ..client import port_finder
+    from ..client.client import Client
 
     if demo and device:
         raise typer.BadParameter("--demo simulates a device, so it takes no other one")
-    with _simulated() if demo else contextlib.nullcontext(device or ports.protocol_port()) as url:
+    found = _simulated() if demo else contextlib.nullcontext(device or port_finder.protocol_port())
+    with found as url:
         with Client.open(url) as client:
             client.greet()  # a wrong port is told here, not on the page
         # a second Ctrl-C while motors ramp down: the controller stops them when its port closes
@@ -63,10 +64,10 @@ def console(
 @contextlib.contextmanager
 def _simulated() -> Iterator[str]:
     """The address of a simulated board, with the example rig of a Pico."""
-    from ..boards import SimulatedBoard, read_rig
-    from ..home import BOARDS
-    from ..serve import Server
-    from ..tcp_port import SCHEME
+    from ..client.tcp_port import SCHEME
+    from ..paths import BOARDS
+    from ..simulator.boards import SimulatedBoard, read_rig
+    from ..simulator.serve import Server
 
     board = SimulatedBoard(read_rig(BOARDS / "pico" / "rig.json"))
     board.wire_switches()
@@ -88,18 +89,20 @@ def _simulated() -> Iterator[str]:
 
 def _repl_of(url: str) -> str | None:
     """The REPL's port of the board that has this one, if the system knows it."""
-    from .. import ports
-    from ..opening import is_socket
+    from ..client import port_finder
+    from ..client.open_port import is_socket
 
     if is_socket(url):
         return None
-    return next((each.path for each in ports.siblings(url) if each.use == ports.REPL), None)
+    return next(
+        (each.path for each in port_finder.siblings(url) if each.use == port_finder.REPL), None
+    )
 
 
 async def _serve(url: str, repl: str | None, port: int, browser: bool) -> None:
+    from ..client.open_port import open_port
     from ..console.board_work import BoardWork
     from ..console.server import ConsoleServer
-    from ..opening import open_port
 
     server = ConsoleServer(lambda: open_port(url, _OPEN_S), url, BoardWork(repl, url))
     await server.start(port)

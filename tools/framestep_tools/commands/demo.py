@@ -18,12 +18,12 @@ def demo(
     ),
 ) -> int:
     """Play a camera move on a simulated board and check every edge."""
-    from ..move_file import CAMERA_MOVE
+    from ..move.move_file import CAMERA_MOVE
 
     with extra("the demo"):
         import matplotlib  # noqa: F401
 
-        from ..demo import BoardKind, main
+        from ..judge.demo import BoardKind, main
     return main(BoardKind.HOST, fps, move or CAMERA_MOVE, out)
 
 

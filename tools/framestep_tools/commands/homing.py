@@ -7,7 +7,7 @@ import typer
 from .common import Url, moving
 
 if TYPE_CHECKING:
-    from ..client import Client
+    from ..client.client import Client
 
 
 def home(
@@ -39,7 +39,7 @@ def _tell(client: "Client", motors: list[int]) -> None:
     from framestep import texts
     from framestep.motors.positions import HOMED, HOMING
 
-    from .. import state
+    from ..client import state
     from ..payloads import GetCondition, MotorGetPosition
 
     steps = client.request(MotorGetPosition()).steps

@@ -23,7 +23,7 @@ from .common import (
 from .homing import home
 
 if TYPE_CHECKING:
-    from ..client import Client
+    from ..client.client import Client
 
 JOG_REPEAT_S = 0.2  # a jog ends by itself when it is not repeated (field note 4.2)
 WATCH_S = 0.2  # from one look to the next
@@ -38,7 +38,7 @@ def status(
     ] = False,
 ) -> None:
     """Say who the device is, where its motors are and what moves."""
-    from .. import state
+    from ..client import state
 
     with talking(device) as client:
         _show(client, json, watch, state.ask, state.for_programs, state.lines, state.table)
@@ -52,7 +52,7 @@ def switches(
     ] = False,
 ) -> None:
     """Show E-stop, limit switches and inputs as the board sees them."""
-    from .. import switches
+    from ..client import switches
 
     with talking(device) as client:
         _show(
@@ -118,7 +118,7 @@ def move(
 
 def _arrived(client: "Client", motor: int, position: int | None = None) -> None:
     """Say where a motor is; where it ought to be elsewhere, why it is not."""
-    from .. import state
+    from ..client import state
 
     found = state.position(client, motor)
     if position is not None and found != position:
@@ -150,7 +150,7 @@ def jog(
 
 def _stands(client: "Client", motor: int) -> int:
     """Where a motor is. What has stopped motors before counts no more."""
-    from .. import state
+    from ..client import state
 
     found = state.position(client, motor)
     client.events.clear()
@@ -159,7 +159,7 @@ def _stands(client: "Client", motor: int) -> int:
 
 def _jog(client: "Client", motor: int, destination: int, speed: int, seconds: float) -> None:
     """Jog until a motor is there, at most for so long; Stopped if anything else has stopped it."""
-    from .. import state
+    from ..client import state
     from ..payloads import MotorJog, MotorStop
 
     end = time.monotonic() + seconds
@@ -221,7 +221,7 @@ class NotStopped(ToolError):
 
 def _stop(device: str | None, motor: int | None, hard: bool) -> str:
     """Stop one motor or all and wait until they are at rest; says where they are then."""
-    from ..client import BrokenOff
+    from ..client.client import BrokenOff
     from ..payloads import MotorStatus, MotorStop, MotorStopAll
 
     moved: set[int] = set()
@@ -247,8 +247,8 @@ def _stop(device: str | None, motor: int | None, hard: bool) -> str:
 def _stopped_after_the_other(device: str | None, moved: set[int]) -> str:
     """The same once the program between has ended, as it does when its motors have stopped. It may
     take a moment to let go of the port."""
-    from ..client import BrokenOff
-    from ..opening import PortBusy
+    from ..client.client import BrokenOff
+    from ..client.open_port import PortBusy
 
     end = time.monotonic() + LEAVE_S
     while True:

@@ -16,7 +16,7 @@ Axes = Annotated[
 
 
 def _format(name: str | None) -> str | None:
-    from ..move_formats import FORMATS
+    from ..move.move_formats import FORMATS
 
     if name is not None and name not in FORMATS:
         raise typer.BadParameter(f"{name!r} is not one of {', '.join(FORMATS)}")
@@ -45,11 +45,11 @@ def import_move(
     ] = None,
 ) -> None:
     """Make a move in steps of another program's file."""
-    from ..axes_file import read_axes
     from ..errors import ToolError
-    from ..move_conversion import to_move
-    from ..move_file import text_of, write_move
-    from ..move_formats import FORMATS, of_content
+    from ..move.axes_file import read_axes
+    from ..move.move_conversion import to_move
+    from ..move.move_file import text_of, write_move
+    from ..move.move_formats import FORMATS, of_content
 
     _not_itself(file, output)
     text = text_of(file)
@@ -90,10 +90,10 @@ def export_move(
     ] = None,
 ) -> None:
     """Write a move in steps as another program's file."""
-    from ..axes_file import read_axes
-    from ..move_conversion import to_table
-    from ..move_file import or_example, read_move, write_text
-    from ..move_formats import FORMATS, of_name
+    from ..move.axes_file import read_axes
+    from ..move.move_conversion import to_table
+    from ..move.move_file import or_example, read_move, write_text
+    from ..move.move_formats import FORMATS, of_name
 
     _not_itself(move, output)
     chosen = FORMATS[file_format] if file_format else of_name(output)

@@ -10,11 +10,11 @@ import typer
 from .common import Url, moving, put, talking
 
 if TYPE_CHECKING:
-    from ..client import Client
-    from ..light_file import Lights
-    from ..move_file import Move
+    from ..client.client import Client
+    from ..move.light_file import Lights
+    from ..move.move_file import Move
+    from ..move.shoot import Shots
     from ..payloads import Request, RtRunMove
-    from ..shoot import Shots
 
 UPLOAD_WINDOW = 4
 
@@ -78,8 +78,8 @@ def upload(file: MoveFile, device: Url = None, dmx: LightFile = None) -> None:
 
 def read_files(file: Path, dmx: Path | None) -> "tuple[Move, Lights | None]":
     """A move, or the example of that name, and its lights; MoveFileError."""
-    from ..light_file import read_lights
-    from ..move_file import or_example, read_move
+    from ..move.light_file import read_lights
+    from ..move.move_file import or_example, read_move
 
     return read_move(or_example(file)), read_lights(dmx) if dmx else None
 
@@ -113,7 +113,7 @@ def both_or_neither(velocity: int | None, acceleration: int | None) -> None:
 
 def fits(request: "Request") -> None:
     """BadRequest if a value does not fit into its message; before anything is sent."""
-    from ..client import BadRequest
+    from ..client.client import BadRequest
 
     try:
         request.pack()
@@ -123,7 +123,7 @@ def fits(request: "Request") -> None:
 
 def section(content: "Move", first: int | None, last: int | None, reverse: bool) -> tuple[int, int]:
     """The first and the last scene frame of a play; MoveFileError for one outside of the move."""
-    from ..move_file import MoveFileError
+    from ..move.move_file import MoveFileError
 
     begin = content.start_frame if first is None else first
     end = content.end_frame if last is None else last
@@ -229,8 +229,8 @@ def _has_output(client: "Client", output: int) -> None:
 def _run(client: "Client", content: "Move", run: "RtRunMove") -> None:
     from rich.console import Console
 
-    from ..move_display import MoveDisplay
-    from ..play import play
+    from ..move.move_display import MoveDisplay
+    from ..move.play import play
 
     console = Console(highlight=False)
     display = MoveDisplay(content.names, run.start_frame, run.end_frame, console, quiet=True)
@@ -285,7 +285,7 @@ def shoot(
 ) -> None:
     """Shoot frames one by one with the motors in motion (go-motion), shutter and meter outputs with
     them. Ctrl-C brings the motors to rest softly, a second one harder, and tells what is shot."""
-    from ..shoot import Shots, frames_of, spans
+    from ..move.shoot import Shots, frames_of, spans
 
     both_or_neither(velocity, acceleration)
     for option, given in (
@@ -337,8 +337,8 @@ def _motors(content: "Move", text: str | None) -> list[int]:
 def _shoot(client: "Client", wanted: list[int], shots: "Shots", done: list[int]) -> None:
     from rich.console import Console
 
-    from ..move_display import ShotDisplay
-    from ..shoot import shoot
+    from ..move.move_display import ShotDisplay
+    from ..move.shoot import shoot
 
     info = client.info or client.greet()
     names = shots.move.names if shots.move else {i: "" for i in range(1, info.motors + 1)}

@@ -47,8 +47,8 @@ def prove(
         from ..prove.board import real
         from ..prove.work import Options
         from ..prove.work import prove as measure
+    from ..building.board_files import board_data
     from ..errors import ToolError
-    from ..files import board_data
 
     if board:
         board_data(board)  # there is one of this name

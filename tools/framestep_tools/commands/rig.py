@@ -19,8 +19,8 @@ def rig_check(
     json: Json = False,
 ) -> None:
     """Read a rig file as a board does; say what is wrong with it."""
-    from .. import rig_file
-    from ..files import board_data
+    from ..board import rig_file
+    from ..building.board_files import board_data
 
     content = rig_file.content_of(file)
     comments = rig_file.for_board(content) != content
@@ -70,8 +70,8 @@ def rig_edit(
 
     Then the board restarts.
     """
-    from .. import rig_file
-    from ..device import Device
+    from ..board import rig_file
+    from ..board.repl_device import Device
 
     rig_file.edit(Device(port), protocol, file)
 
@@ -81,17 +81,17 @@ def rig_example(
     board: Annotated[str, typer.Option(help="the board that it is for")] = "pico",
 ) -> None:
     """Print a board's example rig file, to begin with."""
-    from .. import home
-    from ..files import board_data
+    from .. import paths
+    from ..building.board_files import board_data
 
     board_data(board)  # is there such a board?
-    print((home.BOARDS / board / "rig.json").read_text(encoding="utf-8"), end="")
+    print((paths.BOARDS / board / "rig.json").read_text(encoding="utf-8"), end="")
 
 
 @rig.command("schema")
 def rig_schema() -> None:
     """Print the rig file's JSON Schema, for an editor that checks it."""
-    from .. import rig_schema
+    from ..documents import rig_schema
 
     print(rig_schema.text(), end="")
 

@@ -59,10 +59,10 @@ def sim(
     """
     from framestep.rig import RigError
 
-    from ..boards import SimulatedBoard, read_rig
+    from ..client.pty_port import can_make_one
     from ..errors import ToolError
-    from ..pty_link import can_make_one
-    from ..serve import Server, parse_speed
+    from ..simulator.boards import SimulatedBoard, read_rig
+    from ..simulator.serve import Server, parse_speed
 
     pace = parse_speed(speed)
     if tcp is None and not can_make_one():
@@ -73,7 +73,7 @@ def sim(
         raise ToolError(f"{rig}: {error}") from None
     simulated.wire_switches()
     if not plain and _takes_a_view():
-        from ..live import LiveServer
+        from ..simulator.live import LiveServer
 
         server: Server = LiveServer(simulated, pace, tcp, trace)
     else:

@@ -11,7 +11,7 @@ import typer
 from .common import extra, put
 
 if TYPE_CHECKING:
-    from ..trace import Trace
+    from ..judge.trace import Trace
 
 _ENDINGS = (".png", ".svg", ".pdf")
 
@@ -25,7 +25,7 @@ File = Annotated[
 
 def _read(trace: Path) -> "Trace":
     from ..errors import ToolError
-    from ..trace import Trace
+    from ..judge.trace import Trace
 
     try:
         return Trace.read(trace)
@@ -59,7 +59,7 @@ def vcd(
 ) -> None:
     """Make a trace a VCD file, which GTKWave and PulseView open."""
     with extra("a VCD file"):
-        from ..vcd import write
+        from ..judge.vcd import write
 
     read = _read(trace)
     target = out or trace.with_suffix(".vcd")
@@ -87,7 +87,7 @@ def plot(
     with extra("a picture"):
         import matplotlib  # noqa: F401
 
-        from ..plots import plot_trace
+        from ..judge.plots import plot_trace
 
     read = _read(trace)
     if not read.signals:

@@ -28,7 +28,7 @@ def sniff(
 ) -> None:
     """Show protocol traffic frame by frame, from a capture or a log or live."""
     from ..errors import ToolError
-    from ..sniffer import read_capture
+    from ..traffic.sniffer import read_capture
 
     if (capture is None) == (device is None):
         raise typer.BadParameter("name either a capture file or a --device to listen to")
@@ -46,11 +46,11 @@ def sniff(
 
 
 def _listen(device: str, log: Path | None) -> None:
-    from ..client import DEFAULT_TIMEOUT_S, BrokenOff
-    from ..opening import close_port, open_port
-    from ..pty_link import PtyLink
-    from ..sniffer import Relay, Tally, timed
-    from ..traffic_log import Entry, Recorder
+    from ..client.client import DEFAULT_TIMEOUT_S, BrokenOff
+    from ..client.open_port import close_port, open_port
+    from ..client.pty_port import PtyLink
+    from ..traffic.log import Entry, Recorder
+    from ..traffic.sniffer import Relay, Tally, timed
 
     def open_device() -> Any:
         return open_port(device, DEFAULT_TIMEOUT_S)
@@ -88,8 +88,8 @@ def _listen(device: str, log: Path | None) -> None:
 
 def _log_writer(path: Path, subject: str) -> Any:
     from ..errors import ToolError
-    from ..sniffer import describe_entry
-    from ..traffic_log import LogWriter
+    from ..traffic.log import LogWriter
+    from ..traffic.sniffer import describe_entry
 
     try:
         file = open(path, "w")  # noqa: SIM115 - written to until the program ends
@@ -136,19 +136,19 @@ def replay(
     Compared by kind only: positions under way, MOTOR_STATUS, inputs, a device's name, version and
     memory. Ctrl-C closes the port, which stops what moves.
     """
-    from .. import ports
-    from ..client import DEFAULT_TIMEOUT_S, BrokenOff, Client
+    from ..client import port_finder
+    from ..client.client import DEFAULT_TIMEOUT_S, BrokenOff, Client
+    from ..client.open_port import open_port
     from ..errors import ToolError
-    from ..opening import open_port
-    from ..replay import Replay
-    from ..traffic_compare import Rules, differences, names_known
-    from ..traffic_log import HOST, read
+    from ..traffic.compare import Rules, differences, names_known
+    from ..traffic.log import HOST, read
+    from ..traffic.replay import Replay
 
     entries = read(str(log))
     if not any(entry.who == HOST for entry in entries):
         raise ToolError(f"the log {log} has nothing that a host has sent")
     ignored = names_known(ignore or [])
-    url = target or device or ports.protocol_port()
+    url = target or device or port_finder.protocol_port()
     with Client.open(url) as client:  # somebody who speaks this protocol, before bytes are sent
         client.greet()
     writer = _log_writer(record, f"a replay of {log.name} on {url}") if record else None
@@ -184,7 +184,7 @@ def ports(
     ] = False,
 ) -> None:
     """List the boards' ports, and what each is for; none is opened."""
-    from ..ports import GET, OTHER, listed
+    from ..client.port_finder import GET, OTHER, listed
 
     found = [port for port in listed() if everything or port.use != OTHER]
     if json:

@@ -33,7 +33,7 @@ def virtual(
 
     The host has configured them.
     """
-    from .. import state
+    from ..client import state
     from ..payloads import VirtGetPosition, VirtMove
 
     if axis is not None and position is None:

@@ -5,7 +5,7 @@ import math
 import struct
 from typing import Any, NamedTuple, Protocol
 
-from ..trace import Edge
+from ..judge.trace import Edge
 from . import spec
 from .link import Failed, Link, Reply
 from .pace import HoldUps

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..wire import Frame
+from ..client.wire import Frame
 from . import spec
 from .spoiled import Behaviour
 

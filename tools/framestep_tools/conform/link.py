@@ -3,7 +3,7 @@
 import time
 from typing import Any, NamedTuple
 
-from ..wire import Frame, FrameDecoder, encode
+from ..client.wire import Frame, FrameDecoder, encode
 
 _READ = 4096
 _GRAIN_S = 1e-6

@@ -8,8 +8,8 @@ before there were checks of these subjects.
 import struct
 from collections.abc import Callable
 
-from ..trace import Edge
-from ..wire import Frame
+from ..client.wire import Frame
+from ..judge.trace import Edge
 from . import spec
 from .faults import Fault
 from .spoiled import Behaviour

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ..boards import LockstepPort, SimulatedBoard
-from ..trace import Edge
+from ..judge.trace import Edge
+from ..simulator.boards import LockstepPort, SimulatedBoard
 from . import kit
 from .bench import Bench
 from .kit import Result

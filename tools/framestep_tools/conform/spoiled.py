@@ -5,8 +5,8 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from ..trace import Edge
-from ..wire import Frame, FrameDecoder, encode
+from ..client.wire import Frame, FrameDecoder, encode
+from ..judge.trace import Edge
 from . import spec
 
 _OWN = 0xEE00_0000  # IDs of requests that the fault makes itself

@@ -4,7 +4,7 @@ import collections
 import struct
 from collections.abc import Callable
 
-from ..wire import Frame
+from ..client.wire import Frame
 from . import spec
 from .faults import Fault
 from .spoiled import Behaviour, asked, field

@@ -5,7 +5,7 @@ import os
 import time
 from pathlib import Path
 
-from ..trace import HEADER, Edge, TraceError
+from ..judge.trace import HEADER, Edge, TraceError
 
 _WRITTEN_S = 0.3  # after so long an edge is in the file
 

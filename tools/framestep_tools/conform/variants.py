@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from ..trace import Edge
-from ..wire import Frame
+from ..client.wire import Frame
+from ..judge.trace import Edge
 from . import spec
 from .spoiled import Behaviour
 

@@ -1,7 +1,7 @@
 """What the page asks of the board's other port, the REPL: its rig file, and what a tick costs.
 
-Everything goes through framestep_tools.device, which resets nothing while motors move. The methods
-of BoardWork block, one at a time; ToolError says what is wrong.
+Everything goes through framestep_tools.board.repl_device, which resets nothing while motors
+move. The methods of BoardWork block, one at a time; ToolError says what is wrong.
 """
 
 import contextlib
@@ -10,11 +10,11 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from .. import rig_file
-from ..device import RIG_FILE, Device, Moving
+from ..board import rig_file
+from ..board.repl_device import RIG_FILE, Device, Moving
+from ..board.restart import greeting
+from ..board.rig_change import RigChange
 from ..errors import ToolError
-from ..restart import greeting
-from ..rig_change import RigChange
 from .scripts import LIVE, LIVE_BEGIN, LIVE_END, LOAD
 
 

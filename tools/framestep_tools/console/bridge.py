@@ -4,8 +4,8 @@ A jog lasts as long as the page repeats it. The page that has gone cannot say st
 does: it reads in the requests which motors are being jogged. Whether anything else may go on
 without the page, the page has said before.
 
-Other programs come in by a door (framestep_tools.door), as with any program of framestep that has a
-port: `framestep stop` stops what the page moves.
+Other programs share the port (framestep_tools.client.shared_port), as with any program of framestep
+that has one: `framestep stop` stops what the page moves.
 """
 
 import asyncio
@@ -18,9 +18,10 @@ from typing import Any
 
 from framestep.protocol import messages
 
-from ..client import BrokenOff
-from ..door import Door
-from ..opening import close_port, is_socket
+from ..client.client import BrokenOff
+from ..client.open_port import close_port, is_socket
+from ..client.shared_port import Door
+from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import (
     Ack,
     MotorJog,
@@ -34,7 +35,6 @@ from ..payloads import (
     VirtJogOnLine,
     VirtStop,
 )
-from ..wire import Frame, FrameDecoder, encode
 
 _LOOK_S = 0.05  # how long the reader waits for a byte before it looks whether it is to end
 _ANSWER_S = 5.0

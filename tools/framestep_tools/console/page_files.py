@@ -12,7 +12,8 @@ from typing import Any
 from framestep import texts
 from framestep.protocol import messages
 
-from .. import home, payloads, rig_schema
+from .. import paths, payloads
+from ..documents import rig_schema
 from ..errors import ToolError
 from ..payloads import Ack, Payload, RtUploadMoveAxis
 from ..payloads.codec import layout
@@ -60,7 +61,7 @@ def save(folder: Path) -> int:
 def protocol_js() -> str:
     """The module of numbers, payloads and texts."""
     parts = {
-        "VERSION": home.version(),
+        "VERSION": paths.version(),
         "M": _numbers(),
         "LAST_SECTION": payloads.LAST_SECTION,
         "REQUESTS": {

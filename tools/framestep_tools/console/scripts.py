@@ -5,7 +5,7 @@ What they have to say is behind the last \\x02 of what they print. A `text` is i
 that name on the board.
 """
 
-from ..device import RIG_FILE, STATE, STOP
+from ..board.repl_device import RIG_FILE, STATE, STOP
 
 LOAD = """
 import framestep.repl

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from .. import builds
+from ..building import images
+from ..building.board_files import ROOT, board_data
 from ..errors import Command, ToolError
-from ..files import ROOT, board_data
 from . import report
 from .board import EMULATED_CHIP, emulated
 from .work import Options, prove
@@ -31,7 +31,7 @@ def main(
     data = board_data(board)
     if data["chip"] != EMULATED_CHIP:
         raise ToolError(f"{data['name']} is not emulated: its chip is {data['chip']}")
-    builds.frozen(board)
+    images.frozen(board)
     with emulated(("--chip", chip), board) as measured:
         beside = {} if renew else report.emulated_boards()
         found = prove(measured, Options(short=short), beside, print)

@@ -9,9 +9,9 @@ from typing import Any
 
 from framestep.protocol.messages import CONDITION_OVERLAY
 
-from ..client import Client
+from ..building.board_files import board_data
+from ..client.client import Client
 from ..errors import ToolError
-from ..files import board_data
 from ..payloads import DeviceInfo, GetCondition, Hi
 from .chips import CHIPS
 from .instrument import Instrument
@@ -125,7 +125,7 @@ def emulated(
     args: tuple[str, ...] = (), board: str = "pico", rig: Mapping[str, Any] | None = None
 ) -> Iterator[Board]:
     """An emulated board with its frozen image. args: of the emulator."""
-    from ..boards import EmulatedBoard, LockstepPort
+    from ..simulator.boards import EmulatedBoard, LockstepPort
 
     settings = emulated_rig(board) if rig is None else rig
     with EmulatedBoard(settings, trace=False, board=board, args=args) as chip:
@@ -155,16 +155,18 @@ def real(
 ) -> Iterator[Board]:
     """The board on USB. device: the protocol's port, port: the REPL's, where they are not found;
     expected: as Board has it."""
-    from .. import ports
+    from ..board.repl_device import RIG_FILE, Device
+    from ..board.rig_file import parse
+    from ..client import port_finder
     from ..commands.common import talking
-    from ..device import RIG_FILE, Device
-    from ..rig_file import parse
 
     if port is None and device is not None:
-        port = next((p.path for p in ports.siblings(device) if p.use == ports.REPL), None)
-    named = port or device or ports.repl_port()
-    known = ports.known(named)
-    if known and known.use == ports.SINGLE:  # a Ctrl-C would end framestep there
+        port = next(
+            (p.path for p in port_finder.siblings(device) if p.use == port_finder.REPL), None
+        )
+    named = port or device or port_finder.repl_port()
+    known = port_finder.known(named)
+    if known and known.use == port_finder.SINGLE:  # a Ctrl-C would end framestep there
         raise ToolError(f"{named}: {_TWO_PORTS}")
     with Device(port, say) as repl:
         if not repl.state.background:
@@ -176,5 +178,5 @@ def real(
             raise ToolError("motors move, or a run is prepared: stop them first")
         content = repl.read(RIG_FILE)
         rig = parse(content, RIG_FILE) if content else {}
-        with talking(device or ports.protocol_of(repl.path)) as client:
+        with talking(device or port_finder.protocol_of(repl.path)) as client:
             yield Board(client, repl.run, rig, client.name, expected)

@@ -11,10 +11,10 @@ from framestep.protocol.messages import (
     SET_UPPER,
 )
 
-from ..client import Client, RequestRefused
+from ..client.client import Client, RequestRefused
+from ..client.refusals import what_stops
 from ..errors import ToolError
 from ..payloads import GetExceeded, VirtGetPosition
-from ..refusals import what_stops
 
 # How far a motor goes from where it stands: to and fro, so that it stays near
 ROOM_UP, ROOM_DOWN = 150_000, 12_000  # steps

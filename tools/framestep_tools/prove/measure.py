@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 
-from ..client import RequestRefused
+from ..client.client import RequestRefused
 from ..payloads import MotorMove, MotorSetSpeed
 from .check import check
 from .gathering import STEEPEST, WRAP_US, named

@@ -6,12 +6,12 @@ import numpy as np
 
 from ..bench.moves import WINDOW
 from ..bench.session import Played
-from ..client import RequestRefused
+from ..client.client import RequestRefused
 from ..errors import ToolError
-from ..judge import Limits, judge
+from ..judge.judge import Limits, judge
+from ..judge.reference import Reference
+from ..judge.trace import Trace
 from ..payloads import MotorMove, MotorSetSpeed, MotorStopAll, RtEnd, RtGo, RtRunMove
-from ..reference import Reference
-from ..trace import Trace
 from .borrowed import BLOCK_MACHINES
 from .gathering import STEEPEST, WRAP_US, Gathering, named
 from .instrument import Edges

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..bench.moves import WINDOW
-from ..client import upload_requests
+from ..client.client import upload_requests
+from ..client.wire import encode
 from ..errors import ToolError
 from ..payloads import (
     Hi,
@@ -16,7 +17,6 @@ from ..payloads import (
     MotorStatus,
     MotorStopAll,
 )
-from ..wire import encode
 from . import flash
 from .gathering import STEEPEST, Gathering
 

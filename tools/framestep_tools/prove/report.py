@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import ToolError
-from ..home import BOARDS, version
+from ..paths import BOARDS, version
 from .figures import FIGURES, OF_THE_RIG, WORSE
 
 EMULATED = Path(__file__).with_name("emulated.json")

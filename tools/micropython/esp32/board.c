@@ -1,4 +1,4 @@
-// A whole board, driven from outside: framestep_tools.esp32_board. Its program is the firmware as it is; each time that
+// A whole board, driven from outside: framestep_tools.simulator.esp32_board. Its program is the firmware as it is; each time that
 // has nothing to do (machine.idle()) a pass's time goes by, and where the time is reached that was asked for, the next
 // commands are read. A command is a letter and what follows it, lowest byte first:
 //

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...virtual_reference import NAMES, POSE, Axis, Rig, line_direction
+from ...judge.virtual_reference import NAMES, POSE, Axis, Rig, line_direction
 from .. import spec
 from ..bench import Bench
 from ..kit import MUST, SHOULD, Check

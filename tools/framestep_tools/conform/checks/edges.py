@@ -7,7 +7,7 @@ steps more are right.
 
 from itertools import pairwise
 
-from ...trace import Edge
+from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
 from ..kit import MUST, SHOULD, Check

@@ -2,7 +2,7 @@
 
 import struct
 
-from ...wire import encode
+from ...client.wire import encode
 from .. import spec
 from ..bench import Bench
 from ..kit import MUST, READING, SHOULD, Check

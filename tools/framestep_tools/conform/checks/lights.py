@@ -6,7 +6,7 @@ judged."""
 import struct
 from collections.abc import Callable
 
-from ...trace import Edge
+from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
 from ..kit import MUST, Check

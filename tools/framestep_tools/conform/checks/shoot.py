@@ -4,7 +4,7 @@ where they can be seen, by the pins of the camera."""
 import struct
 from typing import NamedTuple
 
-from ...trace import Edge
+from ...judge.trace import Edge
 from .. import spec
 from ..bench import FRAMES, Bench
 from ..kit import MUST, SHOULD, Check

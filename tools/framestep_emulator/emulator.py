@@ -1,0 +1,346 @@
+"""Drive the emulated board from Python.
+
+    from framestep_emulator import Emulator
+
+    with Emulator() as emu:                       # lockstep: time moves only when told
+        repl = emu.repl()
+        print(repl.exec("print(1 + 1)"))
+        emu.trace_start([2, 3])
+        repl.exec("import machine; machine.Pin(2, machine.Pin.OUT).toggle()")
+        edges = emu.trace_read()                  # numpy: t (ns), pin, level
+
+Times are the board's own (virtual) unless a name says otherwise.
+"""
+
+import atexit
+import base64
+import contextlib
+import json
+import os
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from framestep_tools.building import images
+
+from . import image
+from .errors import EmulatorError
+from .ports import PtyBridge, Serial
+from .repl import Repl
+from .trace import edges_from
+
+HERE = Path(__file__).resolve().parent
+# Until a Pico has its second port it takes 1.6 s; drivers to set up add to that
+BOOT_LIMIT_MS = 10_000
+POLL_SECONDS = 0.005  # real time between looks at a board that runs freely
+
+
+def device_file(name):
+    """Text of one of the scripts in device/, which the emulator's own tests run on the board."""
+    return (HERE / "device" / name).read_text()
+
+
+class Emulator:
+    """One emulated board in its own node process.
+
+    firmware    image to put in flash (default: the one tools/micropython/build.sh makes, made if it
+                is missing)
+    files       {device path: bytes or str} for a fresh file system
+    put         {host path: device path} of further files and directories for it
+    fs_image    a ready littlefs image instead of files
+    flash       file that keeps the whole flash from one run to the next
+    lockstep    time moves only in advance() and in reads that wait
+    boot        run until the USB serial port is there (in lockstep)
+    speed       when running freely, never faster than so many times real time
+    tcp         TCP ports on 127.0.0.1 for the USB serial ports; 0 takes a free one, shown in
+                tcp_ports after the start
+    args        further arguments for emu.mjs, e.g. ["--xip-miss", "0"]
+    """
+
+    def __init__(
+        self,
+        firmware=None,
+        files=None,
+        put=None,
+        fs_image=None,
+        flash=None,
+        lockstep=True,
+        boot=True,
+        speed=None,
+        tcp=(0, 0),
+        args=(),
+    ):
+        self.firmware = firmware
+        self.files = files
+        self.put = put
+        self.fs_image = fs_image
+        self.flash = flash
+        self.lockstep = lockstep
+        self.boot = boot
+        self.speed = speed
+        self.tcp_ports = tuple(tcp)
+        self.args = list(args)
+        self.process = None
+        self._temp = None
+        self._ctl = None
+        self._lock = threading.Lock()
+
+    # ------------------------------------------------------------ process
+
+    def __enter__(self):
+        return self.start()
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _image(self, firmware):
+        """Path of the file system image that was asked for, or None."""
+        if self.files is None and not self.put:
+            return self.fs_image
+        if self.fs_image:
+            raise ValueError("fs_image is a whole file system: give either it, or files and put")
+        files = {**image.collect(self.put or {}), **(self.files or {})}
+        self._temp = tempfile.NamedTemporaryFile(suffix=".img")  # noqa: SIM115 -- lives as long as the emulator
+        self._temp.write(image.make_image(files, firmware))
+        self._temp.flush()
+        return self._temp.name
+
+    def start(self):
+        firmware = self.firmware or images.emulator_ready()
+        command = [
+            "node",
+            HERE / "board" / "emu.mjs",
+            "--firmware",
+            firmware,
+            "--ctl",
+            "0",
+            "--exit-with-stdin",
+        ]
+        command += ["--tcp", str(self.tcp_ports[0]), "--tcp2", str(self.tcp_ports[1]), *self.args]
+        if self.lockstep:
+            command.append("--lockstep")
+        if self.speed is not None:
+            command += ["--speed", str(self.speed)]
+        if self.flash:
+            command += ["--flash", self.flash]
+        if fs_image := self._image(firmware):
+            command += ["--fs", fs_image]
+        # closing its standard input ends the emulator even if this process is killed
+        self.process = subprocess.Popen(
+            list(map(os.fspath, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        atexit.register(self.close)
+        try:
+            line = self.process.stdout.readline()
+            if not line:
+                raise EmulatorError(
+                    f"the emulator did not start (exit status {self.process.wait()})"
+                )
+            ready = json.loads(line)
+            self.tcp_ports = (ready["tcp"], ready["tcp2"])
+            self._ctl = socket.create_connection(("127.0.0.1", ready["ctl"]))
+            self._ctl.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._ctl_file = self._ctl.makefile("rwb")
+            if self.boot and self.lockstep:
+                self.wait_usb()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def close(self):
+        atexit.unregister(self.close)
+        process, self.process = self.process, None
+        if process is None:
+            return
+        with contextlib.suppress(Exception):
+            if self._ctl:
+                self._ctl.settimeout(5)
+                self.cmd("quit")
+        with contextlib.suppress(Exception):
+            process.stdin.close()
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdout.close()
+        if self._ctl:
+            self._ctl_file.close()
+            self._ctl.close()
+        if self._temp:
+            self._temp.close()
+
+    def cmd(self, name, **arguments):
+        """Send a control command and return its answer."""
+        with self._lock:
+            self._ctl_file.write(json.dumps({"cmd": name, **arguments}).encode() + b"\n")
+            self._ctl_file.flush()
+            line = self._ctl_file.readline()
+        if not line:
+            raise EmulatorError("the emulator has gone")
+        answer = json.loads(line)
+        if not answer.pop("ok"):
+            raise EmulatorError(f"{name}: {answer['error']}")
+        return answer
+
+    # ------------------------------------------------------------ time
+
+    @property
+    def ns(self):
+        return self.cmd("time")["ns"]
+
+    def advance(self, ms, **until):
+        """Let virtual time pass; stops early with until_rx=port or until_event=type."""
+        return self.cmd("advance", ms=ms, **until)
+
+    def run_until_ns(self, ns):
+        return self.cmd("run_until_ns", ns=ns)
+
+    def wait_event(self, kind, ms):
+        """Run until an event of this kind happens (reset, usb-configured, halt, ...); for
+        lockstep."""
+        self.advance(ms, until_event=kind)
+        if not any(event["type"] == kind for event in self.events()):
+            raise EmulatorError(f"no {kind} within {ms} ms")
+
+    def wait_usb(self, ms=BOOT_LIMIT_MS, after=0, ports=None):
+        """Wait until the host has configured the board's USB device (at `after` ns or later, with
+        so many ports).
+
+        ms is a limit of virtual time.
+        """
+
+        def configured():
+            return [
+                e["ports"]
+                for e in self.events()
+                if e["type"] == "usb-configured" and e["t"] >= after
+            ]
+
+        deadline = self.ns / 1e6 + ms
+        while not (seen := configured()) or ports not in (None, seen[-1]):
+            left = deadline - self.ns / 1e6
+            if left <= 0:
+                raise EmulatorError(
+                    f"no USB device with {ports or 'any'} serial ports within {ms} ms; seen: {seen}"
+                )
+            if self.lockstep:
+                self.advance(left, until_event="usb-configured")
+            else:
+                time.sleep(POLL_SECONDS)
+
+    def set_lockstep(self, on, speed=None):
+        """Switch between lockstep and free running."""
+        self.lockstep = on
+        self.cmd("mode", lockstep=on, **({} if speed is None else {"speed": speed}))
+
+    @contextlib.contextmanager
+    def free_running(self, speed=None):
+        """For clients that know nothing of lockstep, such as mpremote."""
+        self.set_lockstep(False, speed)
+        try:
+            yield self
+        finally:
+            self.set_lockstep(True)
+
+    # ------------------------------------------------------------ board
+
+    def events(self, clear=False):
+        return self.cmd("events", clear=clear)["events"]
+
+    @property
+    def halted(self):
+        return self.cmd("time")["halted"]
+
+    def reset(self):
+        """Power cycle; the flash is kept."""
+        self.cmd("reset")
+        if self.lockstep and self.boot:
+            self.wait_usb(after=self.ns)
+
+    def set_pin(self, pin, value):
+        """Drive a pin from outside: 0, 1, or None to let go of it."""
+        self.cmd("setpin", pin=pin, value=value)
+
+    def press_bootsel(self, on=True):
+        """Press the BOOTSEL button, or let go of it; the boot ROM's own loader does not look at it
+        here."""
+        self.cmd("button", on=on)
+
+    def pins(self):
+        return self.cmd("getpins")["pins"]
+
+    def pin(self, n):
+        return self.pins()[n]["level"]
+
+    def trace_start(self, pins=None, file=None):
+        """Record the edges of these pins (default: all), in memory or in a file (read it with
+        TraceFile)."""
+        more = {} if pins is None else {"pins": list(pins)}
+        if file:
+            more["file"] = os.path.abspath(file)
+        self.cmd("trace", on=True, **more)
+
+    def trace_read(self):
+        """Edges since the last call as a numpy array with the fields t (ns), pin and level."""
+        return edges_from(base64.b64decode(self.cmd("trace_read").get("data") or ""))
+
+    def trace_stop(self):
+        return edges_from(base64.b64decode(self.cmd("trace", on=False).get("data") or ""))
+
+    def uart_start(self, n):
+        self.cmd(f"uart{n}", on=True)
+
+    def uart_read(self, n):
+        """(bytes as [[ns, value], ...], breaks as [[start, end], ...]) since the last call."""
+        answer = self.cmd(f"uart{n}")
+        return answer["bytes"], answer["breaks"]
+
+    def uart_send(self, n, data):
+        """Bytes that arrive at a UART's RX."""
+        self.cmd("uart_rx", uart=n, hex=bytes(data).hex())
+
+    def cycles(self, clear=False):
+        return self.cmd("cycles", clear=clear)
+
+    @contextlib.contextmanager
+    def measure(self):
+        """Yields a dict filled at the end: ms, busy_cycles, load (0 to 1), exceptions."""
+        before = self.cycles(clear=True)
+        result = {}
+        yield result
+        after = self.cycles()
+        ns = after["ns"] - before["ns"]
+        result["ms"] = ns / 1e6
+        result["busy_cycles"] = after["busy"] - before["busy"]
+        result["load"] = 1 - (after["idle_ns"] - before["idle_ns"]) / ns if ns else 0.0
+        result["xip_misses"] = after["xip_misses"] - before["xip_misses"]
+        result["exceptions"] = after["exceptions"]
+
+    # ------------------------------------------------------------ serial ports
+
+    def serial(self, port=0, timeout=1.0):
+        """A pyserial-like object on the control connection; works in lockstep."""
+        return Serial(self, port, timeout)
+
+    def tcp_serial(self, port=0, **kwargs):
+        """A real pyserial object on the TCP port; needs free running."""
+        import serial
+
+        return serial.serial_for_url(f"socket://127.0.0.1:{self.tcp_ports[port]}", **kwargs)
+
+    def repl(self, port=0):
+        return Repl(self.serial(port))
+
+    @contextlib.contextmanager
+    def pty(self, port=0):
+        """A pseudo terminal joined to the serial port, for programs that want a device path."""
+        bridge = PtyBridge(self.tcp_ports[port])
+        try:
+            yield bridge.path
+        finally:
+            bridge.close()

@@ -1,0 +1,55 @@
+"""littlefs images for the file system of a MicroPython on the RP2040.
+
+python -m framestep_emulator.image FIRMWARE IMAGE [HOST:DEVICE ...]
+
+A host directory is taken with everything in it.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+from framestep_tools.board import littlefs_image, uf2
+from framestep_tools.board.littlefs_image import read_image
+
+__all__ = ["collect", "make_image", "read_image"]
+
+
+def make_image(files, firmware):
+    """files: {device path: bytes or str}; firmware: the path of the .bin that will mount them.
+
+    Returns the image; ValueError if they do not fit.
+    """
+    area = uf2.from_flash(Path(firmware).read_bytes(), uf2.RP2040).file_system()
+    return littlefs_image.make_image(files, area.size // littlefs_image.BLOCK_SIZE)
+
+
+def collect(put):
+    """{host path: device path} -> {device path: bytes}.
+
+    A directory is taken with everything in it, __pycache__ left out; a device path that ends in "/"
+    (or is empty) keeps the name of the file.
+    """
+    files = {}
+    for host, device in put.items():
+        host = Path(host)
+        device = os.fspath(device)
+        if host.is_dir():
+            for path in sorted(host.rglob("*")):
+                if path.is_file() and "__pycache__" not in path.parts:
+                    files[device.rstrip("/") + "/" + path.relative_to(host).as_posix()] = (
+                        path.read_bytes()
+                    )
+        else:
+            if not device or device.endswith("/"):
+                device += host.name
+            files[device] = host.read_bytes()
+    return files
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    pairs = (argument.partition(":") for argument in sys.argv[3:])
+    files = collect({host: device for host, _, device in pairs})
+    Path(sys.argv[2]).write_bytes(make_image(files, sys.argv[1]))

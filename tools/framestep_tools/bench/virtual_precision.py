@@ -1,0 +1,250 @@
+"""How near the firmware's kinematics come to double precision: `python -m
+framestep_tools.bench.virtual_precision`.
+
+The firmware's own code, run here (its numbers are integers, the same on every runtime), against
+virtual_reference over the whole reach of each rig: where the motors should stand for poses as
+VIRT_MOVE gives them, and where they are put.
+"""
+
+import importlib
+import math
+from array import array
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from framestep.motion import reals
+from framestep.protocol import messages
+from framestep.protocol.frames import FRAME, FrameReader
+from framestep.results import ERR_RANGE
+from framestep.virtuals.kinematics import Configuration
+from framestep.virtuals.registers import JOINT, POSE, REGISTERS
+from framestep.virtuals.requests import read_configuration
+
+from ..client import wire
+from ..judge.virtual_reference import (
+    BOOM_SWING_TRACK,
+    NAMES,
+    SWING_PAN,
+    X_Y_Z,
+    Y_SWING_TRACK,
+    Axis,
+    Numbers,
+    Rig,
+)
+
+MODULES = {
+    BOOM_SWING_TRACK: "boom_swing_track",
+    SWING_PAN: "swing_pan",
+    Y_SWING_TRACK: "y_swing_track",
+    X_Y_Z: "x_y_z",
+}
+MOTORS = 8
+BANDS = (60, 80, 88)  # degrees of boom and swing, the last the end of an arm's reach
+
+_HEAD = (Axis(4, 2000.0, 90.0), Axis(5, 2000.0), Axis(6, 2000.0))
+_NODAL = (120.0, -80.0, 60.0)
+_TABLE = tuple(round(2000 * k + 3 * k * k) for k in range(-60, 61))
+
+# A track of 20 m and heights of 2 m at 1000 steps to the millimetre, angles at 2000 to the degree
+RIGS = {
+    "boom-swing-track": Rig(
+        1, (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL
+    ),
+    "the same, boom table": Rig(
+        1,
+        (Axis(1, 2000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD),
+        1200.0,
+        300.0,
+        _NODAL,
+        _TABLE,
+    ),
+    "swing-pan": Rig(2, (Axis(1, 2000.0), Axis(4, 2000.0))),
+    "Y-swing-track": Rig(
+        3, (Axis(1, 1000.0), Axis(2, 2000.0), Axis(3, 1000.0), *_HEAD), 1200.0, 300.0, _NODAL
+    ),
+    "X-Y-Z": Rig(4, (Axis(1, 1000.0), Axis(2, 1000.0), Axis(3, 1000.0), *_HEAD), nodal=_NODAL),
+}
+
+
+class Refused(Exception):
+    """A code other than 0; it is the argument."""
+
+
+def put(r, to: int, value: float) -> None:
+    """r[to] = the nearest number that a register holds."""
+    mantissa, exponent = math.frexp(value)
+    m = round(mantissa * 2**30)
+    if abs(m) == 2**30:
+        m //= 2
+        exponent += 1
+    r[to], r[to + 1] = (m, exponent - 30) if m else (0, 0)
+
+
+def frame(payload: bytes) -> FrameReader:
+    """A FrameReader that has read a VIRT_CONFIG."""
+    reader = FrameReader()
+    data = wire.encode(messages.MSG_VIRT_CONFIG, payload, 7)
+    if reader.feed(data, 0, len(data)) != len(data) or reader.poll() != FRAME:
+        raise ValueError("this payload is no frame")
+    return reader
+
+
+def read(rig: Rig) -> Configuration:
+    """What the firmware reads from the VIRT_CONFIG of a rig."""
+    found = Configuration()
+    if not read_configuration(frame(rig.payload()), rig.kind, MOTORS, found):
+        raise Refused(ERR_RANGE)
+    return found
+
+
+class Firmware:
+    """The firmware's Geometry of a type, with double-precision numbers in and out. Refused where it
+    gives a code."""
+
+    def __init__(self, kind: int):
+        self.r = array("i", [0] * REGISTERS)
+        module = importlib.import_module(f"framestep.virtuals.{MODULES[kind]}")
+        self.geometry = module.Geometry(self.r)
+        self.kind = kind
+        self.configuration = Configuration()
+        self.present = array("i", [0] * MOTORS)
+
+    @classmethod
+    def of(cls, rig: Rig) -> "Firmware":
+        """Configured as `rig`, its motors at the steps of its axes."""
+        firmware = cls(rig.kind)
+        for axis in rig.axes:
+            if axis.motor:
+                firmware.present[axis.motor - 1] = axis.step
+        firmware.configure(rig.payload())
+        return firmware
+
+    @staticmethod
+    def _check(code: int) -> None:
+        if code:
+            raise Refused(code)
+
+    def _six(self, at: int) -> list[float]:
+        return [reals.value(self.r, at + 2 * i) for i in range(6)]
+
+    def configure(self, payload: bytes) -> None:
+        """As by VIRT_CONFIG."""
+        if not read_configuration(frame(payload), self.kind, MOTORS, self.configuration):
+            raise Refused(ERR_RANGE)
+        self._check(self.geometry.configure(self.configuration, self.present))
+
+    def pose(self) -> list[float]:
+        """vTrack, vEW, vNS, vPan, vTilt, vRoll."""
+        return self._six(POSE)
+
+    def told(self) -> list[float]:
+        """The same as the host counts it."""
+        out = array("i", [0] * 6)
+        for i in range(6):
+            self.geometry.to_host(out, i, i)
+        return [number / 100000 for number in out]
+
+    def forward(self, joints: Numbers) -> list[float]:
+        """The pose for joints."""
+        for i, joint in enumerate(joints):
+            put(self.r, JOINT + 2 * i, float(joint))
+        self._check(self.geometry.forward())
+        return self.pose()
+
+    def inverse(self, pose: Numbers) -> list[float]:
+        """The joints for a pose."""
+        for i, number in enumerate(pose):
+            put(self.r, POSE + 2 * i, float(number))
+        self._check(self.geometry.inverse())
+        return self._six(JOINT)
+
+    def locate(self, steps: dict[int, int]) -> list[float]:
+        """The pose where motors stand; steps: {motor: step}."""
+        for motor, step in steps.items():
+            self.present[motor - 1] = step
+        self._check(self.geometry.locate(self.present))
+        return self.pose()
+
+    def steps(self) -> list[float]:
+        """Where the motors of the six axes have to stand, as real numbers."""
+        out = array("i", [0] * 12)
+        self._check(self.geometry.motor_steps(out, 0))
+        return [out[k] + out[k + 1] / 65536 for k in range(0, 12, 2)]
+
+
+def joints(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
+    """Joints over a rig's whole reach, boom and swing up to ±limit degrees, the swing on either
+    side of the column."""
+    random = np.random.default_rng(seed)
+    spans = {
+        "TRACK": 20000,
+        "X": 20000,
+        "Z": 20000,
+        "Y": 2000,
+        "BOOM": min(limit, 59.9) if rig.table else limit,
+        "SWING": limit,
+        "PAN": 360,
+        "TILT": 90,
+        "ROLL": 180,
+    }
+    out = np.array([random.uniform(-spans[name], spans[name], count) for name in NAMES[rig.kind]]).T
+    for i, name in enumerate(NAMES[rig.kind]):
+        if name in ("TRACK", "X", "Z"):
+            out[:, i] = np.abs(out[:, i])
+        if name == "SWING":
+            out[: count // 4, i] += 180
+    return out
+
+
+def cases(
+    rig: Rig, count: int, limit: float, seed: int = 1
+) -> list[tuple[dict[int, int], np.ndarray, np.ndarray]]:
+    """Steps at which the motors stand, a pose that VIRT_MOVE can ask for, and the steps that it
+    takes."""
+    found = []
+    for near in joints(rig, count, limit, seed):
+        stand = {
+            axis.motor: int(step)
+            for axis, step in zip(rig.axes, rig.steps(near).round(), strict=True)
+        }
+        near = rig.joints(list(stand.values()))
+        pose = rig.forward(near).round(5)
+        found.append((stand, pose, rig.steps(rig.inverse(pose, near))))
+    return found
+
+
+def errors(rig: Rig, count: int, limit: float, seed: int = 1) -> np.ndarray:
+    """Difference of the firmware's motor steps from those of double precision, one row per pose."""
+    firmware = Firmware.of(rig)
+    rows = []
+    for stand, pose, wanted in cases(rig, count, limit, seed):
+        firmware.locate(stand)
+        firmware.inverse(pose)
+        rows.append(firmware.steps()[: len(wanted)] - wanted)
+    return np.abs(rows)
+
+
+def main(count: Annotated[int, typer.Option(help="Poses per rig and band.")] = 5000) -> None:
+    """Print the greatest error of each motor, in steps."""
+    out = Table(title=f"Greatest error in steps over {count} poses each", title_justify="left")
+    for heading in ("rig", "boom, swing to", *(f"axis {i + 1}" for i in range(6))):
+        out.add_column(heading)
+    for name, rig in RIGS.items():
+        bands: Sequence[int] = (
+            BANDS if rig.kind in (BOOM_SWING_TRACK, Y_SWING_TRACK) else BANDS[-1:]
+        )
+        for limit in bands:
+            worst = errors(rig, count, limit).max(axis=0)
+            out.add_row(
+                name, f"±{limit}°" if len(bands) > 1 else "", *(f"{error:.4f}" for error in worst)
+            )
+    Console(width=120).print(out)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,1 @@
+"""A board on USB: its REPL, its drive, its rig file, images and edited modules."""

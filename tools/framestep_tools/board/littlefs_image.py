@@ -1,0 +1,62 @@
+"""Images of a board's file system: littlefs as MicroPython's rp2 port makes it."""
+
+from collections.abc import Mapping
+
+from littlefs import LittleFS, LittleFSError
+
+from ..errors import ToolError
+
+BLOCK_SIZE = 4096
+PROG_SIZE = 256  # as in the rp2 port's _boot.py
+
+
+class DoesNotFit(ToolError, ValueError):
+    """The files need more room than there is."""
+
+
+def make_image(files: Mapping[str, bytes | str], block_count: int) -> bytes:
+    """The image of a file system with these files in it {device path: content}; DoesNotFit if it is
+    too small."""
+    system = LittleFS(
+        block_size=BLOCK_SIZE,
+        block_count=block_count,
+        prog_size=PROG_SIZE,
+        read_size=PROG_SIZE,
+        cache_size=4 * PROG_SIZE,
+        lookahead_size=32,
+        name_max=255,
+        disk_version=0x00020000,
+    )
+    for path, data in sorted(files.items()):
+        parts = path.strip("/").split("/")
+        for i in range(1, len(parts)):
+            system.makedirs("/".join(parts[:i]), exist_ok=True)
+        try:
+            with system.open("/".join(parts), "wb") as file:
+                file.write(data.encode() if isinstance(data, str) else data)
+        except (LittleFSError, OSError) as error:
+            room = BLOCK_SIZE * block_count // 1024
+            raise DoesNotFit(
+                f"{path} ({len(data)} bytes) does not fit: the board has {room} KB: {error}"
+            ) from error
+    return bytes(system.context.buffer)
+
+
+def read_image(data: bytes) -> dict[str, bytes]:
+    """{device path: content} of everything in an image."""
+    system = LittleFS(
+        block_size=BLOCK_SIZE,
+        block_count=len(data) // BLOCK_SIZE,
+        prog_size=PROG_SIZE,
+        read_size=PROG_SIZE,
+        mount=False,
+    )
+    system.context.buffer = bytearray(data)
+    system.mount()
+    files = {}
+    for folder, _, names in system.walk("/"):
+        for name in names:
+            path = folder.rstrip("/") + "/" + name
+            with system.open(path, "rb") as file:
+                files[path] = file.read()
+    return files

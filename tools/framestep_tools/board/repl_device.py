@@ -1,0 +1,351 @@
+"""A board on the REPL's port, reached by mpremote: what is on it, its files, and a restart.
+
+Nothing here soft-resets the board: that would take the motors' pulses away in mid-motion.
+"""
+
+import contextlib
+import io
+import os
+import time
+import zlib
+from ast import literal_eval
+from binascii import b2a_base64
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from mpremote.transport import TransportError, TransportExecError
+
+from framestep.protocol import messages
+
+from ..client import port_finder
+from ..client.open_port import holders
+from ..client.wire import FrameDecoder, encode
+from ..errors import NO_PORT, PORT_BUSY, ToolError
+from ..payloads import MotorStatus, Status
+
+RIG_FILE = "/rig.json"
+# Factor of how long a board may take before it counts as gone, for a computer that is very busy or
+# emulates the board
+PATIENCE = float(os.environ.get("FRAMESTEP_PATIENCE") or 1)
+_READ_S = 10.0 * PATIENCE  # a board that is silent for so long in the middle of something has gone
+_REPL_S = 10.0 * PATIENCE  # to get to the raw REPL
+_LOOK_S = 0.2
+_ASK_S = 1.0  # for an answer to MOTOR_STATUS on the port of the REPL
+_ASK_ID = 0x20202020  # spaces, for a REPL that gets to see the request
+_CHUNK = 1024
+# If a board's memory is in small pieces; as text that the REPL prints it takes four times as much
+_SMALL_CHUNK = 128
+_WINDOW_BITS = _CHUNK.bit_length() - 1  # of what unpacks: its window is as large as a chunk
+_AT_ONCE = 16  # hashes asked for in one go; a running controller leaves little memory for a script
+
+# what framestep does on this board, if anything: (runs, a bit per motor that moves or is about to,
+# in the background)
+STATE = """
+import sys
+b = sys.modules.get("framestep.boot")
+c = b and b.controller
+r = c and getattr(b, "runner", b.hal)
+def moving():
+    if not c: return 0
+    o = getattr(c, "operations", None) or c.stage  # as older versions call them
+    return c.axes.moving_bits() | (o.engaged if r.alive else 0)  # without its passes it stays as it was
+print((bool(c), moving(), bool(c) and r.background))
+"""  # noqa: E501
+STOP = """
+if moving(): print(1)
+else:
+    if c: r.stop()
+    print(0)
+"""
+# What the board has found wrong with its rig file when it started; None for nothing
+MISTAKE = """
+import framestep.boot
+print("\\x02")
+print(framestep.boot.mistake)
+"""
+BOARD = """
+try:
+    from framestep.board import BOARD
+    print(BOARD)
+except ImportError: pass
+"""
+_LIST = """
+import os
+def walk(folder):
+    for name, kind, *_ in os.ilistdir(folder):
+        path = folder.rstrip("/") + "/" + name
+        if kind & 0x4000: walk(path)
+        else: print(repr(path) + ",")
+try: walk(%r)
+except OSError: pass
+"""
+_HASH = """
+import hashlib
+def digest(path):
+    h = hashlib.sha256()
+    n = 512
+    b = bytearray(n)
+    m = memoryview(b)
+    try: f = open(path, "rb")
+    except OSError: return
+    while n == 512:
+        n = f.readinto(b)
+        h.update(m[:n])
+    f.close()
+    print(repr(path) + ":" + repr(h.digest()) + ",")
+"""
+# Packed and in base64 a file is a third of what its bytes are as text, and the text is what takes
+# the time. Unpacking takes 1.3 kB of memory in one piece.
+_WRITE_PACKED = """
+from binascii import a2b_base64
+from deflate import DeflateIO, RAW
+from io import BytesIO
+f = open(%r, "wb")
+def w(b): f.write(DeflateIO(BytesIO(a2b_base64(b)), RAW, %d).read(%d))
+"""
+_WRITE = """
+import gc
+from binascii import a2b_base64
+f = None
+gc.collect()
+f = open(%r, "wb")
+def w(b): f.write(a2b_base64(b))
+"""
+_FOLDER = """
+import os
+try: os.mkdir(%r)
+except OSError as e:
+    if e.errno != 17: raise
+"""
+
+
+class DeviceError(ToolError):
+    """The board cannot be reached or does not do what it should; the text says what to do."""
+
+
+class Moving(DeviceError):
+    """Motors move, or are about to."""
+
+
+class State(NamedTuple):
+    """Whether framestep's controller is there, a bit per motor that moves, whether it leaves the
+    REPL free."""
+
+    runs: bool
+    moving: int
+    background: bool
+
+
+# ---- a board
+
+
+def _packed(data: bytes) -> bytes:
+    packer = zlib.compressobj(9, zlib.DEFLATED, -_WINDOW_BITS)
+    return b2a_base64(packer.compress(data) + packer.flush(), newline=False)
+
+
+class Device:
+    """A board's REPL. Paths of files begin with "/". Errors are DeviceErrors.
+
+    `say` is told in a line what takes time.
+    """
+
+    def __init__(self, path: str | None = None, say: Callable[[str], None] = lambda line: None):
+        self.path = path or port_finder.repl_port()
+        self._board = next((port.board for port in port_finder.siblings(self.path)), None)
+        self._say = say
+        self._transport: Any = None
+        self.state = State(False, 0, False)
+
+    def __enter__(self) -> "Device":
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def connect(self) -> None:
+        """Get to the REPL. Moving if the protocol is on the same port and its motors move; else
+        framestep goes on.
+
+        With one port for both, framestep stops here: the REPL is what Ctrl-C leaves of it.
+        """
+        self._open()
+        self._ask_motors()
+        self._enter()
+        self.state = State(*literal_eval(self.run(STATE)))
+
+    def close(self) -> None:
+        """Leave the REPL as a terminal finds it."""
+        transport, self._transport = self._transport, None
+        if transport:
+            with contextlib.suppress(OSError, TransportError):
+                if transport.in_raw_repl:
+                    transport.exit_raw_repl()
+            with contextlib.suppress(OSError):
+                transport.close()
+
+    def _open(self) -> None:
+        try:
+            # and pyserial, which needs what this system has
+            from mpremote.transport_serial import SerialTransport
+
+            self._transport = SerialTransport(self.path, timeout=_READ_S)
+        except (OSError, TransportError) as error:
+            others = holders(self.path)
+            hint = (
+                f"{' and '.join(others)} has it open"
+                if others
+                else "is the board there, and no terminal open on it?"
+            )
+            failed = DeviceError(f"cannot open {self.path} ({error}): {hint}")
+            failed.status = PORT_BUSY if others else NO_PORT
+            raise failed from None
+
+    def _ask_motors(self) -> None:
+        """The port may be the protocol's too, where a Ctrl-C ends what moves. So ask before."""
+        port = self._transport.serial
+        decoder = FrameDecoder()
+        try:
+            port.timeout = 0.05
+            port.write(encode(messages.MSG_MOTOR_STATUS, b"", _ASK_ID))
+            end = time.monotonic() + _ASK_S
+            while time.monotonic() < end:
+                for frame in decoder.feed(port.read(64)):
+                    if (
+                        frame.id == _ASK_ID
+                        and frame.request_type == MotorStatus.TYPE
+                        and not frame.is_ack
+                    ):
+                        moving = Status.unpack(frame.payload).moving
+                        if moving:
+                            raise Moving(
+                                f"motors move ({', '.join(map(str, moving))}); "
+                                "nothing has been changed"
+                            )
+                        return
+            port.timeout = _READ_S
+        except OSError as error:
+            raise DeviceError(f"{self.path} does not take anything: {error}") from None
+
+    def _enter(self, seconds: float = _REPL_S) -> None:
+        port = self._transport.serial
+        chatter = io.StringIO()
+        try:
+            port.timeout = seconds  # at a pseudo-terminal mpremote waits so long for each byte
+            with contextlib.redirect_stdout(chatter):
+                self._transport.enter_raw_repl(soft_reset=False, timeout_overall=seconds)
+            port.timeout = _READ_S
+        except (OSError, TransportError) as error:
+            raise DeviceError(
+                f"the REPL on {self.path} does not answer ({error}): close other programs "
+                "that use the port, or press the board's reset button and try again"
+            ) from None
+
+    def run(self, script: str) -> str:
+        """Run a script on the REPL; what it prints. DeviceError with the traceback if it raises."""
+        try:
+            return self._transport.exec(script).decode()
+        except TransportExecError as error:
+            raise DeviceError(f"the board stumbled:\n{error.error_output.strip()}") from None
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"the board on {self.path} has gone: {error}") from None
+
+    def board(self) -> dict[str, Any]:
+        """The data of boards/<board>/board.json that framestep has there."""
+        found = self.run(BOARD)
+        if not found.strip():
+            raise DeviceError(
+                f"framestep is not on the board on {self.path}: framestep install puts it there"
+            )
+        return literal_eval(found)
+
+    def halt(self) -> None:
+        """Stop framestep, so that nothing can start to move; Moving, and nothing changed, if
+        something does."""
+        self.run(STATE)
+        if int(self.run(STOP)):
+            raise Moving("motors move, or a run is prepared; nothing has been changed")
+
+    # ---- files
+
+    def files(self, folder: str) -> list[str]:
+        """All files below a folder; none if there is no such folder."""
+        return list(literal_eval("[" + self.run(_LIST % folder) + "]"))
+
+    def hashes(self, names: Iterable[str]) -> dict[str, bytes]:
+        """SHA-256 of the files that there are of these."""
+        self.run(_HASH)
+        found: dict[str, bytes] = {}
+        wanted = list(names)
+        for at in range(0, len(wanted), _AT_ONCE):
+            found |= literal_eval(
+                "{" + self.run(f"for n in {wanted[at : at + _AT_ONCE]}: digest(n)") + "}"
+            )
+        return found
+
+    def read(self, name: str) -> bytes | None:
+        """A file's content, None if there is no such file."""
+        for chunk in (_CHUNK, _SMALL_CHUNK):
+            try:
+                return bytes(self._transport.fs_readfile(name, chunk))
+            except FileNotFoundError:
+                return None
+            except (OSError, TransportError) as error:
+                failure = error
+                if "MemoryError" not in str(error):
+                    break
+        raise DeviceError(f"cannot read {name} from the board: {failure}")
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file, in folders that are made if need be. A file that is there is cut short
+        before."""
+        for at, sign in enumerate(name):
+            if sign == "/" and at:
+                self.run(_FOLDER % name[:at])
+        try:
+            try:
+                self._write(_WRITE_PACKED % (name, _WINDOW_BITS, _CHUNK), data, _CHUNK, _packed)
+            except DeviceError as error:
+                if "MemoryError" not in str(error):
+                    raise
+                self._write(_WRITE % name, data, _SMALL_CHUNK, b2a_base64)
+        except DeviceError as error:
+            raise DeviceError(f"cannot write {name} to the board: {error}") from None
+
+    def _write(
+        self, script: str, data: bytes, chunk: int, encoded: Callable[[bytes], bytes]
+    ) -> None:
+        self.run(script)
+        for at in range(0, len(data), chunk):
+            self.run(f"w({encoded(data[at : at + chunk])!r})")
+        self.run("f.close()\nf = w = None")
+
+    def replace(self, name: str, data: bytes) -> None:
+        """Give a file new content, in one step at the end: it is the old or the new one, whatever
+        happens."""
+        new = name + ".new"
+        self.write(new, data)
+        if self.read(new) != data:
+            raise DeviceError(f"{name} did not arrive as it was sent; try again")
+        self.rename(new, name)
+
+    def rename(self, name: str, new: str) -> None:
+        """Give a file another name, in one step that is done or not done even if the power
+        fails."""
+        self.run(f"import os\nos.rename({name!r}, {new!r})")
+
+    def remove(self, name: str) -> None:
+        """Delete a file."""
+        self.run(f"import os\nos.remove({name!r})")
+
+    # ---- restart
+
+    def restart(self) -> None:
+        """Reset the board as its button does; the connection is gone after it."""
+        try:
+            self._transport.exec_raw_no_follow("import machine\nmachine.reset()")
+        except (OSError, TransportError) as error:
+            raise DeviceError(f"the board on {self.path} has gone: {error}") from None
+        self._transport.in_raw_repl = False
+        self.close()

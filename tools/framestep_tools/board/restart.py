@@ -1,0 +1,83 @@
+"""After a restart: the board's protocol port, and who answers there."""
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from framestep.protocol import messages
+
+from ..client.client import Client
+from ..client.port_finder import protocol_of
+from ..errors import ToolError
+from ..payloads import DeviceInfo, GetCondition, Hi, Request
+from .repl_device import PATIENCE, DeviceError
+
+_START_S = 60.0 * PATIENCE
+_LOOK_S = 0.2
+_ANSWER_S = 2.0
+_Answer = TypeVar("_Answer")
+
+
+def hello(
+    repl: str, protocol: str | None, ports: int, advice: str | None = None
+) -> tuple[str, DeviceInfo]:
+    """Ask the board that restarts who it is; the port on which it answers, and the answer.
+
+    repl: where its REPL was; protocol: the port of the protocol, if it has one of its own and that
+    is known; ports: how many the rig file asks for; advice: what to do if nobody answers.
+    """
+    if advice is None:
+        advice = f"what it says as it starts shows mpremote connect {repl} exec 'import main'"
+    return answer(
+        lambda: repl if ports == 1 else protocol or protocol_of(repl),
+        "it has no port named framestep DMC",
+        f"; {advice}",
+    )
+
+
+def answer(
+    find: Callable[[], str | None], otherwise: str, advice: str = ""
+) -> tuple[str, DeviceInfo]:
+    """Wait for a board that starts; the port on which it answers, and who it says it is.
+
+    find: gives its port, None while there is none; otherwise: what is told if none comes.
+    """
+    return _asked(Hi(), find, otherwise, advice)
+
+
+def takes_rig(path: str) -> bool:
+    """Whether the board that has started and has this port goes by its rig file."""
+    return not condition(path) & messages.CONDITION_RIG_FILE_INVALID
+
+
+def condition(path: str) -> int:
+    """The CONDITION_ bits of the board that has started and has this port."""
+    return _asked(GetCondition(), lambda: path, "")[1].bits
+
+
+def _asked(
+    request: Request[_Answer], find: Callable[[], str | None], otherwise: str, advice: str = ""
+) -> tuple[str, _Answer]:
+    """Ask again and again: a board that starts has no port yet, and one that a program has just let
+    go may be taken for a moment."""
+    end = time.monotonic() + _START_S
+    why = otherwise
+    while True:
+        time.sleep(_LOOK_S)
+        if path := find():
+            try:
+                with Client.open(path, _ANSWER_S) as client:
+                    return path, client.request(request)
+            except (ToolError, OSError) as error:
+                why = str(error)
+        if time.monotonic() > end:
+            raise DeviceError(f"the board does not come up ({why}){advice}")
+
+
+def greeting(path: str, info: DeviceInfo) -> str:
+    """Who the device is and what it can do, in a line."""
+    return (
+        f"{info.name} on {path}, firmware {info.major}.{info.minor}.{info.revision}: "
+        f"{info.motors} motors, {info.dmx_channels} DMX channels, "
+        f"{info.outputs} outputs, {info.inputs} inputs, {info.upload_frames} frames"
+    )

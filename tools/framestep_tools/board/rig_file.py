@@ -1,0 +1,295 @@
+"""`framestep rig`: check a rig file as the board does, and edit the one that is on a board.
+
+The settings' meaning is judged by framestep.rig, the very code that the board runs.
+"""
+
+import difflib
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from framestep import rig, rig_home, rig_servos, rig_settings
+
+from ..errors import ToolError
+
+if TYPE_CHECKING:
+    from .repl_device import Device
+
+
+class RigFileError(ToolError):
+    """A rig file with a mistake, or that cannot be read: the key, what was found, what is
+    allowed."""
+
+
+class _Doubled(Exception):
+    """A key that an object has twice."""
+
+
+def parse(content: bytes, name: str) -> dict[str, Any]:
+    """The settings in a rig file's content, read as strictly as on a board; RigFileError with the
+    line if it is no JSON object."""
+
+    def constant(word: str) -> None:
+        raise ValueError(f"{word} is no JSON")
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            keys = [key for key, _ in pairs]
+            double = next(key for key in keys if keys.count(key) > 1)
+            raise _Doubled(double)
+        return found
+
+    try:
+        settings = json.loads(content.decode(), parse_constant=constant, object_pairs_hook=once)
+    except _Doubled as error:
+        raise RigFileError(
+            f'{name}: "{error}" is there twice in one {{…}}: the board would take the last one'
+        ) from None
+    except json.JSONDecodeError as error:
+        if _bare(content) != content:
+            raise RigFileError(
+                f"{name}: a board reads neither // comments nor a byte order mark; "
+                "framestep rig edit sends a file without them"
+            ) from None
+        where = f"line {error.lineno}, column {error.colno}"
+        raise RigFileError(f"{name}: not valid JSON in {where} ({error.msg})") from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise RigFileError(
+            f"{name}: expected is UTF-8, found byte 0x{content[error.start]:02X} in line {line}"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise RigFileError(f"{name}: not valid JSON ({error})") from None
+    if not isinstance(settings, dict):
+        raise RigFileError(
+            f"{name}: expected an object of settings, found {type(settings).__name__}"
+        )
+    return settings
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """The settings in a file, its comments left out, not checked; RigFileError if it cannot be
+    read."""
+    return parse(_bare(content_of(path)), str(path))
+
+
+def content_of(path: str | Path) -> bytes:
+    """A file's content; RigFileError if it cannot be read."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise RigFileError(f"cannot read the rig file {path}: {error.strerror}") from None
+
+
+def for_board(content: bytes) -> bytes:
+    """A rig file's content as a board can read it: without // comments and byte order mark."""
+    bare = _bare(content)
+    return content if bare == content else _tidy(bare)
+
+
+def check(settings: dict[str, Any], board: Mapping[str, Any], name: str) -> rig.Rig:
+    """The rig that these settings make of a board with this data; RigFileError, as the board says
+    it, for a mistake."""
+    try:
+        return rig.Rig(settings, board)
+    except rig.RigError as error:
+        raise RigFileError(f"{name}: {error}{_meant(str(error))}") from None
+
+
+def _meant(mistake: str) -> str:
+    """The key that was meant, where one that there is not looks like it."""
+    found = re.match(r"([^:]*): no such setting; there are (.*)", mistake)
+    if not found:
+        return ""
+    close = difflib.get_close_matches(
+        found[1].rpartition(".")[2].lower(), found[2].split(", "), 1, 0.5
+    )
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+# ---- editing
+
+
+def run_editor(path: Path) -> None:
+    """Let the user edit a file, with $VISUAL, $EDITOR or the system's own; ToolError if that
+    fails."""
+    windows = os.name == "nt"
+    usual = "notepad" if windows else "vi"
+    command = shlex.split(
+        os.environ.get("VISUAL") or os.environ.get("EDITOR") or usual, posix=not windows
+    )
+    try:
+        status = subprocess.run([*command, str(path)]).returncode
+    except OSError as error:
+        raise ToolError(
+            f"cannot start the editor {command[0]} ({error.strerror}): set EDITOR"
+        ) from None
+    if status != 0:
+        raise ToolError(f"the editor {command[0]} ended with status {status}")
+
+
+def ask_again(mistake: str) -> bool:
+    """Tell the user what is wrong; whether to edit once more."""
+    print(mistake, flush=True)
+    try:
+        return input("Edit it again? [Y/n] ").strip().lower() in ("", "y", "yes")
+    except EOFError:
+        return False
+
+
+_HEAD = """\
+// Settings of the rig. What follows // is a comment, for this editing only: the board gets what is left.
+// Below are all settings with their defaults; copy those that you change into the braces, with a comma between them.
+"""  # noqa: E501
+
+
+def commented(content: str) -> str:
+    """A rig file's text with every setting that there is in comments around it."""
+    lines = ["", "// All settings (docs/rig-file.md):", "//"]
+    tables = (
+        ("", rig_settings.SETTINGS),
+        ('of "motors": [{…}, {…}], an object for each motor', rig_settings.MOTOR_SETTINGS),
+        ('of "driver": {…} of a motor', rig_settings.DRIVER_SETTINGS),
+        ('of "home": {…} of a motor', rig_home.HOME_SETTINGS),
+        ('of "servo": {…} of a motor', rig_servos.SERVO_SETTINGS),
+        ('of "outputs": [{…}]', rig_settings.OUTPUT_SETTINGS),
+        ('of "inputs": [{…}]', rig_settings.INPUT_SETTINGS),
+        ('of "limits": [{…}]', rig_settings.LIMIT_SETTINGS),
+    )
+    for title, settings in tables:
+        if title:
+            lines += ["//", f"// {title}:"]
+        for key, (kind, low, high, default, unit, meaning) in settings.items():
+            shown = "…" if default is None else json.dumps(default, ensure_ascii=False)
+            allowed = rig_settings.allowed(kind, low, high, unit)
+            lines.append(f"//   {f'{json.dumps(key)}: {shown}':<32} {meaning} ({allowed})")
+    return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
+
+
+def _with_comments(content: bytes) -> bytes:
+    """A draft; one that has comments stays as it is."""
+    try:
+        bare = _bare(content) == content
+        return commented(content.decode()).encode() if bare else content
+    except UnicodeDecodeError:  # the editor shows where
+        return content
+
+
+def without_comments(text: str) -> str:
+    """JSON with each // comment outside of its strings made empty; lines keep their numbers."""
+    return re.sub(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*', lambda found: found[1] or "", text)
+
+
+def _bare(content: bytes) -> bytes:
+    """What a rig file holds beside its comments; lines keep their numbers."""
+    try:
+        return without_comments(content.decode("utf-8-sig")).encode()
+    except UnicodeDecodeError:
+        return content
+
+
+def _tidy(content: bytes) -> bytes:
+    """The same without the lines that comments have left empty."""
+    return b"\n".join(line.rstrip() for line in content.splitlines() if line.strip())
+
+
+def _changed_comment(before: bytes, after: bytes) -> str | None:
+    """Which setting was changed where it has no effect, as a sentence."""
+    known = set(before.splitlines())
+    for number, line in enumerate(after.splitlines(), 1):
+        found = re.match(rb'\s*//\s*("\w+"\s*:.*)', line)
+        if found and line not in known:
+            text = found[1].decode(errors="replace").strip()
+            return (
+                f"line {number} has changed, but it is a comment: {text}\n"
+                "Copy it into the braces, without //, to change the setting."
+            )
+    return None
+
+
+def edit_until_right(
+    path: Path,
+    board: Mapping[str, Any],
+    editor: Callable[[Path], None],
+    again: Callable[[str], bool],
+    before: bytes | None = None,
+) -> bytes | None:
+    """Let `editor` change a file until it is right, and give back its new content; None if that is
+    what it was before.
+
+    before: what the board has, if not this. A mistake is given to `again`, which says whether to
+    edit once more; RigFileError if not. So is a change in a comment alone.
+    """
+    draft = path.read_bytes()
+    before = _tidy(draft if before is None else before)
+    while True:
+        editor(path)
+        edited = path.read_bytes()
+        new = _bare(edited)
+        if _tidy(new) == before:
+            inside = _changed_comment(draft, edited)
+            draft = edited
+            if inside and again(inside):
+                continue
+            return None
+        try:
+            check(parse(new, path.name), board, path.name)
+            return _tidy(new)
+        except RigFileError as error:
+            if not again(str(error)):
+                raise
+
+
+def edit(device: "Device", protocol: str | None, file: Path | None = None) -> None:
+    """Fetch the rig file of a board (not connected yet), let the user edit it, put it back,
+    restart.
+
+    file: what the user begins with instead, such as an earlier draft; it stays as it is. When what
+    comes of it does not get there the board's file is as it was, and the draft stays.
+    """
+    from .repl_device import RIG_FILE
+    from .restart import greeting, hello
+    from .rig_change import Refused, RigChange
+
+    begin = None if file is None else content_of(file)
+
+    with device:
+        board = device.board()
+        content = device.read(RIG_FILE)
+        alone = device.state.runs and not device.state.background
+        if alone:  # getting to the REPL has ended the controller, whose port it is
+            device.restart()
+    if alone:
+        hello(device.path, protocol, 1)
+    folder = Path(tempfile.mkdtemp(prefix="framestep-"))
+    draft = folder / "rig.json"
+    there = b"{}" if content is None else content
+    draft.write_bytes(_with_comments(there if begin is None else begin))
+    try:
+        new = edit_until_right(draft, board, run_editor, ask_again, there)
+        if new is None:
+            print("nothing has been changed")
+            shutil.rmtree(folder)
+            return
+        with device:
+            change = RigChange(device, new)
+    except (ToolError, KeyboardInterrupt) as error:
+        said = f"{error}\n" if isinstance(error, ToolError) else ""
+        raise ToolError(
+            f"{said}the board's rig file is as it was; "
+            f"framestep rig edit {draft} goes on with the draft"
+        ) from None
+    ports = check(parse(new, RIG_FILE), board, RIG_FILE).ports
+    try:
+        print(greeting(*change.see(lambda: device, protocol, ports)))
+    except Refused as error:
+        raise ToolError(f"{error}; framestep rig edit {draft} goes on with the draft") from None
+    shutil.rmtree(folder)

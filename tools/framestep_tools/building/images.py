@@ -1,0 +1,217 @@
+"""Where the builds of MicroPython lie, made by tools/micropython/build.sh when they are missing."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from framestep_tools.board.uf2 import FLASH, RP2040, from_flash
+from framestep_tools.building.board_files import (
+    CACHE,
+    FIRMWARE,
+    ROOT,
+    board_chip,
+    board_modules,
+    board_names,
+    board_sources,
+    compiled,
+)
+from framestep_tools.building.ram_functions import symbols
+from framestep_tools.errors import ToolError
+
+_PRODUCTS = {
+    "rp2": "build/rp2/firmware.bin",
+    "unix32f": "build/unix32f/micropython",
+    "unix32": "build/unix32/micropython",
+    "unix64": "build/unix64/micropython",
+    "xtensa": "build/xtensa/micropython",
+    "rv32": "build/rv32/micropython",
+    "esp32": "build/esp32/micropython",
+}
+# Frozen as they are; an overlay cannot replace them
+_BEGINNING = {
+    "boot.py": "image_boot.py",
+    "main.py": "image_main.py",
+    "framestep_overlay.py": "framestep_overlay.py",
+}
+
+
+class BuildError(ToolError):
+    """A build is missing and cannot be made here; the text says why."""
+
+
+def _run(*command: str, show: bool = False, **environment: str) -> str:
+    """What the command prints on standard output. show: what it says of its progress goes where
+    ours goes."""
+    result = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=None if show else subprocess.PIPE,
+        text=True,
+    )
+    if result.returncode != 0:
+        said = "what it said is above" if show else f"\n{result.stderr.strip()}"
+        raise BuildError(f"{' '.join(command)} failed: {said}")
+    return result.stdout
+
+
+def micropython(target: str) -> Path:
+    """The product of a target of build.sh ("rp2", "unix32f", ...), built first if it is not
+    there."""
+    product = CACHE / _PRODUCTS[target]
+    if not product.exists():
+        _run("tools/micropython/build.sh", target)
+    return product
+
+
+@contextmanager
+def _locked(file: Path) -> Iterator[None]:
+    """One process at a time; others wait."""
+    import fcntl
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with open(file, "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _put(folder: Path, files: dict[str, bytes]) -> None:
+    """Make these the files in a folder; those that are the same are not touched."""
+    for name, data in files.items():
+        path = folder / name
+        if not path.exists() or path.read_bytes() != data:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+    for path in folder.rglob("*"):
+        if path.is_file() and path.relative_to(folder).as_posix() not in files:
+            path.unlink()
+
+
+def image_files(board: str) -> dict[str, bytes]:
+    """Return {module's path: content} of everything that is frozen into a board's image."""
+    processor = board_chip(board).processor
+    files = board_modules(processor, board)
+    image = compiled("framestep_image.py", image_module(board, files).encode(), processor)
+    return files | beginnings() | {"framestep_image.mpy": image}
+
+
+def image_module(board: str, modules: Mapping[str, bytes]) -> str:
+    """Source of framestep_image: the image's ID, its board, a hash of each module in it."""
+    hashes = b"".join(
+        sorted(module_hash(*module) for module in {**modules, **beginnings()}.items())
+    )
+    ident = hashlib.sha256(hashes).hexdigest()[:8]
+    return f"ID = {ident!r}\nBOARD = {board!r}\nHASHES = {hashes!r}\n"
+
+
+def module_hash(name: str, content: bytes) -> bytes:
+    """Hash of a module, one of framestep_image.HASHES."""
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()[:4]
+
+
+def beginnings() -> dict[str, bytes]:
+    """{module's path: content} of what an overlay cannot replace."""
+    return {name: (FIRMWARE / source).read_bytes() for name, source in _BEGINNING.items()}
+
+
+def _digest(board: str, files: dict[str, bytes]) -> str:
+    """What tells whether an image is of the present sources."""
+    folder = ROOT / "boards" / board
+    recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
+    common = [path for path in folder.parent.iterdir() if path.suffix in (".cmake", ".h", ".py")]
+    own = (*folder.glob("mpconfig*"), folder / "manifest.py")
+    definition = {
+        str(path.relative_to(ROOT)): path.read_bytes() for path in (*own, *common, *recipe)
+    }
+    in_ram = symbols(board_sources(board))
+    return hashlib.sha256(
+        repr((sorted(files.items()), sorted(definition.items()), in_ram)).encode()
+    ).hexdigest()
+
+
+def images_ready() -> dict[str, Path]:
+    """{board: its UF2 image} of those that are built of the present sources; nothing is built."""
+    found = {}
+    for board in board_names():
+        build = CACHE / "build" / f"image-{board}"
+        stamp, image = build / "stamp", build / "firmware.uf2"
+        if (
+            stamp.exists()
+            and image.exists()
+            and stamp.read_text() == _digest(board, image_files(board))
+        ):
+            found[board] = image
+    return found
+
+
+def flash_left(firmware: bytes) -> int:
+    """Bytes between the end of a firmware and the file system in the same flash.
+
+    BuildError if they overlap: the file system would lie over the end of the code.
+    """
+    area = from_flash(firmware, RP2040).file_system()
+    if area is None:
+        raise BuildError("the image does not say where its file system is")
+    left = area.address - FLASH - len(firmware)
+    if left < 0:
+        raise BuildError(
+            f"the image is {-left} bytes too large: it ends at {len(firmware)} bytes, and its file "
+            f"system begins at {area.address - FLASH} (boards/framestep.h); leave something out "
+            "(boards/rp2040_port.h)"
+        )
+    return left
+
+
+def frozen(board: str = "pico", checkout: str | None = None, show: bool = False) -> Path:
+    """Firmware of a board with framestep in it, beside it firmware.uf2; made anew when a source has
+    changed.
+
+    Two minutes the first time, then some twenty seconds. Frozen code is the .mpy files that a board
+    would get copied. `checkout`: the MicroPython to build, if not Debian's; show: tell the build's
+    steps on standard error. Two processes may call this at once.
+    """
+    files = image_files(board)
+    folder = ROOT / "boards" / board
+    digest = _digest(board, files)
+    name = (
+        board
+        if checkout is None
+        else f"{board}-{hashlib.sha256(os.path.realpath(checkout).encode()).hexdigest()[:8]}"
+    )
+    build, modules = CACHE / "build" / f"image-{name}", CACHE / "frozen" / name
+    product, stamp = build / "firmware.bin", build / "stamp"
+    with _locked(CACHE / "frozen" / f"{name}.lock"):
+        if checkout is None and product.exists() and stamp.exists() and stamp.read_text() == digest:
+            return product
+        stamp.unlink(missing_ok=True)
+        _put(modules, files)
+        _run(
+            "tools/micropython/build.sh",
+            "image",
+            show=show,
+            BOARD_DIR=str(folder),
+            FRAMESTEP=str(modules),
+            IMAGE=str(build),
+            UF2_FAMILY=board_chip(board).uf2_family,
+            IN_RAM=" ".join(symbols(board_sources(board))),
+            MICROPYTHON=os.path.abspath(checkout) if checkout else "",
+        )
+        flash_left(product.read_bytes())
+        stamp.write_text(digest)
+    return product
+
+
+def emulator_ready() -> Path:
+    """What the emulated board needs: node, its package, and the RP2040 firmware, whose path is
+    given back."""
+    if not (
+        ROOT / "tools/framestep_emulator/board/node_modules/rp2040js/package.json"
+    ).exists() or not shutil.which("node"):
+        _run("tools/setup.sh", "node")
+    return micropython("rp2")

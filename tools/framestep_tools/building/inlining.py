@@ -1,0 +1,126 @@
+"""Puts what a function computes in the place of its calls, before the source is compiled for a
+board.
+
+A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the
+functions of framestep/clock.py, each of them a single `return`, are for the reader alone.
+
+Each parameter stands in the expression once: so what a call gives is computed once, as in a call.
+Lines stay where they are, so that tracebacks are right.
+"""
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .constants import Edits, FoldError, shorten
+
+
+@dataclass(frozen=True)
+class _Function:
+    parameters: tuple[str, ...]
+    result: ast.expr
+
+    def call(self, arguments: list[str]) -> str:
+        """The expression with these in the place of the parameters."""
+        given = dict(zip(self.parameters, arguments, strict=True))
+
+        class Put(ast.NodeTransformer):
+            def visit_Name(self, node: ast.Name) -> ast.Name:
+                return ast.Name(given[node.id]) if node.id in given else node
+
+        return f"({ast.unparse(Put().visit(ast.parse(ast.unparse(self.result), mode='eval')))})"
+
+
+def inline(texts: Mapping[str, str], path: str) -> dict[str, str]:
+    """The modules, {path: source}, with no calls of functions of the module `path`. They have been
+    folded (framestep_tools.building.constants) before. FoldError where a function or a use of it is
+    not fit for that."""
+    functions = _functions(path, texts[path])
+    source = path.removesuffix(".py").replace("/", ".")
+    return {
+        name: text if name == path else _inlined(name, text, source, functions)
+        for name, text in texts.items()
+    }
+
+
+def _functions(path: str, text: str) -> dict[str, _Function]:
+    constants: dict[str, int] = {}
+    functions = {}
+
+    class Number(ast.NodeTransformer):
+        def visit_Name(self, node: ast.Name) -> ast.expr:
+            return ast.Constant(constants[node.id]) if node.id in constants else node
+
+    for node in ast.parse(text).body:
+        match node:
+            case ast.Assign(
+                targets=[ast.Name(id=name)],
+                value=ast.Call(func=ast.Name(id="const"), args=[ast.Constant(value=int(value))]),
+            ):
+                constants[name] = value
+            case ast.FunctionDef(
+                name=name, args=arguments, body=[*_, ast.Return(value=ast.expr() as result)]
+            ):
+                parameters = tuple(argument.arg for argument in arguments.args)
+                used = [
+                    n.id
+                    for n in ast.walk(result)
+                    if isinstance(n, ast.Name) and n.id not in constants
+                ]
+                if sorted(used) != sorted(parameters):
+                    raise FoldError(
+                        f"{path}, line {node.lineno}: "
+                        f"{name} has to use each parameter once, nothing else"
+                    )
+                functions[name] = _Function(parameters, Number().visit(result))
+    return functions
+
+
+def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Function]) -> str:
+    tree = ast.parse(text)
+    imports = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == source]
+    here = {alias.asname or alias.name: alias.name for node in imports for alias in node.names}
+    here = {name: original for name, original in here.items() if original in functions}
+    if not here:
+        return text
+    edits = Edits(text)
+    for node in imports:
+        shorten(edits, node, set(here))
+    text = edits.text()
+    while calls := _innermost(text, here, functions):
+        edits = Edits(text)
+        for call, function in calls:
+            edits.replace(call, function.call([_source(text, argument) for argument in call.args]))
+        text = edits.text()
+    for left in ast.walk(ast.parse(text)):
+        if isinstance(left, ast.Name) and left.id in here:
+            raise FoldError(
+                f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments"
+            )
+    return text
+
+
+def _innermost(
+    text: str, here: Mapping[str, str], functions: Mapping[str, _Function]
+) -> list[tuple[ast.Call, _Function]]:
+    """Calls of functions with none in their arguments."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in here:
+                function = functions[here[name]]
+                inner = {
+                    n.id
+                    for argument in arguments
+                    for n in ast.walk(argument)
+                    if isinstance(n, ast.Name)
+                }
+                if len(arguments) == len(function.parameters) and not inner & here.keys():
+                    found.append((node, function))
+    return found
+
+
+def _source(text: str, node: ast.expr) -> str:
+    """An argument's source, in one line."""
+    given = " ".join((ast.get_source_segment(text, node) or "").split())
+    return given if isinstance(node, ast.Name | ast.Attribute | ast.Constant) else f"({given})"

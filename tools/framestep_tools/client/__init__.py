@@ -1,0 +1,1 @@
+"""The client: frames, requests and answers, and the ports to a board."""

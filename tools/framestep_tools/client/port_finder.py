@@ -1,0 +1,177 @@
+"""Which of the computer's serial ports are a board's, and what for, from what the system says about
+them.
+
+No port is opened for it. A board with framestep has two ports, each of two USB interfaces: the
+REPL's begins with interface 0, the protocol's with interface 2. Where a system tells that number
+(as pyserial 3.5 hands it on):
+
+* Linux: at the end of `location`, 1-1.2:1.2; the interface's name is in `interface` as well.
+* Windows: at the end of `location` and so of `hwid`, LOCATION=1-2:x.2; names of interfaces are not
+  told.
+* macOS: in the device's name, which ends with the number of the port's second interface
+  (…usbmodem…3 is 2); `location` and `interface` are the same for both ports, the latter one of the
+  two names.
+"""
+
+import os
+import re
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from ..errors import NO_PORT, ToolError
+
+PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/usb_port.py)
+PROTOCOL, REPL, SINGLE, OTHER = "protocol", "REPL", "single", "other"
+_RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
+_NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and debug probes
+_TOLD = re.compile(r":(?:x|\d+)\.(\d+)$")
+_MAC = re.compile(r"usbmodem.*?(\d{1,2})$")
+GET = (
+    "put framestep on one (hold BOOTSEL while plugging it in, then drop the .uf2 "
+    "onto the drive that appears), take a cable that carries data, or name a port"
+)
+
+
+class PortError(ToolError):
+    """There is no such port, or more than one that could be meant; the text says which there
+    are."""
+
+    status = NO_PORT
+
+
+class Port(NamedTuple):
+    """A serial port. `board` tells one board's ports apart from another's, `use` is PROTOCOL, REPL,
+    SINGLE or OTHER."""
+
+    path: str
+    use: str
+    board: str
+    product: str
+    serial: str
+    interface: int | None
+
+
+def interface_number(record: Any) -> int | None:
+    """The number of a port's first USB interface; None where the system does not tell it."""
+    for text in (record.location, getattr(record, "hwid", None)):
+        if found := _TOLD.search(text or ""):
+            return int(found[1])
+    if found := _MAC.search(record.device):
+        name, serial = os.path.basename(record.device), record.serial_number or ""
+        at = name.rfind(serial) if serial else -1
+        digits = name[at + len(serial) :] if at >= 0 else found[1][-1]
+        return int(digits) - 1 if digits.isdigit() and int(digits) % 2 else None
+    return None
+
+
+def is_board(record: Any) -> bool:
+    """Whether MicroPython is behind a port."""
+    if record.manufacturer == "MicroPython" or record.interface == PROTOCOL_PORT:
+        return True
+    return record.vid == _RASPBERRY_PI and getattr(record, "pid", None) not in _NOT_MICROPYTHON
+
+
+def _board_of(record: Any) -> str:
+    return record.serial_number or _TOLD.sub("", record.location or "") or record.device
+
+
+def _uses(records: list[Any]) -> list[str]:
+    """What the ports of one board are for."""
+    if len(records) == 1:
+        return [PROTOCOL if records[0].interface == PROTOCOL_PORT else SINGLE]
+    named = [r.interface == PROTOCOL_PORT for r in records]
+    if any(named) and not all(named):
+        return [PROTOCOL if is_it else REPL for is_it in named]
+    numbers = [interface_number(r) for r in records]
+    if None in numbers or len(set(numbers)) < len(numbers):  # then in the order of their names
+        numbers = list(range(len(records)))
+    repl = min(n for n in numbers if n is not None)
+    return [REPL if n == repl else PROTOCOL for n in numbers]
+
+
+def listed(records: Iterable[Any] | None = None) -> list[Port]:
+    """Every serial port, boards' first. records: as serial.tools.list_ports.comports gives them."""
+    if records is None:
+        from serial.tools import list_ports
+
+        records = list_ports.comports()
+    everything = sorted(
+        records, key=lambda r: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", r.device)]
+    )
+    boards: dict[str, list[Any]] = {}
+    for record in everything:
+        if is_board(record):
+            boards.setdefault(_board_of(record), []).append(record)
+    found = []
+    for board, mine in boards.items():
+        for record, use in zip(mine, _uses(mine), strict=True):
+            found.append(_port(record, use, board))
+    return found + [_port(record, OTHER, "") for record in everything if not is_board(record)]
+
+
+def _port(record: Any, use: str, board: str) -> Port:
+    product = getattr(record, "product", None) or getattr(record, "description", None) or ""
+    return Port(
+        record.device, use, board, product, record.serial_number or "", interface_number(record)
+    )
+
+
+def _same(port: Port, path: str) -> bool:
+    # it may be a link, as those in /dev/serial/by-id
+    return port.path in (path, os.path.realpath(path))
+
+
+def known(path: str) -> Port | None:
+    """What the system knows of a port; None for one that is no serial port of its own."""
+    return next((port for port in listed() if _same(port, path)), None)
+
+
+def siblings(path: str) -> list[Port]:
+    """The ports of the board that has this one, itself included; none if it is no board's."""
+    ports = listed()
+    board = next((port.board for port in ports if _same(port, path)), "")
+    return [port for port in ports if board and port.board == board]
+
+
+def is_path(port: Port, path: str) -> bool:
+    """Whether a path leads to this port."""
+    return _same(port, path)
+
+
+def _only(ports: list[Port], what: str) -> str:
+    if len(ports) > 1:
+        raise PortError(
+            f"there are {len(ports)} boards: name the port of one of them, "
+            f"{' or '.join(p.path for p in ports)}"
+        )
+    if not ports:
+        raise PortError(f"no board with {what} is on USB: {GET}")
+    return ports[0].path
+
+
+def protocol_port() -> str:
+    """The protocol's port of the only board there is; PortError for none or several."""
+    ports = [port for port in listed() if port.use != OTHER]
+    found = [port for port in ports if port.use == PROTOCOL]
+    if not found and ports:
+        raise PortError(
+            f"the board on {ports[0].path} shows one port only: "
+            "framestep is not running there (what the REPL says tells why), "
+            f'or its rig file says "ports": 1, then name the port: --device {ports[0].path}'
+        )
+    return _only(found, "framestep")
+
+
+def repl_port() -> str:
+    """The port of the REPL of the only board there is; PortError for none or several."""
+    return _only([port for port in listed() if port.use in (REPL, SINGLE)], "MicroPython")
+
+
+def protocol_of(path: str) -> str | None:
+    """The protocol's port of the board that has this one; None while it has none of its own."""
+    return next((port.path for port in siblings(path) if port.use == PROTOCOL), None)
+
+
+def is_repl(path: str) -> bool:
+    """Whether this is the REPL's port of a board whose protocol has one of its own."""
+    return any(port.use == REPL and _same(port, path) for port in siblings(path))

@@ -1,0 +1,477 @@
+"""Why a device refuses a request, in words: which motor, which frame, what would be needed and what
+is set where.
+
+The device is asked what it is set to (framestep's own messages); other devices' refusals keep the
+words of their code.
+"""
+
+from typing import Any
+
+from framestep import texts
+from framestep.motors.axis import FULL_SPEED
+from framestep.moves.move_check import FASTEST_FPS
+from framestep.moves.run_plan import LONGEST_ROLL
+from framestep.moves.shoot import LONGEST_MS
+from framestep.moves.upload_store import FARTHEST_FRAME
+from framestep.protocol.messages import (
+    CONDITION_DRIVER,
+    CONDITION_ESTOP,
+    CONDITION_RIG_FILE_INVALID,
+    EXCEEDED_ACCELERATION,
+    EXCEEDED_BOARD,
+    EXCEEDED_LOWER,
+    EXCEEDED_MEMORY,
+    EXCEEDED_POSTROLL,
+    EXCEEDED_PREROLL,
+    EXCEEDED_UPPER,
+    EXCEEDED_VELOCITY,
+    SET_AT_LOWER,
+    SET_AT_UPPER,
+    SET_ENABLED,
+    SET_FOLLOWS,
+    SET_LOWER,
+    SET_UPPER,
+)
+
+from ..payloads import (
+    Ack,
+    Exceeded,
+    GetCondition,
+    GetExceeded,
+    Home,
+    MotorJog,
+    MotorMove,
+    MotorResetPosition,
+    MotorSetLimits,
+    MotorSetSpeed,
+    MotorStatus,
+    Payload,
+    RtGo,
+    RtJogAll,
+    RtPositionFrame,
+    RtRunMove,
+    RtShootFrame,
+    RtShootFrame2,
+    RtUploadMoveAxis,
+    RtUploadMoveBegin,
+    RtUploadMoveDmx,
+    RtUploadMoveEnd,
+    RtUploadMoveTriggers,
+    SetVirtAimPoint,
+    VirtGetPosition,
+    VirtJog,
+    VirtJogOnLine,
+    VirtMove,
+    VirtStop,
+    type_name,
+)
+from .client import Client, ClientError, RequestRefused
+
+_SHOTS = (RtShootFrame, RtShootFrame2)
+_PLAY = (RtRunMove, RtPositionFrame, RtJogAll, RtGo, *_SHOTS)
+_SECTIONS = (RtUploadMoveAxis, RtUploadMoveDmx, RtUploadMoveTriggers, RtUploadMoveEnd)
+_VIRTUAL = (VirtMove, VirtStop, VirtJog, VirtJogOnLine, VirtGetPosition, SetVirtAimPoint)
+
+_SPEED = (
+    "set by SET_SPEED: Dragonframe's axis set-up, or framestep move … --velocity --acceleration"
+)
+_LIMITS = "set by SET_LIMITS: Dragonframe's axis set-up"
+_STOPPED = (
+    (
+        CONDITION_RIG_FILE_INVALID,
+        "the rig file has a mistake, which the REPL tells: nothing moves until it is right",
+    ),
+    (CONDITION_ESTOP, "the E-stop is held"),
+    (CONDITION_DRIVER, "a driver does not work (the REPL tells which and why)"),
+)
+_UNSENT = -(2**31)  # stands for a frame not sent (field note 5.3)
+_NO_UPLOAD = "no move has been uploaded since the board's start: framestep upload FILE"
+
+
+def explain(client: Client, error: RequestRefused) -> RequestRefused:
+    """The same refusal, with what the device tells about it as its text."""
+    try:
+        found = _why(client, error.request, error.code)
+    except ClientError:  # it does not tell, or has gone
+        found = None
+    if found:
+        error.args = (f"{type_name(error.request.TYPE)} was refused: {found}",)
+    return error
+
+
+def _why(client: Client, request: Payload, code: Ack) -> str | None:
+    if isinstance(request, Home) and code == Ack.ERR_UNSUPPORTED:
+        return "no motor has `home` in the rig file (docs/homing.md), or the firmware is older"
+    if code in (Ack.ERR_UNSUPPORTED, Ack.ERR_CHECKSUM):
+        return None
+    info = client.info or client.greet()
+    if isinstance(request, _VIRTUAL):
+        return _virtual(client, request, code)
+    for motor in _motors(request):
+        if not 1 <= motor <= info.motors:
+            return f"there is no motor {motor}, the device has motors 1 to {info.motors}"
+    if code == Ack.ERR_MOVING:
+        return _moving(client, _motors(request))
+    if isinstance(request, _SECTIONS):
+        return _section(client, request, code)
+    if isinstance(request, RtUploadMoveBegin):
+        return _frames(request, info.upload_frames)
+    if code == Ack.ERR_GENERAL:
+        return _general(client, request)
+    if isinstance(request, Home):
+        return _home(client, request, code)
+    if code in (Ack.ERR_HARD_UP, Ack.ERR_HARD_LOW):
+        return _at_switch(client, _motors(request) or range(1, info.motors + 1), code)
+    if isinstance(request, _PLAY):
+        return _play(client, request, code)
+    if _motors(request):
+        return _motor(client, request, code, client.request(GetExceeded(_motors(request)[0])))
+    return None
+
+
+def _motors(request: Payload) -> list[int]:
+    """The motors that a request names."""
+    motor = getattr(request, "motor", None)
+    if isinstance(motor, int):
+        return [motor]
+    listed: Any = getattr(request, "motors", ())
+    return [each if isinstance(each, int) else each.motor for each in listed]
+
+
+def _named(motors: list[int]) -> str:
+    """Such as "motor 3" or "motors 1, 3"."""
+    return f"motor{'s' * (len(motors) > 1)} {', '.join(map(str, motors))}"
+
+
+def _moving(client: Client, named: list[int]) -> str:
+    moving = client.request(MotorStatus()).moving
+    if not moving:
+        return "a run waits for GO or has not ended yet: framestep stop ends it"
+    which = [motor for motor in moving if motor in named] or moving
+    return f"{_named(which)} move{'s' * (len(which) == 1)}; wait, or framestep stop"
+
+
+def what_stops(client: Client) -> str | None:
+    """What keeps the device from moving anything."""
+    bits = client.request(GetCondition()).bits
+    return next((text for bit, text in _STOPPED if bits & bit), None)
+
+
+def _general(client: Client, request: Payload) -> str | None:
+    stopped = what_stops(client)
+    if stopped:
+        return stopped
+    if isinstance(request, RtGo):
+        return "no run waits, or a motor of it has been switched off since"
+    if isinstance(request, _PLAY):
+        return _NO_UPLOAD
+    for motor in _motors(request):
+        bits = client.request(GetExceeded(motor)).bits or 0
+        if bits & SET_FOLLOWS:
+            return (
+                f"motor {motor} does what motor {motor - 1} does (they are coupled): move that one"
+            )
+        if not bits & SET_ENABLED:
+            return (
+                f"motor {motor} is switched off by MOTOR_CONFIGURE: enable its axis in Dragonframe"
+            )
+        return (
+            f"motor {motor} is coupled to one that is switched off, "
+            "or something else has taken a pin of it"
+        )
+    return None
+
+
+def _at_switch(client: Client, motors: Any, code: Ack) -> str | None:
+    """Which of these motors stand at a limit switch."""
+    up = code == Ack.ERR_HARD_UP
+    bit = SET_AT_UPPER if up else SET_AT_LOWER
+    found = [m for m in motors if (client.request(GetExceeded(m)).bits or 0) & bit]
+    if not found:
+        return None
+    stand = "stands at its" if len(found) == 1 else "stand at their"
+    return (
+        f"{_named(found)} {stand} {'upper' if up else 'lower'} limit switch, "
+        f"and may move {'down' if up else 'up'} only"
+    )
+
+
+# ---- single motors
+
+
+def _motor(client: Client, request: Payload, code: Ack, told: Exceeded) -> str | None:
+    motor, at = told.of, None
+    if isinstance(request, (MotorMove, MotorJog)):
+        at = request.position if isinstance(request, MotorMove) else request.destination
+    if code == Ack.ERR_SOFT_UP:
+        return f"{at} is past the upper soft limit of motor {motor}, {told.upper} ({_LIMITS})"
+    if code == Ack.ERR_SOFT_LOW:
+        return f"{at} is past the lower soft limit of motor {motor}, {told.lower} ({_LIMITS})"
+    if code != Ack.ERR_RANGE:
+        return None
+    if isinstance(request, MotorJog) and not 1 <= request.speed <= FULL_SPEED:
+        return f"motor {motor} jogs at a speed of 1 to {FULL_SPEED}, not {request.speed}"
+    if isinstance(request, MotorSetSpeed):
+        if not request.velocity or not request.acceleration:
+            return f"motor {motor} needs a velocity and an acceleration of at least 1"
+        return (
+            f"motor {motor} cannot do {request.velocity} steps/s "
+            "with the pulses of its rig file (pulse_us)"
+        )
+    if isinstance(request, MotorSetLimits):
+        return _set_limits(client, request)
+    if isinstance(request, MotorResetPosition):
+        return f"{request.position} leaves no room for the backlash of motor {motor}"
+    return None
+
+
+def _set_limits(client: Client, request: MotorSetLimits) -> str:
+    both = request.lower_enable and request.upper_enable
+    if both and request.lower > request.upper:
+        return (
+            f"the lower limit of motor {request.motor}, {request.lower}, "
+            f"is above the upper one, {request.upper}"
+        )
+    sets = client.info.limit_sets if client.info else 0
+    there = f"has sets 1 to {sets}" if sets else "has none"
+    return (
+        f"motor {request.motor} cannot have limit switch set {request.limit_set & 0x7F}: "
+        f"the rig file {there} (limits)"
+    )
+
+
+def _home(client: Client, request: Home, code: Ack) -> str | None:
+    if code == Ack.ERR_RANGE:
+        return f"{_named(_motors(request))}: not each has `home` in the rig file (docs/homing.md)"
+    side = {Ack.ERR_SOFT_UP: "upper", Ack.ERR_SOFT_LOW: "lower"}.get(code)
+    return side and (
+        f"the position of a home switch is past the {side} soft limit of its motor ({_LIMITS}); "
+        "soft limits count, as the position is known"
+    )
+
+
+# ---- uploads
+
+
+def _frames(request: RtUploadMoveBegin, room: int) -> str:
+    first, last = request.start_frame, request.end_frame
+    if last < first:
+        return f"the move would end at frame {last}, before it begins at {first}"
+    if max(-first, last) > FARTHEST_FRAME:
+        return f"frames have numbers from {-FARTHEST_FRAME} to {FARTHEST_FRAME}"
+    return f"{last - first + 1} frames are more than the {room} that fit"
+
+
+def _section(client: Client, request: Payload, code: Ack) -> str | None:
+    if code == Ack.ERR_GENERAL:
+        return "no upload has begun"
+    if code != Ack.ERR_RANGE:
+        return None
+    told = client.request(GetExceeded())
+    if told.what != EXCEEDED_MEMORY:
+        return _outside(request)
+    return (
+        f"{_part(request)}: the board's memory is full; what does not fit needs {told.by} bytes, "
+        f"{told.room} are free: fewer frames, motors or channels, or calmer motion and light"
+    )
+
+
+def _part(request: Payload) -> str:
+    """What a request of an upload brings."""
+    if isinstance(request, RtUploadMoveAxis):
+        return f"the positions of motor {request.motor} from {_index(request)} on"
+    if isinstance(request, RtUploadMoveDmx):
+        return f"the levels of channel {request.channel} from {_index(request)} on"
+    if isinstance(request, RtUploadMoveTriggers):
+        return "triggers"
+    return "the frames between those that were sent"
+
+
+def _index(request: RtUploadMoveAxis | RtUploadMoveDmx) -> str:
+    return f"the upload's frame {(request.start_index & 0x7FFF_FFFF) + 1}"
+
+
+def _outside(request: Payload) -> str | None:
+    """What is wrong with a section that would have had room."""
+    if isinstance(request, RtUploadMoveAxis) and _UNSENT in request.positions:
+        return f"{_part(request)} have one of {_UNSENT}, which no motor can take"
+    if isinstance(request, RtUploadMoveDmx) and not 1 <= request.channel <= 512:
+        return f"there is no channel {request.channel}, there are channels 1 to 512"
+    if isinstance(request, (RtUploadMoveAxis, RtUploadMoveDmx)):
+        return f"{_part(request)} begin past its last frame"
+    return None
+
+
+# ---- what plays the upload
+
+
+def _play(client: Client, request: Payload, code: Ack) -> str | None:
+    wrong = code == Ack.ERR_RANGE and _wrong_value(request)
+    if wrong:
+        return wrong
+    if isinstance(request, RtPositionFrame):
+        if code == Ack.ERR_RANGE:
+            return f"frame {request.frame} is not in the upload"
+        return None
+    told = client.request(GetExceeded())
+    motor, frame = told.motor, told.frame
+    rate = getattr(request, "fps_milli", None)
+    rate = "" if rate is None else f" at {rate / 1000:g} frames/s"
+    where = f"motor {motor} at frame {frame}"
+    if told.what == EXCEEDED_VELOCITY and told.velocity is not None:
+        return (
+            f"{where} would need {told.velocity + told.by} steps/s{rate}, "
+            f"its velocity is {told.velocity} steps/s ({_SPEED})"
+        )
+    if (
+        told.what == EXCEEDED_ACCELERATION
+        and told.acceleration is not None
+        and code == Ack.ERR_RANGE
+        and not isinstance(request, _SHOTS)
+    ):
+        return (
+            f"{where} would need {told.acceleration + told.by} steps/s²{rate}, "
+            f"its acceleration is {told.acceleration} steps/s² ({_SPEED}), "
+            "and strict_moves is set in the rig file"
+        )
+    if told.what == EXCEEDED_BOARD:
+        return (
+            f"{where} would need a change of velocity that the board cannot make: "
+            "less steps or fewer frames/s"
+        )
+    if told.what == EXCEEDED_UPPER:
+        return (
+            f"{where} would be past its upper soft limit, "
+            f"{_limit(told.upper, told.bits, SET_UPPER)}"
+        )
+    if told.what == EXCEEDED_LOWER:
+        return (
+            f"{where} would be past its lower soft limit, "
+            f"{_limit(told.lower, told.bits, SET_LOWER)}"
+        )
+    if told.what in (EXCEEDED_PREROLL, EXCEEDED_POSTROLL):
+        return _ramp(request, told)
+    if code == Ack.ERR_NOT_IN_POSITION:
+        return (
+            "the motors stand on no frame of the upload: send them to one"
+            if isinstance(request, RtJogAll)
+            else "the motors are not where it begins: prepare it again"
+        )
+    if code == Ack.ERR_RANGE:
+        return _where(request, rate)
+    return "; ".join(texts.exceeded(told.what, motor, frame, told.by)) or None
+
+
+def _wrong_value(request: Payload) -> str | None:
+    """A value that no upload and no setting would make right."""
+    fps = getattr(request, "fps_milli", None)
+    if fps is not None and not 0 < fps <= FASTEST_FPS:
+        return f"{fps / 1000:g} frames/s: expected more than 0, at most {FASTEST_FPS // 1000}"
+    for name in ("preroll_ms", "postroll_ms"):
+        if getattr(request, name, 0) > LONGEST_ROLL:
+            roll = name.removesuffix("roll_ms")
+            return f"the {roll}-roll has {LONGEST_ROLL // 1000} s at most"
+    if isinstance(request, _SHOTS) and request.exposure_ms > LONGEST_MS:
+        return f"an exposure of {request.exposure_ms} ms: {LONGEST_MS // 1000} s are the longest"
+    if isinstance(request, RtShootFrame) and request.blur > 1000:
+        return f"a blur of {request.blur}: expected 0 to 1000 (tenths of a percent)"
+    if isinstance(request, RtShootFrame) and request.direction > 1:
+        return f"direction {request.direction}: expected 0 (backward) or 1 (forward)"
+    if isinstance(request, RtShootFrame2) and request.close_angle <= request.open_angle:
+        return (
+            f"the shutter would close at {request.close_angle} degrees, "
+            f"before it opens at {request.open_angle}"
+        )
+    return None
+
+
+def _where(request: Payload, rate: str) -> str:
+    """The frames of a request that are not in the upload."""
+    if isinstance(request, RtRunMove):
+        return (
+            f"frames {request.start_frame} to {request.end_frame}{rate} are not all in the upload"
+        )
+    if isinstance(request, RtJogAll):
+        return f"frame {request.destination} is not in the upload"
+    if isinstance(request, _SHOTS):
+        return (
+            f"frame {request.frame} is not in the upload, "
+            f"or an exposure of {request.exposure_ms} ms is too long"
+        )
+    return "what was prepared does not fit what has been set since"
+
+
+def _ramp(request: Payload, told: Exceeded) -> str:
+    """What is wrong before or behind the frames."""
+    pre = told.what == EXCEEDED_PREROLL
+    motor, bits = told.motor, told.bits or 0
+    if told.by and told.acceleration is not None:
+        needs = (
+            f"motor {motor} would need {told.acceleration + told.by} steps/s², "
+            f"its acceleration is {told.acceleration} steps/s² ({_SPEED})"
+        )
+    else:
+        limits = [str(told.lower)] * bool(bits & SET_LOWER)
+        limits += [str(told.upper)] * bool(bits & SET_UPPER)
+        past = f"pass its soft limit, {' or '.join(limits)} ({_LIMITS})"
+        needs = f"motor {motor} would {past if limits else 'leave the range of positions'}"
+    if isinstance(request, RtShootFrame):
+        when = f"second {'before' if pre else 'after'} the exposure"
+        return f"in the {when} of frame {told.frame} {needs}: expose longer, or move less"
+    if isinstance(request, RtShootFrame2):
+        return f"in the exposure of frame {told.frame} {needs}: expose longer, or move less"
+    roll = "pre-roll" if pre else "post-roll"
+    time_ms = getattr(request, "preroll_ms" if pre else "postroll_ms", None)
+    time = "" if time_ms is None else f" of {time_ms} ms"
+    return (
+        f"in its {roll}{time} {needs}: give it a {'longer' if told.by else 'shorter'} one, "
+        "or begin and end the move more slowly"
+    )
+
+
+def _limit(value: int | None, bits: int | None, which: int) -> str:
+    return (
+        f"{value} ({_LIMITS})"
+        if (bits or 0) & which
+        else "which is that of the motor coupled to it"
+    )
+
+
+# ---- virtual axes
+
+
+def _virtual(client: Client, request: Payload, code: Ack) -> str | None:
+    if code == Ack.ERR_GENERAL:
+        stopped = None if isinstance(request, VirtGetPosition) else what_stops(client)
+        if stopped:
+            return stopped
+        if client.code(VirtGetPosition()) == Ack.ERR_GENERAL:
+            return (
+                "no virtual axes are configured: "
+                "Dragonframe does that when a rig with such axes is set up"
+            )
+        return "a motor of the rig is switched off by MOTOR_CONFIGURE, or coupled to another one"
+    if code == Ack.ERR_MOVING:
+        return _moving(client, [])
+    if code in (Ack.ERR_HARD_UP, Ack.ERR_HARD_LOW):
+        return _at_switch(client, range(1, (client.info or client.greet()).motors + 1), code)
+    if code in (Ack.ERR_SOFT_UP, Ack.ERR_SOFT_LOW):
+        return _past_limits(client, code)
+    if code == Ack.ERR_RANGE and isinstance(request, VirtMove):
+        return (
+            f"the rig has no virtual axis {request.motor}, "
+            "or its arm does not reach a point on the way"
+        )
+    return None
+
+
+def _past_limits(client: Client, code: Ack) -> str:
+    """The soft limits of which a motor would pass one."""
+    up = code == Ack.ERR_SOFT_UP
+    limits = []
+    for motor in range(1, (client.info or client.greet()).motors + 1):
+        told = client.request(GetExceeded(motor))
+        if (told.bits or 0) & (SET_UPPER if up else SET_LOWER):
+            limits.append(f"motor {motor} {told.upper if up else told.lower}")
+    which = "upper" if up else "lower"
+    return f"a motor would pass its {which} soft limit ({', '.join(limits)}; {_LIMITS})"

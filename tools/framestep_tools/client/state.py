@@ -1,0 +1,204 @@
+"""What a device is at: asked once, shown as lines, as a table, or for programs."""
+
+from typing import Any, NamedTuple
+
+from framestep import texts
+from framestep.motors.positions import LOST
+from framestep.protocol.messages import (
+    CONDITION_EXCEEDED,
+    EXCEEDED_ACCELERATION,
+    HARD_STOP_FAULT,
+    HARD_STOP_GENERAL,
+    HARD_STOP_LOWER,
+    HARD_STOP_UPPER,
+)
+
+from ..errors import REFUSED
+from ..payloads import (
+    Condition,
+    DeviceInfo,
+    Exceeded,
+    GetCondition,
+    GetExceeded,
+    HardStop,
+    MotorGetPosition,
+    MotorStatus,
+)
+from .client import Client, ClientError, RequestRefused
+
+_NOT_TOLD = "this device does not tell how far its positions can be trusted"
+_STOPS = {
+    HARD_STOP_GENERAL: "the E-stop was pressed",
+    HARD_STOP_UPPER: "motor {} ran into its upper limit switch",
+    HARD_STOP_LOWER: "motor {} ran into its lower limit switch",
+    HARD_STOP_FAULT: (
+        "a fault in the firmware or a driver (framestep status and the REPL tell more)"
+    ),
+}
+
+
+class Stopped(ClientError):
+    """Motors have come to rest elsewhere than they were to."""
+
+    status = REFUSED
+
+
+class State(NamedTuple):
+    """`condition` is None for a device that does not tell it; `exceeded` where nothing was asked
+    too much of."""
+
+    info: DeviceInfo
+    moving: list[int]
+    positions: list[int]
+    condition: Condition | None
+    exceeded: Exceeded | None
+
+
+def ask(client: Client) -> State:
+    """What the device is at now."""
+    info = client.info or client.greet()
+    moving = client.request(MotorStatus()).moving
+    positions = list(client.request(MotorGetPosition()).steps)[: info.motors]
+    condition: Condition | None = None
+    exceeded: Exceeded | None = None
+    try:
+        condition = client.request(GetCondition())
+        if condition.bits & CONDITION_EXCEEDED:
+            exceeded = client.request(GetExceeded())
+    except RequestRefused:
+        pass
+    return State(info, moving, positions, condition, exceeded)
+
+
+def position(client: Client, motor: int) -> int:
+    """Where a motor is, in steps; ClientError if there is no such motor."""
+    steps = client.request(MotorGetPosition()).steps
+    if motor > len(steps):
+        raise NoMotor(motor, len(steps))
+    return int(steps[motor - 1])
+
+
+class NoMotor(ClientError):
+    """The device has fewer motors."""
+
+    status = REFUSED
+
+    def __init__(self, motor: int, count: int):
+        super().__init__(f"there is no motor {motor}: the device has motors 1 to {count}")
+
+
+def why_stopped(client: Client) -> str:
+    """Why motors have come to rest before they were to."""
+    told = client.take_event(HardStop)
+    if told:
+        return _STOPS.get(told.reason, f"the device gives the reason {told.reason}").format(
+            told.motor
+        )
+    if client.stopped:
+        return "another program stopped it"
+    return "another program or a soft limit stopped it"
+
+
+def is_stopped(client: Client) -> bool:
+    """Whether something has stopped motors, such that nothing may be repeated."""
+    return client.stopped or any(isinstance(event.message, HardStop) for event in client.events)
+
+
+def too_steep(client: Client) -> str | None:
+    """What the move prepared last asks of a motor beyond its acceleration, though it is played.
+    None if nothing, or where the device does not tell."""
+    try:
+        told = client.request(GetExceeded())
+    except ClientError:
+        return None
+    if told.what != EXCEEDED_ACCELERATION:
+        return None
+    return (
+        f"motor {told.motor} at frame {told.frame} would need "
+        f"{(told.acceleration or 0) + told.by} steps/s², its acceleration is "
+        f"{told.acceleration} steps/s²: it is played as uploaded and may lose steps"
+    )
+
+
+def _trust(state: State) -> list[str]:
+    if not state.condition:
+        return [""] * len(state.positions)
+    found = [texts.trust(each.state, each.reason) for each in state.condition.positions]
+    return found + [""] * (len(state.positions) - len(found))
+
+
+def _heading(info: DeviceInfo) -> str:
+    return (
+        f"{info.name}, firmware {info.major}.{info.minor}.{info.revision}: {info.motors} motors, "
+        f"{info.dmx_channels} DMX channels, {info.outputs} outputs, {info.inputs} inputs, "
+        f"{info.upload_frames} frames, capabilities 0x{info.capabilities:04X}"
+    )
+
+
+def _conditions(state: State) -> list[str]:
+    """What there is to say of the device as a whole."""
+    if state.condition is None:
+        return [_NOT_TOLD]
+    found = texts.conditions(state.condition.bits)
+    if state.exceeded:
+        found += texts.exceeded(
+            state.exceeded.what,
+            state.exceeded.motor,
+            state.exceeded.frame,
+            state.exceeded.by,
+            state.exceeded.room or 0,
+        )
+    if any(each.state == LOST for each in state.condition.positions):
+        found.append(f"{texts.LIMITS_COUNT} (framestep zero)")
+    return found
+
+
+def lines(state: State) -> list[str]:
+    """As text."""
+    found = [_heading(state.info)]
+    for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
+        found.append(
+            f"motor {motor}: {steps}{', moving' if motor in state.moving else ''}"
+            f"{trust and f', {trust}'}"
+        )
+    return found + _conditions(state)
+
+
+def table(state: State) -> Any:
+    """As a table for a terminal."""
+    from rich.console import Group
+    from rich.table import Table
+
+    shown = Table("motor", title=_heading(state.info), title_justify="left")
+    shown.add_column("position", justify="right", min_width=11)
+    shown.add_column("", min_width=6)
+    shown.add_column("trust")
+    for motor, (steps, trust) in enumerate(zip(state.positions, _trust(state), strict=True), 1):
+        shown.add_row(str(motor), str(steps), "moving" if motor in state.moving else "", trust)
+    return Group(shown, *_conditions(state))
+
+
+def for_programs(state: State) -> dict[str, Any]:
+    """As what JSON can hold."""
+    motors = []
+    for motor, steps in enumerate(state.positions, 1):
+        entry: dict[str, Any] = {"motor": motor, "position": steps, "moving": motor in state.moving}
+        if state.condition and motor <= len(state.condition.positions):
+            trust = state.condition.positions[motor - 1]
+            entry["trust"] = texts.STATES.get(trust.state, str(trust.state))
+            entry["reason"] = texts.REASONS.get(trust.reason, str(trust.reason))
+        motors.append(entry)
+    info = state.info
+    return {
+        "name": info.name,
+        "firmware": f"{info.major}.{info.minor}.{info.revision}",
+        "motors": motors,
+        "dmx_channels": info.dmx_channels,
+        "outputs": info.outputs,
+        "inputs": info.inputs,
+        "limit_sets": info.limit_sets,
+        "upload_frames": info.upload_frames,
+        "capabilities": info.capabilities,
+        "conditions": texts.conditions(state.condition.bits) if state.condition else None,
+        "exceeded": vars(state.exceeded) if state.exceeded else None,
+    }

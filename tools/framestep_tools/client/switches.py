@@ -1,0 +1,78 @@
+"""Inputs as a device sees them: the E-stop, limit switches, general inputs; as lines, as a table,
+or for programs."""
+
+from typing import Any, NamedTuple
+
+from framestep.protocol.messages import CONDITION_ESTOP
+
+from ..payloads import GetCondition, GetExceeded, GioIn
+from .client import Client, RequestRefused
+
+
+class Switches(NamedTuple):
+    """`estop`: whether it is held; `limits`: for each set whether its upper and its lower switch
+    are active. None where the device does not tell."""
+
+    estop: bool | None
+    limits: list[tuple[bool, bool]] | None
+    inputs: list[bool]
+
+
+def ask(client: Client) -> Switches:
+    """How the inputs are now."""
+    info = client.info or client.greet()
+    levels = client.request(GioIn()).levels
+    inputs = [bool(levels >> i & 1) for i in range(info.inputs)]
+    try:
+        estop = bool(client.request(GetCondition()).bits & CONDITION_ESTOP)
+        told = client.request(GetExceeded(1))
+    except RequestRefused:
+        return Switches(None, None, inputs)
+    if told.upper_active is None or told.lower_active is None:
+        return Switches(estop, None, inputs)
+    sets = range(info.limit_sets)
+    return Switches(
+        estop,
+        [(bool(told.upper_active >> i & 1), bool(told.lower_active >> i & 1)) for i in sets],
+        inputs,
+    )
+
+
+def _rows(found: Switches) -> list[tuple[str, str]]:
+    rows = []
+    if found.estop is not None:
+        rows.append(("E-stop", "held" if found.estop else "released"))
+    rows += [(f"input {i}", "on" if on else "off") for i, on in enumerate(found.inputs, 1)]
+    for i, ends in enumerate(found.limits or [], 1):
+        active = " and ".join(name for name, on in zip(("upper", "lower"), ends, strict=True) if on)
+        rows.append((f"limit set {i}", f"{active} switch active" if active else "-"))
+    return rows
+
+
+def lines(found: Switches) -> list[str]:
+    """As text."""
+    told = [f"{what}: {how}" for what, how in _rows(found)]
+    return (
+        told
+        if found.limits is not None
+        else [*told, "this device does not tell its limit switches"]
+    )
+
+
+def table(found: Switches) -> Any:
+    """As a table for a terminal."""
+    from rich.table import Table
+
+    shown = Table("switch", "")
+    for what, how in _rows(found):
+        shown.add_row(what, how)
+    return shown
+
+
+def for_programs(found: Switches) -> dict[str, Any]:
+    """As what JSON can hold."""
+    limits = {str(i): [n for n, on in zip(("upper", "lower"), ends, strict=True) if on]
+              for i, ends in enumerate(found.limits or [], 1)}  # fmt: skip
+    estop = None if found.estop is None else "held" if found.estop else "released"
+    return {"estop": estop, "inputs": {str(i): on for i, on in enumerate(found.inputs, 1)},
+            "limits": limits if found.limits is not None else None}  # fmt: skip

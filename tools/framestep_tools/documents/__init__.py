@@ -1,0 +1,1 @@
+"""Pages, tables and pictures of the documents that are made from data."""

@@ -1,0 +1,392 @@
+"""A board's page: the table of its pins and the drawing, made from boards/<board>/board.json; and a
+check of that data.
+
+python -m framestep_tools.documents.board_pages          put them into every boards/<board>
+"""
+
+import html
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from framestep.rig_pins import fitted
+
+from ..building.board_files import ROOT, board_data, board_names
+from ..chips import chips
+
+BEGIN = "<!-- pins: made by python -m framestep_tools.documents.board_pages -->\n"
+END = "<!-- end of pins -->"
+_ADDRESSES = 4  # that MS1 and MS2 of a TMC2209 can tell apart
+
+_KEYS = {
+    *(
+        "name",
+        "chip",
+        "motors",
+        "step",
+        "dir",
+        "enable",
+        "estop",
+        "shutter",
+        "meter",
+        "dmx",
+        "drivers",
+        "gio",
+    ),
+    *("outputs", "inputs", "stops", "led", "rgb", "jumper", "freed", "with_drivers", "page"),
+    "pins",  # not in the file: files.board_data puts it there
+}
+
+
+class Use(NamedTuple):
+    """What a pin is for, and what to wire to it."""
+
+    pin: int
+    kind: str  # what is drawn alike
+    what: str
+    wire: str
+
+
+def uses(board: Mapping[str, Any]) -> list[Use]:
+    """Every pin that is in use, in the order of the table. board: data from
+    framestep.rig_pins.fitted."""
+    found = list(_motors(board))
+    if isinstance(board["enable"], int):
+        found.append(Use(board["enable"], "motor", "enable of all drivers", "EN of every driver"))
+    for key, kind, what, wire in (
+        ("estop", "stop", "E-stop", "button to GND, closed while all is well"),
+        ("shutter", "camera", "camera shutter", "optocoupler of the release cable"),
+        ("meter", "camera", "camera meter", "optocoupler of its half-press"),
+    ):
+        if key in board:
+            found.append(Use(board[key], kind, what, wire))
+    found += [
+        Use(pin, "stop", f"stop input {i}", "limit switch to GND")
+        for i, pin in enumerate(board.get("stops", []), 1)
+    ]
+    line = board.get("dmx")
+    if line:
+        found.append(Use(line["tx"], "serial", "DMX", "DI of a MAX485"))
+        found.append(Use(line["rx"], "serial", "taken by the UART of DMX", "nothing"))
+    line = board.get("drivers")
+    if line and "pins" in line:
+        for i, pin in enumerate(line["pins"], 1):
+            found.append(Use(pin, "serial", f"TMC2209 UART of motor {i}", "on the board"))
+    elif line:
+        on_board = "sockets" in board.get("page", {})
+        found.append(
+            Use(
+                line["tx"],
+                "serial",
+                "TMC2209 UART TX",
+                "on the board" if on_board else "1 kΩ to PDN_UART",
+            )
+        )
+        found.append(
+            Use(line["rx"], "serial", "TMC2209 UART RX", "on the board" if on_board else "PDN_UART")
+        )
+    pins = board.get("gio", [])
+    outputs = board.get("outputs", []) + pins[: len(pins) // 2]
+    inputs = pins[len(pins) // 2 :] + board.get("inputs", [])
+    for i, pin in enumerate(outputs, 1):
+        wire = "low-side transistor, load to +" if pin not in pins else "3.3 V logic, a few mA"
+        found.append(Use(pin, "gio", f"general output {i}", wire))
+    found += [
+        Use(pin, "gio", f"general input {i}", "contact to GND") for i, pin in enumerate(inputs, 1)
+    ]
+    for key, what, wire in (
+        ("led", "LED", "on the board"),
+        ("rgb", "RGB LED", "DIN of a WS2812 or its like"),
+        ("jumper", "jumper", "to GND at power-up: main.py is skipped"),
+    ):
+        if key in board:
+            found.append(Use(board[key], "board", what, wire))
+    return found
+
+
+def _motors(board: Mapping[str, Any]) -> Iterator[Use]:
+    sockets = board.get("page", {}).get("sockets")
+    address = board.get("drivers", {}).get("address", [])
+    for i, (step, direction) in enumerate(zip(board["step"], board["dir"], strict=True)):
+        own = f"driver {i + 1}" if sockets is None else f"socket {sockets[i]}"
+        if i < len(address):
+            own += f", address {address[i]}"
+        yield Use(
+            step, "motor", f"motor {i + 1} step", f"STEP of {own}" if sockets is None else own
+        )
+        yield Use(
+            direction,
+            "motor",
+            f"motor {i + 1} direction",
+            f"DIR of {own}" if sockets is None else own,
+        )
+        if isinstance(board["enable"], list):
+            yield Use(board["enable"][i], "motor", f"motor {i + 1} enable", own)
+
+
+# ---- the check -----------------------------------------------------------------------------------
+
+
+def fits(board: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every state that settings can bring a board's data into: (its name, the data)."""
+    for count in range(1, board["motors"] + 1):
+        for drivers in (False, True):
+            yield (
+                f"{count} motors{', drivers' if drivers else ''}",
+                fitted(dict(board), count, drivers),
+            )
+
+
+def state_machines(board: Mapping[str, Any]) -> int:
+    """How many from the first on are spoken for: one a motor, two a driver's line from the next PIO
+    block (of four) on, and one the RGB LED, in what the motors leave of their last block or behind
+    them all. (Of a block's 32 words the steps take 14, the lines 11, the LED 12.)
+    """
+    wires = board.get("drivers", {}).get("pins", [])[: board["motors"]]
+    count = board["motors"]
+    light = 1 if "rgb" in board else 0
+    if wires:
+        if count % 4 and light:
+            count, light = count + 1, 0
+        count = -(-count // 4) * 4 + 2 * len(wires)
+    return count + light
+
+
+def complaints(board: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a board's data, in words; nothing if it is sound."""
+    found = [f"{key}: no such entry" for key in board if key not in _KEYS]
+    if board["chip"] not in chips():
+        return [*found, f"chip: {board['chip']} is none of {', '.join(chips())}"]
+    chip = chips()[board["chip"]]
+    lengths = {len(board[key]) for key in ("step", "dir", "enable") if isinstance(board[key], list)}
+    if lengths != {board["motors"]}:
+        return [
+            *found,
+            f"motors: {board['motors']}, but step, dir and enable list {sorted(lengths)}",
+        ]
+    if board["motors"] > chip.motors:
+        found.append(f"motors: {board['motors']}, but the chip has {chip.motors} state machines")
+    for state, data in fits(board):
+        counts = Counter(use.pin for use in uses(data))
+        found += [f"{state}: pin {pin} is used {n} times" for pin, n in counts.items() if n > 1]
+        found += [
+            f"{state}: there is no pin {pin}" for pin in counts if pin not in range(chip.pins)
+        ]
+        lines = [data[key] for key in ("dmx", "drivers") if "uart" in data.get(key, {})]
+        wires = data.get("drivers", {}).get("pins", [])
+        if wires and len(wires) != board["motors"]:
+            found.append(f"drivers: {len(wires)} pins for {board['motors']} motors")
+        if state_machines(data) > chip.motors:
+            extra = [f"{len(wires)} driver UARTs"] * bool(wires) + ["the RGB LED"] * ("rgb" in data)
+            found.append(f"{state}: not enough state machines for {' and '.join(extra)}")
+        for line in lines:
+            uart = chip.uarts[line["uart"]]
+            if line["tx"] not in uart["tx"] or line["rx"] not in uart["rx"]:
+                found.append(
+                    f"{state}: "
+                    f"pins {line['tx']}, {line['rx']} are not TX and RX of UART{line['uart']}"
+                )
+        if len({line["uart"] for line in lines}) < len(lines):
+            found.append(f"{state}: DMX and drivers on the same UART")
+    for place in (board, board.get("with_drivers", {})):
+        address = place.get("drivers", {}).get("address", [])
+        shared = "pins" not in place.get("drivers", {})
+        if (shared and len(set(address)) < len(address)) or not set(address) <= set(
+            range(_ADDRESSES)
+        ):
+            found.append(
+                f"drivers: addresses {address} are not different ones from 0 to {_ADDRESSES - 1}"
+            )
+    return list(dict.fromkeys(found))
+
+
+# ---- the table -----------------------------------------------------------------------------------
+
+
+def _rows(board: Mapping[str, Any], found: list[Use]) -> list[str]:
+    labels = board.get("page", {}).get("labels", {})
+    rows = ["| pin | use | wire to |", "|---|---|---|"]
+    for use in found:
+        label = labels.get(str(use.pin))
+        rows.append(f"| GPIO {use.pin}{f' ({label})' if label else ''} | {use.what} | {use.wire} |")
+    return rows
+
+
+def supplies(board: Mapping[str, Any]) -> list[str]:
+    """Rows of the table for what is wired beside the pins."""
+    if "sockets" in board.get("page", {}):
+        return [
+            "| GND | common ground | GND of every switch, and of the motors' supply |",
+            (
+                "| – | pull-up of each driver's EN "
+                "| look whether the board has them; else 10 kΩ from EN to 3.3 V |"
+            ),
+            (
+                "| – | capacitor at VMOT "
+                "| look whether the board has one for each driver; else 100 µF, 50 V |"
+            ),
+        ]
+    return [
+        "| 3V3 | supply of the drivers' logic | VIO (VDD) of every driver; never VMOT |",
+        (
+            "| GND | common ground "
+            "| GND beside VIO of every driver, of every switch, and of the motors' supply |"
+        ),
+        (
+            "| – | pull-up of EN "
+            "| 10 kΩ from EN to 3V3 (`enable_high`: to GND), which keeps drivers off at first |"
+        ),
+        (
+            "| – | capacitor at VMOT "
+            "| 100 µF, 50 V between VMOT and GND of each driver, a few cm from it |"
+        ),
+    ]
+
+
+def table(board: Mapping[str, Any]) -> str:
+    """The pins as Markdown: as they are without a rig file, then what settings change."""
+    plain = uses(fitted(dict(board)))
+    lines = [*_rows(board, plain), *supplies(board)]
+    for variant in board.get("page", {}).get("variants", []):
+        data = fitted(dict(board), variant.get("motor_count", 0), variant.get("drivers", False))
+        lines += [
+            "",
+            f"{variant['title']}:",
+            "",
+            *_rows(board, [use for use in uses(data) if use not in plain]),
+        ]
+    return "\n".join(lines) + "\n"
+
+
+# ---- the drawing ---------------------------------------------------------------------------------
+
+_ROW = 24
+_COLOURS = {
+    "motor": "#1f6fb4",
+    "stop": "#c0392b",
+    "camera": "#8e44ad",
+    "serial": "#b9770e",
+    "gio": "#1e8449",
+    "board": "#566573",
+}
+_LEFT, _RIGHT = 380, 600  # edges of the board
+_WIDTH = 980
+_TOP = 70
+
+
+class _Row(NamedTuple):
+    label: str  # of the pin
+    number: str  # of the place in the header
+    use: Use | None
+
+
+def _columns(board: Mapping[str, Any], found: list[Use]) -> tuple[list[_Row], list[_Row]]:
+    by_pin = {use.pin: use for use in found}
+    page = board.get("page", {})
+    if "header" in page:
+        left, right = page["header"]
+        rows = []
+        for side, numbers in ((left, range(1, 21)), (right, range(40, 20, -1))):
+            rows.append(
+                [
+                    _Row(
+                        f"GP{name}" if name.isdigit() else name,
+                        str(n),
+                        by_pin.get(int(name)) if name.isdigit() else None,
+                    )
+                    for name, n in zip(side, numbers, strict=True)
+                ]
+            )
+        return rows[0], rows[1]
+    labels = page.get("labels", {})
+    everything = [_Row(labels.get(str(use.pin), ""), f"GPIO {use.pin}", use) for use in found]
+    return (
+        [row for row in everything if row.use and row.use.kind == "motor"],
+        [row for row in everything if row.use and row.use.kind != "motor"],
+    )
+
+
+def _text(x: float, y: float, text: str, anchor: str = "start", **style: str) -> str:
+    attributes = "".join(f' {key.replace("_", "-")}="{value}"' for key, value in style.items())
+    return (
+        f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}"{attributes}>{html.escape(text)}</text>'
+    )
+
+
+def drawing(board: Mapping[str, Any]) -> str:
+    """The board with its pins, what each is for, and what to wire to it, as SVG."""
+    data = fitted(dict(board))
+    columns = _columns(board, uses(data))
+    height = _TOP + _ROW * max(map(len, columns)) + 60
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}"'
+        ' font-family="sans-serif" font-size="12">',
+        f'<rect width="{_WIDTH}" height="{height}" fill="#ffffff"/>',
+        _text(_WIDTH / 2, 26, board["name"], "middle", font_size="18", font_weight="bold"),
+        _text(
+            _WIDTH / 2, 44, "drawn from its data; not tried on hardware", "middle", fill="#566573"
+        ),
+        f'<rect x="{_LEFT}" y="{_TOP - 14}" width="{_RIGHT - _LEFT}" height="{height - _TOP - 44}"'
+        ' rx="10" fill="#eef3ee" stroke="#2c3e50" stroke-width="2"/>',
+    ]
+    for side, column in zip((-1, 1), columns, strict=True):
+        edge = _LEFT if side < 0 else _RIGHT
+        anchor, inner = ("end", "start") if side < 0 else ("start", "end")
+        for i, row in enumerate(column):
+            y = _TOP + _ROW * i + 4
+            parts.append(
+                _text(
+                    edge - 14 * side,
+                    y + 4,
+                    f"{row.number} {row.label}".strip()
+                    if side < 0
+                    else f"{row.label} {row.number}".strip(),
+                    inner,
+                    fill="#2c3e50",
+                )
+            )
+            colour = _COLOURS[row.use.kind] if row.use else "#b0b8bd"
+            parts.append(f'<circle cx="{edge}" cy="{y}" r="5" fill="{colour}"/>')
+            if row.use is None:
+                continue
+            end = edge + 34 * side
+            parts.append(
+                f'<path d="M{edge + 5 * side} {y}H{end}" stroke="{colour}" stroke-width="2"/>'
+            )
+            text = f"{row.use.what}: {row.use.wire}"
+            parts.append(_text(end + 5 * side, y + 4, text, anchor, fill=colour))
+    legend = (
+        ("motor", "motors"),
+        ("stop", "stops"),
+        ("camera", "camera"),
+        ("serial", "serial lines"),
+        ("gio", "general inputs and outputs"),
+        ("board", "others"),
+    )
+    x = 60
+    for kind, word in legend:
+        parts.append(f'<circle cx="{x}" cy="{height - 24}" r="5" fill="{_COLOURS[kind]}"/>')
+        parts.append(_text(x + 10, height - 20, word, fill="#2c3e50"))
+        x += 40 + 8 * len(word)
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+# ---- the files -----------------------------------------------------------------------------------
+
+
+def page(name: str) -> dict[Path, str]:
+    """{file: text} of a board's page as they ought to be."""
+    board = board_data(name)
+    folder = ROOT / "boards" / name
+    before, rest = (folder / "README.md").read_text().split(BEGIN)
+    return {
+        folder / "README.md": before + BEGIN + table(board) + END + rest.split(END, 1)[1],
+        folder / "wiring.svg": drawing(board),
+    }
+
+
+if __name__ == "__main__":
+    for board_name in board_names():
+        for file, content in page(board_name).items():
+            file.write_text(content)

@@ -1,0 +1,85 @@
+"""The rig file as a JSON Schema, for editors: made from the table that the board reads the file by
+(framestep.rig).
+
+python -m framestep_tools.documents.rig_schema          put it into docs/rig.schema.json
+"""
+
+import json
+from typing import Any
+
+from framestep import rig_home, rig_servos, rig_settings
+
+_TYPES = {
+    str: "string",
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    list: "array",
+    dict: "object",
+}
+_WITHIN: dict[str, dict[str, Any]] = {
+    "motors": rig_settings.MOTOR_SETTINGS,
+    "driver": rig_settings.DRIVER_SETTINGS,
+    "home": rig_home.HOME_SETTINGS,
+    "servo": rig_servos.SERVO_SETTINGS,
+    "outputs": rig_settings.OUTPUT_SETTINGS,
+    "inputs": rig_settings.INPUT_SETTINGS,
+    "limits": rig_settings.LIMIT_SETTINGS,
+}
+
+
+def _object(settings: dict[str, Any]) -> dict[str, Any]:
+    needed = [
+        key
+        for key, (kind, _, _, default, _, _) in settings.items()
+        if default is None and kind in (int, str)
+    ]
+    found: dict[str, Any] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {key: _property(key, *row) for key, row in settings.items()},
+    }
+    return {**found, "required": needed} if needed else found
+
+
+def _property(
+    key: str, kind: type, low: Any, high: Any, default: Any, unit: str, meaning: str
+) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "type": _TYPES[kind],
+        "description": f"{meaning} ({unit})" if unit else meaning,
+    }
+    if default is not None:
+        found["default"] = default
+    if isinstance(low, tuple):
+        found["enum"] = list(low)
+    elif kind in (int, float):
+        found |= {"minimum": low, "maximum": high}
+    elif kind is str:  # bytes of UTF-8 on the board, so at most as many characters
+        found |= {"minLength": low, "maxLength": high}
+    elif kind is list:
+        found |= {"maxItems": high, "items": _object(_WITHIN[key])}
+    elif kind is dict:
+        found |= {k: v for k, v in _object(_WITHIN[key]).items() if k != "type"}
+    return found
+
+
+def schema() -> dict[str, Any]:
+    """The schema of a whole file. What pins are free on a board only `framestep rig check`
+    knows."""
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "framestep's rig.json",
+    }
+    return {**head, **_object(rig_settings.SETTINGS)}
+
+
+def text() -> str:
+    """The same as it stands in its file."""
+    return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    from ..building.board_files import ROOT
+
+    (ROOT / "docs" / "rig.schema.json").write_text(text(), encoding="utf-8")

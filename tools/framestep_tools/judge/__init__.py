@@ -1,0 +1,1 @@
+"""What the pins did, beside what they should have done."""

@@ -1,0 +1,197 @@
+"""Plays a camera move on a board and checks every edge on its pins: `make demo`.
+
+The move is uploaded, played with pre-roll and post-roll, and judged from the pins.
+`build/demo/trace.csv` gets the edges, `build/demo/move.png` the picture. The last line says how
+many frames, the worst position error at a frame in steps and the worst frame time error in µs; the
+exit status is 1 if the move was not played as uploaded.
+"""
+
+import sys
+import time
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from ..building.board_files import ROOT
+from ..client.client import Client
+from ..errors import Command, ToolError
+from ..move.move_display import MoveDisplay
+from ..move.move_file import CAMERA_MOVE, Move, read_move
+from ..payloads import Hi, MotorGetPosition, MotorSetSpeed, MotorStatus, RtEnd, RtGo, RtRunMove
+from ..simulator.boards import Board, EmulatedBoard, LockstepPort, SimulatedBoard
+from .judge import Verdict, judge
+from .plots import plot_move
+from .reference import Reference
+from .trace import Trace, TraceWriter
+
+VELOCITY = 20_000  # steps/s
+ACCELERATION = 100_000  # steps/s²
+ROLL_MS = 1000
+UPLOAD_WINDOW = 4
+SETTLE_S = 0.2  # of board time after the run, so that its last edges are in the trace
+_RESULT_FOLDER = ROOT / "build" / "demo"
+
+
+class BoardKind(str, Enum):
+    """What the demo can run on."""
+
+    EMULATOR = "emulator"
+    HOST = "host"
+
+
+class Recorder:
+    """Collects a board's edges, and writes them to a file while they come."""
+
+    def __init__(self, board: Board, path: Path):
+        self.board = board
+        self.writer = TraceWriter(path)
+        self.edges: list = []
+
+    def collect(self) -> None:
+        """Take the edges so far."""
+        edges = self.board.edges()
+        self.edges += edges
+        self.writer.add(edges)
+        self.writer.release(self.board.now_ns)
+        self.writer.flush()
+
+    def trace(self) -> Trace:
+        """Everything collected, the file closed."""
+        self.collect()
+        self.writer.close()
+        return Trace.from_edges(self.edges)
+
+
+Standing = dict[int, int]  # motor -> position in steps
+
+
+def play(
+    client: Client, move: Move, fps_milli: int, recorder: Recorder, display: MoveDisplay
+) -> tuple[Standing, Standing]:
+    """Upload a move and play it once; returns where the motors say they are before anything moved,
+    and at the end."""
+    info = client.request(Hi())
+    display.phase(f"{info.name}: {info.motors} motors, holds {info.upload_frames} frames")
+    if info.motors < len(move.positions):
+        raise ToolError(f"the move needs {len(move.positions)} motors, the board has {info.motors}")
+    start = standing(client)
+    for motor in move.positions:
+        client.request(MotorSetSpeed(motor, VELOCITY, ACCELERATION))
+    display.phase("upload")
+    client.upload_move(move.start_frame, move.end_frame, move.positions, UPLOAD_WINDOW)
+    display.phase("pre-roll")
+    client.request(RtRunMove(fps_milli, move.start_frame, move.end_frame, ROLL_MS, ROLL_MS))
+    while not client.request(MotorStatus()).idle:
+        client.pump(0.1)
+        recorder.collect()
+    display.phase("running")
+    client.events.clear()
+    client.request(RtGo())
+    limit = client.clock() + 2 * ROLL_MS / 1000 + move.frames * 1000 / fps_milli + 10
+    while not client.take_event(RtEnd):
+        if client.clock() > limit:
+            raise ToolError("the run did not end: no RT_END came from the board")
+        client.pump(0.1)
+        recorder.collect()
+    display.phase("at rest")
+    client.wait_idle()
+    client.pump(SETTLE_S)
+    return start, standing(client)
+
+
+def standing(client: Client) -> Standing:
+    """Where the motors say they are."""
+    return dict(enumerate(client.request(MotorGetPosition()).steps, 1))
+
+
+def show_verdict(verdict: Verdict, move: Move, console: Console) -> None:
+    """A table with a line per motor, then the complaints."""
+    table = Table(
+        box=None,
+        title="steps on the pins against the upload and its ideal path",
+        title_justify="left",
+    )
+    for name in (
+        "motor",
+        "axis",
+        "steps in the run",
+        "worst position error",
+        "worst time error, µs",
+        "worst step, µs",
+    ):
+        table.add_column(name, justify="right")
+    for motor in verdict.motors:
+        table.add_row(
+            str(motor.motor),
+            move.names[motor.motor],
+            str(len(motor.edge_times_s)),
+            str(motor.worst_position),
+            f"{motor.worst_time_us:.1f}",
+            f"{motor.worst_edge_us:.1f}",
+        )
+    console.print(table)
+    for complaint in verdict.complaints:
+        console.print(complaint, style="red")
+
+
+app = Command("demo")
+
+
+@app.command()
+def main(
+    board: Annotated[
+        BoardKind, typer.Option(help="the emulated board, or the simulation on this computer")
+    ] = (BoardKind.EMULATOR),
+    fps: Annotated[float, typer.Option(help="frames per second", min=0.1, max=120)] = 24,
+    move_file: Annotated[
+        Path, typer.Option("--move", help="the move as CSV", metavar="FILE")
+    ] = CAMERA_MOVE,
+    out: Annotated[
+        Path, typer.Option(help="folder for the trace and the picture", metavar="DIR")
+    ] = _RESULT_FOLDER,
+) -> int:
+    """Play a camera move and check every edge."""
+    console = Console(highlight=False)
+    move = read_move(move_file)
+    fps_milli = round(fps * 1000)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ToolError(f"cannot write {out}: {error.strerror}") from None
+    console.print(
+        f"bringing up the {'emulated board' if board is BoardKind.EMULATOR else 'host simulation'}"
+    )
+    device: Board = EmulatedBoard() if board is BoardKind.EMULATOR else SimulatedBoard()
+    began = time.monotonic()
+    try:
+        recorder = Recorder(device, out / "trace.csv")
+        display = MoveDisplay(move.names, move.start_frame, move.end_frame, console)
+        with Client(LockstepPort(device)) as client, display.running():
+            client.on_event = display.show
+            start, end = play(client, move, fps_milli, recorder, display)
+        trace = recorder.trace()
+        board_s = device.now_ns * 1e-9
+    finally:
+        device.close()
+    path = Reference(move.positions, fps_milli, ROLL_MS, ROLL_MS)
+    verdict = judge(trace, move.positions, fps_milli, start, end, path)
+    show_verdict(verdict, move, console)
+    plot_move(verdict, move.positions, move.names, out / "move.png")
+    console.print(f"{board_s:.1f} s of the board's time in {time.monotonic() - began:.1f} s")
+    console.print(f"edges in {_shown(out / 'trace.csv')}, picture in {_shown(out / 'move.png')}")
+    sys.stdout.flush()
+    print(verdict.summary())
+    return 0 if verdict.good else 1
+
+
+def _shown(path: Path) -> Path:
+    path = path.absolute()
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,446 @@
+"""Judges a played move by the edges on the pins: did each motor stand where the upload wants it, at
+each frame's time?
+
+The time origin. A trace does not say when the first frame was: it is found by vote. Wherever a
+motor passes through a frame's position p(N), the edge that reaches p(N) says that frame 0 was at
+(edge time − frame time). Edges of the run all name the same moment; those of positioning moves, of
+other passes or of errors name scattered ones. The origin is the median of the fullest window of
+`_VOTE_WINDOW_NS`. One origin holds for all motors.
+
+Frame times are rational: frame N lies at round(N · 10⁹ / fps_milli) µs after the run's first, which
+is frame 0.
+
+What is required (each can fail alone, `Limits` has the figures):
+
+    position   within ±20 µs of a frame's time, steps made = position uploaded: ±1 in motion,
+               exactly at rest (where a neighbouring frame has the same position)
+    time       in motion the edge that reaches the position comes within 20 µs of the frame's time;
+               at rest and where the motion turns the motor has arrived by then, and does not leave
+               before
+    sum        where the motor's own word is given, all steps of the trace add up to it
+    holds      no edge between two frames with the same position
+    reversals  no edge against the motion between two frames, except where the motion turns: at a
+               turn the path may pass the frame's position as far as a cubic with the mean slope
+               there does, 4/27 of that slope
+    velocity   the two cubics fitted to the edges on either side of a frame have the same velocity
+               there
+
+Where the ideal path is given (reference.py makes one), it is what counts for the last two, and a
+further one is added:
+
+    reversals  no edge against the motion of the path, but for the step at which that comes to a
+               standstill
+    velocity   the cubics fitted have the path's velocity at the frame
+    path       each edge lies where the path crosses that step: reported, and judged where there is
+               a limit for it
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import ToolError
+from .trace import Trace
+
+_VOTE_WINDOW_NS = 200_000
+_LEAST_VOTES = 3
+_CUBIC_EDGES = 12  # fewer edges in a frame say too little about the velocity at its ends
+_SEARCH_NS = 2_000_000  # how far from a frame's time its position is looked for
+_EVER_BEFORE, _EVER_AFTER = -(1 << 62), 1 << 62
+_STENCIL_S = 1e-4  # for the path's derivatives
+_FRAME_STENCIL_S = 1e-5  # the same at a frame, where the acceleration jumps
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run has to keep."""
+
+    moving_steps: int = 1
+    rest_steps: int = 0
+    time_us: float = 20.0
+    # the time in which the motor makes this part of a step is allowed where it is longer
+    time_steps: float = 0.0
+    # allowed jump of velocity at a frame, or difference from the path's …
+    velocity_steps_s: float = 10.0
+    velocity_share: float = 0.02  # … and this share of the velocity there in addition
+    path_us: float | None = None  # worst edge against the ideal path; None: reported only
+
+
+@dataclass
+class MotorVerdict:
+    """How one motor kept to its frames. Arrays have an entry per frame, NaN where a figure has no
+    meaning."""
+
+    motor: int
+    position_error: np.ndarray  # steps; at the best moment within the time limit
+    time_error_us: np.ndarray  # signed: positive is late
+    velocity_error: (
+        np.ndarray
+    )  # steps/s: the jump at the frame, or where a path is given the greater difference from it
+    edge_times_s: np.ndarray  # edges of the run, seconds after the first frame
+    edge_positions: np.ndarray  # position after each
+    edge_error_us: np.ndarray  # against the ideal path; empty where none was given
+
+    @property
+    def worst_position(self) -> int:
+        """Largest distance from the uploaded position at a frame, in steps."""
+        return int(np.abs(self.position_error).max())
+
+    @property
+    def worst_time_us(self) -> float:
+        """Largest time error at a frame, in µs; infinite if a position was never reached."""
+        return float(np.nanmax(np.abs(self.time_error_us), initial=0.0))
+
+    @property
+    def worst_edge_us(self) -> float:
+        """Largest distance of an edge from the path's crossing, in µs; 0 where no path was
+        given."""
+        return float(np.nanmax(np.abs(self.edge_error_us), initial=0.0))
+
+
+@dataclass
+class Verdict:
+    """The judgement over a run: good if there is no complaint."""
+
+    fps_milli: int
+    frames: int
+    origin_ns: int
+    motors: list[MotorVerdict]
+    complaints: list[str] = field(default_factory=list)
+
+    @property
+    def good(self) -> bool:
+        """True if nothing is to be complained of."""
+        return not self.complaints
+
+    @property
+    def worst_position(self) -> int:
+        """Over all motors, in steps."""
+        return max(m.worst_position for m in self.motors)
+
+    @property
+    def worst_time_us(self) -> float:
+        """Over all motors, in µs."""
+        return max(m.worst_time_us for m in self.motors)
+
+    def summary(self) -> str:
+        """One line: frames, worst position error at a frame, worst frame time error."""
+        return (
+            f"{self.frames} frames, worst position error at a frame {self.worst_position} steps, "
+            f"worst frame time error {self.worst_time_us:.1f} µs"
+        )
+
+
+class NoRun(ToolError):
+    """The trace holds no run of this move."""
+
+
+def frame_times_ns(count: int, fps_milli: int) -> np.ndarray:
+    """Times of that many frames after the first: round(N · 10⁹ / fps_milli) µs each, in ns."""
+    frames = np.arange(count, dtype=np.int64)
+    return (frames * 2_000_000_000 + fps_milli) // (2 * fps_milli) * 1000
+
+
+def judge(
+    trace: Trace,
+    positions: Mapping[int, Sequence[int] | np.ndarray],
+    fps_milli: int,
+    start: Mapping[int, int] | None = None,
+    end: Mapping[int, int] | None = None,
+    path: Callable[[int, np.ndarray], np.ndarray] | None = None,
+    after_ns: int = 0,
+    limits: Limits = Limits(),
+) -> Verdict:
+    """Judge the edges of a run.
+
+    positions   the uploaded steps of each motor at the run's frames, in the order of play (for a
+                section or a backward run: that slice)
+    start       each motor's position before the trace's first edge, 0 if not given
+    end         where the motor says it is after the last one
+    path        path(motor, seconds): the ideal positions at times after the first frame
+    after_ns    the time before which no run is looked for
+
+    NoRun if no motor passes through frames in time with the others.
+    """
+    frames = {motor: np.asarray(steps, np.int64) for motor, steps in positions.items()}
+    counts = {len(steps) for steps in frames.values()}
+    if len(counts) != 1:
+        raise ValueError(
+            f"every motor needs a position for each frame, found {sorted(counts)} frames"
+        )
+    start = start or {}
+    times = frame_times_ns(counts.pop(), fps_milli)
+    made = {motor: trace.positions(motor, start.get(motor, 0)) for motor in frames}
+    origin = _origin(frames, made, start, times, after_ns)
+    verdict = Verdict(fps_milli, len(times), origin, [])
+    for motor, steps in frames.items():
+        edges, after = made[motor]
+        one = _Motor(motor, steps, origin + times, edges, after, start.get(motor, 0), limits)
+        verdict.motors.append(one.judge(path, verdict.complaints))
+        stands = start.get(motor, 0) + int(np.sum(trace.steps(motor)[1]))
+        if end and end.get(motor, stands) != stands:
+            verdict.complaints.append(
+                f"motor {motor}: stands at {stands} by its steps, but says it is at {end[motor]}"
+            )
+    strangers = [
+        m
+        for m in trace.motors
+        if m not in frames and _moves(trace, m, origin, origin + int(times[-1]))
+    ]
+    verdict.complaints += [
+        f"motor {m}: moved during the run without being in the upload" for m in strangers
+    ]
+    return verdict
+
+
+def _moves(trace: Trace, motor: int, begin: int, end: int) -> bool:
+    edges, _ = trace.steps(motor)
+    return bool(np.any((edges >= begin) & (edges <= end)))
+
+
+def _through(steps: np.ndarray) -> np.ndarray:
+    """Direction in which a motor passes through each frame: +1, -1, or 0 at rest, at turns and at
+    the two ends."""
+    signs = np.sign(np.diff(steps))
+    through = np.zeros(len(steps), np.int64)
+    through[1:-1] = np.where(signs[:-1] == signs[1:], signs[1:], 0)
+    return through
+
+
+def _turns(steps: np.ndarray) -> np.ndarray:
+    """True where the motion turns at a frame: its velocity is 0 there for a moment only."""
+    signs = np.sign(np.diff(steps))
+    turns = np.zeros(len(steps), bool)
+    turns[1:-1] = signs[:-1] * signs[1:] < 0
+    return turns
+
+
+def _origin(frames, made, start, times, after_ns) -> int:
+    votes = []
+    for motor, steps in frames.items():
+        edges, after = made[motor]
+        if not len(edges):
+            continue
+        before = np.concatenate(([start.get(motor, 0)], after[:-1]))
+        for direction in (1, -1):
+            through = np.flatnonzero(_through(steps) == direction)
+            kept = np.flatnonzero((after - before == direction) & (edges >= after_ns))
+            order = kept[np.argsort(after[kept], kind="stable")]
+            first = np.searchsorted(after[order], steps[through], side="left")
+            end = np.searchsorted(after[order], steps[through], side="right")
+            for frame, low, high in zip(through, first, end, strict=True):
+                votes.append(edges[order[low:high]] - times[frame])
+    ballots = np.sort(np.concatenate(votes)) if votes else np.zeros(0, np.int64)
+    counts = np.searchsorted(ballots, ballots + _VOTE_WINDOW_NS, side="right") - np.arange(
+        len(ballots)
+    )
+    if counts.max(initial=0) < _LEAST_VOTES:
+        raise NoRun(
+            "no run of this move in the trace: at least "
+            f"{_LEAST_VOTES} frames with a motor passing through are expected "
+            f"in time with each other, found {int(counts.max(initial=0))}; "
+            "check the frame rate, the start positions and the upload"
+        )
+    best = int(np.argmax(counts))
+    return int(np.median(ballots[best : best + counts[best]]))
+
+
+class _Motor:
+    """The judgement over one motor; times in ns as in the trace, frame times included."""
+
+    def __init__(self, motor, steps, times, edges, after, start, limits: Limits):
+        self.motor, self.steps, self.times, self.limits = motor, steps, times, limits
+        self.edges, self.after, self.start = edges, after, start
+        self.positions = np.concatenate(([start], after))  # positions[i]: after i edges
+        self.through = _through(steps)
+
+    def judge(self, path, complaints: list[str]) -> MotorVerdict:
+        limits = self.limits
+        position, time_us = self._at_frames()
+        run = slice(*np.searchsorted(self.edges, (self.times[0], self.times[-1] + 1)))
+        seconds = (self.edges[run] - self.times[0]) * 1e-9
+        if path:
+            error_us, forward = self._along(path, seconds, run)
+            wrong_velocity, fitted = self._velocity_errors(path)
+        else:
+            error_us = np.zeros(0)
+            wrong_velocity, fitted = self._velocity_jumps()
+
+        def complain(text: str) -> None:
+            complaints.append(f"motor {self.motor}: {text}")
+
+        moving = (self.through != 0) | _turns(self.steps) | self._end_in_motion()
+        allowed = np.where(moving, limits.moving_steps, limits.rest_steps)
+        wrong = np.flatnonzero(np.abs(position) > allowed)
+        if len(wrong):
+            worst = wrong[np.argmax(np.abs(position[wrong]))]
+            complain(
+                f"{len(wrong)} frames off their position, "
+                f"the worst frame {worst} (from 0) by {position[worst]:+d} steps"
+            )
+        late = np.flatnonzero(np.abs(time_us) > self._allowed_us())
+        if len(late):
+            worst = late[np.argmax(np.abs(time_us[late]))]
+            complain(
+                f"{len(late)} frames off their time, "
+                f"the worst frame {worst} (from 0) by {time_us[worst]:+.1f} µs, "
+                f"allowed are {limits.time_us:g}"
+            )
+        held, against = self._between_frames()
+        if path:
+            against = int(np.count_nonzero(forward < 0))
+        if held:
+            complain(f"{held} steps while it should hold still")
+        if against:
+            complain(
+                f"{against} steps against the motion "
+                f"{'of the path' if path else 'between two frames'}"
+            )
+        allowed_velocity = limits.velocity_steps_s + limits.velocity_share * np.abs(fitted)
+        jumps = np.flatnonzero(np.abs(wrong_velocity) > allowed_velocity)
+        if len(jumps):
+            worst = jumps[np.argmax(np.abs(wrong_velocity[jumps]))]
+            complain(
+                f"velocity {'is wrong' if path else 'jumps'} at {len(jumps)} frames, "
+                f"the worst frame {worst} (from 0) by {wrong_velocity[worst]:+.0f} steps/s "
+                f"at {fitted[worst]:.0f} steps/s"
+            )
+        if limits.path_us is not None and np.nanmax(np.abs(error_us), initial=0.0) > limits.path_us:
+            complain(
+                f"an edge is {np.nanmax(np.abs(error_us)):.1f} µs off the path, "
+                f"allowed are {limits.path_us:g}"
+            )
+        return MotorVerdict(
+            self.motor, position, time_us, wrong_velocity, seconds, self.after[run], error_us
+        )
+
+    def _allowed_us(self) -> np.ndarray:
+        """Allowed time error at each frame, by the mean velocity over the two frames around it."""
+        allowed = np.full(len(self.times), self.limits.time_us)
+        if self.limits.time_steps and len(self.steps) > 2:
+            # steps per ns
+            rate = np.abs(self.steps[2:] - self.steps[:-2]) / (self.times[2:] - self.times[:-2])
+            with np.errstate(divide="ignore"):
+                allowed[1:-1] = np.maximum(
+                    allowed[1:-1], np.minimum(self.limits.time_steps / rate / 1000, 1e3)
+                )
+        return allowed
+
+    def _position_at(self, times: np.ndarray) -> np.ndarray:
+        return self.positions[np.searchsorted(self.edges, times, side="right")]
+
+    def _end_in_motion(self) -> np.ndarray:
+        """The first and the last frame, where the run-up or run-out carries a moving motor through
+        them."""
+        moving = np.zeros(len(self.steps), bool)
+        for at, inside in ((0, 1), (-1, -2)):
+            if len(self.steps) > 1 and self.steps[at] != self.steps[inside]:
+                outside = 2 * self.times[at] - self.times[inside]
+                moving[at] = self._position_at(outside) != self._position_at(self.times[at])
+        return moving
+
+    def _at_frames(self) -> tuple[np.ndarray, np.ndarray]:
+        """Position error (steps) and time error (µs) at each frame."""
+        count = len(self.times)
+        position, time_us = np.zeros(count, np.int64), np.full(count, np.nan)
+        slack = int(self.limits.time_us * 1000)
+        # around[i], around[i + 1]: from when to when the motor stood at positions[i]
+        around = np.concatenate(([_EVER_BEFORE], self.edges, [_EVER_AFTER]))
+        through = np.where(self._end_in_motion(), 1, self.through)
+        turns = _turns(self.steps)
+        for frame in range(count):
+            at, wanted = int(self.times[frame]), self.steps[frame]
+            low, high = np.searchsorted(self.edges, (at - slack, at + slack), side="right")
+            seen = self.positions[low : high + 1] - wanted
+            position[frame] = seen[np.argmin(np.abs(seen))]
+            # The stretches of time near the frame in which the motor stood at the wanted position
+            low, high = np.searchsorted(
+                self.edges, (at - _SEARCH_NS, at + _SEARCH_NS), side="right"
+            )
+            there = np.flatnonzero(self.positions[low : high + 1] == wanted) + low
+            if not len(there):
+                # At a turn one step short is as good as there, and has no time of its own.
+                time_us[frame] = np.nan if turns[frame] else np.inf
+                continue
+            reached, left = around[there], around[there + 1]
+            if through[frame]:
+                distance = reached - at
+            else:
+                distance = np.where(reached > at, reached - at, np.where(left <= at, left - at, 0))
+            time_us[frame] = distance[np.argmin(np.abs(distance))] / 1000
+        return position, time_us
+
+    def _between_frames(self) -> tuple[int, int]:
+        """How many edges there are where nothing may move, and how many against the motion."""
+        slack = int(self.limits.time_us * 1000)
+        held = against = 0
+        past = np.zeros(len(self.steps), np.int64)
+        past[1:-1] = (
+            np.ceil(4 / 27 * np.abs(self.steps[2:] - self.steps[:-2]) / 2)
+            * _turns(self.steps)[1:-1]
+        )
+        for frame, travel in enumerate(np.diff(self.steps)):
+            low, high = np.searchsorted(
+                self.edges, (self.times[frame] + slack, self.times[frame + 1] - slack)
+            )
+            signs = np.diff(self.positions[low : high + 1])
+            if travel == 0:
+                held += len(signs)
+            else:
+                backward = int(np.count_nonzero(signs == -np.sign(travel)))
+                against += max(0, backward - int(past[frame] + past[frame + 1]))
+        return held, against
+
+    def _velocities(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity before and behind each frame, in steps/s, from the edges there; NaN where they
+        are too few."""
+        count = len(self.times)
+        starts, ends = np.full(count, np.nan), np.full(count, np.nan)
+        for frame in range(count - 1):
+            begin, end = self.times[frame], self.times[frame + 1]
+            low, high = np.searchsorted(self.edges, (begin, end))
+            if high - low < _CUBIC_EDGES:
+                continue
+            span = (end - begin) * 1e-9
+            u = (self.edges[low:high] - begin) / (end - begin)
+            cubic = np.polynomial.Polynomial.fit(
+                u, self.after[low:high].astype(float), 3, domain=[0, 1]
+            ).deriv()
+            starts[frame], ends[frame] = cubic(0) / span, cubic(1) / span
+        return np.concatenate(([np.nan], ends[:-1])), starts
+
+    def _velocity_jumps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity behind each frame minus velocity before it, and their mean."""
+        before, behind = self._velocities()
+        return behind - before, (before + behind) / 2
+
+    def _velocity_errors(self, path) -> tuple[np.ndarray, np.ndarray]:
+        """The greater of the differences from the path's velocity before and behind each frame, and
+        the path's."""
+        seconds = (self.times - self.times[0]) * 1e-9
+        ideal = path(self.motor, seconds + _FRAME_STENCIL_S) - path(
+            self.motor, seconds - _FRAME_STENCIL_S
+        )
+        ideal = ideal / (2 * _FRAME_STENCIL_S)
+        before, behind = (velocity - ideal for velocity in self._velocities())
+        worse = np.nan_to_num(np.abs(before), nan=-1.0) > np.nan_to_num(np.abs(behind), nan=-1.0)
+        return np.where(worse, before, behind), ideal
+
+    def _along(self, path, seconds: np.ndarray, run: slice) -> tuple[np.ndarray, np.ndarray]:
+        """For each edge how late it is against the path's crossing of its position (µs), and
+        whether it goes along with the path (1) or against it (-1). Neither within a step of a
+        standstill: NaN and 0."""
+        before, ideal, behind = (
+            path(self.motor, seconds + h) for h in (-_STENCIL_S, 0.0, _STENCIL_S)
+        )
+        velocity = (behind - before) / (2 * _STENCIL_S)
+        acceleration = (behind - 2 * ideal + before) / _STENCIL_S**2
+        # A step is made when the path reaches its position, going up or down.
+        ahead = ideal - self.after[run]
+        moving = velocity**2 > 2 * np.abs(acceleration)
+        signs = np.diff(self.positions[run.start : run.stop + 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(moving, ahead / velocity * 1e6, np.nan), np.where(
+                moving, np.sign(velocity * signs), 0
+            )

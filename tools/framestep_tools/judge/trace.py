@@ -1,0 +1,265 @@
+"""What came out of a board's pins, as CSV and as arrays.
+
+A trace is CSV with the header `time_ns,signal,value`, written as it happens and in the order of
+time:
+
+    m1 … m8        a step of a motor at its rising edge: +1 or -1 in the motor's own counting
+                   direction
+    dir1 … dir8    level of a direction pin, 0 or 1, at each change and once at the start
+    servo1 … servo8    level of a servo's pin, in the place of both
+    enable, estop, shutter, meter, gio1 …    levels of the other pins likewise (enable1 … where each
+                                             motor has its own)
+
+Times are nanoseconds of the board's own (virtual) time.
+"""
+
+import heapq
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+import numpy as np
+
+from framestep.hal.host import pin_names
+from framestep.rig import Rig, RigError
+
+from ..building.board_files import board_data
+from ..errors import ToolError
+
+HEADER = "time_ns,signal,value"
+_ROW = np.dtype([("time_ns", "i8"), ("signal", "U12"), ("value", "i4")])
+_STEP = re.compile(r"m\d+")
+
+Edge = tuple[int, str, int]  # time in ns, signal, value
+
+
+class TraceError(ToolError):
+    """A trace, or a board's pin map, that does not say what it should."""
+
+
+# ---- a board's pins ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class BoardPins:
+    """A board's pin map (boards/<board>/board.json): pins of the motors in their order, and the
+    level signals."""
+
+    step: tuple[int, ...]
+    dir: tuple[int, ...]
+    levels: Mapping[int, str]  # pin -> signal of everything that is not a step
+
+    @property
+    def pins(self) -> list[int]:
+        """Every pin that a trace watches."""
+        return sorted({*self.step, *self.levels})
+
+
+def load_board(name: str = "pico", rig: Mapping[str, Any] | None = None) -> BoardPins:
+    """Read the pin map of a board by the name of its folder in boards/, as it is with this rig
+    file's settings; ToolError if there is none. With a mistake in the rig file the defaults hold,
+    as on the board."""
+    return pins_of(board_data(name), rig, name)
+
+
+def pins_of(data: Mapping[str, Any], rig: Mapping[str, Any] | None, name: str) -> BoardPins:
+    """The same of a board's data."""
+    try:
+        try:
+            board = Rig(dict(rig) if rig else None, data).board
+        except RigError:
+            board = Rig(None, data).board
+        levels = {pin: f"dir{i}" for i, pin in enumerate(board["dir"], 1)}
+        enable = board["enable"]
+        levels |= (
+            {pin: f"enable{i}" for i, pin in enumerate(enable, 1)}
+            if isinstance(enable, list)
+            else {enable: "enable"}
+        )
+        levels |= pin_names(board)
+        servos = enumerate(zip(board["step"], board["dir"], strict=True), 1)
+        levels |= {step: f"servo{i}" for i, (step, turn) in servos if step == turn}
+        return BoardPins(tuple(board["step"]), tuple(board["dir"]), levels)
+    except (KeyError, TypeError) as error:
+        raise TraceError(
+            f"boards/{name}/board.json: expected pins for step, dir, enable, stumbled on {error}"
+        ) from error
+
+
+class PinDecoder:
+    """Turns records of pin levels (fields t, pin, level) into signals, chunk after chunk.
+
+    The first record of a pin is the level that it had when the trace began, as the emulator writes
+    it. A motor's step counts +1 while its direction pin is high, or low for the motors in
+    `inverted` (numbers from 1).
+    """
+
+    def __init__(self, board: BoardPins, inverted: Iterable[int] = ()):
+        self.board = board
+        self.inverted = frozenset(inverted)
+        self._level: dict[int, int] = {}  # last known level of each pin
+        self._motor = {pin: i for i, pin in enumerate(board.step, 1) if pin != board.dir[i - 1]}
+
+    def feed(self, records: np.ndarray) -> list[Edge]:
+        """The edges in these records, in their order."""
+        edges: list[Edge] = []
+        level = self._level
+        for time_ns, pin, value in zip(
+            records["t"].tolist(), records["pin"].tolist(), records["level"].tolist(), strict=True
+        ):
+            before = level.get(pin)
+            if before == value:
+                continue
+            level[pin] = value
+            motor = self._motor.get(pin)
+            if motor is None:
+                name = self.board.levels.get(pin)
+                if name:
+                    edges.append((time_ns, name, value))
+            elif value and before is not None:
+                forward = level.get(self.board.dir[motor - 1], 0) != (motor in self.inverted)
+                edges.append((time_ns, f"m{motor}", 1 if forward else -1))
+        return edges
+
+
+# ---- CSV -----------------------------------------------------------------------------------------
+
+
+def _created(path: str | os.PathLike) -> TextIO:
+    try:
+        return open(path, "w")
+    except OSError as error:
+        raise TraceError(f"cannot write the trace {path}: {error.strerror}") from None
+
+
+class TraceWriter:
+    """Writes a trace as it happens. Edges may come in any order up to the time that `release` has
+    been told."""
+
+    def __init__(self, file: str | os.PathLike | TextIO):
+        self.file: TextIO = _created(file) if isinstance(file, str | os.PathLike) else file
+        self.written = 0
+        self._heap: list[tuple[int, int, str, int]] = []
+        self._order = 0  # keeps edges of one moment as they came
+        self.file.write(HEADER + "\n")
+        self.file.flush()
+
+    def add(self, edges: Iterable[Edge]) -> None:
+        """Take edges; they are written once time has come to them."""
+        for time_ns, signal, value in edges:
+            heapq.heappush(self._heap, (time_ns, self._order, signal, value))
+            self._order += 1
+
+    def release(self, now_ns: int) -> None:
+        """Write the edges up to this moment: no earlier one may come after this call."""
+        heap, rows = self._heap, []
+        while heap and heap[0][0] <= now_ns:
+            time_ns, _, signal, value = heapq.heappop(heap)
+            rows.append(f"{time_ns},{signal},{value}\n")
+        self.written += len(rows)
+        self.file.write("".join(rows))
+
+    def flush(self) -> None:
+        """Let readers of the file see what has been written."""
+        self.file.flush()
+
+    def close(self) -> None:
+        """Write what is left and close the file."""
+        if not self.file.closed:
+            self.release((self._heap and max(self._heap)[0]) or 0)
+            self.file.close()
+
+    def __enter__(self) -> "TraceWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Trace:
+    """Edges by signal: for each its times in ns (ascending) and its values, as numpy arrays."""
+
+    def __init__(self, signals: Mapping[str, tuple[np.ndarray, np.ndarray]]):
+        self.signals = dict(signals)
+
+    @classmethod
+    def from_edges(cls, edges: Iterable[Edge]) -> "Trace":
+        """Make a trace of single edges in any order."""
+        grouped: dict[str, list[tuple[int, int]]] = {}
+        for time_ns, signal, value in edges:
+            grouped.setdefault(signal, []).append((time_ns, value))
+        return cls({signal: _sorted(np.array(rows, np.int64)) for signal, rows in grouped.items()})
+
+    @classmethod
+    def from_records(cls, records: np.ndarray, board: BoardPins) -> "Trace":
+        """Make a trace of all records of pin levels of a run (see PinDecoder), much faster than
+        edge by edge."""
+        signals = {}
+        for pin, name in board.levels.items():
+            mine = records[records["pin"] == pin]
+            signals[name] = mine["t"].astype(np.int64), mine["level"].astype(np.int64)
+        for motor, (step, direction) in enumerate(zip(board.step, board.dir, strict=True), 1):
+            if step == direction:
+                continue  # a servo's pin
+            mine = records[records["pin"] == step][1:]  # the first one is the level before
+            times = mine["t"][mine["level"] == 1].astype(np.int64)
+            turns = records[records["pin"] == direction]
+            level = turns["level"][np.searchsorted(turns["t"], times, side="right") - 1].astype(
+                np.int64
+            )
+            if len(times):
+                signals[f"m{motor}"] = times, 2 * level - 1
+        return cls(signals)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike) -> "Trace":
+        """Read a CSV file; TraceError if it is not a trace."""
+        with open(path) as file:
+            header = file.readline().strip()
+            if header != HEADER:
+                raise TraceError(f"{path}: expected the header {HEADER!r}, found {header[:60]!r}")
+            first = file.tell()
+            if not file.readline():
+                return cls({})
+            file.seek(first)
+            try:
+                rows = np.loadtxt(file, dtype=_ROW, delimiter=",", ndmin=1)
+            except ValueError as error:
+                raise TraceError(
+                    f"{path}: expected rows of time, signal and value: {error}"
+                ) from None
+        signals = {}
+        for signal in np.unique(rows["signal"]):
+            mine = rows[rows["signal"] == signal]
+            signals[str(signal)] = _sorted(np.column_stack((mine["time_ns"], mine["value"])))
+        return cls(signals)
+
+    @property
+    def motors(self) -> list[int]:
+        """The numbers of the motors that stepped."""
+        return sorted(int(name[1:]) for name in self.signals if _STEP.fullmatch(name))
+
+    def steps(self, motor: int) -> tuple[np.ndarray, np.ndarray]:
+        """Times and directions (+1, -1) of a motor's steps; empty arrays if it made none."""
+        return self.signals.get(f"m{motor}", (np.zeros(0, np.int64), np.zeros(0, np.int64)))
+
+    def positions(self, motor: int, start: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Times of a motor's steps and its position in steps after each, `start` being the one
+        before the first."""
+        times, signs = self.steps(motor)
+        return times, start + np.cumsum(signs)
+
+    def position_at(
+        self, motor: int, times_ns: np.ndarray | Sequence[int], start: int = 0
+    ) -> np.ndarray:
+        """The motor's position at these moments; a step at exactly that time has been made."""
+        times, positions = self.positions(motor, start)
+        made = np.searchsorted(times, times_ns, side="right")
+        return np.concatenate(([start], positions))[made]
+
+
+def _sorted(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    order = np.argsort(rows[:, 0], kind="stable")
+    return rows[order, 0], rows[order, 1]

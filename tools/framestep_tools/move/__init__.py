@@ -1,0 +1,1 @@
+"""Moves: files of several formats, checks before playing, playing and shooting."""

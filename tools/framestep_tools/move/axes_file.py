@@ -1,0 +1,193 @@
+"""axes.toml: what the axes of a move's file are to the motors.
+
+    [[axis]]
+    name = "pan"                  # heads its column in move.csv
+    motor = 1
+    steps_per_unit = 222.2222
+    unit = "deg"
+
+docs/moves.md has all of the keys.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from ..errors import ToolError
+from .move_formats.recording import GREATEST
+from .move_formats.units import UNITS, factor
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOTORS = 32
+FEWEST, MOST = 1e-6, 1e9  # steps per unit
+
+
+class AxesFileError(ToolError):
+    """An axes.toml with a mistake, or that cannot be read: the key, what was found, what is
+    allowed."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis: its motor, and what the numbers in a file mean in steps.
+
+    name: in move.csv; in_file: in the other file
+    motor: from 1
+    steps_per_unit: from FEWEST to MOST, of `unit`
+    zero: the position, in `unit`, of step 0
+    limits: the lowest and the highest position, in `unit`
+    invert: whether steps count down while the position rises
+    file_unit: of the numbers in a file that does not name its unit
+    hold: the position, in `unit`, of an axis that the file has not
+
+    `read_axes` makes `in_file` the name and `file_unit` the unit where the file has none.
+    """
+
+    name: str
+    motor: int
+    steps_per_unit: float
+    unit: str = "units"
+    in_file: str = ""
+    zero: float = 0.0
+    limits: tuple[float, float] | None = None
+    invert: bool = False
+    file_unit: str = ""
+    hold: float | None = None
+
+    def steps(self, position: float) -> int:
+        """The step nearest to a position in `unit`."""
+        return round((position - self.zero) * self._steps_per_unit)
+
+    def position(self, steps: int) -> float:
+        """The position, in `unit`, of a step."""
+        return steps / self._steps_per_unit + self.zero
+
+    @property
+    def _steps_per_unit(self) -> float:
+        return -self.steps_per_unit if self.invert else self.steps_per_unit
+
+    def check(self, steps: int, frame: int) -> None:
+        """ToolError, with frame and axis, for a step beyond the limits or beyond 32 bits."""
+        if self.limits:
+            low, high = self.limits
+            ends = sorted((self.steps(low), self.steps(high)))
+            if not ends[0] <= steps <= ends[1]:
+                raise ToolError(
+                    f"{self._at(steps, frame)} is beyond its limits of {low:g} to {high:g} "
+                    f"{self.unit}"
+                )
+        if not -(2**31) <= steps < 2**31:
+            raise ToolError(
+                f"{self._at(steps, frame)} is step {steps}, which does not fit 32 bits signed"
+            )
+
+    def _at(self, steps: int, frame: int) -> str:
+        return f"frame {frame}, axis {self.name}: {self.position(steps):.10g} {self.unit}"
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= GREATEST
+
+
+def _limits(value: Any) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(_number(end) for end in value)
+        and value[0] < value[1]
+    )
+
+
+def _unit(value: Any) -> bool:
+    return isinstance(value, str) and value in UNITS
+
+
+def _word(value: Any) -> bool:
+    return isinstance(value, str) and value == value.strip() != "" and value.isprintable()
+
+
+_UNITS_TEXT = "one of " + ", ".join(f'"{unit}"' for unit in UNITS)
+# {key: what is allowed, in words and as a check}
+KEYS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "name": ("a text", _word),
+    "motor": (
+        f"a whole number from 1 to {MOTORS}",
+        lambda value: type(value) is int and 1 <= value <= MOTORS,
+    ),
+    "steps_per_unit": (
+        f"a number from {FEWEST:g} to {MOST:g}",
+        lambda value: _number(value) and FEWEST <= value <= MOST,
+    ),
+    "unit": (_UNITS_TEXT, _unit),
+    "in_file": ("a text", _word),
+    "zero": ("a number", _number),
+    "limits": ("two numbers [lowest, highest]", _limits),
+    "invert": ("true or false", lambda value: isinstance(value, bool)),
+    "file_unit": (_UNITS_TEXT, _unit),
+    "hold": ("a number", _number),
+}
+_NEEDED = [field.name for field in fields(Axis)][:3]
+
+
+def read_axes(path: str | os.PathLike) -> list[Axis]:
+    """The axes in their motors' order; AxesFileError, with the key and what is allowed, if the
+    file is not there or not as described in docs/moves.md."""
+    try:
+        with open(path, "rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise AxesFileError(f"cannot read the axes {path}: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise AxesFileError(f"{path}: not TOML as it should be: {error}") from None
+    for key in content:
+        if key != "axis":
+            raise AxesFileError(f'{path}: expected only [[axis]] at the top, found "{key}"')
+    found = content.get("axis", [])
+    if not isinstance(found, list) or not found or not all(isinstance(a, dict) for a in found):
+        raise AxesFileError(f"{path}: expected an [[axis]] for each motor, found none")
+    axes = [_axis(settings, f"{path}, axis {i}") for i, settings in enumerate(found, 1)]
+    axes.sort(key=lambda axis: axis.motor)
+    keys: list[tuple[str, list[Any]]] = [
+        ("motor", [axis.motor for axis in axes]),
+        ("name", [axis.name for axis in axes]),
+        ("in_file", [axis.in_file for axis in axes if axis.hold is None]),
+    ]
+    for what, values in keys:
+        for value in values:
+            if values.count(value) > 1:
+                raise AxesFileError(f'{path}: "{what}": {value!r} is there twice')
+    for number, axis in enumerate(axes, 1):
+        if axis.motor != number:
+            raise AxesFileError(
+                f"{path}: there is no axis for motor {number}, but one for motor {axis.motor}; "
+                'a move has a column for each motor from 1 on, and one that stands has "hold"'
+            )
+    return axes
+
+
+def _axis(settings: dict[str, Any], where: str) -> Axis:
+    if "name" in settings and _word(settings["name"]):
+        where += f" ({settings['name']})"
+    for key, value in settings.items():
+        if key not in KEYS:
+            raise AxesFileError(f'{where}: no key "{key}"; there are {", ".join(KEYS)}')
+        allowed, right = KEYS[key]
+        if not right(value):
+            raise AxesFileError(f'{where}: "{key}": expected {allowed}, found {value!r}')
+    for key in _NEEDED:
+        if key not in settings:
+            raise AxesFileError(f'{where}: "{key}" is missing: {KEYS[key][0]}')
+    unit = settings.get("unit", "units")
+    file_unit = settings.get("file_unit", unit)
+    if factor(file_unit, unit) is None:
+        raise AxesFileError(f'{where}: "file_unit": {file_unit} cannot be converted to {unit}')
+    defaults = {"in_file": settings["name"], "file_unit": unit}
+    if "limits" in settings:
+        settings = {**settings, "limits": tuple(settings["limits"])}
+    return Axis(**{**defaults, **settings})

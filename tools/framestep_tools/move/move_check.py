@@ -1,0 +1,273 @@
+"""What a move asks of the motors before anything moves: `framestep check`.
+
+Whether a motor can do it is decided by the firmware itself: each motor's positions are uploaded to
+a simulated board that is set as the motor is, and a run is prepared there. How fast and how steep
+the path becomes is worked out from the same path in floating point (reference.py).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
+from framestep.protocol.messages import SET_LOWER, SET_UPPER
+
+from ..client.client import Client, RequestRefused
+from ..client.refusals import explain
+from ..client.state import too_steep
+from ..judge.reference import Reference, slopes
+from ..payloads import GetExceeded, MotorResetPosition, MotorSetLimits, MotorSetSpeed, RtRunMove
+from ..simulator.boards import LockstepPort, SimulatedBoard
+from .move_file import Move
+from .move_peaks import FRAMES, POST_ROLL, PRE_ROLL, Peak, Peaks, peaks
+
+FITS, STEEP, REFUSED = "fits", "too steep", "refused"
+_SHORTEST_ROLL_S = 0.002  # of a motor that moves (framestep.moves.run_plan)
+_WINDOW = 4
+_ROUNDED = 1e-3  # rest is on a whole step, so a ramp may be so much steeper
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is set for a motor: steps/s, steps/s², soft limits in steps (None: none)."""
+
+    velocity: int = DEFAULT_VELOCITY
+    acceleration: int = DEFAULT_ACCELERATION
+    lower: int | None = None
+    upper: int | None = None
+
+
+@dataclass(frozen=True)
+class Device:
+    """The board that shall play: its rig file, its kind, how many motors it has (None: as many as
+    that kind) and how many frames of eight motors it holds (None: as many as a simulated one)."""
+
+    rig: Mapping[str, Any]
+    board: str = "pico"
+    motors: int | None = None
+    frames: int | None = None
+
+
+@dataclass(frozen=True)
+class MotorVerdict:
+    """What the run asks of a motor. `verdict`: FITS; STEEP, played as uploaded although it needs
+    more than the motor's acceleration; REFUSED. `reason` says why it does not fit."""
+
+    motor: int
+    name: str
+    setting: Setting
+    peaks: Peaks
+    path: Reference
+    verdict: str
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class MoveVerdict:
+    """`reason` says why the move as a whole is refused though each motor's is not, else ""."""
+
+    run: RtRunMove
+    motors: list[MotorVerdict]
+    reason: str = ""
+
+    @property
+    def refused(self) -> bool:
+        """Whether the board would not play it."""
+        return bool(self.reason) or any(each.verdict == REFUSED for each in self.motors)
+
+    @property
+    def fits(self) -> bool:
+        """Whether every motor can do all that is asked."""
+        return not self.reason and all(each.verdict == FITS for each in self.motors)
+
+    def place(self, peak: Peak) -> tuple[str, float]:
+        """PRE_ROLL, FRAMES or POST_ROLL, and the scene frame, of a peak's time."""
+        run = self.run
+        step = 1 if run.end_frame >= run.start_frame else -1
+        frame = run.start_frame + step * peak.seconds * run.fps_milli / 1000
+        last = abs(run.end_frame - run.start_frame)
+        if peak.seconds < -1e-9:
+            return PRE_ROLL, float(run.start_frame)
+        if peak.seconds * run.fps_milli / 1000 > last + 1 + 1e-3:
+            return POST_ROLL, float(run.end_frame)
+        return FRAMES, round(frame, 2)
+
+
+def check(
+    move: Move, run: RtRunMove, settings: Mapping[int, Setting], device: Device
+) -> MoveVerdict:
+    """Judge a run of a move. run: as it would be asked of the board. settings: by motor."""
+    motors = []
+    for motor, steps in move.positions.items():
+        setting = settings.get(motor, Setting())
+        verdict, reason = _ask(replace(move, positions={motor: steps}), run, settings, device)
+        path = _path(move, motor, run, setting)
+        motors.append(
+            MotorVerdict(
+                motor, move.names[motor], setting, peaks(path, motor), path, verdict, reason
+            )
+        )
+    whole = MoveVerdict(run, motors)
+    if not whole.refused and len(motors) > 1:
+        verdict, reason = _ask(move, run, settings, device)
+        if verdict == REFUSED:
+            return replace(whole, reason=reason)
+    return whole
+
+
+def _ask(
+    move: Move, run: RtRunMove, settings: Mapping[int, Setting], device: Device
+) -> tuple[str, str]:
+    """Verdict and reason for these motors, from a simulated board of their own."""
+    with _board(device) as board, Client(LockstepPort(board)) as client:
+        client.greet()
+        try:
+            for motor, steps in move.positions.items():
+                setting = settings.get(motor, Setting())
+                # at its first frame, inside its limits
+                client.request(
+                    MotorResetPosition(motor, int(steps[run.start_frame - move.start_frame]))
+                )
+                client.request(MotorSetSpeed(motor, setting.velocity, setting.acceleration))
+                client.request(
+                    MotorSetLimits(
+                        motor,
+                        int(setting.lower is not None), setting.lower or 0,
+                        int(setting.upper is not None), setting.upper or 0,
+                        0,
+                    )
+                )  # fmt: skip
+            client.upload_move(move.start_frame, move.end_frame, move.positions, _WINDOW)
+            client.request(run)
+            steep = too_steep(client)
+        except RequestRefused as error:
+            return REFUSED, _told(str(explain(client, error)))
+    return (STEEP, steep) if steep else (FITS, "")
+
+
+def _told(refusal: str) -> str:
+    """A refusal without the name of the request that was refused."""
+    return refusal.partition(" was refused: ")[2] or refusal
+
+
+def _board(device: Device) -> SimulatedBoard:
+    room = 0
+    if device.frames is not None:
+        with SimulatedBoard(device.rig, device.motors, device.board) as board:
+            room = board.upload_bytes_for(device.frames)
+    board = SimulatedBoard(device.rig, device.motors, device.board, room)
+    board.wire_switches()
+    board.run_until(board.slice_ns * 50)  # switches are read until then
+    return board
+
+
+def _path(move: Move, motor: int, run: RtRunMove, setting: Setting) -> Reference:
+    """The ideal path of a motor in this run."""
+    steps = move.positions[motor]
+    first, last = run.start_frame - move.start_frame, run.end_frame - move.start_frame
+    limits = (setting.lower, setting.upper)
+    ends = slopes(steps, first, last, limits)[[0, -1]] * run.fps_milli / 1000
+    if first == last:
+        ends = ends * 0
+    pre_ms, post_ms = (
+        ms or (max(abs(v) / setting.acceleration, _SHORTEST_ROLL_S) * 1000 if v else 0)
+        for ms, v in zip((run.preroll_ms, run.postroll_ms), ends, strict=True)
+    )
+    # A move that is too fast for that is refused; it is shown as it would have to be played.
+    fastest = np.abs(np.diff(steps)).max(initial=0) * run.fps_milli / 1000
+    velocities = {motor: setting.velocity} if fastest <= setting.velocity else None
+    return Reference(
+        {motor: steps}, run.fps_milli, pre_ms, post_ms, first, last, {motor: limits}, velocities
+    )
+
+
+# ---- what is set
+
+
+def settings_of(client: Client, motors: list[int]) -> dict[int, Setting]:
+    """What a device has set for motors; those that it does not have are left out. RequestRefused
+    where it does not tell."""
+    there = (client.info or client.greet()).motors
+    found = {}
+    for motor in motors:
+        if motor > there:
+            continue
+        told = client.request(GetExceeded(motor))
+        bits = told.bits or 0
+        found[motor] = Setting(
+            told.velocity or DEFAULT_VELOCITY,
+            told.acceleration or DEFAULT_ACCELERATION,
+            told.lower if bits & SET_LOWER else None,
+            told.upper if bits & SET_UPPER else None,
+        )
+    return found
+
+
+# ---- as it is shown
+
+
+def lines(found: MoveVerdict) -> list[str]:
+    """As text, a few lines per motor."""
+    said = []
+    for each in found.motors:
+        top, limits = each.peaks, each.setting
+        said += [
+            f"motor {each.motor}, {each.name}: {each.verdict}"
+            + (f": {each.reason}" if each.reason else ""),
+            f"  velocity      {_at(found, top.velocity, 'steps/s')}"
+            + _beside(top.velocity, limits.velocity),
+            f"  acceleration  {_at(found, top.acceleration, 'steps/s²')}"
+            + _beside(top.acceleration, limits.acceleration),
+            f"  jerk          {_at(found, top.jerk, 'steps/s³')}",
+            f"  positions     {top.lowest.value:.0f} to {top.highest.value:.0f}, "
+            f"soft limits {_or(limits.lower)} and {_or(limits.upper)}",
+        ]
+    if found.reason:
+        said.append(f"the move as a whole: refused: {found.reason}")
+    return said
+
+
+def _at(found: MoveVerdict, peak: Peak, unit: str) -> str:
+    if round(peak.value) == 0:
+        return f"0 {unit}"
+    part, frame = found.place(peak)
+    return f"{peak.value:.0f} {unit} " + (
+        f"at frame {frame:g}" if part == FRAMES else f"in the {part}"
+    )
+
+
+def _beside(peak: Peak, setting: int) -> str:
+    return f", set {setting}" + ("; above it" if peak.value > setting * (1 + _ROUNDED) else "")
+
+
+def _or(limit: int | None) -> str:
+    return "none" if limit is None else str(limit)
+
+
+def for_programs(found: MoveVerdict) -> dict[str, Any]:
+    """As what JSON can hold."""
+
+    def told(peak: Peak) -> dict[str, Any]:
+        part, frame = found.place(peak)
+        return {"value": round(peak.value, 3), "frame": frame, "part": part}
+
+    return {
+        "fps": found.run.fps_milli / 1000,
+        "frames": [found.run.start_frame, found.run.end_frame],
+        "fits": found.fits,
+        "refused": found.refused,
+        "reason": found.reason or None,
+        "motors": [
+            {
+                "motor": each.motor,
+                "name": each.name,
+                "verdict": each.verdict,
+                "reason": each.reason or None,
+                "set": vars(each.setting),
+                **{name: told(peak) for name, peak in each.peaks._asdict().items()},
+            }
+            for each in found.motors
+        ],
+    }

@@ -1,0 +1,130 @@
+"""A move under way as it is shown: a progress bar and where the motors are, live on a terminal."""
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+
+from ..client.client import Event
+from ..payloads import Positions
+
+LINE_EVERY_S = 1.0  # of the device's time, where there is no terminal to draw on
+
+
+class MoveDisplay:
+    """The play head on its way from frame `first` to frame `last`, and a line per motor.
+
+    names: of the motors that are shown. quiet: where there is no terminal say nothing, instead of
+    a line now and then.
+    """
+
+    def __init__(
+        self,
+        names: Mapping[int, str],
+        first: int,
+        last: int,
+        console: Console,
+        quiet: bool = False,
+    ):
+        self.names, self.first, self.last = names, first, last
+        self.console = console
+        self.quiet = quiet
+        self.live: Live | None = None
+        self.progress = Progress(
+            TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.fields[text]}")
+        )
+        self.task = self.progress.add_task(
+            "", total=abs(last - first) or 1, completed=0, text=f"of frames {first} to {last}"
+        )
+        self._last_line_s = float("-inf")
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Draw while this lasts."""
+        if not self.console.is_terminal:
+            yield
+            return
+        with Live(self.progress, console=self.console, refresh_per_second=12) as self.live:
+            yield
+        self.live = None
+
+    def phase(self, text: str) -> None:
+        """Say what happens now."""
+        if self.live:
+            self.progress.update(self.task, description=text)
+        elif not self.quiet:
+            self.console.print(text)
+
+    def warn(self, text: str) -> None:
+        """Say something that is not as it should be, above what is drawn or on standard error."""
+        if self.live:
+            self.console.print(text)
+        else:
+            print(text, file=sys.stderr, flush=True)
+
+    def show(self, event: Event) -> None:
+        """An event from the device; positions are drawn."""
+        report = event.message
+        if not isinstance(report, Positions):
+            return
+        frame = report.move_time / 1000
+        if self.live:
+            self.advance(frame)
+            self.live.update(self._table(report))
+        elif not self.quiet and event.time_s - self._last_line_s >= LINE_EVERY_S:
+            self._last_line_s = event.time_s
+            steps = "  ".join(
+                f"{name} {report.steps[motor - 1]}" for motor, name in self.names.items()
+            )
+            self.console.print(f"  frame {frame:6.1f}  {steps}")
+
+    def advance(self, frame: float) -> None:
+        """The play head is there."""
+        way = (frame - self.first) * (1 if self.last >= self.first else -1)
+        self.progress.update(
+            self.task,
+            completed=min(max(way, 0), abs(self.last - self.first)),
+            text=f"frame {frame:.1f} of {self.first} to {self.last}",
+        )
+
+    def _table(self, report: Positions) -> Any:
+        table = Table.grid(padding=(0, 2))
+        table.add_row(self.progress)
+        table.add_row(motor_table(self.names, report))
+        return table
+
+
+class ShotDisplay(MoveDisplay):
+    """Frames that are shot one by one: how many of `count` are done. names: as above."""
+
+    def __init__(self, names: Mapping[int, str], count: int, console: Console):
+        super().__init__(names, 0, count, console, quiet=True)
+        self.progress.update(self.task, text=f"0 of {count} frames")
+
+    def shot(self, done: int, frame: int) -> None:
+        """So many frames are shot; `frame` is the one that is or was at work."""
+        self.progress.update(
+            self.task,
+            completed=done,
+            description=f"frame {frame}",
+            text=f"{done} of {self.last} frames",
+        )
+
+    def advance(self, frame: float) -> None:
+        """The play head does not say how many are shot."""
+
+
+def motor_table(names: Mapping[int, str], report: Positions) -> Table:
+    """Where motors are, a line each; those that the device does not have are left out."""
+    motors = Table(box=None)
+    for title in ("motor", "axis", "steps"):
+        motors.add_column(title, justify="right")
+    for motor, name in names.items():
+        if motor <= len(report.steps):
+            motors.add_row(str(motor), name, str(report.steps[motor - 1]))
+    return motors

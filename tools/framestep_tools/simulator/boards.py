@@ -1,0 +1,355 @@
+"""A whole controller to talk to, simulated or emulated, behind one face: time, ports and edges.
+
+Time stands still except in `run_until`; so the same input gives the same run, and a server or a
+test decides how fast it goes. What `Board.edges` hands out is in no particular order but complete
+up to now.
+"""
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from framestep.rig import Rig, RigError
+
+from ..board.rig_file import read
+from ..building.board_files import board_data
+from ..errors import ToolError
+from ..judge.trace import Edge, PinDecoder, load_board
+from . import driver_chips
+from .driver_chips import Chip, Chips
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+    from framestep.host_board import HostBoard
+
+_LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
+_BOOT_LIMIT_MS = 10_000
+
+
+def read_rig(path: str | Path | None) -> dict[str, Any]:
+    """The settings in a rig file, {} for none. What they mean is checked by the controller."""
+    return {} if path is None else read(path)
+
+
+def closed_switches(rig: Rig) -> list[int]:
+    """Pins that stop switches hold low while nobody touches them: the normally closed ones."""
+    pins = [rig.board["estop"]] if rig.estop == "nc" else []
+    for limit in rig.limits:
+        if limit["contact"] == "nc":
+            pins += [limit[end] for end in ("high", "low") if limit[end] >= 0]
+    return pins
+
+
+class Channel(Protocol):
+    """One serial port of a board, seen from the host."""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes for the board; they wait until it takes them."""
+
+    def transmit(self) -> bytes:
+        """What the board has sent since the last call."""
+
+    def open_port(self, on: bool) -> None:
+        """Open or close the port (DTR)."""
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the board has not taken yet."""
+
+
+class Board(Protocol):
+    """A controller with its protocol port, perhaps a REPL, and pins."""
+
+    slice_ns: int  # how much time to let pass at once, so that a round trip costs little against it
+    protocol: Channel
+    repl: Channel | None
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time."""
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        """Let time pass; `until_output` stops as soon as the protocol port has sent something."""
+
+    def edges(self) -> list[Edge]:
+        """The edges since the last call; none before `now_ns` will follow."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+# ---- on the host ---------------------------------------------------------------------------------
+
+
+class SimulatedBoard:
+    """The controller on the host HAL, with the pins of a board in boards/. motors: how many,
+    whatever the board has.
+
+    upload_bytes: memory for the uploaded move, 0 for as much as is usual.
+    `chips`: simulated TMC2209 drivers of motor 1, 2, …, where the board has a UART for them.
+    """
+
+    slice_ns = 1_000_000
+    protocol: Channel
+    repl: Channel | None = None
+
+    def __init__(
+        self,
+        rig: Mapping[str, Any] | None = None,
+        motors: int | None = None,
+        board: str = "pico",
+        upload_bytes: int = 0,
+    ):
+        from framestep.host_board import HostBoard
+
+        self.chips: list[Chip] = []
+
+        def wire(hal):
+            self.chips = driver_chips.of(hal.board)
+            return Chips(
+                self.chips, lambda: hal.now_ns, apart="pins" in hal.board.get("drivers", {})
+            )
+
+        self._board = HostBoard(
+            dict(rig) if rig else None,
+            motors,
+            board_data(board),
+            wire=wire,
+            upload_bytes=upload_bytes,
+        )
+        self._edges: list[Edge] = []
+        self._board.on_edge = lambda time_ns, signal, value: self._edges.append(
+            (time_ns, signal, value)
+        )
+        self._out = bytearray()
+        self.protocol = self
+
+    def upload_bytes_for(self, frames: int) -> int:
+        """How much memory for the uploaded move holds so many frames of all motors, about."""
+        moves, hal = self._board.controller.moves, self._board.hal
+        return -(-hal.upload_bytes * frames // moves.upload_frames)
+
+    @property
+    def host_board(self) -> "HostBoard":
+        """The controller itself, to look inside."""
+        return self._board
+
+    def wire_switches(self) -> None:
+        """Connect the stop switches that the rig has; nobody touches them."""
+        for pin in closed_switches(self._board.rig):
+            self._board.set_input(pin, 0)
+
+    def receive(self, data: bytes) -> None:
+        self._board.receive(data)
+
+    def transmit(self) -> bytes:
+        self._out += self._board.transmit()
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    def open_port(self, on: bool) -> None:
+        self._board.open_port(on)
+
+    @property
+    def pending(self) -> int:
+        return getattr(self._board, "pending", 0)
+
+    @property
+    def now_ns(self) -> int:
+        return self._board.now_ns
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        board = self._board
+        if not until_output:
+            board.run_until(ns)
+            return
+        while board.now_ns < ns and not self._out:
+            board.run_until(min(ns, board.now_ns + _LOOK_NS))
+            self._out += board.transmit()
+
+    def edges(self) -> list[Edge]:
+        edges, self._edges = self._edges, []
+        return edges
+
+    def close(self) -> None:
+        self._board.on_edge = None
+
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+# ---- on the emulated chip ------------------------------------------------------------------------
+
+
+class _EmulatedPort:
+    def __init__(self, emulator, number: int):
+        self.emulator, self.number = emulator, number
+        self._queued = 0
+
+    def receive(self, data: bytes) -> None:
+        answer = self.emulator.cmd("write", port=self.number, data=base64.b64encode(data).decode())
+        self._queued = answer["queued"]
+
+    def transmit(self) -> bytes:
+        return base64.b64decode(self.emulator.cmd("read", port=self.number)["data"])
+
+    def open_port(self, on: bool) -> None:
+        self.emulator.cmd("open", port=self.number, on=on)
+
+    @property
+    def pending(self) -> int:
+        if self._queued:
+            self._queued = self.emulator.cmd("ports")["ports"][self.number]["queued"]
+        return self._queued
+
+
+class BoardHalted(ToolError):
+    """The emulated processor has stopped; the text says why."""
+
+
+class EmulatedBoard:
+    """A board's image on an emulated board: nothing is patched.
+
+    `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port
+    and there is no REPL channel. `args` go to the emulator (its --help). `board` is a folder in
+    boards/. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like,
+    `pins` the pin map.
+    """
+
+    slice_ns = 4_000_000
+
+    def __init__(
+        self,
+        rig: Mapping[str, Any] | None = None,
+        trace: bool = True,
+        flash: str | None = None,
+        board: str = "pico",
+        args: Sequence[str] = (),
+    ):
+        from framestep_emulator import Emulator
+
+        from ..building import images
+
+        rig = dict(rig or {})
+        files = {"/rig.json": json.dumps(rig).encode()} if rig else {}
+        single = rig.get("ports") == 1
+        self.emulator = Emulator(images.frozen(board), files=files, flash=flash, args=args).start()
+        try:
+            self.pins = load_board(board, rig)
+            inverted = [
+                i for i, motor in enumerate(rig.get("motors", []), 1) if _is_inverted(motor)
+            ]
+            self._decoder = PinDecoder(self.pins, inverted)
+            if trace:
+                self.emulator.trace_start(self.pins.pins)
+            self._tracing = trace
+            if single:
+                # Nothing tells that the controller is up but its greeting, which waits for whoever
+                # reads it.
+                self.emulator.cmd("open", port=0, on=True)
+                self.emulator.cmd(
+                    "run_until_ns", ns=self.emulator.ns + _BOOT_LIMIT_MS * 1_000_000, until_rx=0
+                )
+            else:
+                self.emulator.wait_usb(_BOOT_LIMIT_MS, ports=2)
+            self._now = self.emulator.ns
+        except BaseException:
+            self.emulator.close()
+            raise
+        self._rig, self._data = rig, board_data(board)
+        self.protocol: Channel = _EmulatedPort(self.emulator, 0 if single else 1)
+        self.repl: Channel | None = None if single else _EmulatedPort(self.emulator, 0)
+
+    def wire_switches(self) -> None:
+        """Connect the stop switches that the rig has; nobody touches them. A rig file with a
+        mistake has none."""
+        try:
+            rig = Rig(self._rig or None, self._data)
+        except RigError:
+            return
+        for pin in closed_switches(rig):
+            self.emulator.set_pin(pin, 0)
+
+    @property
+    def now_ns(self) -> int:
+        return self._now
+
+    def run_until(self, ns: int, until_output: bool = False) -> None:
+        until = {"until_rx": self.protocol.number} if until_output else {}  # type: ignore[attr-defined]
+        state = self.emulator.cmd("run_until_ns", ns=ns, **until)
+        self._now = state["ns"]
+        if state["halted"]:
+            raise BoardHalted(
+                f"the emulated board has stopped at {self._now * 1e-9:.6f} s: {state['halted']}"
+            )
+
+    def edges(self) -> list[Edge]:
+        return self._decoder.feed(self.emulator.trace_read()) if self._tracing else []
+
+    def close(self) -> None:
+        self.emulator.close()
+
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _is_inverted(motor: Any) -> bool:
+    return isinstance(motor, dict) and bool(motor.get("invert"))
+
+
+# ---- a port on it --------------------------------------------------------------------------------
+
+
+class LockstepPort:
+    """A board's port as Client takes it: reads that wait let the board's time pass, `timeout` is in
+    its seconds."""
+
+    def __init__(self, board: Board, channel: Channel | None = None):
+        self.board = board
+        self.channel = channel or board.protocol
+        self.timeout: float | None = 1.0
+        self._arrived = bytearray()
+        self.is_open = True
+        self.channel.open_port(True)
+
+    def clock(self) -> float:
+        """The board's time in seconds."""
+        return self.board.now_ns * 1e-9
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        self._arrived += self.channel.transmit()
+        return len(self._arrived)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes, waiting as long as `timeout` says."""
+        board = self.board
+        deadline = None if self.timeout is None else board.now_ns + round(self.timeout * 1e9)
+        while self.in_waiting < size and (deadline is None or board.now_ns < deadline):
+            step = board.now_ns + 10**9
+            board.run_until(step if deadline is None else min(step, deadline), until_output=True)
+        data = bytes(self._arrived[:size])
+        del self._arrived[:size]
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the board; it takes them when time passes."""
+        self.channel.receive(bytes(data))
+        return len(data)
+
+    def close(self) -> None:
+        """Close the port as a host does."""
+        if self.is_open:
+            self.is_open = False
+            self.channel.open_port(False)
