@@ -119,7 +119,7 @@ soak: setup node ## two emulated hours of a host's work: heap flat, positions ex
 	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
-	@"$(PYTHON_VENV)" -m framestep_tools.conform.score
+	@"$(PYTHON_VENV)" -m host_tests.conform.score
 
 prove: setup node micropython ## the emulated board measures itself, as `framestep prove` does a real one (build/prove); ARGS="--chip B1" or --renew
 	@"$(PYTHON_VENV)" -m framestep_tools.prove $(ARGS)

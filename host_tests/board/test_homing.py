@@ -5,7 +5,7 @@ import pytest
 from framestep.motors.positions import HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.end_to_end.home_switches import trust
+from host_tests.end_to_end.motors.home_switches import trust
 from host_tests.end_to_end.session import Session
 
 SWITCH, SPEED, BACK = 22, 3000, 150

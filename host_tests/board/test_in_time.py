@@ -9,7 +9,7 @@ from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.timing import Timing
 from host_tests.end_to_end.session import Session, run_request
-from host_tests.end_to_end.virtual import BOOM_NODAL, XYZ
+from host_tests.end_to_end.virtual_axes.judging import BOOM_NODAL, XYZ
 
 ESTOP, LIMIT = 19, 22
 RIG = {"estop": "nc", "limits": [{"high": LIMIT, "contact": "nc"}]}

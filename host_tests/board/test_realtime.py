@@ -34,7 +34,7 @@ from host_tests.end_to_end.realtime import (
     upload,
 )
 from host_tests.end_to_end.session import Session, deceleration, run_request
-from host_tests.end_to_end.test_shoot import assert_angles, assert_window, shoot
+from host_tests.end_to_end.shoot.test_shoot import assert_angles, assert_window, shoot
 
 FPS = 24
 TRIGGERS = {0: 0b01, 3: 0b11, 5: 0b10}

@@ -8,8 +8,8 @@ from framestep_tools.building import images
 from framestep_tools.payloads import Ack, HardStop, RtEnd, RtGo, RtJogAll
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.board.test_end_to_end import assert_played, load, move
+from host_tests.end_to_end.io.test_led import CONNECTED, FAULT, MOVING
 from host_tests.end_to_end.session import Session, run_request
-from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING
 
 LED, JUMPER = 25, 27
 

@@ -7,8 +7,8 @@ import pytest
 from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import MotorMove
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.end_to_end.io.test_led import CONNECTED, FAULT, MOVING, WAITING
 from host_tests.end_to_end.session import Session
-from host_tests.end_to_end.test_led import CONNECTED, FAULT, MOVING, WAITING
 
 BLUE, WHITE, GREEN, RED = "b", "grb", "g", "r"
 BEAT_NS = 128_000_000

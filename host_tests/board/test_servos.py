@@ -11,7 +11,7 @@ from framestep_tools import payloads as p
 from framestep_tools.building import images
 from framestep_tools.client.client import Client
 from framestep_tools.simulator.boards import EmulatedBoard
-from host_tests.end_to_end.servo_pulses import assert_follows, pulses
+from host_tests.end_to_end.motors.servo_pulses import assert_follows, pulses
 from host_tests.end_to_end.session import Session, run_request
 
 PIN = 22  # one of the board's general pins

@@ -16,7 +16,14 @@ from framestep_tools.payloads import (
 )
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
-from host_tests.end_to_end.virtual import BOOM_NODAL, UNIT, Track, assert_straight, joints, pose
+from host_tests.end_to_end.virtual_axes.judging import (
+    BOOM_NODAL,
+    UNIT,
+    Track,
+    assert_straight,
+    joints,
+    pose,
+)
 
 VELOCITY, ACCELERATION = 20_000, 50_000
 

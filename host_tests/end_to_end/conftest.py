@@ -13,9 +13,9 @@ from framestep_tools.client.client import Client
 from framestep_tools.payloads import RtPositionFrame
 from framestep_tools.simulator.boards import LockstepPort
 from host_tests.end_to_end import realtime
-from host_tests.end_to_end.frame_jogs import FRAMES, PATH
+from host_tests.end_to_end.runs.frame_jogs import FRAMES, PATH
+from host_tests.end_to_end.runs.uploaded_runs import MOVE
 from host_tests.end_to_end.session import DIALECTS, simulated
-from host_tests.end_to_end.uploaded_runs import MOVE
 from host_tests.recording import differences, recorded
 
 _SHORT = 6000  # passes of a session that is played again in any run

@@ -23,8 +23,8 @@ from framestep_tools.payloads import (
     RtGo,
 )
 from framestep_tools.simulator.esp32_board import Esp32Board, Esp32Error, board_data
+from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played
 from host_tests.end_to_end.session import Session, deceleration, run_request
-from host_tests.end_to_end.uploaded_runs import FRAMES, MOVE, assert_played
 
 QUEUE_S = 0.028  # from the tick to its pulses, at most: 24 buffers and two ticks
 REPLY_S = 0.06

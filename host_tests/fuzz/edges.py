@@ -5,7 +5,7 @@ import numpy as np
 from framestep.hal.host import CYCLES as MS
 
 from .bounds import STEEPEST, play
-from .finding import Part
+from .findings import Part
 
 
 class Edges(Part):

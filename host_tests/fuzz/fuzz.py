@@ -55,7 +55,7 @@ def follow(trial, script: Script, tail_ms: int = 0) -> None:
 
 def fails(script: Script) -> str | None:
     """The kind of finding that a script leads to."""
-    from .finding import Finding
+    from .findings import Finding
 
     try:
         replay(script)
@@ -129,7 +129,7 @@ def shrink_from(script: Script, finding) -> Script:
 
 def session(seed: str, requests: int):
     """One session; (Trial, Finding or None)."""
-    from .finding import Finding
+    from .findings import Finding
     from .rigs import draw_script
     from .trial import Trial
     from .world import World
@@ -219,7 +219,7 @@ def main() -> int:
 
 def replay_all(names) -> int:
     """Say for each script what it leads to."""
-    from .finding import Finding
+    from .findings import Finding
 
     bad = 0
     for name in names:

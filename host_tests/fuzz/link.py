@@ -6,7 +6,7 @@ from itertools import accumulate
 
 from framestep.protocol import messages as m
 
-from .finding import Part
+from .findings import Part
 
 SLOW_MS = 150  # a frame that takes longer to come may be given up
 HEAD = struct.Struct("<2sIHH")

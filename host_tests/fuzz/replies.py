@@ -6,7 +6,7 @@ import struct
 from framestep.protocol import messages as m
 
 from .bounds import STEEPEST
-from .finding import Part
+from .findings import Part
 
 LATE_MS = 1500  # for passes that are held up
 OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)

@@ -9,7 +9,7 @@ from framestep.hal.host import CYCLES as MS
 from framestep.protocol import messages as m
 
 from .bounds import Upload, bounds_of, play
-from .finding import Part
+from .findings import Part
 
 
 class Runs(Part):

@@ -4,7 +4,7 @@ may come."""
 from framestep.protocol import messages as m
 
 from .bounds import STEEPEST
-from .finding import Part
+from .findings import Part
 
 LONG_AGO = -(10**9)
 

@@ -26,7 +26,7 @@ from framestep.virtuals.registers import MAX_A
 from host_tests.script import parse
 
 from . import fuzz
-from .finding import Finding
+from .findings import Finding
 from .sessions import (
     SESSIONS,
     Host,

@@ -38,7 +38,7 @@ from host_tests.script_player import Player
 
 from .bounds import FREE, STEEPEST, Motor
 from .edges import Edges
-from .finding import Finding
+from .findings import Finding
 from .link import Link, Request
 from .replies import Replies
 from .runs import Runs

@@ -11,12 +11,12 @@ anyhow.py.
 
 from random import Random
 
-from .anyhow import Anyhow
+from .any_message import Anyhow
 from .bursts import Bursts
 from .host import Host, Over
 from .operations import Operations
-from .singles import Singles
-from .surroundings import Surroundings
+from .outside import Surroundings
+from .single_motors import Singles
 from .trial import Trial
 from .uploads import Uploads
 from .virtuals import Virtuals

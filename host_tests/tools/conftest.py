@@ -2,7 +2,7 @@
 
 import pytest
 
-from host_tests.tools.move_samples import LINEAR
+from host_tests.tools.move.move_samples import LINEAR
 
 
 @pytest.fixture

@@ -56,6 +56,7 @@ def conform(
     from ..client.open_port import close_port, open_port
     from ..conform import kit, report, spec
     from ..conform.bench import Bench
+    from ..conform.checks import every_check
     from ..conform.link import Failed, Link
     from ..conform.pace import HoldUps, PacedPort
     from ..conform.trace_tail import TraceTail
@@ -63,7 +64,7 @@ def conform(
 
     if not 0 < speed <= _FASTEST:
         raise typer.BadParameter(f"--speed is more than 0 and at most {_FASTEST}, found {speed:g}")
-    checks = kit.every_check()
+    checks = every_check()
     names = {check.subject for check in checks}
     if unknown := set(subject or ()) - names:
         raise typer.BadParameter(f"{unknown.pop()} is none of {', '.join(sorted(names))}")

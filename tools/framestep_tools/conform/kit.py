@@ -40,13 +40,6 @@ class Result(NamedTuple):
     text: str = ""
 
 
-def every_check() -> list[Check]:
-    """All of them, by subject, in the order in which they run."""
-    from .checks import SUBJECTS
-
-    return [check for subject in SUBJECTS for check in subject.CHECKS]
-
-
 def run(
     bench: Bench,
     checks: Iterable[Check],

@@ -1,5 +1,6 @@
 """The checks, a module for each subject."""
 
+from ..kit import Check
 from . import (
     arms,
     couples,
@@ -37,3 +38,8 @@ SUBJECTS = (
     lights,
     inputs,
 )
+
+
+def every_check() -> list[Check]:
+    """All of them, by subject, in the order in which they run."""
+    return [check for subject in SUBJECTS for check in subject.CHECKS]

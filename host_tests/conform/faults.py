@@ -1,0 +1,175 @@
+"""Devices with one fault each, most of them in what is said; motion.py has those of behaviour."""
+
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+from framestep_tools.client.wire import Frame
+from framestep_tools.conform import spec
+
+from .spoiled import Behaviour
+
+
+class Fault(NamedTuple):
+    """A fault: the subject whose checks should find it, and the behaviour that it gives the
+    device."""
+
+    name: str
+    subject: str
+    behave: Callable[[], Behaviour]
+
+
+class _Says(Behaviour):
+    """`spoil` changes a frame of the device, or loses it (None)."""
+
+    def __init__(self, spoil: Callable[[Frame], Frame | None]):
+        self.spoil = spoil
+
+    def said(self, frame: Frame) -> Frame | None:
+        return self.spoil(frame)
+
+
+def _fault(name: str, subject: str, spoil: Callable[[Frame], Frame | None]) -> Fault:
+    return Fault(name, subject, lambda: _Says(spoil))
+
+
+def _code(old: int, new: int, type: int = 0):
+    def spoil(frame: Frame) -> Frame:
+        if (
+            frame.is_ack
+            and frame.payload[:1] == bytes((old,))
+            and (not type or frame.request_type == type)
+        ):
+            return frame._replace(payload=struct.pack("<H", new))
+        return frame
+
+    return spoil
+
+
+def _lost(type: int, report: bool):
+    def spoil(frame: Frame) -> Frame | None:
+        return None if frame.request_type == type and (frame.id == 0) == report else frame
+
+    return spoil
+
+
+def _data(type: int, change: Callable[[bytes], bytes], report: bool | None = None):
+    def spoil(frame: Frame) -> Frame:
+        if frame.type != type or report not in (None, frame.id == 0):
+            return frame
+        return frame._replace(payload=change(frame.payload))
+
+    return spoil
+
+
+def _id(change: Callable[[int], int]):
+    return lambda frame: frame._replace(id=change(frame.id)) if frame.id else frame
+
+
+def _time(change: Callable[[int], int]):
+    return lambda data: struct.pack("<i", change(struct.unpack("<i", data[:4])[0])) + data[4:]
+
+
+def _steps(change: Callable[[int], int]):
+    return lambda data: (
+        data[:4] + struct.pack("<i", change(struct.unpack_from("<i", data, 4)[0])) + data[8:]
+    )
+
+
+_HI = {
+    "HI of 50 bytes": lambda d: d[:50],
+    "protocol version 1": lambda d: d[:49] + b"\1\0",
+    "40 motors": lambda d: d[:35] + b"\x28" + d[36:],
+    "600 lights": lambda d: d[:36] + struct.pack("<H", 600) + d[38:],
+    "40 outputs": lambda d: d[:38] + b"\x28" + d[39:],
+    "40 inputs": lambda d: d[:39] + b"\x28" + d[40:],
+    "a name without text": lambda d: bytes(32) + d[32:],
+    "an unknown capability": lambda d: d[:47] + b"\1" + d[48:],
+}
+
+FAULTS = (
+    *(_fault(f"HI: {name}", "framing", _data(spec.HI, change)) for name, change in _HI.items()),
+    _fault("IDs of 16 bits", "framing", _id(lambda id: id & 0xFFFF)),
+    _fault("IDs of 31 bits", "framing", _id(lambda id: id & 0x7FFFFFFF)),
+    _fault("no answer to MOTOR_STATUS", "framing", _lost(spec.STATUS, False)),
+    _fault("unknown types are taken", "framing", _code(spec.ERR_UNSUPPORTED, spec.OK)),
+    _fault(
+        "unknown types: general error", "framing", _code(spec.ERR_UNSUPPORTED, spec.ERR_GENERAL)
+    ),
+    _fault("a wrong checksum is taken", "framing", _code(spec.ERR_CHECKSUM, spec.OK)),
+    _fault("a wrong checksum: range", "framing", _code(spec.ERR_CHECKSUM, spec.ERR_RANGE)),
+    _fault("range is told as OK", "numbers", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("range: general error", "numbers", _code(spec.ERR_RANGE, spec.ERR_GENERAL)),
+    _fault("short messages are taken", "lengths", _code(spec.ERR_RANGE, spec.OK)),
+    *(
+        _fault(
+            f"{spec.NAMES[type]} out of range is taken",
+            "numbers",
+            _code(spec.ERR_RANGE, spec.OK, type),
+        )
+        for type in (
+            spec.MOVE,
+            spec.STOP,
+            spec.RESET,
+            spec.JOG,
+            spec.CONFIGURE,
+            spec.SET_SPEED,
+            spec.SET_LIMITS,
+        )
+    ),
+    *(
+        _fault(f"{spec.NAMES[type]}: OK is told as 0", "numbers", _code(spec.OK, 0, type))
+        for type in (spec.STOP, spec.RESET, spec.CONFIGURE, spec.SET_SPEED, spec.SET_LIMITS)
+    ),
+    *(
+        _fault(f"no answer to {spec.NAMES[type]}", "motors", _lost(type, False))
+        for type in (spec.STOP, spec.STOP_ALL, spec.RESET, spec.JOG, spec.MOVE)
+    ),
+    _fault("upper limit told as lower", "motors", _code(spec.ERR_SOFT_UP, spec.ERR_SOFT_LOW)),
+    _fault("lower limit told as upper", "motors", _code(spec.ERR_SOFT_LOW, spec.ERR_SOFT_UP)),
+    _fault("a limit is told as OK", "motors", _code(spec.ERR_SOFT_UP, spec.OK)),
+    _fault("moving is told as range", "motors", _code(spec.ERR_MOVING, spec.ERR_RANGE)),
+    _fault("never moving", "motors", _data(spec.STATUS, lambda d: bytes(5))),
+    _fault(
+        "moving bits of the next motor",
+        "motors",
+        _data(spec.STATUS, lambda d: bytes((d[0] << 1 & 0xFF,)) + d[1:]),
+    ),
+    _fault("unsigned positions", "motors", _data(spec.GET_POSITION, _steps(abs))),
+    _fault(
+        "positions of 16 bits",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: (p + 0x8000 & 0xFFFF) - 0x8000)),
+    ),
+    _fault(
+        "positions a step off below zero",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: p - (p < 0))),
+    ),
+    _fault("no positions unasked", "motors", _lost(spec.GET_POSITION, True)),
+    _fault(
+        "positions unasked are all zero",
+        "motors",
+        _data(spec.GET_POSITION, _steps(lambda p: 0), True),
+    ),
+    _fault(
+        "MOVE TIME a frame early", "uploads", _data(spec.GET_POSITION, _time(lambda t: t - 1000))
+    ),
+    _fault("MOVE TIME in frames", "uploads", _data(spec.GET_POSITION, _time(lambda t: t // 1000))),
+    _fault("upload: range told as OK", "uploads", _code(spec.ERR_RANGE, spec.OK)),
+    _fault("not in position told as OK", "uploads", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("no answer to UPLOAD_END", "uploads", _lost(spec.UPLOAD_END, False)),
+    _fault("no answer to AXIS", "uploads", _lost(spec.AXIS, False)),
+    _fault("no RT_END", "runs", _lost(spec.END, True)),
+    _fault(
+        "reports a frame late", "runs", _data(spec.GET_POSITION, _time(lambda t: t + 1000), True)
+    ),
+    _fault(
+        "reports without positions", "runs", _data(spec.GET_POSITION, _steps(lambda p: 0), True)
+    ),
+    _fault("reports 3 steps off", "runs", _data(spec.GET_POSITION, _steps(lambda p: p + 3), True)),
+    _fault("no frame is reported", "runs", _lost(spec.GET_POSITION, True)),
+    _fault("GO too early is taken", "runs", _code(spec.ERR_NOT_IN_POSITION, spec.OK)),
+    _fault("a pre-roll past a limit: range", "runs", _code(spec.ERR_PREROLL, spec.ERR_RANGE)),
+    _fault("during a run: OK", "runs", _code(spec.ERR_MOVING, spec.OK)),
+)

@@ -1,0 +1,57 @@
+"""How far the kit can be trusted, `make conform`: no alarm on correct devices, one on each seeded
+fault. All of them are simulated boards, in virtual time."""
+
+from collections.abc import Iterable
+
+from framestep_tools.conform import kit, report
+from framestep_tools.conform.kit import Result
+
+from . import faults, motion_faults, together
+from .faults import Fault
+from .simulated import results
+from .variants import VARIANTS, Variant
+
+FAULTS = faults.FAULTS + motion_faults.FAULTS + together.FAULTS
+_ALARMS = (kit.FAULT, kit.DEPARTS)
+
+
+def judge(variant: Variant, subjects: Iterable[str] = ()) -> list[Result]:
+    """All results on a correct device."""
+    behaviour = variant.behave() if variant.behave else None
+    return list(results(behaviour, subjects, variant.motors, variant.rig))
+
+
+def alarms(results: Iterable[Result]) -> list[str]:
+    """Those that say something against the device."""
+    return [report.line(result) for result in results if result.verdict in _ALARMS]
+
+
+def found(fault: Fault) -> bool:
+    """Whether a check of the fault's subject tells it."""
+    try:
+        found = results(fault.behave(), (fault.subject,))
+        return any(result.verdict in _ALARMS for result in found)
+    except kit.Failed:
+        return True
+
+
+def main() -> None:
+    """Print both scores."""
+    false = 0
+    for variant in VARIANTS:
+        told = judge(variant)
+        print(f"{variant.name}: {len(told)} checks: {report.counts(told)}")
+        for line in alarms(told):
+            false += 1
+            print(f"  {line}")
+    missed = [fault.name for fault in FAULTS if not found(fault)]
+    print(f"correct devices: {false} false alarms")
+    print(f"seeded faults: {len(FAULTS) - len(missed)} of {len(FAULTS)} found")
+    for name in missed:
+        print(f"  missed: {name}")
+    if missed or false:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""The conformance kit: no alarm on sound devices, one on each seeded fault of a selection."""
+
+import re
+
+import pytest
+
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.conform import kit, report
+from framestep_tools.conform.checks import every_check
+from host_tests.conform import score
+from host_tests.conform.variants import VARIANTS
+
+# what `make conform` runs in whole is run in parts here
+_PARTS = {
+    "DWORD acknowledgements, an acknowledged MOVE": ("framing", "numbers", "virtuals"),
+    "HI of 49 bytes": ("framing",),
+    "no lights": ("lengths", "lights"),
+    "lights that no trace shows": ("lights",),
+    "answers after 20 ms": ("shoot",),
+    "S-curve ramps and play in the gears": ("edges", "couples"),
+    "no inputs, outputs or switches": ("inputs", "lights"),
+}
+
+
+def test_the_simulator_passes_and_there_are_enough_checks():
+    (two,) = [variant for variant in VARIANTS if variant.name == "two motors"]
+    results = score.judge(two)
+    assert score.alarms(results) == []
+    assert sum(result.verdict == kit.PASSED for result in results) >= 600
+
+
+def test_arms_on_as_many_motors_as_they_take():
+    (all_of_them,) = [variant for variant in VARIANTS if variant.name == "as the simulator is"]
+    results = score.judge(all_of_them, ("arms",))
+    assert score.alarms(results) == []
+    assert {result.verdict for result in results} == {kit.PASSED}
+    assert len(results) >= 80
+
+
+@pytest.mark.parametrize("name", _PARTS)
+def test_devices_that_are_right_in_another_way_raise_no_alarm(name):
+    (variant,) = [variant for variant in VARIANTS if variant.name == name]
+    assert score.alarms(score.judge(variant, _PARTS[name])) == []
+
+
+@pytest.mark.parametrize(
+    "fault", (*score.FAULTS[4::24], *score.together.FAULTS[:6:2]), ids=lambda fault: fault.name
+)
+def test_faults_are_found(fault):
+    assert score.found(fault)
+
+
+def test_there_are_enough_faults_and_most_are_of_behaviour():
+    names = [fault.name for fault in score.FAULTS]
+    assert len(set(names)) == len(names) >= 170
+    assert len(score.motion_faults.FAULTS) > len(names) / 2
+
+
+def test_each_check_is_named_once_and_rests_on_something():
+    checks = every_check()
+    names = [(check.subject, check.name) for check in checks]
+    assert len(set(names)) == len(names)
+    notes = (ROOT / "docs" / "protocol-notes.md").read_text()
+    for check in checks:
+        assert check.source
+        for number in re.findall(r"note (\d+\.\d+)", check.source):
+            assert f"**{number}**" in notes, check
+
+
+def test_a_report_is_compared_with_an_earlier_one():
+    check = every_check()[0]
+    before = report.as_json("one", [kit.Result(check, kit.PASSED)])
+    assert report.changes(before, [kit.Result(check, kit.PASSED)]) == []
+    (change,) = report.changes(before, [kit.Result(check, kit.FAULT, "<none>")])
+    assert change.endswith("was passed, is fault")
+    assert "&lt;none&gt;" in report.as_html("a & b", [kit.Result(check, kit.FAULT, "<none>")])

@@ -1,0 +1,178 @@
+"""The last frame of a run and the way back to it, on the host simulation (field note 6.11)."""
+
+import numpy as np
+import pytest
+
+from framestep_tools import payloads as p
+from framestep_tools.judge.judge import frame_times_ns
+from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played, section
+from host_tests.end_to_end.session import assert_within, run_request
+
+
+def played_to(loaded, run):
+    """Play a run up to its RT_END and no further. Where the motors stood before, when RT_END
+    came."""
+    loaded.ready(run)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 20)
+    return before, loaded.now
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20)])
+@pytest.mark.parametrize("fps", [12, 24, 29.97])
+@pytest.mark.parametrize("post", [0, 300])
+def test_the_last_frame_lasts_its_period(loaded, first, last, fps, post):
+    """The end frame's velocity until END + 1 frame, then the ramp; RT_END at its end, then back to
+    the end frame."""
+    before, end = played_to(loaded, run_request(fps, first, last, 300, post))
+    loaded.wait_idle()
+    assert not loaded.events(p.RtEnd), "RT_END came twice"
+    verdict = assert_played(loaded, before, section(first, last), fps)
+    period = 1 / fps
+    reached = (
+        verdict.origin_ns + frame_times_ns(abs(last - first) + 1, round(fps * 1000))[-1]
+    ) * 1e-9
+    times, signs = loaded.steps(1)
+    inside = (times > reached + 1e-5) & (times < reached + period)
+    assert abs(inside.sum() - 60) <= 1
+    assert len(set(signs[inside])) == 1
+    assert np.abs(np.diff(times[inside]) * 60 * fps - 1).max() < 0.01, "constant velocity"
+    behind = (times > reached + period) & (times < end)
+    assert len(set(signs[behind])) == 1
+    assert np.diff(times[behind])[-1] > 2 * np.diff(times[inside])[-1]
+    rest = max(t[t < end][-1] for t in (loaded.steps(motor)[0] for motor in MOVE))
+    assert 0 <= end - rest < 0.02
+    if post:
+        assert end - reached == pytest.approx(period + post / 1000, abs=0.01)
+    for motor, steps in MOVE.items():
+        assert loaded.position(motor) == steps[last - 1]
+    assert loaded.ask_positions().move_time == last * 1000
+    # it stands on a frame: what needs that goes on from here
+    loaded.accept(p.RtJogAll(12_000, 12))
+    loaded.wait_idle()
+    assert loaded.position(1) == MOVE[1][11]
+
+
+def test_the_way_back_is_a_position_frame(loaded):
+    """MOTOR_STATUS tells it, it keeps to limits, POSITION_FRAME retargets it, STOP stops it,
+    RUN_MOVE waits."""
+    loaded.speed(1, 800, 1500)
+    run = run_request(10, 1, FRAMES, 700, 700)
+    _, end = played_to(loaded, run)
+    assert 1 in loaded.moving
+    loaded.run(0.1)
+    loaded.refuse(p.Ack.ERR_MOVING, run)
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+    loaded.wait_idle()
+    times, signs = loaded.steps(1)
+    back = times > end
+    assert set(signs[back]) == {-1}
+    assert_within(times[back], signs[back], 800, 1500, window=0.1)
+    assert loaded.position(1) == 1540
+    # another frame under way
+    played_to(loaded, run)
+    loaded.run(0.1)
+    loaded.accept(p.RtPositionFrame(20))
+    loaded.wait_idle()
+    assert loaded.position(1) == MOVE[1][19]
+    assert loaded.ask_positions().move_time == 20_000
+    # stopped
+    played_to(loaded, run)
+    loaded.run(0.15)
+    loaded.accept(p.MotorStop(1))
+    loaded.wait_idle()
+    assert MOVE[1][24] < loaded.position(1) < MOVE[1][24] + 60 + 210
+    assert not loaded.events(p.RtEnd)
+    loaded.play(run)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [p.MotorMove(4, 4321), p.RtPositionFrame(20), p.MotorStop(1), p.MotorStopAll(), None],
+)
+def test_asked_as_motors_set_out_for_the_way_back(loaded, request_):
+    """They set out one after the other; what is asked in between finds all on their way, and none
+    sets out later."""
+    run = run_request(10, 1, FRAMES, 700, 700)
+    played_to(loaded, run)
+    assert loaded.moving == sorted(MOVE)
+    if request_:
+        loaded.client.request(request_)
+    loaded.run(2)
+    assert not loaded.moving
+    assert not loaded.events(p.RtEnd)
+    found = {motor: loaded.position(motor) for motor in MOVE}
+    expected = {
+        motor: steps[19 if request_ == p.RtPositionFrame(20) else 24]
+        for motor, steps in MOVE.items()
+    }
+    if request_ == p.MotorMove(4, 4321):
+        expected[4] = 4321
+    elif request_ == p.MotorStop(1):
+        assert found.pop(1) > expected.pop(1) + 100
+    if request_ == p.MotorStopAll():
+        assert found[1] > expected[1] + 100
+    else:
+        assert found == expected
+    loaded.play(run)
+
+
+def test_no_way_back_after_a_stop(loaded):
+    """A run that is stopped stays where it comes to rest."""
+    for after in (0.2, 0.8, 1.62):
+        loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+        loaded.accept(p.RtGo())
+        loaded.run(after)
+        loaded.forget()
+        loaded.accept(p.MotorStopAll())
+        loaded.client.wait_event(p.RtEnd, 5)
+        end = loaded.now
+        loaded.run(0.5)
+        assert not loaded.moving
+        assert not [t for m in MOVE for t in loaded.steps(m)[0] if t > end]
+
+
+def test_only_motors_of_the_run_go_back(loaded):
+    """A motor that was disabled stays, even if it is enabled by then; one under live control goes
+    where it is sent."""
+    loaded.accept(
+        p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08), p.MotorResetPosition(2, 70)
+    )
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    loaded.accept(p.RtGo())
+    loaded.run(0.5)
+    loaded.accept(p.MotorConfigure(2, 1))
+    loaded.ask(p.MotorMove(4, 4321))
+    loaded.client.wait_event(p.RtEnd, 5)
+    loaded.wait_idle()
+    assert (loaded.position(1), loaded.position(2), loaded.position(4)) == (MOVE[1][24], 70, 4321)
+
+
+def test_the_way_back_keeps_to_limits(loaded):
+    """What POSITION_FRAME would refuse by then is left: the rig stays where the post-roll has
+    ended."""
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    loaded.accept(p.RtGo())
+    loaded.run(1.0)
+    loaded.accept(p.MotorSetLimits(1, 1, 1800, 0, 0))  # taken at any time; the end frame lies below
+    loaded.client.wait_event(p.RtEnd, 5)
+    loaded.run(0.5)
+    assert loaded.position(1) == 1540 + 60 + 360
+
+
+def test_the_last_period_and_the_ends_of_the_range(fast):
+    """0x18 where the last frame's period or the post-roll would leave 32 bits, up and down, forward
+    and backward."""
+    top = 2**31 - 1
+    for steps, place in (
+        (top - 98 + 4 * np.arange(25), top - 98),
+        (98 - top - 4 * np.arange(25), 98 - top),
+    ):
+        fast.accept(p.MotorResetPosition(1, int(place)))
+        fast.upload({1: steps})
+        fast.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 1000))
+        fast.refuse(p.Ack.ERR_POSTROLL, run_request(24, 1, 25, 500, 0, flags=2))
+        fast.accept(run_request(24, 1, 20, 100, 100))
+        fast.wait_idle()

@@ -1,0 +1,338 @@
+"""Uploaded moves on the host simulation: upload, positioning, runs forward and backward, whole and
+in part."""
+
+import numpy as np
+import pytest
+
+from framestep_tools import payloads as p
+from framestep_tools.judge.judge import frame_times_ns, judge
+from host_tests.end_to_end.runs.uploaded_runs import FRAMES, MOVE, assert_played, section
+from host_tests.end_to_end.session import assert_within, deceleration, run_request
+
+# ---- RUN_MOVE, GO, RT_END ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"flags": 0}, {"flags": 0, "open_angle": 0, "close_angle": 180}]
+)
+def test_run_in_all_three_lengths(both, more):
+    for motor in MOVE:
+        both.speed(motor, 20000, 100_000)
+    both.upload(MOVE)
+    request = run_request(24, 1, FRAMES, **more)
+    assert len(request.pack()) in (29, 31, 35)
+    before = both.play(request)
+    assert_played(both, before, MOVE, 24)
+
+
+def test_run_told(loaded):
+    """One position report at each frame's time with its MOVE TIME, then RT_END once; field notes
+    4.6 and 6.4."""
+    loaded.ready(run_request(24, 1, FRAMES, 700, 300))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.run(0.7 + FRAMES / 24 + 1)
+    verdict = assert_played(loaded, before, MOVE, 24)
+    assert len(loaded.events(p.RtEnd)) == 1
+    ((end, _),) = loaded.events(p.RtEnd)
+    times = (verdict.origin_ns + frame_times_ns(FRAMES, 24000)) * 1e-9
+    kinds = [type(event.message) for event in loaded.client.events]
+    assert kinds.index(p.RtEnd) > max(
+        i for i, k in enumerate(kinds) if k is p.Positions and i < kinds.index(p.RtEnd)
+    )
+    # the first report of each frame
+    told = {}
+    for time, message in loaded.events(p.Positions):
+        if time > times[0] - 0.05:
+            told.setdefault(message.move_time, (time, message))
+    told.pop(1000 if 1000 in told and told[1000][0] < times[0] - 0.005 else None, None)
+    for i in range(1, FRAMES):
+        time, message = told[1000 * (i + 1)]
+        assert 0 <= time - times[i] <= 0.004, i
+        for motor, steps in MOVE.items():
+            rate = abs(int(steps[i]) - int(steps[i - 1])) * 24
+            assert abs(message.steps[motor - 1] - steps[i]) <= rate * 0.005 + 2
+    last_edge = max(loaded.steps(motor)[0][loaded.steps(motor)[0] < end][-1] for motor in MOVE)
+    assert 0 <= end - last_edge <= 0.01
+    assert end - times[-1] == pytest.approx(1 / 24 + 0.3, abs=0.01)
+    assert loaded.moving == []
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (4, 20), (20, 4), (7, 8)])
+@pytest.mark.parametrize("roll", [(1000, 400), (400, 1000)])
+def test_roll_positions(loaded, first, last, roll):
+    """Field notes 6.2 and 6.11: p − ½·v·T before the first frame, by constant acceleration; behind
+    the last one a frame at the same velocity and then ½·v·T."""
+    pre, post = (ms / 1000 for ms in roll)
+    fps = 24
+    loaded.ready(run_request(fps, first, last, *roll))
+    velocity = 60 * fps * (1 if last > first else -1)
+    assert loaded.position(1) == round(MOVE[1][first - 1] - velocity * pre / 2)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
+    end = loaded.now
+    loaded.run(0.5)
+    times, signs = loaded.steps(1)
+    assert before[1] + signs[times < end].sum() == round(
+        MOVE[1][last - 1] + velocity * (1 / fps + post / 2)
+    )
+    assert loaded.position(1) == MOVE[1][last - 1]
+    times, signs = times[times < end], signs[times < end]
+    rate = abs(velocity)
+    assert_within(times, signs, rate * 1.001, rate / min(pre, post), window=0.1)
+    # the roll lasts T: its edges lie where a constant acceleration puts them
+    n = int(rate * pre / 2)
+    begun = times[n - 1] - pre
+    ideal = begun + (2 * np.arange(1, n + 1) * pre / rate) ** 0.5
+    assert np.abs(times[:n] - ideal).max() < 1e-4
+    if abs(last - first) > 1:
+        assert_played(loaded, before, section(first, last), fps)
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1), (5, 21), (21, 5), (3, 6)])
+def test_sections_and_backward(loaded, first, last):
+    """Field note 6.5: END before START plays backward, a part is played as if it were the whole."""
+    before = loaded.play(run_request(25, first, last, 500, 500))
+    assert_played(loaded, before, section(first, last), 25)
+    step = 1 if last > first else -1
+    assert [t for t in loaded.frames_told() if t] == [
+        1000 * f for f in range(first, last + step, step)
+    ]
+
+
+def test_single_frame(loaded):
+    """Field note 6.5: START = END moves there, then RT_END."""
+    for frame in (12, 1, 25):
+        loaded.ready(run_request(24, frame, frame, 500, 500))
+        loaded.forget()
+        loaded.accept(p.RtGo())
+        loaded.client.wait_event(p.RtEnd, 3)
+        loaded.run(0.3)
+        assert not loaded.events(p.RtEnd)
+        for motor, steps in MOVE.items():
+            assert loaded.position(motor) == steps[frame - 1]
+        assert loaded.ask_positions().move_time == frame * 1000
+
+
+@pytest.mark.parametrize("post", [0, 500])
+@pytest.mark.parametrize(("first", "last"), [(1, 25), (25, 1)])
+def test_pre_roll_of_no_time(loaded, first, last, post):
+    """Field note 6.2: as short as the motor's own acceleration allows, where it moves at the first
+    frame."""
+    loaded.speed(1, 20000, 20_000)
+    before = loaded.play(run_request(24, first, last, 0, post))
+    assert_played(loaded, before, section(first, last), 24)
+    velocity = 60 * 24 * (1 if last > first else -1)
+    way = velocity * abs(velocity) / (2 * 20_000)
+    assert before[1] == pytest.approx(MOVE[1][first - 1] - way, abs=1)
+    if not post:
+        _, signs = loaded.steps(1)
+        farthest = before[1] + (np.cumsum(signs).max() if velocity > 0 else np.cumsum(signs).min())
+        assert farthest == pytest.approx(MOVE[1][last - 1] + velocity / 24 + way, abs=1)
+    # motor 2 has five times the acceleration and twice the velocity: it starts later, and keeps to
+    # it
+    for motor, acceleration in ((1, 20_000), (2, 100_000)):
+        times, signs = loaded.steps(motor)
+        assert_within(times, signs, 20000, acceleration)
+        n = int(abs(before[motor] - MOVE[motor][first - 1]))
+        assert n > 8
+        ramp = times[:n] - times[0]
+        assert ramp == pytest.approx(
+            ((2 * np.arange(1, n + 1)) ** 0.5 - 2**0.5) / acceleration**0.5, abs=3e-4
+        )
+
+
+def test_no_roll_at_rest(fast):
+    """A move that begins and ends at rest starts where its first frame is."""
+    steps = np.round(500 * (1 - np.cos(np.linspace(0, 2 * np.pi, 30)))).astype(int)
+    steps[:3], steps[-3:] = 0, 0
+    positions = {1: steps, 2: steps + 3}
+    fast.upload(positions)
+    before = fast.play(run_request(24, 1, 30, 0, 0))
+    assert before[1] == 0
+    assert before[2] == 3
+    assert_played(fast, before, positions, 24)
+    assert fast.position(1) == 0
+
+
+def test_a_second_run_and_after(loaded):
+    """The same upload as often as wanted, other moves between; each run is told for itself."""
+    for _ in range(2):
+        before = loaded.play(run_request(24, 1, FRAMES))
+        assert_played(loaded, before, MOVE, 24)
+        loaded.ask(p.MotorMove(1, -300))
+        loaded.wait_idle()
+        assert loaded.position(1) == -300
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+
+
+def test_motors_without_a_part_hold_still(loaded):
+    """Field notes 5.4 and 3.1: no data, not enabled, under live control."""
+    loaded.accept(p.MotorConfigure(2, 0), p.MotorConfigure(4, 0x01 | 0x08))
+    loaded.accept(p.MotorResetPosition(2, 77), p.MotorResetPosition(4, -3))
+    loaded.ready(run_request(24, 1, FRAMES))
+    before = loaded.positions
+    assert before[2] == 77
+    assert before[4] == -3
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.run(0.2)
+    assert loaded.code(p.MotorMove(4, 300)) == p.Ack.OK, (
+        "a motor under live control moves during a run"
+    )
+    loaded.run(0.3)
+    loaded.accept(p.MotorJog(4, 5000, 500), p.MotorStop(4))
+    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.run(0.5)
+    trace = loaded.trace()
+    assert 2 not in trace.motors
+    assert 4 in trace.motors
+    del trace.signals["m4"]
+    assert judge(trace, {1: MOVE[1]}, 24000, before).good
+
+
+def test_go_too_early(loaded):
+    """Field note 6.1: 0x16 until all are there; then it goes. MOTOR_STATUS tells when."""
+    loaded.accept(run_request(24, 1, FRAMES))
+    while loaded.moving:
+        loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
+        loaded.run(0.03)
+    loaded.run(0.05)
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.wait_idle()
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_go_after_a_motor_was_moved(loaded):
+    """What waits is not where it should be any more: 0x16, and once it is back it goes."""
+    loaded.ready(run_request(24, 1, FRAMES))
+    waits = loaded.position(1)
+    loaded.ask(p.MotorMove(1, waits + 10))
+    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
+    loaded.wait_idle()
+    loaded.refuse(p.Ack.ERR_NOT_IN_POSITION, p.RtGo())
+    loaded.ask(p.MotorMove(1, waits))
+    loaded.wait_idle()
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.client.wait_event(p.RtEnd, 10)
+    loaded.wait_idle()
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_acknowledged_before_it_moves(loaded):
+    """Field note 6.3; and all motors start in the same tick."""
+    loaded.ready(run_request(24, 1, FRAMES, 200, 200))
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    acknowledged = loaded.now
+    loaded.run(0.5)
+    assert loaded.steps(1)[0][0] > acknowledged - 0.001
+    loaded.client.wait_event(p.RtEnd, 10)
+
+
+def test_moving_bits_from_the_acknowledgement_on(loaded):
+    loaded.accept(p.RtPositionFrame(9))
+    assert loaded.moving == [1, 2]  # motor 4 stands there already
+    loaded.wait_idle()
+    loaded.accept(run_request(24, 1, FRAMES))
+    assert set(loaded.moving) >= {1, 2}
+    loaded.wait_idle()
+    loaded.accept(p.RtGo())
+    assert loaded.ask(p.MotorStatus()).motor_bits == 0b1011
+    loaded.client.wait_event(p.RtEnd, 10)
+
+
+# ---- stopping a run ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [0.2, 0.5, 0.9, 1.6])
+@pytest.mark.parametrize("hard", [False, True])
+def test_stop_all_in_a_run(loaded, after, hard):
+    """Field note 6.6: ramp down, RT_END once; in the pre-roll, at its end, between frames, in the
+    post-roll."""
+    loaded.speed(1, 20000, 20_000)
+    loaded.ready(run_request(24, 1, FRAMES, 500, 500))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.run(after)
+    loaded.accept(*[p.MotorStopAll()] * (2 if hard else 1))
+    asked = loaded.now
+    loaded.run(1.0)
+    assert len(loaded.events(p.RtEnd)) == 1
+    assert loaded.moving == []
+    times, signs = loaded.steps(1)
+    if after in (0.5, 0.9):
+        expected = 80_000 if hard else 20_000
+        assert deceleration(times, signs, asked) == pytest.approx(expected, rel=0.05)
+    for motor in MOVE:
+        assert loaded.position(motor) == before[motor] + loaded.made(motor)
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+    before = loaded.play(run_request(24, 1, FRAMES))
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_stop_of_one_motor_ends_the_run(loaded):
+    loaded.ready(run_request(24, 1, FRAMES))
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.run(0.8)
+    loaded.accept(p.MotorStop(4))
+    loaded.run(0.6)
+    assert len(loaded.events(p.RtEnd)) == 1
+    assert loaded.moving == []
+
+
+def test_stop_all_before_go(loaded):
+    """A run that waits, or is still on its way to where it begins, is given up: RT_END, and no GO
+    any more."""
+    for wait in (0.03, 3):
+        loaded.accept(run_request(24, 1, FRAMES))
+        loaded.run(wait)
+        loaded.forget()
+        loaded.accept(p.MotorStopAll())
+        loaded.run(1.2)
+        assert len(loaded.events(p.RtEnd)) == 1
+        loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+        loaded.ask(p.MotorMove(1, 2000))
+        loaded.wait_idle()
+
+
+def test_port_closed_in_a_run(loaded):
+    """Field note 1.11: a lost host; motors ramp down, the run is over, the next host finds a rig at
+    rest."""
+    loaded.ready(run_request(24, 1, FRAMES))
+    before = loaded.positions
+    loaded.forget()
+    loaded.accept(p.RtGo())
+    loaded.run(0.8)
+    loaded.leave()
+    closed = loaded.now
+    loaded.run(1.0)
+    times, signs = loaded.steps(1)
+    assert times[-1] - closed < 60 * 24 / 100_000 + 0.006
+    loaded.come_back()
+    loaded.run(0.2)
+    assert loaded.events(p.RtEnd) == []
+    assert loaded.moving == []
+    assert loaded.position(1) == before[1] + signs.sum()
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())
+    before = loaded.play(run_request(24, 1, FRAMES))
+    assert_played(loaded, before, MOVE, 24)
+
+
+def test_port_closed_before_go(loaded):
+    loaded.ready(run_request(24, 1, FRAMES))
+    loaded.leave()
+    loaded.run(0.1)
+    loaded.come_back()
+    loaded.run(0.1)
+    loaded.refuse(p.Ack.ERR_GENERAL, p.RtGo())

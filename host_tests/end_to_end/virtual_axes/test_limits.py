@@ -1,0 +1,175 @@
+"""Virtual moves keep the limits of each motor: soft limits, switches, velocity with backlash."""
+
+import numpy as np
+import pytest
+
+from framestep.protocol import messages as m
+from framestep_tools.payloads import (
+    Ack,
+    HardStop,
+    MotorSetLimits,
+    MotorStopAll,
+    VirtConfig,
+    VirtJog,
+    VirtJogOnLine,
+    VirtMove,
+    VirtStop,
+)
+from host_tests.end_to_end.session import assert_within, simulated
+from host_tests.end_to_end.virtual_axes.judging import BOOM, NODAL, XYZ, Track, configured, pose
+
+
+def limits(low=None, high=None, motor=1):
+    return MotorSetLimits(motor, low is not None, low or 0, high is not None, high or 0, 0)
+
+
+def test_soft_limits_on_the_way():
+    """Any motor anywhere on the path: refused before anything moves. One that is past its limit may
+    come back."""
+    session = configured(NODAL)
+    session.accept(limits(-500, 500))
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 1) * 100000)))
+    session.refuse(Ack.ERR_SOFT_LOW, VirtMove(2, round((pose(session)[1] - 1) * 100000)))
+    # turning the camera by its nodal point moves the carriage to one side and back
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(4, round((pose(session)[3] + 180) * 100000)))
+    session.run(0.5)
+    assert session.made(1) == 0
+    assert session.moving == []
+    session.accept(limits(-500, -200))
+    session.refuse(Ack.ERR_SOFT_UP, VirtMove(2, round((pose(session)[1] + 0.01) * 100000)))
+    session.accept(VirtMove(2, round((pose(session)[1] - 0.1) * 100000)))
+    session.wait_idle()
+    assert session.position(1) == -100
+
+
+def test_a_motor_in_a_limit_switch():
+    session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}]})
+    board = session.board._board
+    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(2, 0, 0, 0, 0, 1))
+    board.set_input(22, 0)
+    session.run(0.05)
+    session.refuse(Ack.ERR_HARD_UP, VirtMove(3, -19 * 100000))
+    session.accept(VirtMove(3, -21 * 100000))
+    session.wait_idle()
+    assert session.position(2) == -1000
+
+
+def test_backlash_is_taken_up_before_the_line_begins():
+    """The load stands until all motors have; nobody is asked for more than its acceleration, or
+    turns on the way."""
+    session = configured(BOOM, settings={"motors": [{"backlash": 300}] * 6})
+    for target in (250, 150, 180):
+        before = session.positions
+        session.forget()
+        session.accept(VirtMove(m.VIRT_MOTOR_EW, target * 100000))
+        if target == 180:
+            session.run(0.6)
+            session.accept(VirtStop(m.VIRT_MOTOR_EW))
+        session.wait_idle()
+        after = session.positions
+        track = Track(session, before)
+        track.limits(20_000, 50_000)
+        for motor, (_, signs) in track.steps.items():
+            moved = after[motor] - before[motor]
+            assert len(signs) in (abs(moved), abs(moved) + 300), (
+                f"motor {motor} has turned on the way"
+            )
+
+
+LOOSE = {"motors": [{"backlash": 200}] * 6}
+
+
+@pytest.mark.parametrize("stop_s", [0.02, 0.15, 0.6, None])
+@pytest.mark.parametrize(
+    "request_",
+    [
+        VirtMove(m.VIRT_MOTOR_EW, 60 * 100000),
+        VirtMove(m.VIRT_MOTOR_NS, -40 * 100000),
+        VirtJog(m.VIRT_MOTOR_EW, 10_000, 3000),
+        VirtJog(m.VIRT_MOTOR_PAN, 5000, -3000),
+        VirtJogOnLine(m.LINE_Y, 10_000),
+        VirtJogOnLine(m.LINE_X, -10_000),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize(
+    # An x-y-z rig needs a thousand steps for a unit, and none of its motors turns on a straight
+    # line: a fifth of the way has the same start, seconds of cruise, and the same end.
+    ("rig", "share"),
+    [(BOOM, 1.0), (NODAL, 0.2)],
+    ids=["boom", "x-y-z"],
+)
+def test_play_costs_no_motor_its_limits(rig, share, request_, stop_s):
+    """Neither at the start, nor where a motor turns under way, nor at the end; at rest all is as it
+    was asked for."""
+    session = configured(rig, 2000, 20_000, settings={**LOOSE, "jog_timeout_ms": 0})
+    if isinstance(request_, VirtMove):
+        request_ = VirtMove(request_.motor, round(share * request_.position))
+    back = VirtMove(m.VIRT_MOTOR_EW, 100000 * round(pose(session)[1] - 20 * share))
+    for k, request in enumerate((request_, back)):
+        before = session.positions
+        session.forget()
+        session.accept(request)
+        if k == 0 and (stop_s or isinstance(request, VirtJogOnLine)):
+            session.run(stop_s or 2)
+            session.accept(MotorStopAll())
+        session.wait_idle()
+        assert not session.events(HardStop)
+        for motor in range(1, 7):
+            times, signs = session.steps(motor)
+            if len(times) > 2:
+                assert_within(times, signs, 2000, 20_000)
+            moved = session.position(motor) - before[motor]
+            assert abs(moved - signs.sum()) <= 200, "the load is at most the play from the motor"
+        if stop_s is None or k == 1:
+            now = pose(session)
+            if isinstance(request, VirtMove):
+                assert now[request.motor - 1] == pytest.approx(request.position / 100000, abs=0.03)
+
+
+def test_a_motor_that_turns_on_the_way_takes_up_its_play_in_the_end():
+    """The track of a boom goes forth and back while the camera passes the column's side; it ends
+    where it has to."""
+    session = configured(BOOM, 4000, 20_000, settings=LOOSE)
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, -190 * 100000))
+    session.wait_idle()
+    before = session.positions
+    session.forget()
+    session.accept(VirtMove(m.VIRT_MOTOR_EW, 210 * 100000))
+    session.wait_idle()
+    track = Track(session, before)
+    track.limits(4000, 20_000)
+    turned = np.flatnonzero(np.diff(session.steps(3)[1]))
+    assert len(turned) >= 1
+    rest = BOOM.steps(BOOM.inverse(BOOM.meant([3100, 210, 3, -10, -3, 0]), np.zeros(6)))
+    assert [session.position(motor) for motor in range(1, 7)] == np.round(rest).tolist()
+
+
+def test_a_limit_switch_or_the_e_stop_in_a_move():
+    """All motors of the rig come to rest, each by its own ramp, the one at the switch by the hard
+    stop's."""
+    session = simulated({"limits": [{"high": 22, "low": 26, "contact": "no"}], "estop": "nc"})
+    board = session.board._board
+    board.set_input("estop", 0)
+    session.run(0.1)
+    for motor in range(1, 7):
+        session.speed(motor, 20_000, 50_000)
+    session.accept(VirtConfig.unpack(XYZ.payload()), MotorSetLimits(3, 0, 0, 0, 0, 1))
+    for pin, low, high, factor in ((22, 1, 0, 4), ("estop", 0, 1, 4)):
+        session.forget()
+        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 400 * 100000))
+        session.run(0.8)
+        struck = session.now
+        board.set_input(pin, high)
+        session.run(1.0)
+        assert session.moving == []
+        assert len(session.events(HardStop)) == 1
+        assert session.steps(3)[0][-1] - struck < 20_000 / 50_000 / factor + 0.02
+        session.refuse(
+            Ack.ERR_GENERAL if pin == "estop" else Ack.ERR_HARD_UP, VirtMove(1, 500 * 100000)
+        )
+        board.set_input(pin, low)
+        session.run(0.1)
+        session.accept(VirtMove(m.VIRT_MOTOR_TRACK, 300 * 100000))
+        session.wait_idle()
+        assert session.position(3) == 0

@@ -1,0 +1,87 @@
+"""axes.toml: what is wrong with one, and the page that describes it."""
+
+import pytest
+
+from framestep_tools.building.board_files import ROOT
+from framestep_tools.errors import ToolError
+from framestep_tools.move.axes_file import KEYS, read_axes
+from framestep_tools.move.move_formats import FORMATS
+from framestep_tools.move.move_formats.units import UNITS
+from host_tests.tools.move.move_samples import ARC, LINEAR, run
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[[axis]\n", "not TOML as it should be: "),
+        ("", "expected an [[axis]] for each motor, found none"),
+        ("axis = 3\n", "expected an [[axis]] for each motor, found none"),
+        ("fps = 24\n", 'expected only [[axis]] at the top, found "fps"'),
+        (LINEAR + "step = 1\n", 'axis 2 (pan): no key "step"; there are name, motor'),
+        (LINEAR + 'hold = "x"\n', "axis 2 (pan): \"hold\": expected a number, found 'x'"),
+        (LINEAR.replace("motor = 1", "motor = 0"), '"motor": expected a whole number from 1 to 32'),
+        (LINEAR.replace("motor = 1", "motor = true"), '"motor": expected a whole number'),
+        (LINEAR.replace("motor = 1", "motor = 2"), '"motor": 2 is there twice'),
+        (
+            LINEAR.replace("motor = 1", "motor = 3"),
+            "there is no axis for motor 1, but one for motor 2",
+        ),
+        (LINEAR.replace('"pan"', '"track"'), "\"name\": 'track' is there twice"),
+        (LINEAR + 'in_file = "track"\n', "\"in_file\": 'track' is there twice"),
+        (
+            LINEAR.replace("= 10\n", "= 0\n"),
+            'unit": expected a number from 1e-06 to 1e+09, found 0',
+        ),
+        (LINEAR.replace("= 10\n", "= nan\n"), '"steps_per_unit": expected a number'),
+        (
+            LINEAR.replace("steps_per_unit = 10\n", ""),
+            '(track): "steps_per_unit" is missing: a number',
+        ),
+        (LINEAR.replace('"mm"', '"yard"'), '"unit": expected one of "mm", "cm"'),
+        (LINEAR + 'file_unit = "mm"\n', '"file_unit": mm cannot be converted to deg'),
+        (
+            LINEAR.replace("[-5, 100]", "[100, -5]"),
+            '"limits": expected two numbers [lowest, highest]',
+        ),
+        (LINEAR.replace("true", "1"), '"invert": expected true or false, found 1'),
+        (
+            LINEAR.replace('name = "pan"', 'name = " "'),
+            "axis 2: \"name\": expected a text, found ' '",
+        ),
+    ],
+)
+def test_one_sentence_says_what_is_wrong_with_axes_toml(text, said, shot, capsys):
+    (shot / "axes.toml").write_text(text)
+    (shot / "source").write_text("0 2\n")
+    assert run(shot, "import", str(shot / "source"), "-o", str(shot / "out")) == 1
+    error = capsys.readouterr().err
+    assert said in error
+    assert len(error.splitlines()) == 1
+
+
+def test_there_is_no_axes_toml(tmp_path, capsys):
+    (tmp_path / "shot.arcm").write_text(ARC)
+    (tmp_path / "raw").write_text("1 2\n")
+    for name, axes in (("shot.arcm", "track in cm, pan in deg"), ("raw", "column 1, column 2")):
+        assert run(tmp_path, "import", str(tmp_path / name), "-o", str(tmp_path / "out")) == 1
+        error = capsys.readouterr().err
+        assert f"are to the motors ({axes}); docs/moves.md shows one" in error
+        assert len(error.splitlines()) == 1
+    with pytest.raises(ToolError, match=r"cannot read the axes .*axes.toml: No such file"):
+        read_axes(tmp_path / "axes.toml")
+
+
+def test_the_page_has_every_key_unit_and_format(tmp_path):
+    page = (ROOT / "docs" / "moves.md").read_text(encoding="utf-8")
+    for key in KEYS:
+        assert f"\n| `{key}` |" in page
+    for unit in UNITS:
+        assert f"`{unit}`" in page
+    for name, module in FORMATS.items():
+        assert f"\n| `{name}` |" in page
+        assert " ".join(module.ENDINGS) in page
+    example_file = page.split("## axes.toml")[1].split("| key |")[0]
+    (tmp_path / "axes.toml").write_text(
+        "\n".join(line.strip() for line in example_file.splitlines() if line.startswith("    "))
+    )
+    assert [axis.name for axis in read_axes(tmp_path / "axes.toml")] == ["track", "pan"]
