@@ -138,8 +138,8 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
     """out[j], out[j + 1] = whole and Q16 fraction of start[i] + r[a] steps; and so on, `count`
     times.
 
-    0 if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32 bits, else
-    1.
+    0, else 1, if one of them is not below 2^31 - 2^23, so that sums of what lies beside it fit 32
+    bits, or is 2^26 steps and more from start[i], where r[a] is no longer exact to a 16th of one.
     """
     base = ptr32(start)
     to = ptr32(out)
@@ -147,7 +147,7 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
     while j < end:
         value = r[a + 0]
         s = 0 - r[a + 1]
-        if s < -1:
+        if value and s < 4:
             return 0
         if s > 16:
             # to the nearest 65536th
@@ -157,13 +157,8 @@ def to_steps(r: ptr32, a: int, start, i: int, out, j: int, count: int) -> int:
                 value = 0
             value = (value + (1 << (s - 1))) >> s
             s = 16
-        whole = value
-        rest = 0
-        if s < 0:
-            whole = value << 1
-        elif s:
-            whole = value >> s
-            rest = (value - (whole << s)) << (16 - s)
+        whole = value >> s
+        rest = (value - (whole << s)) << (16 - s)
         half = (base[i + 0] >> 1) + (whole >> 1) + (base[i + 0] & whole & 1)
         if half > 0x3FBFFFFF or half < -0x3FC00000:
             return 0
