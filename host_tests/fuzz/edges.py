@@ -44,10 +44,14 @@ class Edges(Part):
         self._fast(motor, name, place, top, ms)
         self._sharp(motor, name, place, steep, ms)
         apart = np.diff(cycles)[signs[1:] == signs[:-1]]
-        if len(apart) and motor.top[-1][1] < 100_000:
+        fastest = motor.top[-1][1]
+        if len(apart) and fastest < 100_000:
             # a ramp of a tick or two is only as fine as ticks are
-            brief = motor.top[-1][1] < 0.004 * min(motor.steep[-1][1], STEEPEST)
-            least = 125e6 / motor.top[-1][1] * (0.5 if brief else 1) - 1000
+            brief = fastest < 0.004 * min(motor.steep[-1][1], STEEPEST)
+            if self.trial.virtual:
+                # within a span of 16 ms its path may get a step ahead on its line (field note 9.5)
+                fastest = max(fastest, fastest / 2 + 1.5 / 0.016)
+            least = 125e6 / fastest * (0.5 if brief else 1) - 1000
             if apart.min() < least:
                 self.fail(
                     "velocity",

@@ -118,7 +118,8 @@ class Replies(Part):
             self._pins(payload)
             going = self.trial.runs.going
             if going:
-                going["told"].append((self.ms - 1, struct.unpack_from("<i", payload)[0]))
+                ms = None if self.trial.late else self.ms - 1
+                going["told"].append((ms, struct.unpack_from("<i", payload)[0]))
 
     def _status(self, request, payload):
         bits = struct.unpack_from("<I", payload)[0]
@@ -138,7 +139,8 @@ class Replies(Part):
                 self.fail("rt-end", "everything stands after GO, and RT_END has not come")
         else:
             self.trial.idle_since = None
-            if self.trial.stops.stood_by is not None and ms > self.trial.stops.stood_by + 200:
+            stood_by = self.trial.stops.stood_by
+            if stood_by is not None and ms > stood_by + 200 and not self.trial.late:
                 self.fail("no-rest", f"long after everything was to stop MOTOR_STATUS is {bits:#x}")
         for motor in self.motors:
             if bits >> motor.index & 1:
@@ -160,6 +162,8 @@ class Replies(Part):
         for motor in self.motors:
             if not bits >> motor.index & 1:
                 motor.rest_by = motor.let_go_by = None
+            elif self.trial.late:
+                continue
             elif motor.rest_by is not None and ms > motor.rest_by:
                 self.fail("stop", f"motor {motor.index + 1} has been stopped, and still moves")
             elif motor.let_go_by is not None and ms > motor.let_go_by:
@@ -198,7 +202,7 @@ class Replies(Part):
     def _pins(self, payload):
         """Positions in motion are those of the pins, to what may come in a tick or two (field note
         4.6)."""
-        if self.player.full or self.ms < self.trial.stale:
+        if self.trial.late:
             return
         limit = (self.hal.cycle() << 1) + 1
         for motor in self.motors:

@@ -76,7 +76,7 @@ class Trial:
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.last_status = -1
         self.motion = 0  # number of the last request that may move something
-        self.stale = -1  # what is sent until then may have been made long before
+        self.stale = -1  # until when that is so: see `late`
         self.link = Link(self)
         self.edges = Edges(self)
         self.stops = Stops(self)
@@ -92,6 +92,11 @@ class Trial:
     @property
     def ms(self):
         return self.player.ms
+
+    @property
+    def late(self):
+        """What is heard now may have been made long before."""
+        return self.player.full or self.ms < self.stale
 
     def fail(self, kind, text):
         raise Finding(kind, f"at {self.ms} ms, {text}")
