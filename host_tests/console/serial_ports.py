@@ -3,14 +3,13 @@ WebSockets, and the page cannot tell."""
 
 import asyncio
 import contextlib
-import functools
-import http.server
 import threading
 
 from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from framestep_tools.console import page_files
+from host_tests.console.file_server import FileServer
 
 # Each choice of the user is the next of these ports
 _PORTS = """addresses => {
@@ -46,27 +45,17 @@ _PORTS = """addresses => {
 }"""  # noqa: E501
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
-
-
 class SavedPage:
     """The page as `framestep console --save` writes it, from a web server that knows nothing more;
     `url` is its address. `give_ports` leads a page's ports to TCP addresses, HOST:PORT."""
 
     def __init__(self, folder):
         page_files.save(folder)
-        handler = functools.partial(_Quiet, directory=folder)
-        self._files = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-        self.url = f"http://127.0.0.1:{self._files.server_port}/"
+        self._files = FileServer(folder)
+        self.url = self._files.url
         self._loop = asyncio.new_event_loop()
-        self._threads = [
-            threading.Thread(target=self._files.serve_forever, daemon=True),
-            threading.Thread(target=self._loop.run_forever, daemon=True),
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
         self._wires = self._call(self._serve())
         self._port = self._wires.sockets[0].getsockname()[1]
 
@@ -102,9 +91,7 @@ class SavedPage:
             await self._wires.wait_closed()
 
         self._call(end())
-        self._files.shutdown()
         self._loop.call_soon_threadsafe(self._loop.stop)
-        for thread in self._threads:
-            thread.join()
-        self._files.server_close()
+        self._thread.join()
         self._loop.close()
+        self._files.close()

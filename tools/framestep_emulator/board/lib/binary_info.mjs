@@ -16,7 +16,7 @@ export function fileSystem(firmware) {
       const info = word(entry) - FLASH;
       if (view.getUint16(info, true) !== BLOCK_DEVICE) continue;
       const name = word(info + 4) - FLASH;
-      const text = Buffer.from(firmware.subarray(name, firmware.indexOf(0, name))).toString();
+      const text = new TextDecoder().decode(firmware.subarray(name, firmware.indexOf(0, name)));
       if (text === 'MicroPython') return { offset: word(info + 8) - FLASH, size: word(info + 12) };
     }
   }

@@ -112,7 +112,7 @@ export class BootRom {
     const sf = floatTable(float);
     const sd = floatTable(double);
     const text = here;
-    this.image.set(Buffer.from('framestep boot ROM, emulated at a high level\0'), text);
+    this.image.set(new TextEncoder().encode('framestep boot ROM, emulated at a high level\0'), text);
     here = text + 40;
     view.setUint32(here, 0, true);
     const revision = here;

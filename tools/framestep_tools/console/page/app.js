@@ -1,4 +1,4 @@
-// Puts the page together: the link, the views, the stop bar, the keys.
+// Puts the page together: the link, the views, the stop bar, the keys. `start` begins.
 
 import { Device } from "./device.js";
 import { check, h, setText, takesText } from "./dom.js";
@@ -12,7 +12,6 @@ import { OutputsView } from "./views/outputs.js";
 import { RigView } from "./views/rig.js";
 import { ShootView } from "./views/shoot.js";
 import { VirtualView } from "./views/virtual.js";
-import { WebSocketLink } from "./websocket_link.js";
 
 const AGAIN_MS = 1000; // from a link that has ended to the next try
 const MESSAGES = 30; // kept in the log
@@ -30,7 +29,7 @@ const views = [
   new RigView(device),
 ];
 const place = (id) => document.getElementById(id);
-const token = new URLSearchParams(location.search).get("token");
+let openLink = null; // gives {link, hello}; null where the user connects by hand
 let tries = true;
 let shown = null;
 let lost = ""; // why there is no device any more
@@ -47,16 +46,11 @@ async function connect(open) {
   }
 }
 
-function openServed() {
-  const scheme = location.protocol === "https:" ? "wss" : "ws";
-  return WebSocketLink.open(`${scheme}://${location.host}/link?token=${encodeURIComponent(token)}`);
-}
-
 async function serve() {
   let said = "";
   while (tries) {
     try {
-      await device.connect(await openServed());
+      await device.connect(await openLink());
       return;
     } catch (error) {
       if (error.message !== said) device.tell(error.message, true);
@@ -94,7 +88,7 @@ device.addEventListener("gone", ({ detail }) => {
   if (!detail.known) return;
   lost = "The link to the device has ended.";
   device.tell(`The link has ended: ${detail.why}.`, true);
-  if (token && tries) setTimeout(serve, AGAIN_MS);
+  if (openLink && tries && !device.restarts) setTimeout(serve, AGAIN_MS);
 });
 
 // ---- stop, and what goes on without this page
@@ -218,5 +212,11 @@ setTheme();
 
 document.title = `framestep console ${VERSION}`;
 show(views[0]);
-if (token) serve();
-else device.tell(serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.");
+
+/** Connect by `open`, again and again where that fails. null: the user does it, by Web Serial. Gives the Device. */
+export function start(open) {
+  openLink = open;
+  if (open) serve();
+  else device.tell(serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.");
+  return device;
+}

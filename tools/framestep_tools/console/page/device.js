@@ -38,6 +38,8 @@ export class Device extends EventTarget {
   state = structuredClone(NOTHING);
   /** The link is there, but nothing has come in time. */
   silent = false;
+  /** Whether the board restarts because the page has asked for it: it is connected again by who asked. */
+  restarts = false;
   /** Whether motors can be homed: framestep with a rig file that says how. */
   homes = false;
   #timer = 0;

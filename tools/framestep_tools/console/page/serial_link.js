@@ -42,6 +42,14 @@ export class SerialLink {
     return { link: new SerialLink(port), hello: { device: "the chosen port", repl: false, kept: false } };
   }
 
+  /** Opens a port that is known already, with the REPL's. */
+  static async at(port, repl) {
+    const found = await SerialLink.#begin(port);
+    found.link.#work = new BoardWork(repl);
+    found.hello.repl = true;
+    return found;
+  }
+
   constructor(port) {
     this.#port = port;
     this.#writer = port.writable.getWriter();

@@ -101,6 +101,15 @@ export class RigView {
 
   async #write() {
     setText(this.#said, "The board takes it and restarts …");
+    this.#device.restarts = !this.#device.client?.keeps; // else a server waits for the board
+    try {
+      await this.#replace();
+    } finally {
+      this.#device.restarts = false;
+    }
+  }
+
+  async #replace() {
     const { client } = this.#device;
     const found = await this.#ask("write_rig", { text: this.#text.value });
     setText(this.#said, found.text);

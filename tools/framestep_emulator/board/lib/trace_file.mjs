@@ -1,0 +1,24 @@
+// An edge trace that goes into a file, which can be followed while it is written.
+
+import fs from 'node:fs';
+import { Trace } from './trace.mjs';
+
+const FLUSH_MS = 10; // real time; the event loop itself comes round every 20 ms at the latest
+
+export class FileTrace extends Trace {
+  constructor(pins, file) {
+    super(pins);
+    this.fd = fs.openSync(file, 'w');
+    this.timer = setInterval(() => this.flush(), FLUSH_MS).unref();
+  }
+
+  write(records) {
+    fs.writeSync(this.fd, records);
+  }
+
+  close() {
+    clearInterval(this.timer);
+    super.close();
+    fs.closeSync(this.fd);
+  }
+}

@@ -1,0 +1,1 @@
+"""Static pages: framestep in a browser tab, on an emulated board."""

@@ -1,0 +1,42 @@
+// A terminal on the board's REPL.
+
+import { FitAddon } from "@xterm/addon-fit";
+import { Terminal } from "@xterm/xterm";
+import { h } from "framestep-console/dom.js";
+
+const ROWS = 12;
+const ENTER = "\r";
+
+export class ReplTerminal {
+  element = h("article", { class: "card", "aria-label": "REPL" }, h("h2", {}, "REPL"));
+  #terminal = new Terminal({ rows: ROWS, fontSize: 13, screenReaderMode: true });
+  #port;
+
+  /** port: the REPL's BoardPort. */
+  constructor(port) {
+    this.#port = port;
+    const place = h("div", { class: "terminal-place" });
+    this.element.append(place);
+    const fit = new FitAddon();
+    this.#terminal.loadAddon(fit);
+    this.#terminal.open(place);
+    new ResizeObserver(() => {
+      const columns = fit.proposeDimensions()?.cols;
+      if (columns) this.#terminal.resize(columns, ROWS);
+    }).observe(place);
+    // Keys for the terminal are no keys of the page, such as Escape
+    this.element.addEventListener("keydown", (event) => event.stopPropagation());
+    this.#terminal.onData((text) => this.type(text));
+    port.listen((bytes) => this.#terminal.write(bytes));
+  }
+
+  /** What the user types. Nobody hears it while the page itself has the REPL, for the rig file or the load. */
+  type(text) {
+    if (!this.#port.taken) this.#port.write(new TextEncoder().encode(text));
+  }
+
+  /** Let the board show its prompt. */
+  greet() {
+    this.type(ENTER);
+  }
+}

@@ -1,0 +1,95 @@
+"""`make try`: a page that runs framestep in a browser tab, on an emulated board.
+
+Any plain web server can give it away. The board runs the image that `make image` builds, in a Web
+Worker; the page of `framestep console` is before it. Nothing is loaded from elsewhere.
+"""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from framestep.rig import Rig
+
+from ..board import littlefs_image, uf2
+from ..building import images
+from ..building.board_files import board_data
+from ..console import page_files
+from ..errors import Command, ToolError
+from ..paths import ROOT
+from ..simulator.boards import closed_switches
+
+BOARD = "pico"
+RIG = {"name": "slider, boom, swing and pan", "motor_count": 4, "estop": "nc"}
+OUT = ROOT / "build" / "site" / "try"
+_HERE = Path(__file__).parent
+_CONSOLE_HTML = "index.html"
+_INSTEAD = {"style.css": "try.css", "main.js": "try.js"}  # the console's files, bundled
+
+app = Command("try", expected=(images.BuildError,))
+
+
+@app.command()
+def main() -> None:
+    """Build the page."""
+    make(OUT)
+    size = sum(path.stat().st_size for path in OUT.iterdir())
+    shown = OUT.relative_to(ROOT)
+    print(f"{shown}, {size // 1024} kB: to see it, python3 -m http.server -d {shown}")
+
+
+def make(out: Path, rig: dict[str, Any] = RIG) -> None:
+    """Write the page into a folder, which is emptied first. `rig` is the board's rig file."""
+    firmware = images.frozen(BOARD, show=True)
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    image = firmware.with_suffix(".uf2")
+    shutil.copyfile(image, out / f"{BOARD}.uf2")
+    (out / "files.img").write_bytes(_files(firmware, rig))
+    with TemporaryDirectory() as folder:
+        console = Path(folder)
+        page_files.save(console)
+        (console / "setup.json").write_text(json.dumps(_setup(rig)))
+        _bundle(console, out)
+        html = (console / _CONSOLE_HTML).read_text()
+        for name, other in _INSTEAD.items():
+            assert html.count(f'"{name}"') == 1
+            html = html.replace(f'"{name}"', f'"{other}"')
+        (out / "index.html").write_text(html)
+        for name in ("icon.svg", "rig.schema.json"):
+            shutil.copyfile(console / name, out / name)
+
+
+def _setup(rig: dict[str, Any]) -> dict[str, Any]:
+    """What the page has to know of the board and what is wired to it."""
+    board = Rig(rig, board_data(BOARD))
+    return {
+        "image": f"{BOARD}.uf2",
+        "files": "files.img",
+        "closed": {pin: 0 for pin in closed_switches(board)},
+        "pins": board.board,
+    }
+
+
+def _files(firmware: Path, rig: dict[str, Any]) -> bytes:
+    """The beginning of a file system that has the rig file; behind it all is erased."""
+    area = uf2.from_flash(firmware.read_bytes(), uf2.RP2040).file_system()
+    assert area
+    image = littlefs_image.make_image(
+        {"/rig.json": json.dumps(rig)}, area.size // littlefs_image.BLOCK_SIZE
+    )
+    return image.rstrip(b"\xff")
+
+
+def _bundle(console: Path, out: Path) -> None:
+    done = subprocess.run(
+        ["node", _HERE / "bundle.mjs", console, out], capture_output=True, text=True
+    )
+    if done.returncode != 0:
+        raise ToolError(f"esbuild cannot bundle the page:\n{done.stderr.strip()}")
+
+
+if __name__ == "__main__":
+    app()
