@@ -1,7 +1,9 @@
-"""Which MicroPython tools/micropython/build.sh takes; Debian's archive and the release are the
-test's own."""
+"""Which MicroPython tools/micropython/build.sh takes, and how it changes it; Debian's archive and
+the release are the test's own."""
 
 import os
+import re
+import shutil
 import subprocess
 import tarfile
 from hashlib import sha256
@@ -11,6 +13,7 @@ import pytest
 from framestep_tools.building.board_files import ROOT
 
 SCRIPT = ROOT / "tools/micropython/build.sh"
+PATCHES = sorted((SCRIPT.parent / "patches").glob("*/*.patch"))
 NUMBERS = {"MAJOR": 1, "MINOR": 26, "MICRO": 1, "PRERELEASE": 0}
 BEGINS_TO_WORK = '"$ROOT/tools/setup.sh" python'
 
@@ -84,3 +87,44 @@ def test_nothing_is_to_be_had(run, tmp_path):
     result = run(f"RELEASE_URL=file://{tmp_path}/none; sources")
     assert result.returncode == 1
     assert "give a checkout of v1.26.1 (make image MICROPYTHON=path)" in result.stderr
+
+
+@pytest.fixture(params=PATCHES, ids=lambda patch: patch.stem)
+def patched(request, run, tmp_path):
+    """(before, after, change) of a patch: the lines that it knows of its file; change(text) makes
+    that the file, and has build.sh change it: the result, and what the file is then."""
+    head, name, body = re.split(r"^--- a/(.+)\n.+\n", request.param.read_text(), flags=re.MULTILINE)
+    assert head.strip(), "it does not say why"
+    lines = [line for line in body.splitlines() if not line.startswith("@@")]
+    folder, file = tmp_path / "patches" / "one", tmp_path / "sources" / name
+    folder.mkdir(parents=True)
+    file.parent.mkdir(parents=True)
+    shutil.copy(request.param, folder)
+
+    def change(text):
+        file.write_text(text)
+        result = run(f"PATCHES={folder.parent}; change {tmp_path}/sources one; echo goes on")
+        return result, file.read_text()
+
+    return *("".join(f"{s[1:]}\n" for s in lines if s[0] in f" {sign}") for sign in "-+"), change
+
+
+def test_a_patch_is_made_and_then_left_alone(patched):
+    before, after, change = patched
+    for text in (before, after):
+        result, now = change(text)
+        assert (result.stdout, result.stderr, now) == ("goes on\n", "", after)
+
+
+def test_sources_that_a_patch_does_not_fit_end_the_build(patched):
+    """Those that differ in any line of it, also one that it leaves alone."""
+    before, _, change = patched
+    for line in filter(str.strip, before.splitlines()):
+        altered = before.replace(line, f"{line} // or so", 1)
+        result, now = change(altered)
+        assert (result.returncode, result.stdout, now) == (1, "", altered)
+        assert re.fullmatch(
+            r"The MicroPython in \S+ is not one that \S+\.patch can change: "
+            r"take 1\.26\.1, or write that patch anew\.\n",
+            result.stderr,
+        )

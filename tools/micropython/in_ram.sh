@@ -45,32 +45,7 @@ for name in "${FROM_FLASH[@]}"; do renames+=(--rename-section ".time_critical.$n
 command=("$@")
 object=
 for ((i = 1; i < $#; i++)); do
-    case ${command[i]} in
-        -o) object=${command[i + 1]} ;;
-        */py/map.c)
-            # Two things about the cache that tells where a name lies: of its bytes only every other one is used, since
-            # names are multiples of 8. And what it tells is taken modulo the table's size, a division for every name;
-            # a place beyond the table may as well be the first, as the name is compared anyway.
-            sed -E 's|\(index\)\) >> 2\)|(index)) >> 3)|
-                    s|MAP_CACHE_ENTRY\(index\) % \(map\)->alloc|MAP_CACHE_ENTRY(index) < (map)->alloc ? MAP_CACHE_ENTRY(index) : 0|
-                    s|pos = \(pos \+ 1\) % map->alloc;|pos = pos + 1 == map->alloc ? 0 : pos + 1;|' "${command[i]}" >"$object.c"
-            command[i]=$object.c
-            ;;
-        */mp_usbd_cdc.c)
-            # A full buffer of what the REPL's port has received is filled up again after every byte that is read, which
-            # costs as much as reading it. Let it wait until a packet fits.
-            sed -E 's|(cdc_itf_pending && ringbuf_free\(&stdin_ringbuf\))\)|\1 > 64)|' "${command[i]}" >"$object.c"
-            command[i]=$object.c
-            ;;
-        */vfs_lfs.c)
-            # Three buffers of 1 kB for files are more than anybody needs here. Half of that is the least: a file that
-            # lies in its directory's block takes up to an eighth of a block, and must fit one.
-            sed -E 's|\(4 \* MAX\(read_size, prog_size\)\)|(2 * MAX(read_size, prog_size))|' \
-                "${command[i]%vfs_lfs.c}vfs_lfsx.c" >"$object.lfsx.c"
-            sed -E "s|\"extmod/vfs_lfsx.c\"|\"${object##*/}.lfsx.c\"|" "${command[i]}" >"$object.c"
-            command[i]=$object.c
-            ;;
-    esac
+    [ "${command[i]}" != -o ] || object=${command[i + 1]}
 done
 for name in "${FAST[@]}"; do
     case "$object" in

@@ -123,7 +123,8 @@ def beginnings() -> dict[str, bytes]:
 def _digest(board: str, files: dict[str, bytes]) -> str:
     """What tells whether an image is of the present sources."""
     folder = ROOT / "boards" / board
-    recipe = [ROOT / "tools/micropython" / name for name in ("build.sh", "in_ram.sh")]
+    machinery = ROOT / "tools/micropython"
+    recipe = [*machinery.glob("*.sh"), *machinery.glob("patches/*/*.patch")]
     common = [path for path in folder.parent.iterdir() if path.suffix in (".cmake", ".h", ".py")]
     own = (*folder.glob("mpconfig*"), folder / "manifest.py")
     definition = {
