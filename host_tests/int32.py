@@ -26,6 +26,7 @@ _ONLY_HERE = (
     "framestep.repl",
     "framestep.repl_commands",
     "framestep.boot",
+    "framestep.protocol.declared",
 )
 armed = False
 

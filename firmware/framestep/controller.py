@@ -37,22 +37,6 @@ LED_CONNECTED = (0xFFFF, 0x080808)
 LED_MOVING = (0x5555, 0x002000)
 LED_FAULT = (0x0015, 0x300000)
 
-# Requests that keep what an operation has planned before GO, and motors waiting that have yet to
-# set out after it
-_KEEPS_EARLY_PLAN = (
-    m.MSG_RT_GO,
-    m.MSG_MOTOR_STATUS,
-    m.MSG_MOTOR_GET_POSITION,
-    m.MSG_HI,
-    m.MSG_CONDITION,
-    m.MSG_EXCEEDED,
-    m.MSG_DMX,
-    m.MSG_GIO_OUT,
-    m.MSG_GIO_IN,
-    m.MSG_GIO_CAM,
-    m.MSG_VIRT_GET_POSITION,
-)
-
 
 def glow(light, beat):
     """The colour of the LED in one of 16 beats, 0xRRGGBB; 0 is dark. light: one of LED_."""
@@ -317,7 +301,7 @@ class Controller:
         ):
             self.planning = True  # at once, not when it is time for housekeeping
         state = self.operations.state
-        if (state == READY or state == LEAVING) and kind not in _KEEPS_EARLY_PLAN:
+        if (state == READY or state == LEAVING) and kind not in m.KEEPS_PLAN:
             if state == READY:
                 self.operations.discard_early_plan()
             elif kind != m.MSG_MOTOR_STOP_ALL:

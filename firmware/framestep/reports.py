@@ -87,7 +87,7 @@ class Reports:
         controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
-        writer.text(controller.rig.name, m.HI_NAME_BYTES)
+        writer.text(controller.rig.name, m.DeviceInfo.major)  # up to the next field
         writer.u8(VERSION[0])
         writer.u8(VERSION[1])
         writer.u8(VERSION[2])

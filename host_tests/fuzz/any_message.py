@@ -13,8 +13,8 @@ class Anyhow(Deeds):
     def message(self):
         """Any message with any payload."""
         dice = self.dice
-        kind = dice.choice(list(m.REQUESTS)) if dice.random() < 0.97 else dice.randrange(0x8000)
-        sizes = m.REQUESTS.get(kind, (0, 1))
+        kind = dice.choice(list(m.SIZES)) if dice.random() < 0.97 else dice.randrange(0x8000)
+        sizes = m.SIZES.get(kind, (0, 1))
         length = dice.choice((sizes[0], *sizes[2:])) + sizes[1] * dice.choice((0, 1, 2, 20))
         if dice.random() < 0.15:
             length = max(0, length + dice.choice((-1, 1, 2, 8)))

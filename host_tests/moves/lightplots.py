@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from framestep.protocol import fields, messages
+from framestep.protocol import messages
 from framestep_tools.client import wire
 
 PLENTY = 30_000  # bytes of memory that no plot fills
@@ -182,7 +182,7 @@ FAR = [
 # A section as long as the largest frame holds, in the middle of units of 193 frames; with the
 # steps of the model, as plots() has them
 _stairs = [(i * i // 7 + i) // 3 % 2 + i // 2 % 100 for i in range(2000)]
-_most = messages.LARGEST_PAYLOAD - fields.UPLOAD_MOVE_DMX_LEVELS
+_most = messages.LARGEST_PAYLOAD - messages.RtUploadMoveDmx.levels
 _noise = [(i * i * 31 + (i * 2654435761 >> 7)) % 256 for i in range(_most)]
 FULL = [
     (f"NEW {PLENTY}", ("new", PLENTY)),

@@ -13,7 +13,6 @@ from framestep.io.gio import ALL_INPUTS, RAW, STABLE, Gio
 from framestep.io.lights import RAMPING, Lights
 from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
 from framestep.native import addressof, as_word, const, micropython, ptr32
-from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 
 # What a pass has to do, from words of Safety, Inputs and Lights
@@ -143,10 +142,10 @@ class Io:
         """MSG_DMX: ramp 0 (0 or 1), first channel 1, a level for each channel 3 (field note
         8.1)."""
         reader = self.reader
-        ramp = reader.u8(0)
-        channel = reader.u16(f.DMX_CHANNEL)
-        levels = reader.payload + f.DMX_LEVELS
-        count = reader.length - f.DMX_LEVELS
+        ramp = reader.u8(m.Dmx.ramp)
+        channel = reader.u16(m.Dmx.channel)
+        levels = reader.payload + m.Dmx.levels
+        count = reader.length - m.Dmx.levels
         if ramp > 1 or not self.lights.fits(channel, count):
             return m.ERR_RANGE
         if ramp:
@@ -160,7 +159,7 @@ class Io:
 
         Bits past the last output are ignored.
         """
-        self.gio.put(0xFFFF, self.reader.u16(0))
+        self.gio.put(0xFFFF, self.reader.u16(m.GioOut.outputs))
         return m.OK
 
     def _gio_in(self):
@@ -170,6 +169,6 @@ class Io:
 
     def _gio_cam(self):
         """MSG_GIO_CAM: outputs 0, bits GIO_CAM_, 1 for on (spec)."""
-        flags = self.reader.u16(0)
+        flags = self.reader.u16(m.GioCam.flags)
         self.camera.set(flags & m.GIO_CAM_SHUTTER, flags & m.GIO_CAM_METER)
         return m.OK

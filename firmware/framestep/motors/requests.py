@@ -12,7 +12,6 @@ from framestep.motion import stepper
 from framestep.motors.axis import FULL_SPEED
 from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.native import const
-from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.results import FRAME, MOTOR, ROOM, WHAT
 
@@ -152,7 +151,7 @@ class Motors:
 
     def _motor(self):
         """The motor of this request, from 0; -1 if there is no such motor."""
-        number = self.reader.u8(0)
+        number = self.reader.u8(m.MotorMove.motor)  # it begins all of them
         return number - 1 if 0 < number <= self.count else -1
 
     def _move(self):
@@ -163,7 +162,7 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        self.reader.copy_i32_to(f.MOTOR_MOVE_POSITION, self.words, 0)
+        self.reader.copy_i32_to(m.MotorMove.position, self.words, 0)
         code = self.move(motor)
         if code != m.OK or self.rig.dword_acks:
             return code
@@ -198,10 +197,10 @@ class Motors:
     def _jog(self):
         """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target in steps 3 (field note 4.2)."""
         motor = self._motor()
-        speed = self.reader.u16(f.MOTOR_JOG_SPEED)
+        speed = self.reader.u16(m.MotorJog.speed)
         if motor < 0 or speed < 1 or speed > FULL_SPEED:
             return m.ERR_RANGE
-        self.reader.copy_i32_to(f.MOTOR_JOG_DESTINATION, self.words, 0)
+        self.reader.copy_i32_to(m.MotorJog.destination, self.words, 0)
         return self.jog(motor, speed)
 
     def jog(self, motor, speed):
@@ -274,7 +273,7 @@ class Motors:
         engaged = controller.operations.engaged | controller.virtuals.engaged | self.homing
         if axis.moving or (engaged >> self._leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
-        self.reader.copy_i32_to(f.MOTOR_RESET_POSITION_POSITION, self.words, 0)
+        self.reader.copy_i32_to(m.MotorResetPosition.position, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
@@ -286,7 +285,7 @@ class Motors:
     def _configure(self):
         """MSG_MOTOR_CONFIGURE: motor 0, flags 1: bits MOTOR_ (field notes 3.1 and 4.5)."""
         motor = self._motor()
-        flags = self.reader.u8(f.MOTOR_CONFIGURE_FLAGS)
+        flags = self.reader.u8(m.MotorConfigure.flags)
         if motor < 0:
             return m.ERR_RANGE
         controller = self.controller
@@ -356,8 +355,8 @@ class Motors:
         Acceleration 0 is half the velocity (field note 4.1).
         """
         motor = self._motor()
-        velocity = self.reader.u30(f.MOTOR_SET_SPEED_VELOCITY)
-        acceleration = self.reader.u30(f.MOTOR_SET_SPEED_ACCELERATION)
+        velocity = self.reader.u30(m.MotorSetSpeed.velocity)
+        acceleration = self.reader.u30(m.MotorSetSpeed.acceleration)
         if motor < 0 or velocity < 1 or velocity > self.fastest[motor]:
             return m.ERR_RANGE
         if acceleration < 0:
@@ -376,16 +375,16 @@ class Motors:
         reader = self.reader
         controller = self.controller
         motor = self._motor()
-        hw_set = reader.u8(f.MOTOR_SET_LIMITS_LIMIT_SET)
-        lower_enable = reader.u8(f.MOTOR_SET_LIMITS_LOWER_ENABLE)
-        upper_enable = reader.u8(f.MOTOR_SET_LIMITS_UPPER_ENABLE)
+        hw_set = reader.u8(m.MotorSetLimits.limit_set)
+        lower_enable = reader.u8(m.MotorSetLimits.lower_enable)
+        upper_enable = reader.u8(m.MotorSetLimits.upper_enable)
         switches = hw_set & m.HW_SET_MASK
         if motor < 0 or lower_enable > 1 or upper_enable > 1 or not controller.safety.has(switches):
             return m.ERR_RANGE
         if (self.homing >> self._leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.9
-        reader.copy_i32_to(f.MOTOR_SET_LIMITS_LOWER, self.words, 0)
-        reader.copy_i32_to(f.MOTOR_SET_LIMITS_UPPER, self.words, 1)
+        reader.copy_i32_to(m.MotorSetLimits.lower, self.words, 0)
+        reader.copy_i32_to(m.MotorSetLimits.upper, self.words, 1)
         if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):
             return m.ERR_RANGE
         if controller.homing:
@@ -409,7 +408,7 @@ class Motors:
         """
         writer = self.writer
         exceeded = self.controller.operations.player.exceeded
-        motor = self.reader.u8(0) - 1 if self.reader.length else exceeded[MOTOR]
+        motor = self.reader.u8(m.GetExceeded.motor) - 1 if self.reader.length else exceeded[MOTOR]
         if motor < 0 or motor >= self.count:
             return m.ERR_RANGE
         writer.begin(m.MSG_EXCEEDED, self.reader)

@@ -19,7 +19,6 @@ from framestep.moves.triggers import Triggers
 from framestep.moves.upload_chunks import ASKED, LEFT
 from framestep.moves.upload_store import UploadStore
 from framestep.native import const
-from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.results import BY, FRAME, MOTOR, ROOM, WHAT
 
@@ -89,7 +88,10 @@ class Moves:
         """MSG_RT_UPLOAD_MOVE_BEGIN: start frame 0, end frame 4 (field notes 5.1 and 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
-        code = self.store.begin(self.reader.i32(0), self.reader.i32(f.UPLOAD_MOVE_BEGIN_END_FRAME))
+        code = self.store.begin(
+            self.reader.i32(m.RtUploadMoveBegin.start_frame),
+            self.reader.i32(m.RtUploadMoveBegin.end_frame),
+        )
         if code == m.OK:
             frames = self.store.end - self.store.start + 1
             self.levels.begin(frames)
@@ -104,18 +106,18 @@ class Moves:
         Motor 0, start index 1 (high bit: last section), positions 5.
         """
         reader = self.reader
-        number = reader.u8(0)
+        number = reader.u8(m.RtUploadMoveAxis.motor)
         if number < 1 or number > self.operations.axes.count:
             return m.ERR_RANGE
         if self.operations.running:
             return m.ERR_MOVING
         code = self.store.section(
             number - 1,
-            reader.start_index(f.UPLOAD_MOVE_AXIS_START_INDEX),
-            reader.u8(f.UPLOAD_MOVE_AXIS_START_INDEX + 3) & 0x80,
+            reader.start_index(m.RtUploadMoveAxis.start_index),
+            reader.u8(m.RtUploadMoveAxis.start_index + 3) & 0x80,
             reader.buffer,
-            reader.payload + f.UPLOAD_MOVE_AXIS_POSITIONS,
-            (reader.length - f.UPLOAD_MOVE_AXIS_POSITIONS) >> 2,
+            reader.payload + m.RtUploadMoveAxis.positions,
+            (reader.length - m.RtUploadMoveAxis.positions) >> 2,
         )
         return code if code == m.OK else self._exceeded(code)
 
@@ -128,12 +130,12 @@ class Moves:
         if self.operations.running:
             return m.ERR_MOVING
         code = self.levels.store(
-            reader.u16(0),
-            reader.start_index(f.UPLOAD_MOVE_DMX_START_INDEX),
-            reader.u8(f.UPLOAD_MOVE_DMX_START_INDEX + 3) & 0x80,
+            reader.u16(m.RtUploadMoveDmx.channel),
+            reader.start_index(m.RtUploadMoveDmx.start_index),
+            reader.u8(m.RtUploadMoveDmx.start_index + 3) & 0x80,
             reader.buffer,
-            reader.payload + f.UPLOAD_MOVE_DMX_LEVELS,
-            reader.length - f.UPLOAD_MOVE_DMX_LEVELS,
+            reader.payload + m.RtUploadMoveDmx.levels,
+            reader.length - m.RtUploadMoveDmx.levels,
         )
         return code if code == m.OK else self._exceeded(code)
 
@@ -142,12 +144,12 @@ class Moves:
         if self.operations.running:
             return m.ERR_MOVING
         reader = self.reader
-        reader.copy_i32_to(0, self.positions, 0)
+        reader.copy_i32_to(m.RtUploadMoveTriggers.mask, self.positions, 0)
         code = self.triggers.store(
             self.positions,
             reader.buffer,
-            reader.payload + f.UPLOAD_MOVE_TRIGGERS_TRIGGERS,
-            (reader.length - f.UPLOAD_MOVE_TRIGGERS_TRIGGERS) >> 3,
+            reader.payload + m.RtUploadMoveTriggers.triggers,
+            (reader.length - m.RtUploadMoveTriggers.triggers) >> 3,
         )
         return code if code == m.OK else self._exceeded(code)
 
@@ -171,14 +173,15 @@ class Moves:
 
         The motors go there; lights and triggers are set as they are there.
         """
+        frame = self.reader.i32(m.RtPositionFrame.frame)
         code = self.controller.motors.may_move_all()
         if code == m.OK and (self.operations.running or self.controller.virtuals.engaged):
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.operations.send_to_frame(self.reader.i32(0), self.positions)
+            code = self.operations.send_to_frame(frame, self.positions)
         if code == m.OK:
             self.controller.motors.motors_sent(self.operations.player.motors())
-            self.run_outputs.show_frame(self.reader.i32(0) - self.store.start)
+            self.run_outputs.show_frame(frame - self.store.start)
         return code
 
     def _run_move(self):
@@ -193,9 +196,9 @@ class Moves:
         code = self._may_begin()
         if code != m.OK:
             return code
-        flags = reader.u16(f.RUN_MOVE_FLAGS) if reader.length >= m.RUN_FLAGS_BYTES else 0
-        channel = reader.u16(f.RUN_MOVE_BLOOP_CHANNEL)
-        sync = reader.u8(f.RUN_MOVE_SYNC_DMX)
+        flags = reader.u16(m.RtRunMove.flags) if reader.length >= m.RtRunMove.open_angle else 0
+        channel = reader.u16(m.RtRunMove.bloop_channel)
+        sync = reader.u8(m.RtRunMove.sync_dmx)
         if sync > 1 or channel > 512 or flags & ~_RUN_FLAGS:
             return m.ERR_RANGE
         plan = self.run.draft
@@ -204,21 +207,21 @@ class Moves:
         plan.stills = flags & m.RUN_STILLS != 0
         plan.video = flags & m.RUN_VIDEO != 0 and not plan.stills  # field note 6.9
         plan.sync = sync == 1
-        plan.bloop_bits = reader.u16(f.RUN_MOVE_BLOOP_OUTPUTS) | (
-            (reader.u16(f.RUN_MOVE_BLOOP_OUTPUTS + 2) & (OUTPUTS >> 16)) << 16
+        plan.bloop_bits = reader.u16(m.RtRunMove.bloop_outputs) | (
+            (reader.u16(m.RtRunMove.bloop_outputs + 2) & (OUTPUTS >> 16)) << 16
         )
         plan.bloop_channel = channel
-        plan.bloop_ms = reader.u16(f.RUN_MOVE_BLOOP_MS)
+        plan.bloop_ms = reader.u16(m.RtRunMove.bloop_ms)
         opened = closed = 0
-        if plan.stills and reader.length >= m.RUN_ANGLES_BYTES:
-            opened = reader.u16(f.RUN_MOVE_OPEN_ANGLE)
-            closed = reader.u16(f.RUN_MOVE_CLOSE_ANGLE)
+        if plan.stills and reader.length >= m.RtRunMove.SIZE:
+            opened = reader.u16(m.RtRunMove.open_angle)
+            closed = reader.u16(m.RtRunMove.close_angle)
         code = self.run.prepare(
-            reader.u30(0),
-            reader.i32(f.RUN_MOVE_START_FRAME),
-            reader.i32(f.RUN_MOVE_END_FRAME),
-            reader.u30(f.RUN_MOVE_PREROLL_MS),
-            reader.u30(f.RUN_MOVE_POSTROLL_MS),
+            reader.u30(m.RtRunMove.fps_milli),
+            reader.i32(m.RtRunMove.start_frame),
+            reader.i32(m.RtRunMove.end_frame),
+            reader.u30(m.RtRunMove.preroll_ms),
+            reader.u30(m.RtRunMove.postroll_ms),
             opened,
             closed,
         )
@@ -258,16 +261,16 @@ class Moves:
         """
         reader = self.reader
         code = self._may_begin()
-        if code == m.OK and reader.u8(f.SHOOT_FRAME_DIRECTION) > 1:
+        if code == m.OK and reader.u8(m.RtShootFrame.direction) > 1:
             code = m.ERR_RANGE
         if code == m.OK:
-            backward = reader.u8(f.SHOOT_FRAME_DIRECTION) == 0
-            listed = self._listed(f.SHOOT_FRAME_MOTORS, backward)
+            backward = reader.u8(m.RtShootFrame.direction) == 0
+            listed = self._listed(m.RtShootFrame.motors, backward)
             code = self.shoot.prepare_blur(
-                reader.i32(0),
+                reader.i32(m.RtShootFrame.frame),
                 backward,
-                reader.u30(f.SHOOT_FRAME_EXPOSURE_MS),
-                reader.u16(f.SHOOT_FRAME_BLUR),
+                reader.u30(m.RtShootFrame.exposure_ms),
+                reader.u16(m.RtShootFrame.blur),
                 listed,
             )
         if code == m.OK:
@@ -282,12 +285,12 @@ class Moves:
         reader = self.reader
         code = self._may_begin()
         if code == m.OK:
-            listed = self._listed(f.SHOOT_FRAME2_MOTORS, False)
+            listed = self._listed(m.RtShootFrame2.motors, False)
             code = self.shoot.prepare_angles(
-                reader.i32(0),
-                reader.u30(f.SHOOT_FRAME2_EXPOSURE_MS),
-                reader.i16(f.SHOOT_FRAME2_OPEN_ANGLE),
-                reader.i16(f.SHOOT_FRAME2_CLOSE_ANGLE),
+                reader.i32(m.RtShootFrame2.frame),
+                reader.u30(m.RtShootFrame2.exposure_ms),
+                reader.i16(m.RtShootFrame2.open_angle),
+                reader.i16(m.RtShootFrame2.close_angle),
                 listed,
             )
         if code == m.OK:
@@ -372,7 +375,9 @@ class Moves:
         if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING
         if code == m.OK:
-            code = self.jog.prepare(self.reader.u30(0), self.reader.i32(f.JOG_ALL_DESTINATION))
+            code = self.jog.prepare(
+                self.reader.u30(m.RtJogAll.fps_milli), self.reader.i32(m.RtJogAll.destination)
+            )
         if code == m.OK:
             self.controller.motors.motors_sent(self.jog.bits)
         return self._report_exceeded(code)

@@ -8,7 +8,6 @@ from array import array
 
 from framestep.motion import reals
 from framestep.native import const
-from framestep.protocol import fields as f
 from framestep.protocol import messages as m
 from framestep.virtuals.kinematics import Configuration
 from framestep.virtuals.registers import (
@@ -135,7 +134,7 @@ class Virtuals(VirtualAxes):
         9.3)."""
         reader = self.reader
         line = self.line
-        kind = reader.u8(0)
+        kind = reader.u8(m.VirtConfig.type)
         if kind >= _TYPES:
             return m.ERR_RANGE
         busy = self.axes.moving_bits() | self.operations.engaged | self.engaged
@@ -200,7 +199,7 @@ class Virtuals(VirtualAxes):
 
     def _number(self):
         """The virtual axis of this request, or 0 where the rig has no such axis."""
-        number = self.reader.u8(0)
+        number = self.reader.u8(m.VirtMove.motor)  # it begins all of them
         if number < 1 or number > AXES or not self.line.rig.main[number]:
             return 0
         return number
@@ -219,7 +218,7 @@ class Virtuals(VirtualAxes):
         code = line.begin_line()
         if code:
             return code
-        self.reader.copy_i32_to(f.VIRT_MOVE_POSITION, self.word, 0)
+        self.reader.copy_i32_to(m.VirtMove.position, self.word, 0)
         line.rig.from_host(X, number - 1, self.word, 0)
         reals.copy(self.r, GOAL, X)
         if not self.head_for(GOAL, number - 1):
@@ -251,10 +250,10 @@ class Virtuals(VirtualAxes):
         if code != m.OK:
             return code
         number = self._number()
-        speed = reader.u16(f.VIRT_JOG_SPEED)
+        speed = reader.u16(m.VirtJog.speed)
         if not number or speed < 1 or speed > _FASTEST:
             return m.ERR_RANGE
-        reader.copy_i32_to(f.VIRT_JOG_DESTINATION, self.word, 0)
+        reader.copy_i32_to(m.VirtJog.destination, self.word, 0)
         return self.jogs.jog_axis(number, speed, self.word)
 
     def _jog_on_line(self):
@@ -266,8 +265,8 @@ class Virtuals(VirtualAxes):
         code = self.may_move()
         if code != m.OK:
             return code
-        axis = reader.u8(0)
-        speed = reader.i16(f.VIRT_JOG_ON_LINE_SPEED)
+        axis = reader.u8(m.VirtJogOnLine.axis)
+        speed = reader.i16(m.VirtJogOnLine.speed)
         if axis > m.LINE_TILT or not speed or speed < -_FASTEST or speed > _FASTEST:
             return m.ERR_RANGE
         direction = 1 if speed > 0 else -1
@@ -284,7 +283,7 @@ class Virtuals(VirtualAxes):
             return m.ERR_GENERAL
         reader = self.reader
         line = self.line
-        enable = reader.u8(0)
+        enable = reader.u8(m.SetVirtAimPoint.enable)
         if enable > 1:
             return m.ERR_RANGE
         if self.move.state:
@@ -306,7 +305,7 @@ class Virtuals(VirtualAxes):
         writer.begin(m.MSG_VIRT_AIM_POINT, reader)
         writer.u8(enable)
         for i in range(3):
-            reader.copy_i32_to(f.VIRT_AIM_POINT_X + 4 * i, self.point, i)
+            reader.copy_i32_to(m.SetVirtAimPoint.x + 4 * i, self.point, i)
             writer.put_i32s_from(self.point, i, 1)
         writer.end()
         return 0
@@ -318,7 +317,7 @@ class Virtuals(VirtualAxes):
         for i in range(3):
             at = AIM_X + 2 * i
             reals.fetch(self.old, 2 * i, r, at)
-            self.reader.copy_i32_to(f.VIRT_AIM_POINT_X + 4 * i, self.word, 0)
+            self.reader.copy_i32_to(m.SetVirtAimPoint.x + 4 * i, self.word, 0)
             rig.host_offset(GOAL, _POSE_OF_AIM[i])
             rig.load(at, self.word, 0)
             reals.subtract(r, at, at, GOAL)

@@ -11,6 +11,7 @@ from framestep.protocol import messages as m
 from framestep_tools import payloads as p
 from framestep_tools.client.wire import encode
 from host_tests.end_to_end.session import DIALECTS, run_request, simulated, state
+from host_tests.protocol.notes import table
 
 MOVE = {1: [100 + 60 * i for i in range(25)], 2: [abs(40 * (i - 12)) for i in range(25)]}
 
@@ -29,61 +30,14 @@ def prepared(dialect="spec"):
 
 # ---- lengths -------------------------------------------------------------------------------------
 
-# Payload lengths of field note 2, once more and apart from the firmware's own table: (least, of
-# each further entry), or all known forms, the longest of which may be followed by more (field note
-# 1.8)
+# Of the notes' table, by number. VIRT_CONFIG has a form for each type (test_virtual_moves.py), and
+# framestep's own take any length.
 LENGTHS = {
-    0x0001: [0],
-    0x0020: (3, 1),
-    0x0021: [4],
-    0x0022: [0],
-    0x0023: [4],
-    0x0030: [0],
-    0x0031: [5],
-    0x0032: [1],
-    0x0033: [0, 4],
-    0x0034: [0],
-    0x0035: [5],
-    0x0036: [7],
-    0x0037: [2],
-    0x0038: [9],
-    0x0039: [12],
-    0x0100: [8],
-    0x0101: (5, 4),
-    0x0102: (6, 1),
-    0x0103: [0],
-    0x0104: (4, 8),
-    0x0110: [4],
-    0x0111: [29, 31, 35],
-    0x0112: (11, 9),
-    0x0113: [0],
-    0x0115: (12, 9),
-    0x0116: [0],
-    0x0120: [8],
-    0x0201: [5],
-    0x0202: [1],
-    0x0203: [7],
-    0x0205: [0],
-    0x0206: [3],
-    0x0207: [13],
+    row.number: row
+    for row in table().values()
+    if row.asked and row.number < 0x4600 and row.number != m.MSG_VIRT_CONFIG
 }
-# not tried below: VIRT_CONFIG has a form for each type (test_virtual_moves.py), framestep's own
-# take any length
-APART = {0x0200, 0x4600, 0x4601, 0x4602}
 TRIED = (*range(48), 93, 97, 200, 577, 581, 1035, 1036)
-
-
-def fits(kind, length):
-    lengths = LENGTHS[kind]
-    if isinstance(lengths, list):
-        return length >= min(lengths)
-    least, entry = lengths
-    return length >= least and (length - least) % entry == 0
-
-
-def test_every_request_has_its_lengths_here():
-    new = sorted(hex(kind) for kind in m.REQUESTS.keys() - LENGTHS.keys() - APART)
-    assert not new, f"add to LENGTHS in this file, from docs/protocol-notes.md, 2: {', '.join(new)}"
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -101,7 +55,7 @@ def test_wrong_lengths(dialect):
     before = state(rig)
     asked = 0
     for kind in LENGTHS:
-        wrong = [length for length in TRIED if not fits(kind, length)]
+        wrong = [length for length in TRIED if not LENGTHS[kind].fits(length)]
         expected = p.Ack.ERR_RANGE if kind in handled else p.Ack.ERR_UNSUPPORTED
         data = b"".join(
             encode(kind, bytes(i % 7 for i in range(length)), 1 + length) for length in wrong
@@ -358,12 +312,8 @@ def requests(draw):
     """Frames of any type, of a length that fits as a rule, with numbers in them that make sense now
     and then."""
     kind = draw(st.sampled_from(sorted(LENGTHS)))
-    lengths = LENGTHS[kind]
-    length = (
-        draw(st.sampled_from(lengths))
-        if isinstance(lengths, list)
-        else lengths[0] + lengths[1] * draw(st.integers(0, 9))
-    )
+    least, entry = draw(st.sampled_from(LENGTHS[kind].asked))
+    length = least + entry * draw(st.integers(0, 9))
     parts = [
         v if isinstance(v, bytes) else struct.pack("<I", v)[: draw(st.sampled_from((1, 2, 4)))]
         for v in draw(st.lists(ANY, max_size=12))

@@ -161,7 +161,7 @@ def test_landing():
 def test_every_message_is_in_the_table():
     names = {value: name for name, value in vars(m).items() if name.startswith("MSG_")}
     asked = {request.TYPE for _, request, _ in realtime_answers.ANSWERS}
-    missing = ", ".join(sorted(names[kind] for kind in m.REQUESTS.keys() - asked))
+    missing = ", ".join(sorted(names[kind] for kind in m.SIZES.keys() - asked))
     assert not missing, (
         "add a line to ANSWERS in realtime_answers.py, what is answered in each of its STATES, "
         f"for {missing}; then "

@@ -46,6 +46,7 @@ def test_other_arguments_are_another_result(made):
     [
         "module.py",
         "framestep/motion/formula.py",
+        "framestep/protocol/declared/general.py",
         "tools/names.py",
         "tools/commands/flash.py",
         "boards/x/board.json",

@@ -487,7 +487,7 @@ def test_numbers_and_texts_of_the_page_are_those_of_the_firmware():
     numbers = {name: v for name, v in vars(messages).items() if name.startswith(("MSG_", "ERR_"))}
     assert lines["M"] | numbers == lines["M"]
     types = {each["type"] for each in lines["REQUESTS"].values()}
-    assert set(messages.REQUESTS) <= types
+    assert set(messages.SIZES) <= types
     assert lines["SECTION_POSITIONS"] * 4 + 5 <= messages.LARGEST_PAYLOAD
 
 

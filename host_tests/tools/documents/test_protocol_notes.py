@@ -3,15 +3,15 @@ is sent."""
 
 import itertools
 import re
-import struct
 import subprocess
 
-from framestep.protocol import messages
+import pytest
+
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.client.wire import FrameDecoder
-from framestep_tools.payloads import REPORTS, TYPE_NAMES, codec
+from framestep_tools.payloads import REPORTS, REQUESTS, TYPE_NAMES, VirtConfig, type_name
+from host_tests.protocol.notes import NOTES, table
 
-NOTES = ROOT / "docs" / "protocol-notes.md"
 CITED = re.compile(
     r"field\s+notes?\s+((?:\d+(?:\.\d+)?(?:(?:,|\s+to|\s+and|,\s+and)\s+(?=\d))?)+)", re.IGNORECASE
 )
@@ -80,60 +80,31 @@ def test_frame_vectors():
         assert len(frames) == (0 if "refused" in name else 1), name
 
 
-def lengths():
-    """{message: (from the host, from the device)} of the table in 2, as text."""
-    section = NOTES.read_text().split("## 2.")[1].split("## 3.")[0]
-    rows = re.findall(r"^\| ([A-Z_0-9]+)[^|]*\|([^|]*)\|([^|]*)\|$", section, re.MULTILINE)
-    return {name: (asked.strip(), told.strip()) for name, asked, told in rows}
-
-
-def sizes(text):
-    """(least, bytes of an entry) of "4 + 8n", "31, 35 with angles" and the like."""
-    least, entry = re.match(r"(\d+)(?: \+ (\d*)n)?", text).groups()
-    return int(least), 0 if entry is None else int(entry or 1)
-
-
-def test_every_message_has_its_lengths_in_the_notes():
-    told = lengths()
+def test_every_message_is_in_the_table():
+    told = table()
     missing = sorted(set(TYPE_NAMES.values()) - told.keys())
     assert not missing, f"add a row to the table in 2 of docs/protocol-notes.md: {missing}"
     gone = sorted(told.keys() - set(TYPE_NAMES.values()))
     assert not gone, (
-        f"no MSG_ in protocol/messages.py, so take out of 2 of docs/protocol-notes.md: {gone}"
+        f"not in framestep.protocol.declared, so take out of 2 of docs/protocol-notes.md: {gone}"
     )
 
 
-def test_lengths_in_the_notes_are_those_of_the_code():
-    told = lengths()
-    for kind, wanted in messages.REQUESTS.items():
-        name = TYPE_NAMES[kind]
-        if name not in told:
-            continue  # the test above says what to do
-        if kind == messages.MSG_VIRT_CONFIG:  # each type has its own
-            wanted = (wanted[0], 0)
-        assert sizes(told[name][0]) == wanted, (
-            f"{name}: the table in 2 of docs/protocol-notes.md says {told[name][0]!r}, "
-            f"REQUESTS in protocol/messages.py {wanted}"
-        )
+@pytest.mark.parametrize("cls", REQUESTS.values(), ids=lambda cls: cls.__name__)
+def test_requests_are_declared_as_in_the_table(cls):
+    row = table()[type_name(cls.TYPE)]
+    assert row.number == cls.TYPE
+    assert bool(row.asked) is not cls.ONLY_SENT
+    if cls is VirtConfig:  # each of its types has a layout of its own
+        assert row.asked[0][0] == cls.LEAST
+    elif row.asked:
+        assert row.asked[0] == (cls.LEAST, cls.ENTRY)
+        assert row.asked[-1] == (cls.SIZE, cls.ENTRY)
 
 
-def test_lengths_in_the_notes_are_those_of_the_answers():
-    """The least that the device sends, each entry that repeats left out."""
-    told = lengths()
-    for kind, cls in REPORTS.items():
-        least = sum(
-            struct.calcsize("<" + code)
-            for _, code, optional in codec.layout(cls)
-            if not optional and not isinstance(code, type) and code[0] != "*"
-        )
-        longest = least + sum(
-            struct.calcsize("<" + code) for _, code, optional in codec.layout(cls) if optional
-        )
-        name = TYPE_NAMES[kind]
-        if name not in told:
-            continue
-        assert told[name][1], f"{name}: say in 2 of docs/protocol-notes.md what the device sends"
-        assert least <= sizes(told[name][1])[0] <= longest, (
-            f"{name}: the table in 2 of docs/protocol-notes.md says {told[name][1]!r}, "
-            f"the class in framestep_tools/payloads has {least} to {longest} bytes"
-        )
+@pytest.mark.parametrize("cls", REPORTS.values(), ids=lambda cls: cls.__name__)
+def test_answers_are_declared_as_in_the_table(cls):
+    """The longest form, and the shortest where the device sends more than one."""
+    told = table()[type_name(cls.TYPE)].told
+    assert told[-1] == (cls.SIZE, cls.ENTRY)
+    assert told[0][0] == cls.LEAST or len(told) == 1

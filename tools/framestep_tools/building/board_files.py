@@ -21,6 +21,7 @@ from .. import paths
 from ..chips import Chip, chip
 from ..errors import ToolError
 from ..paths import CACHE, FIRMWARE, ROOT
+from . import declared
 from .constants import fold, without_compiler_imports
 from .inlining import inline
 
@@ -41,12 +42,15 @@ _HOST_ONLY = {
     "framestep/results.py",
     _CLOCK,
     "framestep/moves/registers.py",
-    "framestep/protocol/fields.py",
     "framestep/virtuals/registers.py",
 }
 _COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
-# so that the compiler leaves out what is for CPython
-_ON_BOARDS = {"framestep.native": {"CPYTHON": 0}}
+_ON_BOARDS = {
+    "framestep.native": {"CPYTHON": 0},  # so that the compiler leaves out what is for CPython
+    "framestep.protocol.messages": declared.fields(),
+}
+_DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
+_MESSAGES = "framestep/protocol/messages.py"  # here
 
 
 # What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this
@@ -103,6 +107,7 @@ def _remembered(make: Callable[_P, dict[str, bytes]]) -> Callable[_P, dict[str, 
         for path in (
             *sources().values(),
             FIRMWARE / _COMPILER,
+            *(FIRMWARE / _DECLARED).glob("*.py"),
             *tools.rglob("*.py"),
             *ROOT.glob("boards/*/board.json"),
             *ROOT.glob("boards/*.json"),
@@ -138,7 +143,7 @@ def sources() -> dict[str, Path]:
         for p in sorted((FIRMWARE / "framestep").rglob("*.py"))
     }
     del found[_COMPILER]
-    return found
+    return {name: path for name, path in found.items() if not name.startswith(_DECLARED)}
 
 
 def compiled(name: str, source: bytes, march: str) -> bytes:
@@ -213,6 +218,7 @@ def folded(
     engine: one of ENGINES; given: as for constants.fold.
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
+    texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
     texts[_ENGINE] = texts[ENGINES[engine]]
     for name in {*ENGINES.values()} - {_ENGINE}:
         del texts[name]

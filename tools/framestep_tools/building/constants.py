@@ -77,7 +77,7 @@ def fold(
     hide: constants without an underscore get one. Without it they remain for scripts that import
     them.
     given: {module: {name: number}}, what other modules are to take for constants although they are
-    made otherwise.
+    made otherwise; a name is also that of a class and of what it has: "MotorJog.speed".
     """
     modules = {
         m.name: m
@@ -136,8 +136,8 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
                 return known[name]
             case ast.Name(id=name) if name in module.imported:
                 return _value(modules, *module.imported[name])
-            case ast.Attribute(value=ast.Name(id=name), attr=attribute) if name in module.modules:
-                return _value(modules, module.modules[name], attribute)
+            case ast.Attribute() if of := _mentioned(module, node):
+                return _value(modules, *of)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 return _OPERATORS[type(op)](compute(left), compute(right))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
@@ -157,6 +157,18 @@ def _read_constants(module: _Module, modules: Mapping[str, _Module]) -> bool:
         return False
     module.constants = known
     return True
+
+
+def _mentioned(module: _Module, node: ast.Attribute) -> tuple[str, str] | None:
+    """(module, name there) of m.NAME and of m.Class.name."""
+    match node:
+        case ast.Attribute(value=ast.Name(id=base), attr=name):
+            pass
+        case ast.Attribute(value=ast.Attribute(value=ast.Name(id=base), attr=cls), attr=field):
+            name = f"{cls}.{field}"
+        case _:
+            return None
+    return (module.modules[base], name) if base in module.modules else None
 
 
 def _value(modules: Mapping[str, _Module], module: str, name: str) -> int:
@@ -208,11 +220,10 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
         if id(node) in attributes:
             continue
         match node:
-            case ast.Attribute(value=ast.Name(id=name) as base, attr=attribute) if name in folded:
-                constants = modules[module.modules[name]].public
-                if attribute in constants:
-                    edits.replace(node, _literal(constants[attribute]))
-                    attributes.add(id(base))
+            case ast.Attribute() if of := _mentioned(module, node):
+                if of[1] in modules[of[0]].public:
+                    edits.replace(node, _literal(_value(modules, *of)))
+                    attributes.update(map(id, ast.walk(node)))
             case ast.Name(id=name, ctx=ast.Load()) if name in foreign:
                 edits.replace(node, _literal(foreign[name]))
             case ast.Name(id=name) if name in hidden and (

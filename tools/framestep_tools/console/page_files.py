@@ -15,8 +15,7 @@ from framestep.protocol import messages
 from .. import paths, payloads
 from ..documents import rig_schema
 from ..errors import ToolError
-from ..payloads import Ack, Payload, RtUploadMoveAxis
-from ..payloads.codec import layout
+from ..payloads import Ack, Payload, RtUploadMoveAxis, layout
 from . import scripts
 
 PAGE = Path(__file__).with_name("page")
@@ -99,7 +98,7 @@ def _numbers() -> dict[str, int]:
 
 
 def _fields(cls: type[Payload]) -> list[list[Any]]:
-    """[name, code] of each field as in payloads.codec; where records repeat, a list of theirs
+    """[name, code] of each field as in payloads.layout(); where records repeat, a list of theirs
     instead of the code; true as third where the field may be left out."""
     found: list[list[Any]] = []
     for name, code, optional in layout(cls):

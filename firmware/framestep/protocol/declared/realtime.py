@@ -1,50 +1,44 @@
 """Uploads, real-time moves and go-motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
-from framestep.protocol import messages
-
 from .acks import Ack
-from .codec import I16, I32, U8, U16, U32, Levels, Payload, Request, Steps
+from .payload import I16, I32, U8, U16, U32, Levels, Payload, Request, Steps
 
-# The high bit of START INDEX: these are the channel's last values, repeat the final one (spec:
-# MSG_RT_UPLOAD_MOVE_AXIS)
-LAST_SECTION = messages.LAST_SECTION << 16
+MSG_RT_UPLOAD_MOVE_BEGIN = 0x0100
 
 
-@dataclass(frozen=True)
-class RtUploadMoveBegin(Request[Ack]):
+class RtUploadMoveBegin(Request[Ack], number=MSG_RT_UPLOAD_MOVE_BEGIN):
     """Forget the uploaded move and begin one over these scene frames, both included."""
 
-    TYPE = messages.MSG_RT_UPLOAD_MOVE_BEGIN
     start_frame: I32
     end_frame: I32
 
 
-@dataclass(frozen=True)
-class RtUploadMoveAxis(Request[Ack]):
-    """Positions of a motor, frame by frame from an index (0 is the start frame; | LAST_SECTION for
-    the last ones)."""
+MSG_RT_UPLOAD_MOVE_AXIS = 0x0101
 
-    TYPE = messages.MSG_RT_UPLOAD_MOVE_AXIS
+
+class RtUploadMoveAxis(Request[Ack], number=MSG_RT_UPLOAD_MOVE_AXIS):
+    """Positions of a motor, frame by frame from an index: 0 is the start frame, its high bit says
+    that these are the last ones and the final one repeats."""
+
     motor: U8
     start_index: U32
     positions: Steps
 
 
-@dataclass(frozen=True)
-class RtUploadMoveDmx(Request[Ack]):
+MSG_RT_UPLOAD_MOVE_DMX = 0x0102
+
+
+class RtUploadMoveDmx(Request[Ack], number=MSG_RT_UPLOAD_MOVE_DMX):
     """Levels of a DMX channel, frame by frame from an index, as for a motor."""
 
-    TYPE = messages.MSG_RT_UPLOAD_MOVE_DMX
     channel: U16
     start_index: U32
     levels: Levels
 
 
-@dataclass(frozen=True)
 class Trigger(Payload):
     """Outputs that are on at one frame (its index, 0 is the start frame)."""
 
@@ -52,39 +46,42 @@ class Trigger(Payload):
     outputs: U32
 
 
-@dataclass(frozen=True)
-class RtUploadMoveTriggers(Request[Ack]):
+MSG_RT_UPLOAD_MOVE_TRIGGERS = 0x0104
+
+
+class RtUploadMoveTriggers(Request[Ack], number=MSG_RT_UPLOAD_MOVE_TRIGGERS):
     """Outputs of the move, frame by frame; those outside the mask are left alone."""
 
-    TYPE = messages.MSG_RT_UPLOAD_MOVE_TRIGGERS
     mask: U32
     triggers: Annotated[Sequence[Trigger], Trigger] = ()
 
 
-@dataclass(frozen=True)
-class RtUploadMoveEnd(Request[Ack]):
+MSG_RT_UPLOAD_MOVE_END = 0x0103
+
+
+class RtUploadMoveEnd(Request[Ack], number=MSG_RT_UPLOAD_MOVE_END):
     """The upload is complete."""
 
-    TYPE = messages.MSG_RT_UPLOAD_MOVE_END
+
+MSG_RT_POSITION_FRAME = 0x0110
 
 
-@dataclass(frozen=True)
-class RtPositionFrame(Request[Ack]):
+class RtPositionFrame(Request[Ack], number=MSG_RT_POSITION_FRAME, moves=True):
     """Send all motors to an uploaded frame."""
 
-    TYPE = messages.MSG_RT_POSITION_FRAME
     frame: I32
 
 
-@dataclass(frozen=True)
-class RtRunMove(Request[Ack]):
+MSG_RT_RUN_MOVE = 0x0111
+
+
+class RtRunMove(Request[Ack], number=MSG_RT_RUN_MOVE, moves=True):
     """Go to the pre-roll position of a run and wait for RtGo.
 
     `fps_milli` is frames per second · 1000, times are in ms. Flags: 1 ping-pong, 2 loop, 0x10
     camera at start and stop, 0x20 camera at each frame, between the two shutter angles (0 to 360).
     """
 
-    TYPE = messages.MSG_RT_RUN_MOVE
     fps_milli: U32
     start_frame: I32
     end_frame: I32
@@ -99,7 +96,6 @@ class RtRunMove(Request[Ack]):
     close_angle: U16 | None = None
 
 
-@dataclass(frozen=True)
 class BlurMotor(Payload):
     """Where a motor is at shutter angle 0 and at 360, in steps."""
 
@@ -108,12 +104,13 @@ class BlurMotor(Payload):
     position_b: I32
 
 
-@dataclass(frozen=True)
-class RtShootFrame(Request[Ack]):
+MSG_RT_SHOOT_FRAME = 0x0112
+
+
+class RtShootFrame(Request[Ack], number=MSG_RT_SHOOT_FRAME, moves=True):
     """Get ready to shoot one frame in motion: direction 1 forward, exposure in ms, blur in tenths
     of a percent."""
 
-    TYPE = messages.MSG_RT_SHOOT_FRAME
     frame: I32
     direction: U8
     exposure_ms: U32
@@ -121,12 +118,13 @@ class RtShootFrame(Request[Ack]):
     motors: Annotated[Sequence[BlurMotor], BlurMotor] = ()
 
 
-@dataclass(frozen=True)
-class RtShootFrame2(Request[Ack]):
+MSG_RT_SHOOT_FRAME2 = 0x0115
+
+
+class RtShootFrame2(Request[Ack], number=MSG_RT_SHOOT_FRAME2, moves=True):
     """Get ready to shoot one frame in motion; the shutter opens and closes at these angles (field
     note 7.2)."""
 
-    TYPE = messages.MSG_RT_SHOOT_FRAME2
     frame: I32
     exposure_ms: U32
     open_angle: I16
@@ -134,31 +132,32 @@ class RtShootFrame2(Request[Ack]):
     motors: Annotated[Sequence[BlurMotor], BlurMotor] = ()
 
 
-@dataclass(frozen=True)
-class RtGo(Request[Ack]):
+MSG_RT_GO = 0x0113
+
+
+class RtGo(Request[Ack], number=MSG_RT_GO, moves=True, keeps_plan=True):
     """Start what RtRunMove or RtShootFrame made ready."""
 
-    TYPE = messages.MSG_RT_GO
+
+MSG_RT_END = 0x0114  # only sent, never asked
 
 
-@dataclass(frozen=True)
-class RtEnd(Request[Ack]):
+class RtEnd(Request[Ack], number=MSG_RT_END, only_sent=True):
     """Unasked from the device: the run or the shot is over."""
 
-    TYPE = messages.MSG_RT_END
+
+MSG_RT_STOP_LOOP = 0x0116
 
 
-@dataclass(frozen=True)
-class RtStopLoop(Request[Ack]):
+class RtStopLoop(Request[Ack], number=MSG_RT_STOP_LOOP):
     """Let the loop end at its next end point."""
 
-    TYPE = messages.MSG_RT_STOP_LOOP
+
+MSG_RT_JOG_ALL = 0x0120
 
 
-@dataclass(frozen=True)
-class RtJogAll(Request[Ack]):
+class RtJogAll(Request[Ack], number=MSG_RT_JOG_ALL, moves=True):
     """Jog all motors along the uploaded path toward a frame; fps · 1000."""
 
-    TYPE = messages.MSG_RT_JOG_ALL
     fps_milli: U32
     destination: I32

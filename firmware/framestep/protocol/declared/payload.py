@@ -1,8 +1,18 @@
-"""How a data section is made from a dataclass, and read: one field after the other.
+"""What a message is declared with, and how its data section is made and read: one field after the
+other.
 
-`pack` makes the data section, `unpack` reads one. Both raise ValueError with what was expected and
-what was found where something does not fit. An optional argument at the end is None where the
-message leaves it out. All of it allocates, as everything on the host does.
+    class MotorJog(Request[Ack], number=MSG_MOTOR_JOG, moves=True):
+        motor: U8
+        speed: U16
+        destination: I32
+
+    MotorJog.speed                 # 1: where the field begins in the data section
+    MotorJog(1, 10_000, 50).speed  # 10000
+    MotorJog.SIZE                  # 7
+
+The class becomes a frozen dataclass. `pack` makes the data section, `unpack` reads one. Both raise
+ValueError with what was expected and what was found where something does not fit. An optional
+argument at the end is None where the message leaves it out.
 """
 
 import operator
@@ -23,7 +33,11 @@ from typing import (
 )
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
+    from typing_extensions import Self, dataclass_transform
+else:
+
+    def dataclass_transform(**_):
+        return lambda cls: cls
 
 
 class Numbers(Protocol):
@@ -50,27 +64,52 @@ _layouts: dict[type, list[tuple[str, Any, bool]]] = {}
 
 def layout(cls: type) -> list[tuple[str, Any, bool]]:
     """(name, code, may be left out) of each field. The code is struct's, with '*' before it where
-    values repeat to the end of the data, or the class of records that do."""
+    values repeat to the end of the data, or the class of records that do. A field without a code is
+    not among them: its class packs it in its own way."""
     if cls in _layouts:
         return _layouts[cls]
     hints = get_type_hints(cls, include_extras=True)
     found = _layouts[cls] = []
     for field in fields(cls):  # type: ignore[arg-type]
         hint, optional = hints[field.name], False
-        if get_origin(hint) is not Annotated:  # X | None
+        if type(None) in get_args(hint):  # X | None
             hint, optional = next(a for a in get_args(hint) if a is not type(None)), True
-        found.append((field.name, get_args(hint)[1], optional))
+        if get_origin(hint) is Annotated:
+            found.append((field.name, get_args(hint)[1], optional))
     return found
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class Payload:
-    """The data section of one message."""
+    """The data section of one message, or a record in one."""
 
-    TYPE: ClassVar[int]
+    TYPE: ClassVar[int]  # the message's number
+    SIZE: ClassVar[int]  # bytes of all fields but one that repeats,
+    LEAST: ClassVar[int]  # of those that cannot be left out,
+    ENTRY: ClassVar[int]  # of an entry of what repeats; 0 where nothing does
+
+    def __init_subclass__(cls, number: int | None = None) -> None:
+        super().__init_subclass__()
+        dataclass(frozen=True)(cls)
+        if number is not None:
+            cls.TYPE = number
+        cls.SIZE = cls.LEAST = cls.ENTRY = 0
+        if len(layout(cls)) < len(fields(cls)):
+            cls.ENTRY = 1  # what comes after the fields with a code may have any length
+        for name, code, optional in layout(cls):
+            setattr(cls, name, cls.SIZE)  # an instance has its own value under that name
+            if isinstance(code, type):
+                cls.ENTRY = code.SIZE
+            elif code[0] == "*":
+                cls.ENTRY = struct.calcsize("<" + code[1])
+            else:
+                size = struct.calcsize("<" + code)
+                cls.SIZE += size
+                cls.LEAST += 0 if optional else size
 
     def pack(self) -> bytes:
-        """The data section's bytes. Allocates freely, as does everything on the host."""
+        """The data section's bytes."""
         parts, left_out = [], None
         for name, code, _ in layout(type(self)):
             value = getattr(self, name)
@@ -147,11 +186,10 @@ def _pack_values(code: str, values: Numbers) -> bytes:
 
 def _unpack_field(code: str, rest: memoryview) -> tuple[Any, memoryview]:
     if isinstance(code, type):
-        size = sum(struct.calcsize("<" + c) for _, c, _ in layout(code))
-        if len(rest) % size:
+        if len(rest) % code.SIZE:
             raise struct.error
         return tuple(
-            code.unpack(bytes(rest[i : i + size])) for i in range(0, len(rest), size)
+            code.unpack(bytes(rest[i : i + code.SIZE])) for i in range(0, len(rest), code.SIZE)
         ), rest[:0]
     if code[0] == "*":
         count, left = divmod(len(rest), struct.calcsize("<" + code[1]))
@@ -169,12 +207,26 @@ R = TypeVar("R")
 
 
 class Request(Payload, Generic[R]):
-    """A message for the device. `REPLY` is the class of its answer; Ack where there is only a
-    response code."""
+    """A message for the device; R is the class of its answer, Ack where there is only a response
+    code.
+
+    moves: it sets motors in motion, or is what they wait for. keeps_plan: a prepared run keeps what
+    it has planned although this comes before GO. only_sent: the device sends it and answers
+    ERR_UNSUPPORTED to it; a request all the same, so that tests can send it.
+    """
 
     REPLY: ClassVar[Any]
+    MOVES: ClassVar[bool]
+    KEEPS_PLAN: ClassVar[bool]
+    ONLY_SENT: ClassVar[bool]
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(
+        cls, number: int, moves: bool = False, keeps_plan: bool = False, only_sent: bool = False
+    ) -> None:
+        super().__init_subclass__(number)
+        cls.MOVES, cls.KEEPS_PLAN, cls.ONLY_SENT = moves, keeps_plan, only_sent
         for base in cls.__dict__.get("__orig_bases__", ()):
             if get_origin(base) is Request:
                 (cls.REPLY,) = get_args(base)
+        if issubclass(cls.REPLY, Payload):
+            cls.REPLY.TYPE = number

@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from framestep.protocol import messages
+from . import codes
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -13,20 +13,20 @@ class Ack(IntEnum):
     """Response codes. A code that the specification does not know gets a name of its own, such as
     UNKNOWN_0x0042."""
 
-    OK = messages.OK
-    ERR_CHECKSUM = messages.ERR_CHECKSUM
-    ERR_MOVING = messages.ERR_MOVING
-    ERR_UNSUPPORTED = messages.ERR_UNSUPPORTED
-    ERR_RANGE = messages.ERR_RANGE
-    ERR_GENERAL = messages.ERR_GENERAL
-    ERR_NOT_IN_POSITION = messages.ERR_NOT_IN_POSITION
-    ERR_PREROLL = messages.ERR_PREROLL
-    ERR_POSTROLL = messages.ERR_POSTROLL
-    ERR_AIM_COD = messages.ERR_AIM_COD
-    ERR_SOFT_UP = messages.ERR_SOFT_UP
-    ERR_SOFT_LOW = messages.ERR_SOFT_LOW
-    ERR_HARD_UP = messages.ERR_HARD_UP
-    ERR_HARD_LOW = messages.ERR_HARD_LOW
+    OK = codes.OK
+    ERR_CHECKSUM = codes.ERR_CHECKSUM
+    ERR_MOVING = codes.ERR_MOVING
+    ERR_UNSUPPORTED = codes.ERR_UNSUPPORTED
+    ERR_RANGE = codes.ERR_RANGE
+    ERR_GENERAL = codes.ERR_GENERAL
+    ERR_NOT_IN_POSITION = codes.ERR_NOT_IN_POSITION
+    ERR_PREROLL = codes.ERR_PREROLL
+    ERR_POSTROLL = codes.ERR_POSTROLL
+    ERR_AIM_COD = codes.ERR_AIM_COD
+    ERR_SOFT_UP = codes.ERR_SOFT_UP
+    ERR_SOFT_LOW = codes.ERR_SOFT_LOW
+    ERR_HARD_UP = codes.ERR_HARD_UP
+    ERR_HARD_LOW = codes.ERR_HARD_LOW
 
     @classmethod
     def _missing_(cls, value: object) -> "Self | None":

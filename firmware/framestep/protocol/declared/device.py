@@ -1,19 +1,14 @@
 """What the device sends, asked for or not."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
-from framestep.protocol import messages
-
-from .codec import I32, U8, U16, U32, Payload, Steps, Text32
+from .payload import I32, U8, U16, U32, Payload, Steps, Text32
 
 
-@dataclass(frozen=True)
 class DeviceInfo(Payload):
     """Who the device is and what it can do (spec: MSG_HI)."""
 
-    TYPE = messages.MSG_HI
     name: Text32
     major: U8
     minor: U8
@@ -28,19 +23,15 @@ class DeviceInfo(Payload):
     protocol_version: U16 | None = None
 
 
-@dataclass(frozen=True)
 class InputLevels(Payload):
     """General inputs, bit 0 the first (spec: MSG_GIO_IN)."""
 
-    TYPE = messages.MSG_GIO_IN
     levels: U32
 
 
-@dataclass(frozen=True)
 class Status(Payload):
     """What moves: a bit per motor, and whether any DMX channel ramps (spec: MSG_MOTOR_STATUS)."""
 
-    TYPE = messages.MSG_MOTOR_STATUS
     motor_bits: U32
     dmx: U8
 
@@ -55,36 +46,32 @@ class Status(Payload):
         return not self.motor_bits and not self.dmx
 
 
-@dataclass(frozen=True)
 class Moving(Payload):
     """Whether the motor moves (spec: MSG_MOTOR_MOVE); a device of the dmc-lite dialect acknowledges
     instead."""
 
-    TYPE = messages.MSG_MOTOR_MOVE
     moving: U8
 
 
-@dataclass(frozen=True)
 class Positions(Payload):
     """Where the motors are, in steps; `move_time` in thousandths of a frame (spec:
     MSG_MOTOR_GET_POSITION)."""
 
-    TYPE = messages.MSG_MOTOR_GET_POSITION
     move_time: I32
     steps: Steps = ()
 
 
-@dataclass(frozen=True)
-class HardStop(Payload):
+MSG_MOTOR_HARD_STOP = 0x003A  # only sent, never asked
+
+
+class HardStop(Payload, number=MSG_MOTOR_HARD_STOP):
     """The device stopped on its own: 0 E-stop, 1 upper limit, 2 lower limit, 100 fault (spec:
     MSG_MOTOR_HARD_STOP)."""
 
-    TYPE = messages.MSG_MOTOR_HARD_STOP
     reason: U8
     motor: U8 | None = None
 
 
-@dataclass(frozen=True)
 class PositionTrust(Payload):
     """How far a motor's position can be trusted: numbers of framestep.motors.positions."""
 
@@ -92,17 +79,14 @@ class PositionTrust(Payload):
     reason: U8
 
 
-@dataclass(frozen=True)
 class Condition(Payload):
     """What the specification has no message for: CONDITION_ bits, and how far each position can be
     trusted."""
 
-    TYPE = messages.MSG_CONDITION
     bits: U32
     positions: Annotated[Sequence[PositionTrust], PositionTrust] = ()
 
 
-@dataclass(frozen=True)
 class Exceeded(Payload):
     """What the last move asks too much of: a number of framestep.protocol.messages EXCEEDED_ (0: of
     nothing), the motor, the scene frame, and by how many steps/s or steps/s². Then what is set for
@@ -110,7 +94,6 @@ class Exceeded(Payload):
     a bit each. With EXCEEDED_MEMORY `by` is the bytes that what was refused needs, `room` those
     that were free, and motor and frame say nothing. Older devices end earlier."""
 
-    TYPE = messages.MSG_EXCEEDED
     what: U8
     motor: U8
     frame: I32
@@ -126,12 +109,10 @@ class Exceeded(Payload):
     room: U32 | None = None
 
 
-@dataclass(frozen=True)
 class VirtPositions(Payload):
     """Virtual axes in units · 100000, aim point · 1000 where the device has one (spec:
     MSG_VIRT_GET_POSITION)."""
 
-    TYPE = messages.MSG_VIRT_GET_POSITION
     track: I32
     east_west: I32
     north_south: I32

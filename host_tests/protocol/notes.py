@@ -1,0 +1,42 @@
+"""Numbers and lengths of the messages as the table in 2 of docs/protocol-notes.md has them: written
+from the specification, apart from the declaration, and what it is held to."""
+
+import re
+from dataclasses import dataclass
+
+from framestep_tools.building.board_files import ROOT
+
+NOTES = ROOT / "docs" / "protocol-notes.md"
+_ROW = re.compile(r"^\| ([A-Z_0-9]+)[^|]*\| (0x[0-9A-F]{4}) \|([^|]*)\|([^|]*)\|$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Row:
+    """asked, told: forms that a host and the device may send, (bytes, of each further entry)."""
+
+    number: int
+    asked: list[tuple[int, int]]
+    told: list[tuple[int, int]]
+
+    def fits(self, length):
+        """Whether a request may have that length (field note 1.8): the longest form of a fixed
+        layout may be followed by more, and between two forms the shorter one counts."""
+        return any(
+            length >= least and (not entry or (length - least) % entry == 0)
+            for least, entry in self.asked
+        )
+
+
+def forms(text):
+    """[(least, bytes of an entry)] of "4 + 8n", "29, 31 with flags" and the like."""
+    found = [re.match(r" *(\d+)(?: \+ (\d*)n)?", part) for part in re.split("[,;]", text)]
+    return [(int(m[1]), 0 if m[2] is None else int(m[2] or 1)) for m in found if m is not None]
+
+
+def table():
+    """{message: Row}."""
+    section = NOTES.read_text().split("## 2.")[1].split("## 3.")[0]
+    return {
+        name: Row(int(number, 16), forms(asked), forms(told))
+        for name, number, asked, told in _ROW.findall(section)
+    }

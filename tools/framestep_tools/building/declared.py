@@ -1,0 +1,33 @@
+"""What a board has of the messages that framestep.protocol.declared declares: numbers."""
+
+import re
+
+from framestep.protocol import declared
+from framestep.protocol.declared import Payload, layout
+
+_TABLES = ("SIZES", "KEEPS_PLAN")
+_IMPORTS = re.compile(r"^from framestep\.protocol\.declared import .*$", re.MULTILINE)
+
+
+def fields() -> dict[str, int]:
+    """{"MotorJog.speed": 1, "MotorJog.SIZE": 7}: where the fields of a message begin, and its
+    sizes."""
+    return {
+        f"{name}.{of}": getattr(cls, of)
+        for name, cls in vars(declared).items()
+        if isinstance(cls, type) and issubclass(cls, Payload) and hasattr(cls, "SIZE")
+        for of in (*(field for field, _, _ in layout(cls)), "SIZE", "LEAST", "ENTRY")
+    }
+
+
+def messages_module(text: str) -> str:
+    """The source of framestep.protocol.messages with numbers and tables in the place of what it
+    imports from the declaration."""
+    found = [
+        f"{name} = const({value})"
+        for name, value in vars(declared).items()
+        if type(value) is int and not name.startswith("_")
+    ]
+    found += [f"{name} = {getattr(declared, name)!r}" for name in _TABLES]
+    lines = iter(["; ".join(["from framestep.native import const", *found])])
+    return _IMPORTS.sub(lambda _: next(lines, "pass"), text)
