@@ -1,11 +1,64 @@
 """The page of `make try`: framestep on an emulated board that runs in the browser's tab."""
 
+import base64
+import contextlib
+import re
+
+import numpy as np
 import pytest
 from playwright.sync_api import expect
+from rich.console import Console
 
+from framestep_emulator.trace import edges_from
+from framestep_tools.client.client import Client
+from framestep_tools.judge import demo
+from framestep_tools.judge.judge import judge
+from framestep_tools.judge.reference import Reference
+from framestep_tools.judge.trace import PinDecoder, Trace, load_board
+from framestep_tools.move.move_display import MoveDisplay
+from framestep_tools.move.move_file import CAMERA_MOVE, read_move
+from framestep_tools.simulator.boards import EmulatedBoard, LockstepPort
 from framestep_tools.site import try_page
 from host_tests.console.file_server import FileServer
-from host_tests.console.looking import wait_connected
+from host_tests.console.looking import (
+    go_to,
+    log,
+    position,
+    steps,
+    wait_connected,
+    wait_far,
+    wait_moving,
+    wait_rest,
+)
+
+FPS_MILLI = 24_000
+CLOCK_NS = 1000  # a motor that sets out reads the chip's clock of microseconds
+RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
+STEPS_PER_MM = 25  # of the picture's track
+# What the worker says of its pins is kept, from the first moment on
+KEEP_EDGES = """
+    globalThis.kept = [];
+    globalThis.Worker = class extends Worker {
+        constructor(...given) {
+            super(...given);
+            this.addEventListener('message', ({data}) => {
+                if (data.is === 'edges') kept.push(data.records);
+            });
+        }
+    };
+"""
+TAKE_EDGES = """() => new Promise((resolve) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result);
+    reader.readAsDataURL(new Blob(kept));
+})"""
+# Columns of a row of the scope in which its pin has an edge
+EDGE_COLUMNS = """(canvas, row) => {
+    const scale = canvas.width / canvas.clientWidth;
+    const from = Math.ceil(140 * scale);
+    const line = canvas.getContext('2d').getImageData(from, Math.round((row * 22 + 11) * scale), canvas.width - from, 1);
+    return line.data.filter((value, i) => i % 4 === 3 && value > 128).length;
+}"""  # noqa: E501
 
 
 @pytest.fixture(scope="module")
@@ -17,22 +70,160 @@ def url(tmp_path_factory):
     server.close()
 
 
-def terminal(page):
-    return page.get_by_role("article", name="REPL")
+@pytest.fixture
+def page(stage, url):
+    opened = stage.page("about:blank")
+    opened.add_init_script(KEEP_EDGES)
+    opened.goto(url)
+    wait_connected(opened)
+    yield opened
+    assert opened.errors == []
+
+
+def card(page, name):
+    return page.get_by_role("article", name=name, exact=True)
 
 
 def type_on_repl(page, text):
-    terminal(page).locator("textarea").focus()
+    card(page, "REPL").locator("textarea").focus()
     page.keyboard.type(text)
     page.keyboard.press("Enter")
 
 
-def test_console_and_repl_of_the_board_in_the_page(stage, url):
-    page = stage.page(url)
-    wait_connected(page)
+def expect_on_repl(page, text):
+    expect(card(page, "REPL").locator(".xterm-rows")).to_contain_text(text)
+
+
+@contextlib.contextmanager
+def jog_up(page, distance):
+    """Hold the button that jogs motor 1 up."""
+    begin = steps(page)
+    page.get_by_role("button", name="Jog motor 1 up").focus()
+    page.keyboard.down("Enter")
+    wait_far(page, 1, begin, distance)
+    yield
+    page.keyboard.up("Enter")
+    wait_rest(page)
+
+
+def edge_columns(page, row):
+    return card(page, "Pins").locator("canvas").evaluate(EDGE_COLUMNS, row)
+
+
+def test_console_and_repl_of_the_board_in_the_page(page, url):
     expect(page.locator("#who")).to_contain_text(try_page.RIG["name"])
-    expect(page.get_by_role("article", name="Motor 4")).to_be_visible()
+    expect(card(page, "Motor 4")).to_be_visible()
     type_on_repl(page, "6 * 7000")
-    expect(terminal(page).locator(".xterm-rows")).to_contain_text("42000")
-    assert page.errors == []
+    expect_on_repl(page, "42000")
     assert all(asked.startswith(url) for asked in page.asked), page.asked
+
+
+def test_rig_and_scope_show_the_pins(page):
+    assert edge_columns(page, 0) == 0
+    with jog_up(page, 300):
+        assert edge_columns(page, 0) > 10
+        assert edge_columns(page, 2) == 0  # the next motor's steps
+    page.wait_for_timeout(500)
+    assert edge_columns(page, 0) == 0
+    expect(card(page, "Rig")).to_contain_text(f"track {steps(page) / STEPS_PER_MM:.1f} mm")
+
+
+def test_a_new_rig_file_and_the_load(page):
+    """The page itself uses the REPL's port, and gives it back to the terminal."""
+    go_to(page, "Rig file, load")
+    page.get_by_role("button", name="Measure").click()
+    expect(card(page, "Load of the board").get_by_role("status")).to_contain_text("on average")
+    rig = card(page, "Rig file of the board")
+    rig.get_by_label("Rig file").fill('{"name": "two motors", "motor_count": 2}')
+    rig.get_by_role("button", name="Put onto the board").click()
+    expect(rig.get_by_role("status")).to_have_text("two motors has restarted with it.")
+    go_to(page, "Motors")
+    expect(page.get_by_role("main").get_by_role("article")).to_have_count(2)
+    type_on_repl(page, "6 * 7000")
+    expect_on_repl(page, "42000")
+
+
+def done(page, step):
+    expect(card(page, "Tour").get_by_role("listitem").nth(step)).to_have_class("done")
+
+
+def show(page):
+    card(page, "Tour").get_by_role("button", name="Show me where").locator("visible=true").click()
+
+
+def prepare_run(page):
+    run = card(page, "Run")
+    run.get_by_role("button", name="Get ready").click()
+    expect(run.get_by_role("status")).to_contain_text("is ready")
+    run.get_by_role("button", name="GO", exact=True).click()
+
+
+def run_of(edges, move, start):
+    """What each motor does from the second frame to the last one: (times of its steps in ns after
+    motor 1's step to the second, positions). start: as judge() takes it."""
+    trace = Trace.from_edges(edges)
+    path = Reference(move.positions, FPS_MILLI, demo.ROLL_MS, demo.ROLL_MS)
+    verdict = judge(trace, move.positions, FPS_MILLI, start, path=path)
+    assert verdict.good, verdict.complaints
+    times, after = trace.positions(1, start.get(1, 0))
+    begin = times[(times > verdict.origin_ns) & (after == move.positions[1][1])][0]
+    found = []
+    for motor in move.positions:
+        times, after = trace.positions(motor, start.get(motor, 0))
+        run = (times >= begin) & (times < begin + RUN_NS)
+        found.append((times[run] - begin, after[run]))
+    return found
+
+
+def demo_edges(move, folder):
+    """The edges of `make demo`."""
+    with EmulatedBoard() as board:
+        recorder = demo.Recorder(board, folder / "trace.csv")
+        with Client(LockstepPort(board)) as client:
+            display = MoveDisplay(move.names, move.start_frame, move.end_frame, Console())
+            demo.play(client, move, FPS_MILLI, recorder, display)
+        recorder.trace()
+    return recorder.edges
+
+
+def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
+    """Each step in turn; the run's edges are those of `make demo`."""
+    with jog_up(page, 200):
+        pass
+    done(page, 0)
+    start = {1: -steps(page)}  # once it is called 0
+    show(page)
+    page.get_by_role("button", name="Set position").locator("visible=true").click()
+    expect(position(page)).to_have_text("0")
+    done(page, 1)
+    show(page)
+    card(page, "Tour").get_by_role("button", name="Take the example").click()
+    page.get_by_role("button", name="Upload", exact=True).click()
+    done(page, 2)
+    show(page)
+    prepare_run(page)
+    expect(log(page)).to_contain_text("Run 1 to 240 is over.")
+    done(page, 3)
+    wait_rest(page)
+
+    move = read_move(CAMERA_MOVE)
+    records = edges_from(base64.b64decode(page.evaluate(TAKE_EDGES).partition(",")[2]))
+    made = run_of(PinDecoder(load_board()).feed(records), move, start)
+    expected = run_of(demo_edges(move, tmp_path), move, {})
+    for motor, (found, wanted) in enumerate(zip(made, expected, strict=True), 1):
+        assert len(found[0]) > 10_000, motor
+        assert np.abs(found[0] - wanted[0]).max() <= CLOCK_NS, f"times of motor {motor}"
+        assert np.array_equal(found[1], wanted[1]), f"positions of motor {motor}"
+
+    prepare_run(page)
+    wait_moving(page)
+    estop = page.locator(".estop")
+    estop.click()
+    expect(log(page)).to_contain_text("The E-stop was pressed.")
+    wait_rest(page)
+    estop.click()
+    done(page, 4)
+    card(page, "Tour").get_by_role("button", name="Type it for me").click()
+    expect_on_repl(page, re.compile("E-stop|motor"))
+    done(page, 5)
+    expect(card(page, "Tour").get_by_role("status")).to_contain_text("That was the tour")

@@ -18,6 +18,8 @@ from ..building import images
 from ..building.board_files import board_data
 from ..console import page_files
 from ..errors import Command, ToolError
+from ..judge import demo
+from ..move.move_file import CAMERA_MOVE
 from ..paths import ROOT
 from ..simulator.boards import closed_switches
 
@@ -47,6 +49,7 @@ def make(out: Path, rig: dict[str, Any] = RIG) -> None:
     out.mkdir(parents=True)
     image = firmware.with_suffix(".uf2")
     shutil.copyfile(image, out / f"{BOARD}.uf2")
+    shutil.copyfile(CAMERA_MOVE, out / CAMERA_MOVE.name)
     (out / "files.img").write_bytes(_files(firmware, rig))
     with TemporaryDirectory() as folder:
         console = Path(folder)
@@ -68,6 +71,8 @@ def _setup(rig: dict[str, Any]) -> dict[str, Any]:
     return {
         "image": f"{BOARD}.uf2",
         "files": "files.img",
+        "example": CAMERA_MOVE.name,
+        "speed": {"velocity": demo.VELOCITY, "acceleration": demo.ACCELERATION},
         "closed": {pin: 0 for pin in closed_switches(board)},
         "pins": board.board,
     }

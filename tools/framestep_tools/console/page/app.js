@@ -213,10 +213,10 @@ setTheme();
 document.title = `framestep console ${VERSION}`;
 show(views[0]);
 
-/** Connect by `open`, again and again where that fails. null: the user does it, by Web Serial. Gives the Device. */
+/** Connect by `open`, again and again where that fails. null: the user does it, by Web Serial. */
 export function start(open) {
   openLink = open;
   if (open) serve();
   else device.tell(serialIsThere() ? "Connect over USB to begin." : "Open the address that framestep console prints; this browser has no Web Serial.");
-  return device;
+  return { device, moves, operation };
 }

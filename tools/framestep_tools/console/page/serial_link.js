@@ -42,9 +42,10 @@ export class SerialLink {
     return { link: new SerialLink(port), hello: { device: "the chosen port", repl: false, kept: false } };
   }
 
-  /** Opens a port that is known already, with the REPL's. */
-  static async at(port, repl) {
+  /** Opens a port that is known already, with the REPL's; `name` is what it is called. */
+  static async at(port, repl, name) {
     const found = await SerialLink.#begin(port);
+    found.hello.device = name;
     found.link.#work = new BoardWork(repl);
     found.hello.repl = true;
     return found;

@@ -10,6 +10,8 @@ const ENTER = "\r";
 export class ReplTerminal {
   element = h("article", { class: "card", "aria-label": "REPL" }, h("h2", {}, "REPL"));
   #terminal = new Terminal({ rows: ROWS, fontSize: 13, screenReaderMode: true });
+  /** Lines that have been entered. */
+  lines = 0;
   #port;
 
   /** port: the REPL's BoardPort. */
@@ -32,11 +34,20 @@ export class ReplTerminal {
 
   /** What the user types. Nobody hears it while the page itself has the REPL, for the rig file or the load. */
   type(text) {
-    if (!this.#port.taken) this.#port.write(new TextEncoder().encode(text));
+    if (this.#port.taken) return;
+    this.#port.write(new TextEncoder().encode(text));
+    this.lines += text.split(ENTER).length - 1;
+  }
+
+  /** Type a line for the user. */
+  enter(line) {
+    this.element.scrollIntoView({ block: "nearest" });
+    this.type(line + ENTER);
+    this.#terminal.focus();
   }
 
   /** Let the board show its prompt. */
   greet() {
-    this.type(ENTER);
+    this.#port.write(new TextEncoder().encode(ENTER));
   }
 }

@@ -8,7 +8,16 @@ import { h } from "framestep-console/dom.js";
 import { SerialLink } from "framestep-console/serial_link.js";
 import { Board } from "./board.js";
 import setup from "framestep-console/setup.json";
+import { Pins } from "./pins.js";
+import { RigPicture } from "./rig_picture.js";
+import { Scope } from "./scope.js";
 import { ReplTerminal } from "./terminal.js";
+import { Tour } from "./tour.js";
+
+const { pins } = setup;
+const PRESSED = 1; // the E-stop is normally closed: pressed, it lets its pin go high
+const RELEASED = 0;
+const DRAWN_MS = 40;
 
 async function load(name) {
   const answer = await fetch(name);
@@ -22,6 +31,45 @@ async function makeBoard() {
   return new Board(worker, image, files, setup.closed);
 }
 
+function estopButton(board) {
+  const button = h("button", { type: "button", class: "estop", "aria-pressed": "false" }, "E-stop");
+  button.addEventListener("click", () => {
+    const pressed = button.getAttribute("aria-pressed") === "false";
+    button.setAttribute("aria-pressed", String(pressed));
+    board.setPin(pins.estop, pressed ? PRESSED : RELEASED);
+  });
+  return button;
+}
+
+/** Put the example move into the field for a move's file, and let the motors be as fast as it needs. */
+async function takeExample() {
+  for (const i of pins.step.keys()) await running.device.ask("MotorSetSpeed", { motor: i + 1, ...setup.speed });
+  const chosen = new DataTransfer();
+  chosen.items.add(new File([await load(setup.example)], setup.example));
+  const field = document.querySelector('[aria-label="Moves"] input[type="file"]');
+  field.files = chosen.files;
+  field.dispatchEvent(new Event("change"));
+}
+
+/** The pins that the scope shows, [pin, name]. */
+function shownPins() {
+  const motors = pins.step.flatMap((pin, i) => [[pin, `Step ${i + 1} · GP${pin}`], [pins.dir[i], `Direction ${i + 1} · GP${pins.dir[i]}`]]);
+  return [...motors, [pins.dmx.tx, `DMX · GP${pins.dmx.tx}`], [pins.shutter, `Shutter · GP${pins.shutter}`], [pins.meter, `Meter · GP${pins.meter}`]];
+}
+
+/** Draw again and again, while the page is seen. */
+function keepDrawing(...parts) {
+  let last = 0;
+  const turn = (now) => {
+    if (now - last >= DRAWN_MS) {
+      last = now;
+      for (const part of parts) part.draw();
+    }
+    requestAnimationFrame(turn);
+  };
+  requestAnimationFrame(turn);
+}
+
 function place(bench) {
   const parts = ["header", "#lost", "nav", "main"].map((name) => document.querySelector(name));
   document.body.classList.add("try");
@@ -31,8 +79,13 @@ function place(bench) {
 const bench = h("aside", { id: "bench", "aria-label": "The board" });
 place(bench);
 const board = await makeBoard();
-globalThis.board = board; // for the browser's console
+const traced = new Pins(board, pins);
+const estop = estopButton(board);
+const picture = new RigPicture(traced, estop);
+const scope = new Scope(traced, shownPins());
 const terminal = new ReplTerminal(board.repl);
-bench.append(terminal.element);
-const device = start(() => SerialLink.at(board.protocol, board.repl));
-device.addEventListener("connected", () => terminal.greet());
+const running = start(() => SerialLink.at(board.protocol, board.repl, "a board in this page"));
+const tour = new Tour({ ...running, pins: traced, estop, terminal, takeExample });
+bench.append(tour.element, picture.element, scope.element, terminal.element);
+keepDrawing(picture, scope);
+running.device.addEventListener("connected", () => terminal.greet());

@@ -1,0 +1,76 @@
+// What the board's pins have done: their last edges, and the steps that they made.
+
+const RECORD = 10; // bytes (tools/framestep_emulator/board/lib/trace.mjs)
+const KEPT = 1 << 17; // edges of each pin; a motor at 20 000 steps/s makes them in three seconds
+const COUNT = 30;
+
+/** The last edges of one pin. `count` goes on for ever; those from `count - KEPT` on are there. */
+class Edges {
+  count = 0;
+  #times = new Float64Array(KEPT);
+  #levels = new Uint8Array(KEPT);
+
+  add(nanos, level) {
+    const at = this.count % KEPT;
+    this.#times[at] = nanos;
+    this.#levels[at] = level;
+    this.count += 1;
+  }
+
+  time(index) {
+    return this.#times[index % KEPT];
+  }
+
+  /** The level after an edge; 0 before all of them. */
+  level(index) {
+    return index < 0 ? 0 : this.#levels[index % KEPT];
+  }
+
+  /** How many edges there have been up to a time; the search begins at `from`. */
+  upTo(nanos, from = 0) {
+    let low = Math.max(from, this.count - KEPT, 0);
+    let high = this.count;
+    while (low < high) {
+      const middle = (low + high) >>> 1;
+      if (this.time(middle) <= nanos) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+}
+
+export class Pins {
+  /** The board's time up to which the edges are complete, ns. */
+  nanos = 0;
+  edges = Array.from({ length: COUNT }, () => new Edges());
+  /** Steps that each motor has made since power-up, up less down. */
+  steps;
+  #motorOf = new Map(); // step pin -> index of the motor
+  #dir;
+
+  /** step, dir: pins of the motors. */
+  constructor(board, { step, dir }) {
+    this.steps = step.map(() => 0);
+    this.#dir = dir;
+    step.forEach((pin, motor) => this.#motorOf.set(pin, motor));
+    board.addEventListener("edges", ({ detail }) => this.#take(detail));
+  }
+
+  level(pin) {
+    const edges = this.edges[pin];
+    return edges.level(edges.count - 1);
+  }
+
+  #take({ records, nanos }) {
+    const view = new DataView(records.buffer);
+    for (let at = 0; at < records.length; at += RECORD) {
+      const pin = records[at + 8];
+      const level = records[at + 9];
+      if (level === this.level(pin)) continue;
+      this.edges[pin].add(view.getUint32(at, true) + view.getUint32(at + 4, true) * 0x1_0000_0000, level);
+      const motor = level ? this.#motorOf.get(pin) : undefined;
+      if (motor !== undefined) this.steps[motor] += this.level(this.#dir[motor]) ? 1 : -1;
+    }
+    this.nanos = nanos;
+  }
+}

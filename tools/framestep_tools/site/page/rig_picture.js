@@ -1,0 +1,80 @@
+// The rig of the example move, as far as the pulses on the pins have brought it: a camera on an arm, on a carriage.
+
+import { h, setText } from "framestep-console/dom.js";
+import { pose } from "framestep-console/kinematics.js";
+import { M } from "framestep-console/protocol.js";
+import { beam, draw } from "./solids.js";
+
+const AXES = [["track", 25, "mm"], ["boom", 800, "°"], ["swing", 200, "°"], ["pan", 400, "°"]]; // motor by motor: steps per unit
+const ARM = 800; // mm
+const RIG = { type: M.VIRT_BOOM_SWING_TRACK, length: ARM, extension: 0, nodal: [0, 0, 0] };
+const BEHIND = 0.35; // of the arm behind its column: the counterweight
+const FLOOR = -650; // below the arm's hinge
+const TIE = 200; // mm from one tie of the track to the next
+const SEEN = 1700; // mm of the track to each side
+const FREE = 500; // mm that the carriage may go from the middle before the picture follows it
+const MIDDLE = 950; // the same of the track
+const HIGH = 0.5; // of the width
+const WIDE = 3000; // mm across
+const METAL = "#8d99a6";
+const DARK = "#4d5661";
+const CAMERA = "#2f7fb8";
+const ARM_COLOR = "#c98a2b";
+
+export class RigPicture {
+  #pins;
+  #canvas = h("canvas", { class: "rig", role: "img", "aria-label": "The rig" });
+  #said = h("p", { class: "faint" });
+  #middle = MIDDLE;
+
+  /** controls: elements for the corner. */
+  constructor(pins, ...controls) {
+    this.#pins = pins;
+    this.element = h("article", { class: "card rig-card", "aria-label": "Rig" },
+      h("h2", {}, "Rig"), ...controls, this.#canvas, this.#said);
+  }
+
+  draw() {
+    const at = Object.fromEntries(AXES.map(([name, perUnit], i) => [name, (this.#pins.steps[i] ?? 0) / perUnit]));
+    setText(this.#said, `Drawn from the pulses on the pins since power-up: ${AXES.map(([name, , unit], i) => `motor ${i + 1} ${name} ${at[name].toFixed(1)} ${unit}`).join(", ")}`);
+    this.#middle = Math.min(Math.max(this.#middle, at.track - FREE), at.track + FREE);
+    const width = this.#canvas.clientWidth;
+    const height = width * HIGH;
+    const scale = devicePixelRatio;
+    this.#canvas.width = Math.round(width * scale);
+    this.#canvas.height = Math.round(height * scale);
+    const context = this.#canvas.getContext("2d");
+    context.scale(scale, scale);
+    // the track leads along +X here, and the arm at rest away from it, to the front
+    const view = { yaw: -0.45, pitch: 0.35, scale: width / WIDE, center: [this.#middle, -150, 300], middle: [width / 2, height / 2] };
+    draw(context, this.#track(), view);
+    draw(context, this.#rig(at), view);
+  }
+
+  #track() {
+    const first = Math.ceil((this.#middle - SEEN) / TIE) * TIE;
+    const ties = [];
+    for (let x = first; x < this.#middle + SEEN; x += TIE) ties.push(beam([x, FLOOR - 20, -220], [x, FLOOR - 20, 220], 20, 40, DARK));
+    return [...ties, ...[-160, 160].map((z) => beam([this.#middle - SEEN, FLOOR, z], [this.#middle + SEEN, FLOOR, z], 25, 25, METAL))];
+  }
+
+  #rig({ track, boom, swing, pan }) {
+    const { camera, looks } = pose(RIG, [boom, swing, 0, pan]);
+    // of the console's world, where the track leads along Z and the arm along −Z
+    const turned = ([x, y, z]) => [-x, y, -z];
+    const hinge = [track, 0, 0];
+    const end = turned(camera).map((value, i) => value + hinge[i]);
+    const back = hinge.map((value, i) => value - BEHIND * (end[i] - value));
+    const ahead = turned(looks);
+    const from = (distance, down = 0) => end.map((value, i) => value + distance * ahead[i] - (i === 1 ? down : 0));
+    return [
+      beam([track - 180, FLOOR + 50, 0], [track + 180, FLOOR + 50, 0], 70, 380, DARK),
+      beam([track, FLOOR + 85, 0], [track, -20, 0], 90, 90, METAL, [0, 0, 1]),
+      beam(back, end, 60, 45, ARM_COLOR),
+      beam(back, back.map((value, i) => value + 0.25 * (hinge[i] - value)), 150, 150, DARK),
+      beam(end, from(0, 60), 40, 40, METAL, [0, 0, 1]),
+      beam(from(-90, 130), from(90, 130), 120, 90, CAMERA),
+      beam(from(90, 130), from(190, 130), 75, 75, DARK),
+    ];
+  }
+}

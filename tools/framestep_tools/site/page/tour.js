@@ -1,0 +1,131 @@
+// A tour in six steps. Each is done when the board says so, whoever did it.
+
+import { h, setText } from "framestep-console/dom.js";
+import { M } from "framestep-console/protocol.js";
+
+const LOOK_MS = 200;
+const MARKED_MS = 4000;
+const FAR = 100; // steps that are a jog
+const COMMAND = "status()";
+const MOTOR_CARD = '[aria-label="Motor 1"]';
+
+/** What is done in each step, and how it shows. `begin` gives the function that says whether it is done. */
+function steps({ device, moves, operation, pins, estop, terminal, takeExample }) {
+  return [
+    {
+      title: "Jog a motor",
+      text: "Hold + of motor 1. The carriage rolls, and the scope shows its pulses. Let go, and it ramps down.",
+      view: "Motors",
+      control: '[aria-label="Jog motor 1 up"]',
+      begin() {
+        const before = pins.steps[0];
+        return () => Math.abs(pins.steps[0] - before) > FAR && device.knowsWhatMoves && !device.moves(1);
+      },
+    },
+    {
+      title: "Set its zero",
+      text: "After power-up a step motor does not know where it is. Open “Zero, soft limits, speed” of motor 1 and press “Set position”.",
+      view: "Motors",
+      control: `${MOTOR_CARD} details form button`,
+      begin: () => () => device.trustOf(1)?.state === "known",
+    },
+    {
+      title: "Upload a move",
+      text: "A move is a position of each motor for each frame. Take the example, ten seconds of a crane on a track: it sets the motors' speeds, too. Then press “Upload”.",
+      view: "Moves",
+      control: '[aria-label="Moves"] form button',
+      action: ["Take the example", takeExample],
+      begin: () => () => moves.move !== null,
+    },
+    {
+      title: "Run it",
+      text: "Press “Get ready”: the motors go to where the run begins. Then press “GO”. Each motor makes its steps on its frame to some microseconds.",
+      view: "Moves",
+      control: '[aria-label="Run"] form > button',
+      begin() {
+        let played = false;
+        return () => {
+          played ||= operation.playing;
+          return played && !operation.playing;
+        };
+      },
+    },
+    {
+      title: "Press the E-stop",
+      text: "Run it again, and press the red button while it moves: all motors ramp down at once, and the page says why. Press it once more to let go.",
+      control: ".estop",
+      begin() {
+        let stopped = false;
+        device.addEventListener("hardstop", ({ detail }) => {
+          stopped ||= detail.reason === M.HARD_STOP_GENERAL;
+        });
+        return () => stopped && estop.getAttribute("aria-pressed") === "false";
+      },
+    },
+    {
+      title: "Type on its REPL",
+      text: `The firmware is Python, and you can talk to it while it runs: type ${COMMAND} and Enter.`,
+      control: '[aria-label="REPL"]',
+      action: ["Type it for me", () => terminal.enter(COMMAND)],
+      begin() {
+        const before = terminal.lines;
+        return () => terminal.lines > before;
+      },
+    },
+  ];
+}
+
+/** Bring a control before the user, and mark it for a moment. */
+function mark({ view, control }) {
+  if (view) [...document.querySelectorAll("nav button")].find((tab) => tab.textContent === view)?.click();
+  const found = document.querySelector(control);
+  if (!found) return;
+  const details = found.closest("details");
+  if (details) details.open = true;
+  found.scrollIntoView({ block: "center" });
+  found.classList.add("marked");
+  setTimeout(() => found.classList.remove("marked"), MARKED_MS);
+}
+
+export class Tour {
+  element = h("article", { class: "card tour", "aria-label": "Tour" });
+  #list = h("ol");
+  #said = h("p", { class: "faint", role: "status" });
+  #steps;
+  #at = -1;
+  #isDone = () => false;
+
+  constructor(parts) {
+    this.#steps = steps(parts).map((step, i) => {
+      const title = h("button", { type: "button", onclick: () => this.#show(i) }, step.title);
+      const body = h("div", { class: "tour-step" }, h("p", {}, step.text), h("div", { class: "row" },
+        h("button", { type: "button", onclick: () => mark(step) }, "Show me where"),
+        step.action ? h("button", { type: "button", onclick: step.action[1] }, step.action[0]) : null));
+      const item = h("li", {}, title, body);
+      this.#list.append(item);
+      return { ...step, item, title, body };
+    });
+    this.element.append(h("h2", {}, "Tour"), this.#list, this.#said);
+    this.#show(0);
+    setInterval(() => this.#look(), LOOK_MS);
+  }
+
+  #show(i) {
+    this.#at = i;
+    for (const [j, { title, body }] of this.#steps.entries()) {
+      body.hidden = j !== i;
+      if (j === i) title.setAttribute("aria-current", "step");
+      else title.removeAttribute("aria-current");
+    }
+    this.#isDone = this.#steps[i]?.begin() ?? (() => false);
+  }
+
+  #look() {
+    if (!this.#isDone()) return;
+    const { item, title } = this.#steps[this.#at];
+    item.classList.add("done");
+    const next = this.#steps.findIndex((step) => !step.item.classList.contains("done"));
+    setText(this.#said, `Done: ${title.textContent}.${next < 0 ? " That was the tour; all of the console works on this board." : ""}`);
+    this.#show(next);
+  }
+}
