@@ -5,28 +5,13 @@ import struct
 from itertools import accumulate
 
 from framestep.protocol import messages as m
+from framestep_tools.payloads import REQUESTS
 
 from .findings import Part
 
 SLOW_MS = 150  # a frame that takes longer to come may be given up
 HEAD = struct.Struct("<2sIHH")
-MOTIONS = frozenset(
-    (
-        m.MSG_MOTOR_MOVE,
-        m.MSG_MOTOR_JOG,
-        m.MSG_HOME,
-        m.MSG_RT_POSITION_FRAME,
-        m.MSG_RT_RUN_MOVE,
-        m.MSG_RT_SHOOT_FRAME,
-        m.MSG_RT_SHOOT_FRAME2,
-        m.MSG_RT_GO,
-        m.MSG_RT_JOG_ALL,
-        m.MSG_VIRT_MOVE,
-        m.MSG_VIRT_JOG,
-        m.MSG_VIRT_JOG_ON_LINE,
-        m.MSG_VIRT_AIM_POINT,
-    )
-)
+MOTIONS = frozenset(kind for kind, cls in REQUESTS.items() if cls.MOVES)
 LIGHTS = frozenset((m.MSG_GIO_OUT, m.MSG_GIO_CAM, m.MSG_RT_POSITION_FRAME)) | MOTIONS
 
 

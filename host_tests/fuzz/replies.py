@@ -4,19 +4,18 @@ on."""
 import struct
 
 from framestep.protocol import messages as m
+from framestep_tools.payloads import REQUESTS, Ack
+from host_tests.protocol.notes import table
 
 from .bounds import STEEPEST
 from .findings import Part
 
 LATE_MS = 1500  # for passes that are held up
 OPERATIONS = (m.MSG_RT_RUN_MOVE, m.MSG_RT_SHOOT_FRAME, m.MSG_RT_SHOOT_FRAME2)
-QUESTIONS = (
-    m.MSG_HI,
-    m.MSG_MOTOR_STATUS,
-    m.MSG_MOTOR_GET_POSITION,
-    m.MSG_GIO_IN,
-    m.MSG_VIRT_GET_POSITION,
+QUESTIONS = frozenset(
+    kind for kind, cls in REQUESTS.items() if cls.REPLY is not Ack and not cls.MOVES
 )
+FORMS = {row.number: row.told for row in table().values()}  # of what the device sends
 
 
 class Replies(Part):
@@ -90,15 +89,7 @@ class Replies(Part):
                 )
 
     def _form(self, kind, payload):
-        sizes = {
-            m.MSG_HI: 51,
-            m.MSG_MOTOR_STATUS: 5,
-            m.MSG_MOTOR_GET_POSITION: 4 + 4 * self.count,
-            m.MSG_GIO_IN: 4,
-            m.MSG_MOTOR_MOVE: 1,
-            m.MSG_VIRT_AIM_POINT: 13,
-        }
-        if sizes.get(kind, len(payload)) != len(payload):
+        if len(payload) not in [least + entry * self.count for least, entry in FORMS.get(kind, ())]:
             self.fail("form", f"a reply of type {kind:#06x} with {len(payload)} bytes")
 
     def _unasked(self, kind, payload):

@@ -1,6 +1,8 @@
 """The protocol's messages as typed values, as framestep.protocol.declared has them, and tables of
 them."""
 
+from typing import Any
+
 from framestep.protocol import declared
 
 # All of them, so that one that is added is there
@@ -11,7 +13,7 @@ from framestep.protocol.declared import Ack, Payload, Request, RtEnd, RtGo
 # MSG_RT_UPLOAD_MOVE_AXIS)
 LAST_SECTION = declared.LAST_SECTION << 16
 # By their numbers, with those that only a device sends
-REQUESTS: dict[int, type[Payload]] = {cls.TYPE: cls for cls in Request.__subclasses__()}
+REQUESTS: dict[int, type[Request[Any]]] = {cls.TYPE: cls for cls in Request.__subclasses__()}
 # What comes without the acknowledgement flag, asked for or not
 REPORTS: dict[int, type[Payload]] = {
     cls.TYPE: cls

@@ -35,6 +35,20 @@ QUESTIONS = {
 }
 
 
+def test_what_sets_motors_in_motion_is_declared():
+    """It is taken with a move uploaded, or for a run that is ready, but not while the E-stop is
+    held."""
+    tried = set()
+    for _, request, answers in realtime_answers.ANSWERS:
+        told = dict(zip(realtime_answers.STATES, answers.split(), strict=True))
+        if "OK" in told.values():  # others need a rig with virtual axes or switches
+            taken = "OK" in (told["idle"], told["ready"])
+            refused = told["estop"] == "15"
+            assert (taken and refused) is request.MOVES, request
+            tried.add(request.TYPE)
+    assert len(tried) > 20
+
+
 def slow(session):
     for motor in (1, 2):
         session.speed(motor, *SLOW)

@@ -23,6 +23,7 @@ from ..client.open_port import close_port, is_socket
 from ..client.shared_port import Door
 from ..client.wire import Frame, FrameDecoder, encode
 from ..payloads import (
+    TYPE_NAMES,
     Ack,
     MotorJog,
     MotorStatus,
@@ -40,7 +41,7 @@ _LOOK_S = 0.05  # how long the reader waits for a byte before it looks whether i
 _ANSWER_S = 5.0
 _FIRST_ID = 0xF000_0000  # of requests that the bridge makes; the page counts from 1
 _FIRST_OF_OTHERS = 0xE000_0000  # of those that come in by the door
-_JOGS = (MotorJog.TYPE, RtJogAll.TYPE, VirtJog.TYPE, VirtJogOnLine.TYPE)
+_JOGS = {kind for kind, name in TYPE_NAMES.items() if "JOG" in name}
 # the virtual motor that VIRT_STOP names for each axis of JOG_ON_LINE (field note 9.6)
 _OF_LINE = {0: 2, 1: 3, 2: 1, 3: 4, 4: 5}
 

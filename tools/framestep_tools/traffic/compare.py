@@ -19,23 +19,7 @@ from ..payloads import TYPE_NAMES, Ack, type_name
 from .log import DEVICE, HOST, REPLAY_IDS, Entry
 from .sniffer import describe, meaning
 
-_MOVES = {
-    cls.TYPE
-    for cls in (
-        p.MotorMove,
-        p.MotorJog,
-        p.Home,
-        p.RtPositionFrame,
-        p.RtRunMove,
-        p.RtShootFrame,
-        p.RtShootFrame2,
-        p.RtGo,
-        p.RtJogAll,
-        p.VirtMove,
-        p.VirtJog,
-        p.VirtJogOnLine,
-    )
-}
+_MOVES = {kind for kind, cls in p.REQUESTS.items() if cls.MOVES}
 _TURNS = {p.HardStop.TYPE, p.RtEnd.TYPE, p.RtGo.TYPE}  # unasked, and no matter of time
 _OF_THE_MOMENT = (p.Status, p.InputLevels, p.Condition, p.Exceeded)
 

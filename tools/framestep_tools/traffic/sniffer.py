@@ -3,7 +3,7 @@
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..client.wire import Frame, FrameDecoder
@@ -35,7 +35,11 @@ def meaning(frame: Frame, from_host: bool | None = None) -> Payload | Ack | None
             return Ack.unpack(frame.payload)
         except ValueError:
             return None
-    tables = {True: (REQUESTS,), False: (REPORTS,), None: (REQUESTS, REPORTS)}[from_host]
+    tables: list[Mapping[int, type[Payload]]] = []
+    if from_host is not False:
+        tables.append(REQUESTS)
+    if not from_host:
+        tables.append(REPORTS)
     for table in tables:
         try:
             return table[frame.type].unpack(frame.payload)
