@@ -334,20 +334,20 @@ class Controller:
     # A handler returns the code to acknowledge with, or 0 where it has answered itself.
 
     def _hi(self):
-        """MSG_HI: no payload. The answer says what the board can do (field notes 1.4 and 1.5)."""
+        """MSG_HI. The answer says what the board can do (field notes 1.4 and 1.5)."""
         self.reports.send_hi(self.reader)
         self.reports.hi = False
         return 0
 
     def _get_position(self):
-        """MSG_MOTOR_GET_POSITION: no payload. The answer: MOVE TIME and positions (note 4.6)."""
+        """MSG_MOTOR_GET_POSITION. The answer: MOVE TIME and positions (note 4.6)."""
         self.reports.send_positions(self.reader)
         return 0
 
     def _status(self):
-        """MSG_MOTOR_STATUS: no payload (field note 4.7).
+        """MSG_MOTOR_STATUS (field note 4.7).
 
-        The answer: motors that move or are about to 0, one bit each; whether lights ramp 4 (8.1).
+        The answer: motors that move or are about to, one bit each; whether lights ramp (8.1).
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
@@ -382,9 +382,9 @@ class Controller:
         return bits
 
     def _condition(self):
-        """MSG_CONDITION, framestep's own: no payload.
+        """MSG_CONDITION, framestep's own.
 
-        The answer: CONDITION_ bits 0, then state and reason of each motor's position, a byte each
+        The answer: CONDITION_ bits, then state and reason of each motor's position
         (motors/positions.py).
         """
         writer = self.writer

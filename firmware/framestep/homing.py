@@ -82,8 +82,8 @@ class Homing:
     # ---------------------------------------------------------------- requests
 
     def _home(self):
-        """MSG_HOME, framestep's own (field note 4.9): motors 0, a byte each; none: all enabled
-        ones that have `home` in the rig file."""
+        """MSG_HOME, framestep's own (field note 4.9). No motors: all enabled ones that have `home`
+        in the rig file."""
         reader = self.controller.reader
         bits = 0
         for i in range(reader.length):

@@ -176,7 +176,7 @@ class Stops:
         return False
 
     def stop_all(self):
-        """MSG_MOTOR_STOP_ALL: all motors ramp down. A payload (flags 0) is ignored.
+        """MSG_MOTOR_STOP_ALL: all motors ramp down. Flags are ignored.
 
         Within SECOND_STOP_MS of another one, or while JOG_ALL comes to rest on a frame, it is the
         hard stop (field notes 4.4 and 6.10). Returns OK.

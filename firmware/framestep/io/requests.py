@@ -1,8 +1,7 @@
 """Requests about lights, outputs, inputs and the camera, and reports of inputs and stop inputs.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing
-allocates after construction.
+or 0 if it has answered itself. Nothing allocates after construction.
 """
 
 from array import array
@@ -139,8 +138,7 @@ class Io:
     # ---------------------------------------------------------------- requests
 
     def _dmx(self):
-        """MSG_DMX: ramp 0 (0 or 1), first channel 1, a level for each channel 3 (field note
-        8.1)."""
+        """MSG_DMX: levels from a channel on; a ramp is 0 or 1 (field note 8.1)."""
         reader = self.reader
         ramp = reader.u8(m.Dmx.ramp)
         channel = reader.u16(m.Dmx.channel)
@@ -155,7 +153,7 @@ class Io:
         return m.OK
 
     def _gio_out(self):
-        """MSG_GIO_OUT: outputs 0, one bit each, 1 for on (field note 8.3).
+        """MSG_GIO_OUT: one bit each, 1 for on (field note 8.3).
 
         Bits past the last output are ignored.
         """
@@ -163,12 +161,12 @@ class Io:
         return m.OK
 
     def _gio_in(self):
-        """MSG_GIO_IN: no payload. The answer says which inputs are on (field note 8.3)."""
+        """MSG_GIO_IN. The answer says which inputs are on (field note 8.3)."""
         self._send_inputs(self.reader)
         return 0
 
     def _gio_cam(self):
-        """MSG_GIO_CAM: outputs 0, bits GIO_CAM_, 1 for on (spec)."""
+        """MSG_GIO_CAM: bits GIO_CAM_, 1 for on (spec)."""
         flags = self.reader.u16(m.GioCam.flags)
         self.camera.set(flags & m.GIO_CAM_SHUTTER, flags & m.GIO_CAM_METER)
         return m.OK

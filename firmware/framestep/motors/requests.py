@@ -1,8 +1,7 @@
 """Requests about single motors: moves, jogs, stops, positions, settings.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 if it has answered itself; numbers in its docstring are offsets in the payload. Nothing
-allocates after construction.
+or 0 if it has answered itself. Nothing allocates after construction.
 """
 
 from array import array
@@ -155,7 +154,7 @@ class Motors:
         return number - 1 if 0 < number <= self.count else -1
 
     def _move(self):
-        """MSG_MOTOR_MOVE: motor 0, target in steps 1 (field notes 4.3 and 4.8).
+        """MSG_MOTOR_MOVE (field notes 4.3 and 4.8).
 
         The answer says whether it moves; in the dialect dmc-lite it is a code (field note 1.4).
         """
@@ -195,7 +194,7 @@ class Motors:
         return m.OK
 
     def _jog(self):
-        """MSG_MOTOR_JOG: motor 0, speed 1 (1 … 10000), target in steps 3 (field note 4.2)."""
+        """MSG_MOTOR_JOG: speed 1 … 10000 (field note 4.2)."""
         motor = self._motor()
         speed = self.reader.u16(m.MotorJog.speed)
         if motor < 0 or speed < 1 or speed > FULL_SPEED:
@@ -239,7 +238,7 @@ class Motors:
                     self.jogging &= ~bit
 
     def _stop(self):
-        """MSG_MOTOR_STOP: motor 0 (spec; field notes 1.8 and 6.11).
+        """MSG_MOTOR_STOP (spec; field notes 1.8 and 6.11).
 
         If it takes part in an operation or a virtual motion, all motors of that stop.
         """
@@ -263,8 +262,7 @@ class Motors:
     # ---------------------------------------------------------------- settings
 
     def _reset_position(self):
-        """MSG_MOTOR_RESET_POSITION: motor 0, its position from now on in steps 1 (field note
-        4.5)."""
+        """MSG_MOTOR_RESET_POSITION: the motor's position from now on (field note 4.5)."""
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
@@ -283,7 +281,7 @@ class Motors:
         return m.OK
 
     def _configure(self):
-        """MSG_MOTOR_CONFIGURE: motor 0, flags 1: bits MOTOR_ (field notes 3.1 and 4.5)."""
+        """MSG_MOTOR_CONFIGURE: bits MOTOR_ (field notes 3.1 and 4.5)."""
         motor = self._motor()
         flags = self.reader.u8(m.MotorConfigure.flags)
         if motor < 0:
@@ -350,7 +348,7 @@ class Motors:
         self.controller.operations.player.excluded = bits
 
     def _set_speed(self):
-        """MSG_MOTOR_SET_SPEED: motor 0, velocity in steps/s 1, acceleration in steps/s² 5.
+        """MSG_MOTOR_SET_SPEED, in steps/s and steps/s².
 
         Acceleration 0 is half the velocity (field note 4.1).
         """
@@ -367,11 +365,7 @@ class Motors:
         return m.OK
 
     def _set_limits(self):
-        """MSG_MOTOR_SET_LIMITS (field notes 3.3 and 4.3).
-
-        Motor 0, whether there is a lower limit 1, its step 2, whether there is an upper limit 6,
-        its step 7, limit switches 11.
-        """
+        """MSG_MOTOR_SET_LIMITS: soft limits and limit switches (field notes 3.3 and 4.3)."""
         reader = self.reader
         controller = self.controller
         motor = self._motor()
@@ -398,13 +392,10 @@ class Motors:
         return m.OK
 
     def _exceeded(self):
-        """MSG_EXCEEDED, framestep's own (field note 5.5): no payload, or motor 0.
+        """MSG_EXCEEDED, framestep's own (field note 5.5).
 
-        The answer says what the last move asked too much of: EXCEEDED_ 0, motor 1, scene frame 2,
-        by how much 6 (field note 5.5). Then what is set for that motor, or for the one of the
-        request: motor 10, velocity 11, acceleration 15, soft limits 19 (lower) and 23 (upper), SET_
-        bits 27; the limit sets whose upper switch 28 and whose lower switch 30 is active, one bit
-        each. Last, of EXCEEDED_MEMORY, the bytes that were free 32.
+        The answer says what the last move asked too much of, then what is set for that motor, or
+        for the one of the request: m.Exceeded, field by field.
         """
         writer = self.writer
         exceeded = self.controller.operations.player.exceeded

@@ -1,9 +1,9 @@
 """Requests about uploaded moves and the operations that play them.
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
-or 0 where it has answered itself. Payloads are taken apart here and nowhere else in moves; numbers
-in docstrings are offsets in bytes. What a request means is decided in operations.py and by the
-operations. Nothing allocates after construction.
+or 0 where it has answered itself. Payloads are taken apart here and nowhere else in moves. What a
+request means is decided in operations.py and by the operations. Nothing allocates after
+construction.
 """
 
 from array import array
@@ -85,7 +85,7 @@ class Moves:
     # ---------------------------------------------------------------- uploads
 
     def _begin(self):
-        """MSG_RT_UPLOAD_MOVE_BEGIN: start frame 0, end frame 4 (field notes 5.1 and 5.3)."""
+        """MSG_RT_UPLOAD_MOVE_BEGIN (field notes 5.1 and 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
         code = self.store.begin(
@@ -101,10 +101,7 @@ class Moves:
         return code
 
     def _axis(self):
-        """MSG_RT_UPLOAD_MOVE_AXIS (field note 5.3).
-
-        Motor 0, start index 1 (high bit: last section), positions 5.
-        """
+        """MSG_RT_UPLOAD_MOVE_AXIS (field note 5.3); the start index has a bit: last section."""
         reader = self.reader
         number = reader.u8(m.RtUploadMoveAxis.motor)
         if number < 1 or number > self.operations.axes.count:
@@ -122,10 +119,7 @@ class Moves:
         return code if code == m.OK else self._exceeded(code)
 
     def _dmx(self):
-        """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3).
-
-        Channel 0, start index 2 (high bit: last section), levels 6.
-        """
+        """MSG_RT_UPLOAD_MOVE_DMX (field note 5.3), in the same way."""
         reader = self.reader
         if self.operations.running:
             return m.ERR_MOVING
@@ -140,7 +134,7 @@ class Moves:
         return code if code == m.OK else self._exceeded(code)
 
     def _triggers(self):
-        """MSG_RT_UPLOAD_MOVE_TRIGGERS: mask 0, pairs of frame and values 4 (field note 5.3)."""
+        """MSG_RT_UPLOAD_MOVE_TRIGGERS (field note 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
         reader = self.reader
@@ -154,10 +148,7 @@ class Moves:
         return code if code == m.OK else self._exceeded(code)
 
     def _end(self):
-        """MSG_RT_UPLOAD_MOVE_END: no payload.
-
-        The move can be played from now on (field note 5.3).
-        """
+        """MSG_RT_UPLOAD_MOVE_END: the move can be played from now on (field note 5.3)."""
         if self.operations.running:
             return m.ERR_MOVING
         code = self.store.finish()
@@ -169,7 +160,7 @@ class Moves:
     # ---------------------------------------------------------------- operations
 
     def _position_frame(self):
-        """MSG_RT_POSITION_FRAME: frame 0 (field notes 4.6, 5.1 and 6.11).
+        """MSG_RT_POSITION_FRAME (field notes 4.6, 5.1 and 6.11).
 
         The motors go there; lights and triggers are set as they are there.
         """
@@ -186,12 +177,7 @@ class Moves:
 
     def _run_move(self):
         """MSG_RT_RUN_MOVE: motors go to where the run begins and wait for GO (field notes 6.1 to
-        6.9).
-
-        FPS (thousandths) 0, start frame 4, end frame 8, pre-roll ms 12, post-roll ms 16, sync 20,
-        bloop: outputs 21, channel 25, ms 27; if they are there: flags 29, open and close angle 31
-        and 33.
-        """
+        6.9)."""
         reader = self.reader
         code = self._may_begin()
         if code != m.OK:
@@ -254,11 +240,7 @@ class Moves:
         return code
 
     def _shoot_frame(self):
-        """MSG_RT_SHOOT_FRAME (field note 7.1).
-
-        Frame 0, direction 4 (1 forward, 0 backward), exposure ms 5, blur permille 9, motors 11: see
-        _listed().
-        """
+        """MSG_RT_SHOOT_FRAME: direction 1 forward, 0 backward (field note 7.1)."""
         reader = self.reader
         code = self._may_begin()
         if code == m.OK and reader.u8(m.RtShootFrame.direction) > 1:
@@ -278,10 +260,7 @@ class Moves:
         return self._report_exceeded(code)
 
     def _shoot_frame2(self):
-        """MSG_RT_SHOOT_FRAME2 (field note 7.3).
-
-        Frame 0, exposure ms 4, open and close angle 8 and 10, motors 12: see _listed().
-        """
+        """MSG_RT_SHOOT_FRAME2 (field note 7.3)."""
         reader = self.reader
         code = self._may_begin()
         if code == m.OK:
@@ -301,8 +280,7 @@ class Moves:
         """Put POS A and POS B of the motors listed at `offset` into the draft, exchanged if
         `backward`.
 
-        Each entry: motor 0, POS A 1, POS B 5. Returns the bits of these motors, -1 if some motor
-        does not exist.
+        Returns the bits of these motors, -1 if some motor does not exist.
         """
         reader = self.reader
         draft = self.shoot.draft
@@ -310,13 +288,13 @@ class Moves:
         last = draft.a if backward else draft.b
         bits = 0
         while offset < reader.length:
-            number = reader.u8(offset)
+            number = reader.u8(offset + m.BlurMotor.motor)
             if number < 1 or number > self.operations.axes.count:
                 return -1
             bits |= 1 << (number - 1)
-            reader.copy_i32_to(offset + 1, first, number - 1)
-            reader.copy_i32_to(offset + 5, last, number - 1)
-            offset += 9
+            reader.copy_i32_to(offset + m.BlurMotor.position_a, first, number - 1)
+            reader.copy_i32_to(offset + m.BlurMotor.position_b, last, number - 1)
+            offset += m.BlurMotor.SIZE
         return bits
 
     def _may_begin(self):
@@ -342,7 +320,7 @@ class Moves:
         return code
 
     def _go(self):
-        """MSG_RT_GO: no payload. Acknowledged first, then the motion starts (field note 6.3)."""
+        """MSG_RT_GO. Acknowledged first, then the motion starts (field note 6.3)."""
         code = self._may_go()
         if code == m.OK:
             self.controller.acknowledge(m.OK)
@@ -361,7 +339,7 @@ class Moves:
         return True
 
     def _stop_loop(self):
-        """MSG_RT_STOP_LOOP: no payload.
+        """MSG_RT_STOP_LOOP.
 
         It counts before GO, too; without a loop it does nothing (field note 6.12).
         """
@@ -370,7 +348,7 @@ class Moves:
         return m.OK
 
     def _jog_all(self):
-        """MSG_RT_JOG_ALL: FPS (thousandths) 0, destination frame 4 (field note 6.10)."""
+        """MSG_RT_JOG_ALL (field note 6.10)."""
         code = self.controller.motors.may_move_all()
         if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
             code = m.ERR_MOVING

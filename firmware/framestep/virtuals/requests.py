@@ -20,12 +20,11 @@ from framestep.virtuals.virtual_axes import VirtualAxes
 
 _TYPES = const(5)  # and 0 is none
 _LEAST_BYTES = b"\x01\x5d\x11\x5d\x55"  # of a VIRT_CONFIG, by type
-_AXES_AT = const(1)  # motor, steps per unit, and the position but for swing-pan
-_SWING_PAN_BYTES = const(8)
-_AXIS_BYTES = const(12)
-_LENGTHS_AT = const(73)  # LENGTH and EXTENSION, but for X-Y-Z; then the nodal offset
+_AXES_AT = const(m.VirtConfig.SIZE)
+_AXIS_BYTES = const(m.VirtualAxis.SIZE)
+_SWING_PAN_BYTES = const(m.VirtualAxis.position)  # all of an axis but its position
 _TABLE_AT = const(93)  # of boom-swing-track, if the payload has it
-_TABLE_BYTES = const(484)
+_TABLE_BYTES = const(4 * m.BOOM_TABLE_SIZE)
 
 _POSE_OF_AIM = b"\x01\x02\x00"  # which number of a pose X, Y, Z of an aim point are
 _FASTEST = const(10000)  # ten-thousandths: the speed of a jog
@@ -74,19 +73,19 @@ def read_configuration(reader, kind, motors, configuration):
         configuration.lengths[i] = 0
     at = _AXES_AT
     for i in range(axes):
-        motor = reader.i32(at)
+        motor = reader.i32(at + m.VirtualAxis.motor)
         if motor < least or motor > motors:
             return False
         if motor:
-            if reader.i32(at + 4) == 0:
+            if reader.i32(at + m.VirtualAxis.steps_per_unit_milli) == 0:
                 return False
             for k in range(i):
                 if configuration.motors[k] == motor:
                     return False
         configuration.motors[i] = motor
-        reader.copy_i32_to(at + 4, configuration.steps_per_unit, i)
+        reader.copy_i32_to(at + m.VirtualAxis.steps_per_unit_milli, configuration.steps_per_unit, i)
         if size == _AXIS_BYTES:
-            reader.copy_i32_to(at + 8, configuration.positions, i)
+            reader.copy_i32_to(at + m.VirtualAxis.position, configuration.positions, i)
         at += size
     configuration.table_at = -1
     if kind == m.VIRT_SWING_PAN:
@@ -130,8 +129,7 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- configuration
 
     def _configure(self):
-        """MSG_VIRT_CONFIG: type 0, then what read_configuration() reads (field notes 9.2 and
-        9.3)."""
+        """MSG_VIRT_CONFIG: read_configuration() reads it (field notes 9.2 and 9.3)."""
         reader = self.reader
         line = self.line
         kind = reader.u8(m.VirtConfig.type)
@@ -189,7 +187,7 @@ class Virtuals(VirtualAxes):
         return writer.end()
 
     def _get_position(self):
-        """MSG_VIRT_GET_POSITION: no payload. Answered with the pose (field notes 9.2 and 9.8)."""
+        """MSG_VIRT_GET_POSITION. Answered with the pose (field notes 9.2 and 9.8)."""
         if not self.configured:
             return m.ERR_GENERAL
         self.send_positions(self.reader)
@@ -205,7 +203,7 @@ class Virtuals(VirtualAxes):
         return number
 
     def _move(self):
-        """MSG_VIRT_MOVE: virtual axis 0, position 1, units · 100000 (field notes 9.1 and 9.5)."""
+        """MSG_VIRT_MOVE: in units · 100000 (field notes 9.1 and 9.5)."""
         code = self.may_move()
         if code != m.OK:
             return code
@@ -226,7 +224,7 @@ class Virtuals(VirtualAxes):
         return self.set_out_to_end(number)
 
     def _stop(self):
-        """MSG_VIRT_STOP: virtual axis 0 (field notes 9.1 and 9.6)."""
+        """MSG_VIRT_STOP (field notes 9.1 and 9.6)."""
         if not self.configured:
             return m.ERR_GENERAL
         number = self._number()
@@ -241,10 +239,7 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- jogs
 
     def _jog(self):
-        """MSG_VIRT_JOG: virtual axis 0, speed 1, destination 3: a step of its main motor.
-
-        Field note 9.6.
-        """
+        """MSG_VIRT_JOG: the destination is a step of its main motor (field note 9.6)."""
         reader = self.reader
         code = self.may_move()
         if code != m.OK:
@@ -257,7 +252,7 @@ class Virtuals(VirtualAxes):
         return self.jogs.jog_axis(number, speed, self.word)
 
     def _jog_on_line(self):
-        """MSG_VIRT_JOG_ON_LINE: axis 0, speed 1 (signed).
+        """MSG_VIRT_JOG_ON_LINE, at a speed with a sign.
 
         Until VIRT_STOP of the axis, or a limit (field note 9.6).
         """
@@ -275,7 +270,7 @@ class Virtuals(VirtualAxes):
     # ---------------------------------------------------------------- the aim point
 
     def _aim_point(self):
-        """MSG_VIRT_AIM_POINT: enable 0, x 1, y 5, z 9 (units · 1000).
+        """MSG_VIRT_AIM_POINT, in units · 1000.
 
         Answered with the same (field note 9.7).
         """
