@@ -288,6 +288,25 @@ def test_retargeted_within_the_jerk_limit(velocity, acceleration, jerk):
         assert max(motor.gone) * 1e3 <= velocity * 1.0001 + 0.25, tick
 
 
+@pytest.mark.parametrize("jerk", [2000, 1000, 300])
+def test_stopped_on_the_way_it_keeps_within_it(jerk):
+    """In each tick of a move without a cruise, whose jerk lasts some ticks or fewer: a stop and a
+    turn do not take the motor past where it was to end."""
+    velocity, acceleration, way = 2799, 6097, 392
+    for tick in range(2, 510, 4):
+        for stops in (True, False):
+            motor = Motor(velocity, acceleration, jerk)
+            motor.move_to(way)
+            motor.run(tick)
+            if stops:
+                motor.axis.stop(motor.bench, 1, True)
+            else:
+                motor.move_to(0)
+            motor.to_rest()
+            motor.check(velocity, acceleration)
+            assert max(accumulate(motor.bench.engines[0].ways)) <= way, (tick, stops)
+
+
 @st.composite
 def gentle_scripts(draw):
     """Settings with a jerk limit, whose ramps take some seconds at most, requests at any moments,

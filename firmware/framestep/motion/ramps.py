@@ -252,7 +252,11 @@ def _append_aim(phases, duration, start, end, down, targets, i, part=0):
 
 
 def _level(phases):
-    """With a jerk limit, first let the acceleration 2·G2 go; what follows begins without one."""
+    """With a jerk limit, first let the acceleration 2·G2 go; what follows begins without one.
+
+    Where it speeds up and that takes but a few ticks it goes at once, as in the ramp under way,
+    which may have no jerk: a turn or a stop would end past where that ramp was to lead.
+    """
     r = scratch
     if reals.sign(r, _J) <= 0:
         return
@@ -263,7 +267,7 @@ def _level(phases):
     if rising > 0:
         reals.negate(r, _G3, _G3)
     compute(0, 0, r, _ACCELERATION_ENDS)
-    if reals.compare(r, _T, _SHORT) < 0:
+    if reals.compare(r, _T, _FEW if reals.sign(r, _V) == rising else _SHORT) < 0:
         return
     phases.append(RAMP, _T, _V, _G2, _G3, False)
     compute(0, 0, r, _AFTER_ACCELERATION)
