@@ -202,6 +202,16 @@ def test_settle(cubic):
         assert 0 <= before - whole - Fraction(cubic[segments.P], 2**16) < Fraction(1, 2**16)
 
 
+@pytest.mark.parametrize("step", [-58, 0, 7, -(2**31)])
+@pytest.mark.parametrize("part", [-4095, -1536, -1, 1, 4095])
+def test_settled_beside_its_step(step, part):
+    """Where it has come to rest beside a step (smoothing.py) it settles on that."""
+    cubic = array("i", [0] * segments.CUBIC_WORDS)
+    segments.snap(cubic, array("i", [step, part]))
+    segments.settle(cubic)
+    assert list(cubic) == [step, 0, 0, 0, 0, 0, 0, 0, 0]
+
+
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 65535), cubics())
 def test_snap(step, part, cubic):
     before = coefficients(cubic)

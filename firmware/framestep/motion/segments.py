@@ -276,7 +276,7 @@ def settle(cubic: ptr32):
     """Bring a cubic to rest where it is, on a whole step if that is within a sixteenth: it was
     meant then."""
     if (cubic[P] + 0x1000) & 0xE000 == 0:
-        cubic[WHOLE] = cubic[WHOLE] + (cubic[P] >> 15)
+        cubic[WHOLE] = cubic[WHOLE] + ((cubic[P] + 0x8000) >> 16)
         cubic[P] = 0
     cubic[P + 1] = 0
     i = G1
