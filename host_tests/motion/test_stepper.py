@@ -66,6 +66,16 @@ def test_ramp(acceleration):
     at_rest(bench)
 
 
+def test_two_steps_in_the_tick_after_one_without():
+    """At a step per tick a ramp may have its steps just before a tick and just after it."""
+    bench = Bench().settle()
+    a = Fraction(1_999_999, 2_000_000_000)  # at 499.99975 after 1000 ticks
+    profile = trapezoid(1100, a, 100)
+    assert np.bincount(profile.steps()[0].astype(int))[998:1002].tolist() == [1, 0, 2, 1]
+    start = bench.play([profile.segments()])
+    assert np.abs(errors_us(bench, start, profile, ticks=1090)).max() < 2
+
+
 @pytest.mark.parametrize("acceleration, limit_us", [(400_000, 8), (1_000_000, 20), (4_000_000, 60)])
 def test_steep_ramp(acceleration, limit_us):
     """Beyond 100 000 steps/s² the first steps lie less exactly."""

@@ -359,6 +359,15 @@ class Header(array):
                         if alone:
                             back = n - 1
                             extra = 0
+                        elif n - 2:
+                            pass
+                        elif m[CARRY] - m[RESERVE]:
+                            pass
+                        else:
+                            # no pulse in the tick before: the first is not as far from that as
+                            # the second is from the first
+                            back = 1
+                            extra = 0
                     else:
                         if d < 64:
                             # a step owed from before, at rest or turning round
