@@ -248,17 +248,18 @@ class Controller:
             if is_open:
                 self.reports.hi = True  # field note 1.5
             self.active_passes = _ACTIVE_PASSES
-        waiting = reader.waiting
-        if port.poll(reader):
+        taken = port.poll(reader)
+        if taken:
             self.heard_at = self.now
-            if not waiting:
-                self.begun_at = self.now
         elif not reader.waiting and not self.backlog:
             return False
-        return self._attend(reader)
+        return self._attend(reader, taken)
 
-    def _attend(self, reader):
-        """Answer the requests that the reader has. Returns whether there was any."""
+    def _attend(self, reader, taken):
+        """Answer the requests that the reader has. Returns whether there was any.
+
+        taken: how many bytes have come in this pass.
+        """
         state = self.operations.state
         if state == POSITIONING or state == ENDING:
             self.operations.poll()  # so that answers give the present state
@@ -268,6 +269,8 @@ class Controller:
         while writer.room() >= _REPLY_ROOM:
             found = reader.poll()
             if found == NOTHING:
+                if reader.waiting <= taken:
+                    self.begun_at = self.now
                 # Counted from the frame's beginning: after a damaged length, the bytes of a host
                 # that goes on asking would be taken for its payload for seconds.
                 if (

@@ -2,6 +2,8 @@
 
 import struct
 
+import pytest
+
 from framestep.controller import STALL_MS
 from framestep.host_board import HostBoard
 from framestep_tools.client.wire import FrameDecoder, encode
@@ -26,6 +28,21 @@ def test_the_rest_of_a_frame_that_never_comes():
     board.receive(encode(HI, b"", 1)[:-3])
     board.run_until(board.now_ns + (STALL_MS + 20) * 1_000_000)
     board.receive(encode(HI, b"", 2))
+    board.run_until(board.now_ns + 20_000_000)
+    assert (HI, 2) in answers(board)
+
+
+@pytest.mark.parametrize("before", [b"D", encode(HI, b"", 1)[:6]], ids=["a byte", "a frame"])
+def test_its_time_counts_from_its_own_first_byte(before):
+    """And not from that of what has turned out to be the beginning of no frame."""
+    board = connected()
+    board.receive(before)
+    board.run_until(board.now_ns + 100_000_000)
+    frame = encode(HI, b"", 2)
+    # so that what has begun before has an impossible length
+    board.receive(b"\xff" * 4 + frame[:5])
+    board.run_until(board.now_ns + (STALL_MS - 50) * 1_000_000)
+    board.receive(frame[5:])
     board.run_until(board.now_ns + 20_000_000)
     assert (HI, 2) in answers(board)
 
