@@ -7,7 +7,7 @@ import re
 
 from framestep.host_board import HostBoard
 from framestep.protocol import messages
-from framestep.protocol.messages import known, payload_fits
+from framestep.protocol.messages import SIZES, payload_fits
 from framestep_tools.building.board_files import sources
 from host_tests.protocol.notes import table
 
@@ -27,7 +27,7 @@ def named(kinds):
 
 def test_every_request_has_a_handler():
     rig = {"limits": [{"low": 22}], "motors": [{"home": {"limit": 1, "travel": 1000}}]}
-    unhandled = set(messages.SIZES) - set(HostBoard(rig).controller.handlers)
+    unhandled = set(SIZES) - set(HostBoard(rig).controller.handlers)
     assert not unhandled, (
         "add a handler to the table of the part it is about (controller.py, or requests.py of "
         f"motors, moves, io or virtuals): {named(unhandled)}"
@@ -37,7 +37,7 @@ def test_every_request_has_a_handler():
 def test_payload_lengths_of_every_type():
     told = {row.number: row for row in table().values() if row.asked}
     for kind in [*range(0x0400), *range(0x4500, 0x4800), 0x8001, 0xFFFF]:
-        assert known(kind) == (kind in told), named([kind])
+        assert (kind in SIZES) == (kind in told), named([kind])
         for length in range(200):
             fits = kind in told and told[kind].fits(length)
             assert payload_fits(kind, length) == fits, f"{length} bytes: {named([kind])}"
@@ -57,6 +57,7 @@ def handlers():
         "moves/requests",
         "io/requests",
         "virtuals/requests",
+        "homing",
     ):
         tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())
         trees = [tree]

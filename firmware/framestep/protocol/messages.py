@@ -10,11 +10,6 @@ from framestep.protocol.declared import *  # noqa: F403
 from framestep.protocol.declared import SIZES
 
 
-def known(kind):
-    """Whether a host may send this message type (field note 1.7)."""
-    return kind in SIZES
-
-
 def payload_fits(kind, length):
     """Whether a request of this type may have a payload of `length` bytes; False for an unknown
     type.

@@ -188,6 +188,16 @@ def test_requests_name_their_replies():
     assert all(hasattr(cls, "REPLY") for cls in p.REQUESTS.values())
 
 
+def test_an_answer_belongs_to_one_message():
+    """Its number is that of its request."""
+    with pytest.raises(TypeError, match="Status is the answer to another message already"):
+
+        class Other(p.Request[p.Status], number=0x4700):
+            pass
+
+    assert p.Status.TYPE == p.MotorStatus.TYPE
+
+
 def test_status_names_the_motors():
     assert p.Status(0b1000_0101, 0).moving == [1, 3, 8]
     assert p.Status(0, 0).idle

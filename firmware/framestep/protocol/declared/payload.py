@@ -229,4 +229,6 @@ class Request(Payload, Generic[R]):
             if get_origin(base) is Request:
                 (cls.REPLY,) = get_args(base)
         if issubclass(cls.REPLY, Payload):
+            if cls.REPLY.__dict__.get("TYPE", number) != number:
+                raise TypeError(f"{cls.REPLY.__name__} is the answer to another message already")
             cls.REPLY.TYPE = number
