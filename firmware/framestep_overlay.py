@@ -33,7 +33,7 @@ _LOAD, _SCRATCH0 = _WATCHDOG + 4, _WATCHDOG + 12
 _COUNTS = 1 if _RP2350 else 2  # of its counter, per microsecond (erratum RP2040-E1)
 _ENABLE = 1 << 30
 _SET, _CLEAR = 0x2000, 0x3000  # aliases of a register that set and clear bits
-_STARTING = 0x1DEA5C3B  # in SCRATCH0; framestep.hal.rp2_watchdog looks for it
+_STARTING = 0x1DEA5C3B  # in SCRATCH0; framestep.hal.rp2.watchdog looks for it
 
 _modules = sys.modules
 _names = set()

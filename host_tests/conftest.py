@@ -10,7 +10,7 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
-from framestep import native_cpython
+from framestep.base import native_cpython
 from framestep_tools.building import images
 from framestep_tools.building.board_files import CACHE, FIRMWARE, ROOT, compiled_tree
 from host_tests.covering import by_test, parameters, spare

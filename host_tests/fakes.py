@@ -9,15 +9,15 @@ for a HAL that only has pins, `Bench` in host_tests/motion/engine.py for the pul
 from array import array
 from itertools import pairwise
 
-from framestep.motion import samples, stepper
+from framestep.base.native import addressof, as_word
 from framestep.motors.axes import Axes
 from framestep.motors.axis import Axis
 from framestep.motors.feeder import MIRRORED, WORK_WORDS
 from framestep.motors.positions import Positions
-from framestep.moves.operations import OperationRunner
-from framestep.moves.upload_store import EMPTY, READY
-from framestep.native import addressof, as_word
+from framestep.moves.state_machine import OperationRunner
+from framestep.moves.upload.store import EMPTY, READY
 from framestep.protocol.messages import OK
+from framestep.pulse import samples, stepper
 from host_tests.motion.engine import Bench
 
 STEPS_PER_S = 4194  # of the kernel's velocity, to rough

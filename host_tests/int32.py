@@ -21,10 +21,9 @@ import sys
 
 _ONLY_HERE = (
     "framestep.hal.",
-    "framestep.native",
+    "framestep.base.native",
     "framestep.rig",
     "framestep.repl",
-    "framestep.repl_commands",
     "framestep.boot",
     "framestep.protocol.declared",
 )

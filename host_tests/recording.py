@@ -34,11 +34,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from framestep.clock import WRAP
+from framestep.base.clock import WRAP
 from framestep.hal import CHANGED
 from framestep.hal.host import HostFlash
-from framestep.host_board import HostBoard
-from framestep.motion import stepper
+from framestep.hal.host_board import HostBoard
+from framestep.pulse import stepper
 
 
 @dataclass

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from framestep.hal.host import BOARD, TICK_DELAY_NS, UPLOAD_BYTES, HostFlash
-from framestep.host_board import HostBoard
+from framestep.hal.host_board import HostBoard
 from framestep.rig import RigError
 from framestep_tools.building.board_files import board_data
 from framestep_tools.simulator import driver_chips

@@ -12,20 +12,19 @@ from framestep_tools.building.board_files import ROOT, sources
 # A module is in the first layer that names it or its package. Packages of one layer do not import
 # each other.
 LAYERS = (
-    ("native_cpython",),
-    ("native",),
+    ("base.native_cpython",),
+    ("base.native",),
     ("leftovers",),
-    ("clock", "results", "copying"),
-    ("hal.engine", "hal.stream_engine"),  # constants
-    ("motion.stepper", "motion.tick", "motion.kernel"),  # the tick
+    ("base",),
+    ("pulse",),
     ("hal",),
     ("protocol",),
     ("motion",),
     ("motors",),
-    ("io", "moves", "virtuals"),
-    ("rig_settings",),
-    ("rig_home", "rig_servos"),
-    ("rig_pins",),
+    ("io", "moves", "virtual_axes"),
+    ("rig.settings",),
+    ("rig.homes", "rig.servos"),
+    ("rig.pins",),
     ("rig",),
     ("reports",),
     ("stops",),
@@ -33,9 +32,9 @@ LAYERS = (
     ("controller",),
     ("faults",),
     ("texts",),
-    ("host_board", "runner"),
+    ("hal.host_board", "runner"),
     ("boot",),
-    ("repl_commands", "repl"),
+    ("repl",),
 )
 
 _MADE = {"board"}  # by the build
@@ -126,7 +125,7 @@ def test_payloads_are_taken_apart_and_made_by_requests():
             "motors",
             "io",
             "moves",
-            "virtuals",
+            "virtual_axes",
         ) or module.endswith(".requests"):
             continue
         for node in ast.walk(ast.parse(file.read_text())):

@@ -14,7 +14,7 @@ def number(file, name):
 
 
 def test_leftovers_are_looked_for_where_the_port_leaves_its_mark():
-    at = number("hal/rp2_usb.py", "_MEMORY") + number("hal/usb_transfers.py", "KEPT_AT")
+    at = number("hal/rp2/usb.py", "_MEMORY") + number("hal/ports/usb_transfers.py", "KEPT_AT")
     assert number("leftovers.py", "_MARK") == at
-    assert number("leftovers.py", "_ALIVE") == number("hal/usb_transfers.py", "ALIVE")
-    assert number("leftovers.py", "_ADDRESS") == number("hal/rp2_usb.py", "ADDRESS_REGISTER")
+    assert number("leftovers.py", "_ALIVE") == number("hal/ports/usb_transfers.py", "ALIVE")
+    assert number("leftovers.py", "_ADDRESS") == number("hal/rp2/usb.py", "ADDRESS_REGISTER")

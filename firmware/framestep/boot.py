@@ -12,7 +12,7 @@ from the heap. Behind the move, a search took 0.1 ms.
 import gc
 import sys
 
-from framestep.native import const
+from framestep.base.native import const
 from framestep.protocol.messages import CONDITION_OVERLAY, CONDITION_OVERLAY_LEFT_OUT
 
 _DENSE = const(4096)  # bytes taken between two collections
@@ -25,11 +25,11 @@ runner = None
 mistake = None  # what is wrong with the rig file, as text
 # Modules that only reading the rig file needs
 _READING = (
+    "framestep.rig.homes",
+    "framestep.rig.servos",
+    "framestep.rig.settings",
+    "framestep.rig.pins",
     "framestep.rig",
-    "framestep.rig_home",
-    "framestep.rig_servos",
-    "framestep.rig_settings",
-    "framestep.rig_pins",
     "framestep.board",
     "framestep.io.tmc2209_setup",
 )
@@ -54,8 +54,8 @@ class Settings:
         return self.motors[i]
 
 
-def _forget(*names):
-    """Give back the memory of modules that only the start needs."""
+def forget(*names):
+    """Give back the memory of modules: name those of a package before the package."""
     for name in names:
         if sys.modules.pop(name, None):
             package, last = name.rsplit(".", 1)
@@ -68,7 +68,7 @@ def _settings(board):
 
     found, mistake = rig.load(board=board)
     settings = Settings(found, len(found.board["step"]))
-    _forget(*_READING)
+    forget(*_READING)
     return settings
 
 
@@ -96,7 +96,7 @@ def judge(text):
     except MemoryError:
         return None, ""
     finally:
-        _forget(*_READING)
+        forget(*_READING)
         gc.collect()
 
 
@@ -132,7 +132,7 @@ def start(again=False):
         return
     gc.threshold(_DENSE)
     # at once: while the rest is loaded they would float
-    from framestep.hal.rp2_pins import drivers_off
+    from framestep.hal.rp2.pins import drivers_off
 
     settings = _settings(BOARD)
     del BOARD
@@ -142,7 +142,7 @@ def start(again=False):
         return
     # after a soft reset it is still that of programs on the REPL, and modules import each other
     from framestep.hal import STACK
-    from framestep.hal.rp2_stack import set_limit
+    from framestep.hal.rp2.stack import set_limit
 
     set_limit(STACK)
     if mistake:
@@ -150,7 +150,7 @@ def start(again=False):
         print("framestep: nothing will move until the file is right and the board has been reset")
     try:
         from framestep.controller import Controller
-        from framestep.hal.rp2 import Rp2Hal, release
+        from framestep.hal.rp2.hal import Rp2Hal, release
         from framestep.runner import Runner
 
         hal = Rp2Hal(settings.board, settings)
@@ -167,7 +167,7 @@ def start(again=False):
     except MemoryError:
         print(_SAVE)
         raise
-    _forget("framestep.io.restore", "framestep.hal.rp2_claim")
+    forget("framestep.io.restore", "framestep.hal.rp2.flash_blocks")
     # again: BOOTSEL can only be pressed once the chip's own loader has looked at it
     held = _held(settings.board)
     if held:
@@ -175,7 +175,7 @@ def start(again=False):
         print("framestep: not started,", held)
         return
     hal.start()
-    _forget("framestep.hal.rp2_stack", "framestep.hal.usb_descriptor")
+    forget("framestep.hal.rp2.stack", "framestep.hal.ports.usb_descriptor")
     try:
         controller.moves.take_memory()
     except ValueError as error:

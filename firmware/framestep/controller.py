@@ -3,21 +3,21 @@
 One pass is poll(). Nothing in it allocates.
 """
 
-from framestep.clock import WRAP, elapsed
+from framestep.base.clock import WRAP, elapsed
+from framestep.base.native import const
+from framestep.base.results import WHAT
 from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
-from framestep.motion import stepper
-from framestep.motion.samples import sample
 from framestep.motors.axes import Axes
 from framestep.motors.requests import Motors
-from framestep.moves.operations import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.moves.requests import Moves
-from framestep.native import const
+from framestep.moves.state_machine import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
+from framestep.pulse import stepper
+from framestep.pulse.samples import sample
 from framestep.reports import Reports
-from framestep.results import WHAT
 from framestep.stops import Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
@@ -78,7 +78,7 @@ class Controller:
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
         if rig.smoothing:
-            from framestep.moves.smoothing import velocity
+            from framestep.moves.path.smoothing import velocity
 
             self.operations.player.smooth(velocity)
         self.journal = self._restore() if rig.remember_positions else None
@@ -105,11 +105,11 @@ class Controller:
         }
         parts = [self.motors, self.moves, self.io]
         if rig.virtuals:
-            from framestep.virtuals.requests import Virtuals
+            from framestep.virtual_axes.requests import Virtuals
 
             self.virtuals = Virtuals(self)
         else:
-            from framestep.virtuals.absent import NoVirtuals
+            from framestep.virtual_axes.absent import NoVirtuals
 
             self.virtuals = NoVirtuals()
         parts.append(self.virtuals)

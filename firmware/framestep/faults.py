@@ -1,7 +1,7 @@
 """Why motors were stopped, as text. Always loaded: what prints it may neither import nor
 allocate."""
 
-from framestep.motion.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
+from framestep.pulse.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
 from framestep.stops import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
 
 FAULTS = (

@@ -10,14 +10,14 @@ Loaded only if a motor of the rig file has `home`. Nothing allocates after const
 
 from array import array
 
-from framestep.clock import elapsed
+from framestep.base.clock import elapsed
+from framestep.base.native import const
 from framestep.io.safety import ACTIVE, LOWER, MOTOR_WORDS, MOTORS, UPPER_PIN
 from framestep.motion import reals
 from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
 from framestep.motors.bounds import update as update_bounds
 from framestep.motors.motor import MAX_ACCELERATION, TICKS_PER_SECOND
 from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
-from framestep.native import const
 from framestep.protocol import messages as m
 from framestep.stops import FAULT_HOMING, TOLD_HOMING
 

@@ -13,7 +13,7 @@ from machine import mem32
 _CONTROL = 0x50000010  # of a channel, without a trigger
 _CHANNEL = 0x40
 _ADDRESS = 0x50110000  # ADDR_ENDP, the USB device's address in the low 7 bits
-_MARK = 0x50100FC8  # where framestep.hal.usb_transfers leaves a mark, and which
+_MARK = 0x50100FC8  # where framestep.hal.ports.usb_transfers leaves a mark, and which
 _ALIVE = 0x1D7A5C3B
 
 _stopped = False
@@ -53,5 +53,5 @@ def lower_pins():
 
 def usb_alive():
     """Whether the USB device with the protocol's port is still there: the host has given it an
-    address, and framestep.hal.usb_transfers has left its mark."""
+    address, and framestep.hal.ports.usb_transfers has left its mark."""
     return bool(mem32[_ADDRESS] & 0x7F) and mem32[_MARK] == _ALIVE

@@ -1,9 +1,9 @@
 """What the host is told: HI, positions, and all that is sent unasked as soon as there is room for
 it."""
 
-from framestep.clock import elapsed
-from framestep.motion import stepper
+from framestep.base.clock import elapsed
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 
 VERSION = (0, 1, 0)
 CAPABILITIES = (

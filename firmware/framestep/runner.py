@@ -18,14 +18,14 @@ from time import sleep_us, ticks_ms  # modulo 2^30 where small integers have 31 
 from machine import Timer
 from micropython import heap_lock, heap_unlock, stack_use
 
+from framestep.base.native import const, micropython
+from framestep.base.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
 from framestep.controller import LED_FAULT, glow
 from framestep.faults import FAULTS, outcome
 from framestep.hal import DEEPEST, PASS
-from framestep.motion.stepper import TICKS
-from framestep.moves.move_check import UNREPORTED
-from framestep.native import const, micropython
+from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_POSITIONS_UNSAVABLE, CONDITION_WATCHDOG_RESET
-from framestep.results import BY, EXCEEDED_MEMORY, FRAME, MOTOR, ROOM, WHAT
+from framestep.pulse.stepper import TICKS
 from framestep.stops import TOLD_HOMING
 
 _PASS_MS = const(1)

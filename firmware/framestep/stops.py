@@ -3,11 +3,11 @@
 ARCHITECTURE.md has a table of all that stops motors. Nothing here allocates.
 """
 
-from framestep.clock import elapsed
-from framestep.motion import stepper
+from framestep.base.clock import elapsed
+from framestep.base.native import const
 from framestep.motors.positions import DRIVER, STEPS
-from framestep.native import const
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 
 # Bits of `fault`, above the kernel's FAULT_ bits; their texts are in texts.py
 FAULT_LOST = const(0x10)

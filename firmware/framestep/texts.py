@@ -108,7 +108,7 @@ EXCEEDED = {
 def exceeded(what, motor, frame, by, room=0):
     """A line about what the last move exceeds, or none.
 
-    what: EXCEEDED_. motor: from 1. by, room: see framestep.results.
+    what: EXCEEDED_. motor: from 1. by, room: see framestep.base.results.
     """
     if what == EXCEEDED_MEMORY:
         return [

@@ -5,7 +5,7 @@ import time
 import machine
 import rp2
 
-from framestep.hal import rp2_pulses
+from framestep.hal.rp2 import pulses
 
 STEP, DIRECTION = 14, 15  # of motor 7 on a Pico
 
@@ -19,7 +19,7 @@ def forget():
 
 
 def claim():
-    engine = rp2_pulses.PulseEngine([STEP] * 5, [DIRECTION] * 5, machine.freq())
+    engine = pulses.PulseEngine([STEP] * 5, [DIRECTION] * 5, machine.freq())
     for command in (0, 1, 0, 1, 0):
         machine.mem32[engine.fifo(4)] = command | 1 << 1 | 5000 << 10
 

@@ -4,9 +4,9 @@ import gc
 import time
 
 from framestep.io.lights import Lights
-from framestep.moves.light_levels import LightLevels
-from framestep.moves.triggers import Triggers
-from framestep.moves.upload_store import UploadStore
+from framestep.moves.upload.light_levels import LightLevels
+from framestep.moves.upload.store import UploadStore
+from framestep.moves.upload.triggers import Triggers
 from framestep.protocol.frames import FrameReader
 
 gc.collect()

@@ -8,8 +8,8 @@ import time
 
 import machine
 
-from framestep.hal.rp2_pulses import PulseEngine, lost_commands
-from framestep.motion.kernel import StepKernel
+from framestep.hal.rp2.pulses import PulseEngine, lost_commands
+from framestep.pulse.kernel import StepKernel
 
 N = 8
 pins = range(2, 2 + 2 * N, 2)

@@ -31,7 +31,16 @@ AWAY = (
     "import machine; machine.Timer(-1, period=500, mode=machine.Timer.ONE_SHOT, "
     "callback=lambda _: sum(range(60000)))"
 )
-MODULES = ("__init__", "native", "hal/__init__", "hal/rp2_pins", "hal/rp2_claims", "hal/rp2_pulses")
+MODULES = (
+    "__init__",
+    "base/__init__",
+    "base/native",
+    "hal/__init__",
+    "hal/rp2/__init__",
+    "hal/rp2/pins",
+    "hal/rp2/pin_guard",
+    "hal/rp2/pulses",
+)
 CLAIM = Path(__file__).parent / "claims_setup.py"
 
 

@@ -4,9 +4,9 @@ they are enabled, and stopped by a fault."""
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
 from framestep.motors import positions
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 from framestep_tools.building.board_files import board_data
 from framestep_tools.payloads import (
     GetCondition,

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from framestep.io.watchdog import HOST_UNREAD_MS, TIMEOUT_MS
-from framestep.motion import stepper
 from framestep.motors.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -21,6 +20,7 @@ from framestep.motors.positions import (
     UNSET,
 )
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session, assert_within, deceleration, run_request

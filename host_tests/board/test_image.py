@@ -67,7 +67,7 @@ def test_it_boots(firmware):
             assert client.request(MotorGetPosition()).steps[0] == 500
         repl = emu.repl()
         assert not repl.eval("__import__('framestep').__file__").startswith("/lib")
-        tick = "id(__import__('framestep.motion.tick', None, None, ('Header',)).Header.tick)"
+        tick = "id(__import__('framestep.pulse.tick', None, None, ('Header',)).Header.tick)"
         code = repl.eval(f"__import__('machine').mem32[{tick} + {CODE_OF_A_FUNCTION}]")
         assert RAM <= code < RAM + RAM_SIZE, "the tick runs from RAM, not through the flash cache"
         # numbers in a frozen tuple are no objects, with which a pass could not calculate

@@ -4,8 +4,8 @@ every edge judged."""
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 from framestep_tools import payloads as p
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session, deceleration, run_request

@@ -12,16 +12,23 @@ from host_tests.moves import lightplots
 RUNTIME = Path(__file__).parents[1] / "runtime"
 MODULES = (
     "__init__",
-    "native",
-    "clock",
-    "copying",
-    "results",
+    "base/__init__",
+    "base/native",
+    "base/clock",
+    "base/copying",
+    "base/results",
     "hal/__init__",
     "io/__init__",
     "io/lights",
 )
-MODULES += ("moves/__init__", "moves/upload_chunks", "moves/upload_codec", "moves/upload_store")
-MODULES += ("moves/light_codec", "moves/light_levels", "moves/triggers")
+MODULES += (
+    "moves/__init__",
+    "moves/upload/__init__",
+    "moves/upload/chunks",
+    "moves/upload/codec",
+    "moves/upload/store",
+)
+MODULES += ("moves/upload/light_codec", "moves/upload/light_levels", "moves/upload/triggers")
 MODULES += ("protocol/__init__", "protocol/messages", "protocol/checksum", "protocol/frames")
 ANSWER = """
 from lightplots_replay import replay

@@ -157,7 +157,7 @@ def test_what_is_released_is_free(emulator):
     repl = emulator(firmware=images.frozen(), files={"/main.py": b""}).repl()
     repl.exec(
         "import gc\n"
-        "from framestep.hal.rp2 import release\n"
+        "from framestep.hal.rp2.hal import release\n"
         "def free():\n    gc.collect()\n    return gc.mem_free()\n"
         "block = bytearray(4000)\n"
     )

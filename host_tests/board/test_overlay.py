@@ -12,7 +12,7 @@ from framestep_tools.client.client import Client
 from framestep_tools.payloads import GetCondition, Hi, MotorMove
 
 BACKLASH = "framestep/motors/backlash.mpy"
-TICK = "framestep/motion/tick.mpy"
+TICK = "framestep/pulse/tick.mpy"
 STEP = 2  # the pin of motor 1
 UP = "if load_position > planned[_LOAD_POSITION]:\n        planned[_OFFSET] = "
 RAM, RAM_SIZE = 0x20000000, 256 * 1024
@@ -82,7 +82,7 @@ def test_modules_of_an_overlay_run(firmware, ident):
         where = "[sys.modules['framestep.motors' + m].__file__ for m in ('.backlash', '.bounds')]"
         expected = [f"{overlay.FOLDER}/{BACKLASH}", "framestep/motors/bounds.py"]
         assert repl.eval(f"[sys := __import__('sys'), {where}][1]") == expected
-        tick = "__import__('framestep.motion.tick', None, None, ('Header',))"
+        tick = "__import__('framestep.pulse.tick', None, None, ('Header',))"
         assert repl.eval(f"{tick}.__file__") == f"{overlay.FOLDER}/{TICK}"
         code = repl.eval(
             f"__import__('machine').mem32[id({tick}.Header.tick) + {CODE_OF_A_FUNCTION}]"

@@ -14,7 +14,7 @@ RUNTIME = Path(__file__).parents[1] / "runtime"
 MODULES = (
     "__init__ native copying results"
     " protocol/__init__ protocol/messages protocol/checksum protocol/frames"
-    " moves/__init__ moves/upload_chunks moves/upload_codec moves/upload_store"
+    " moves/__init__ moves/upload_chunks moves/upload_codec moves/upload/store"
 )
 ONCE = {"deadline": None, "phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
 

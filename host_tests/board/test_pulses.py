@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from framestep_emulator import Emulator, edge_times
 from framestep_tools.building import images
 from host_tests.motion.engine import PER_TICK, PER_US, Bench

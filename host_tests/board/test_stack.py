@@ -115,7 +115,7 @@ def test_the_estop_acts_in_a_runaway_recursion(session):
 FIND = f"""
 from array import array
 import framestep.boot
-from framestep.hal.rp2_stack import WholeStack
+from framestep.hal.rp2.stack import WholeStack
 from machine import mem32
 [limit] = [
     at + 4

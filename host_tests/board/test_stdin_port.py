@@ -1,5 +1,5 @@
-"""The protocol on the REPL's port (hal/stdin_port.py) on the emulated board, against a host that
-may misbehave."""
+"""The protocol on the REPL's port (hal/ports/stdin_port.py) on the emulated board, against a host
+that may misbehave."""
 
 import random
 
@@ -10,7 +10,7 @@ from host_tests.board.ports import answered, frame, port_files, power_cycle, sea
 
 STDIN_SETUP = """
 import gc, time, micropython
-from framestep.hal.stdin_port import StdinPort
+from framestep.hal.ports.stdin_port import StdinPort
 from ports_echo import Count, Echo, exchange, loop
 port = StdinPort()
 echo = Echo()
@@ -47,7 +47,9 @@ def any_stdin(request, stdin):
     time limit."""
     if request.param == "plain":
         stdin[1].exec(
-            "import framestep.hal.stdin_port as module\nmodule.chip = None\nport = StdinPort()"
+            "import framestep.hal.ports.stdin_port as module\n"
+            "module.chip = None\n"
+            "port = StdinPort()"
         )
     return stdin
 

@@ -1,5 +1,5 @@
-"""The protocol's own USB port (hal/usb_port.py) on the emulated board, against a host that may
-misbehave."""
+"""The protocol's own USB port (hal/ports/usb_port.py) on the emulated board, against a host that
+may misbehave."""
 
 import struct
 
@@ -10,7 +10,7 @@ from host_tests.board.ports import answered, frame, port_files, power_cycle, run
 
 SETUP = """
 import gc, time, micropython
-from framestep.hal.usb_port import UsbPort
+from framestep.hal.ports.usb_port import UsbPort
 from ports_echo import Count, Echo, exchange, loop
 port = UsbPort()
 echo = Echo()

@@ -4,7 +4,7 @@ import base64
 import contextlib
 import struct
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from framestep_tools.payloads import HardStop
 from host_tests.soak.on_board import LATE_US
 

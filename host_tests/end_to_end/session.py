@@ -10,7 +10,7 @@ from array import array
 
 import numpy as np
 
-from framestep.moves.operations import READY
+from framestep.moves.state_machine import READY
 from framestep_tools.client.client import Client
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.trace import Trace

@@ -15,13 +15,13 @@ from array import array
 import chip
 from micropython import heap_lock, heap_unlock
 
-from framestep.hal.engine import CYCLES
-from framestep.hal.esp32_chain import Chain
+from framestep.hal.esp32.chain import Chain
 from framestep.hal.stream import Stream
-from framestep.motion.kernel import StepKernel
-from framestep.motion.samples import sample
-from framestep.motion.stepper import FAULT, MODE, POSITION, TICKS
 from framestep.motors.axes import Axes
+from framestep.pulse.engine import CYCLES
+from framestep.pulse.kernel import StepKernel
+from framestep.pulse.samples import sample
+from framestep.pulse.stepper import FAULT, MODE, POSITION, TICKS
 
 SETUP = 640  # cycles: 5 µs
 

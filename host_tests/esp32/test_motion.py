@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from framestep_tools.judge.trace import BoardPins, Trace
 from framestep_tools.simulator import shift_registers
 from host_tests.hal.streams import on_pio

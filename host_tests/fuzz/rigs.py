@@ -4,7 +4,7 @@ import json
 from random import Random
 
 from framestep.rig import Rig, RigError
-from framestep.rig_home import least_back_off
+from framestep.rig.homes import least_back_off
 from framestep_tools.building.board_files import board_data, board_names
 from host_tests.script import Script
 

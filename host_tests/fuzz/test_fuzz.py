@@ -21,7 +21,7 @@ def test_what_was_found_passes(path):
 # ---- numbers -------------------------------------------------------------------------------------
 
 KERNEL = """
-from framestep.native import micropython, ptr32
+from framestep.base.native import micropython, ptr32
 _MASK = 0x3FFFFFFF
 @micropython.viper
 def kernel(a: int, b: int) -> int:

@@ -15,14 +15,14 @@ from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
 from framestep.motors.requests import Motors
-from framestep.moves.operations import OperationRunner
 from framestep.moves.requests import Moves
+from framestep.moves.state_machine import OperationRunner
 from framestep.protocol import messages as m
 from framestep.reports import Reports
 from framestep.stops import Stops
-from framestep.virtuals import move
-from framestep.virtuals.lookahead import LookAhead
-from framestep.virtuals.registers import MAX_A
+from framestep.virtual_axes import move
+from framestep.virtual_axes.lookahead import LookAhead
+from framestep.virtual_axes.registers import MAX_A
 from host_tests.script import parse
 
 from . import fuzz
@@ -191,7 +191,7 @@ def never_rests(monkeypatch):
 
 
 def one_step_off(monkeypatch):
-    from framestep.moves.upload_store import UploadStore
+    from framestep.moves.upload.store import UploadStore
 
     positions = UploadStore.positions
 

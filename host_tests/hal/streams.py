@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from framestep.motion.stepper import AHEAD, DUE, FIFO
 from framestep.motors.axes import Axes
+from framestep.pulse.stepper import AHEAD, DUE, FIFO
 from framestep_tools.building.board_files import folded, write_tree
 from host_tests.motion.engine import PER_US, Bench
 

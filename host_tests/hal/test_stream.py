@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from host_tests.hal.streams import WORD_US, WORDS, here, on_pio, read
 
 LAG = 1000  # µs: a tick's pulses lie in the words of the next one

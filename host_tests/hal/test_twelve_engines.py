@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import pytest
 
-from framestep import native_cpython
+from framestep.base import native_cpython
 from framestep_tools.building.board_files import board_data
 
 # RP2350 datasheet 11.7: blocks, TXF0 and FDEBUG
@@ -37,7 +37,7 @@ class Pin:
 
 @pytest.fixture
 def pulses(monkeypatch):
-    """framestep.hal.rp2_pulses with a chip of paper under it."""
+    """framestep.hal.rp2.pulses with a chip of paper under it."""
     pio = SimpleNamespace(OUT_LOW=0, SHIFT_RIGHT=1, JOIN_TX=1)
     rp2 = SimpleNamespace(
         PIO=pio, asm_pio=lambda **_: lambda program: program, StateMachine=Machine
@@ -45,11 +45,11 @@ def pulses(monkeypatch):
     monkeypatch.setitem(sys.modules, "rp2", rp2)
     monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pin))
     claims = SimpleNamespace(Claim=lambda *pins: contextlib.nullcontext())
-    monkeypatch.setitem(sys.modules, "framestep.hal.rp2_claims", claims)
-    monkeypatch.delitem(sys.modules, "framestep.hal.rp2_pulses", raising=False)
+    monkeypatch.setitem(sys.modules, "framestep.hal.rp2.pin_guard", claims)
+    monkeypatch.delitem(sys.modules, "framestep.hal.rp2.pulses", raising=False)
     monkeypatch.setattr(Machine, "made", [])
-    yield importlib.import_module("framestep.hal.rp2_pulses")
-    sys.modules.pop("framestep.hal.rp2_pulses", None)
+    yield importlib.import_module("framestep.hal.rp2.pulses")
+    sys.modules.pop("framestep.hal.rp2.pulses", None)
 
 
 def test_every_motor_has_its_own(pulses):

@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.hal.host import HostFlash, HostHal
-from framestep.host_board import HostBoard
+from framestep.hal.host_board import HostBoard
 from framestep.io.position_journal import SLOT_BYTES, STILL_MS, PositionJournal, checksum
 from framestep.io.restore import restore
-from framestep.motion import stepper
 from framestep.motors.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -25,6 +24,7 @@ from framestep.motors.positions import (
     UNSET,
 )
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 from framestep_tools.payloads import (
     GetCondition,
     MotorConfigure,

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from framestep.io.requests import send_stops
 from framestep.io.safety import RELEASE_MS, Safety
-from framestep.motion import stepper
 from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
 from framestep.protocol import messages as m
 from framestep.protocol.frames import FrameWriter
+from framestep.pulse import stepper
 from host_tests.fakes import Motors
 from host_tests.io.pins import Pins, rig
 

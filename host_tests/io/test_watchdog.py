@@ -1,7 +1,7 @@
 """The watchdog's food: only while the main loop, the tick and the queue of reports are all
 alive."""
 
-from framestep.host_board import HostBoard
+from framestep.hal.host_board import HostBoard
 from framestep.io.watchdog import CHECK_MS, HOST_UNREAD_MS, TIMEOUT_MS
 from framestep.protocol import messages as m
 from framestep_tools.payloads import GetCondition, HardStop, MotorMove, MotorStopAll, RtEnd, RtGo

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from host_tests.motion.engine import PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile
 

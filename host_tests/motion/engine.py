@@ -9,11 +9,11 @@ import random
 
 import numpy as np
 
-from framestep.hal.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
+from framestep.base.native_cpython import map_device
 from framestep.hal.host import PulseModel
-from framestep.motion import stepper
-from framestep.motion.kernel import StepKernel
-from framestep.native_cpython import map_device
+from framestep.pulse import stepper
+from framestep.pulse.engine import HIGH_CYCLES, WIDTH, WIDTH_CYCLES
+from framestep.pulse.kernel import StepKernel
 
 PER_US = 125
 PER_TICK = 1000 * PER_US

@@ -172,7 +172,7 @@ def test_errors_say_where(text, line, reason):
     assert reason in error.value.reason
 
 
-REGISTERS = "from framestep.native import const\nA = const(0)\nB = const(2)\n_C = const(4)\n"
+REGISTERS = "from framestep.base.native import const\nA = const(0)\nB = const(2)\n_C = const(4)\n"
 USER = """from framestep.motion.formula import formula
 from framestep.motion.compute import compute
 from framestep import registers
@@ -214,7 +214,7 @@ def test_registers_of_the_same_module():
         + "F = formula(globals(), '_C = A * B')\n"
     )
     names: dict[str, object] = {}
-    exec(folded(text).replace("from framestep.native import const", "const = int"), names)
+    exec(folded(text).replace("from framestep.base.native import const", "const = int"), names)
     assert names["F"] == formula({"A": 0, "B": 2, "_C": 4}, "_C = A * B")
 
 

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from framestep.hal.engine import LEAD
-from framestep.motion import segments, stepper
+from framestep.motion import segments
 from framestep.motors.axes import Axes
 from framestep.motors.axis import SPLICE_TICKS
+from framestep.pulse import stepper
+from framestep.pulse.engine import LEAD
 from host_tests.motion.engine import Bench
 from host_tests.motion.profiles import ONE
 

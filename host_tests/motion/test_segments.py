@@ -8,8 +8,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from framestep.motion import reals, segments, stepper
-from framestep.native import addressof
+from framestep.base.native import addressof
+from framestep.motion import reals, segments
+from framestep.pulse import stepper
 from host_tests.motion.profiles import FINE, ONE
 
 CYCLES = 125_000

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from framestep.hal.engine import LEAD
-from framestep.motion import stepper
+from framestep.pulse import stepper
+from framestep.pulse.engine import LEAD
 from host_tests.motion.edges import at_rest, errors_us, moving, steady
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile, trapezoid

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from host_tests.motion.edges import GRID_US, at_rest, errors_us, moving, steady
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE, Profile, trapezoid

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from framestep.hal.engine import LEAD
-from framestep.motion import reals, stepper
+from framestep.motion import reals
 from framestep.motors.axes import Axes
 from framestep.motors.motor import (
     ACCELERATION_LIMIT,
@@ -18,6 +17,8 @@ from framestep.motors.motor import (
     MAX_VELOCITY,
     kernel_rate,
 )
+from framestep.pulse import stepper
+from framestep.pulse.engine import LEAD
 from host_tests.motion.engine import PER_TICK, PER_US, Bench
 from host_tests.motion.profiles import ONE
 

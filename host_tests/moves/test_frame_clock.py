@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.moves.frame_clock import FrameClock
-from framestep.moves.move_check import FASTEST_FPS
+from framestep.moves.path.move_check import FASTEST_FPS
 
 WRAP = 2**29  # ticks
 SMALL = 2**30  # numbers below it take no memory on a board

@@ -71,8 +71,8 @@ def test_channels_are_set_together_and_others_left_alone():
                 marks[channel] &= ~MARK
 
     from framestep.io.lights import MARK
-    from framestep.moves.light_levels import LightLevels
-    from framestep.moves.upload_store import UploadStore
+    from framestep.moves.upload.light_levels import LightLevels
+    from framestep.moves.upload.store import UploadStore
     from framestep.protocol.frames import FrameReader
 
     store = LightLevels(UploadStore(1, 1000))

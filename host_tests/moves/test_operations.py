@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from framestep.motion import reals, stepper
+from framestep.motion import reals
 from framestep.moves.operation import Operation
-from framestep.moves.operations import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
-from framestep.moves.registers import OWN, ZERO
-from framestep.moves.upload_store import EMPTY
+from framestep.moves.path.registers import OWN, ZERO
+from framestep.moves.state_machine import ENDING, IDLE, POSITIONING, READY, RUNNING, STARTING
+from framestep.moves.upload.store import EMPTY
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
 from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK, PER_US
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from framestep.moves import path, path_check
+from framestep.moves.path import path, path_check
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 FREE = (LOWEST, HIGHEST)

@@ -9,9 +9,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from framestep.motion import reals
-from framestep.moves import move_check as module
-from framestep.moves.path import FROM_REST, MOST
-from framestep.moves.registers import OWN
+from framestep.moves.path import move_check as module
+from framestep.moves.path.path import FROM_REST, MOST
+from framestep.moves.path.registers import OWN
 from framestep.protocol import messages as m
 from host_tests.fakes import OperationBench
 

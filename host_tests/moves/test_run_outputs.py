@@ -9,9 +9,9 @@ import pytest
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
 from framestep.io.lights import Lights
-from framestep.motion import stepper
 from framestep.moves.run_outputs import METER, SHUTTER, VIDEO_PULSE_MS, RunOutputs
 from framestep.moves.run_plan import Plan
+from framestep.pulse import stepper
 from host_tests.io.pins import Pins, rig
 
 WRAP = 2**29

@@ -4,12 +4,13 @@ are then."""
 import numpy as np
 import pytest
 
-from framestep.hal.engine import CUE_DELAY_US, LEAD
-from framestep.motion import reals, stepper
-from framestep.moves.operations import READY, RUNNING
+from framestep.motion import reals
 from framestep.moves.run_outputs import METER, SHUTTER
 from framestep.moves.shoot import LONGEST_MS, ShootFrame
+from framestep.moves.state_machine import READY, RUNNING
 from framestep.protocol import messages as m
+from framestep.pulse import stepper
+from framestep.pulse.engine import CUE_DELAY_US, LEAD
 from host_tests.fakes import OperationBench
 from host_tests.motion.engine import PER_TICK, PER_US
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from framestep.moves import path, smoothing
+from framestep.moves.path import path, smoothing
 
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 FREE = (LOWEST, HIGHEST)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from framestep.moves.upload_store import UploadStore, bytes_for
+from framestep.moves.upload.store import UploadStore, bytes_for
 from framestep.protocol.frames import FRAME, FrameReader
 from host_tests.moves import uploads
 from host_tests.moves.uploads import ERR_RANGE, OK, answers, axis

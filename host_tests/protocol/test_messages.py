@@ -5,7 +5,7 @@ import ast
 import itertools
 import re
 
-from framestep.host_board import HostBoard
+from framestep.hal.host_board import HostBoard
 from framestep.protocol import messages
 from framestep.protocol.messages import SIZES, payload_fits
 from framestep_tools.building.board_files import sources
@@ -56,7 +56,7 @@ def handlers():
         "motors/requests",
         "moves/requests",
         "io/requests",
-        "virtuals/requests",
+        "virtual_axes/requests",
         "homing",
     ):
         tree = ast.parse(sources()[f"framestep/{path}.py"].read_text())

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from framestep import boot, repl
-from framestep.repl_commands.figures import live
+from framestep.repl.figures import live
 from framestep_tools.payloads import MotorSetLimits, RtEnd, RtGo, RtPositionFrame, RtRunMove
 from framestep_tools.simulator.boards import SimulatedBoard
 from host_tests.end_to_end.realtime import MOVE, loaded

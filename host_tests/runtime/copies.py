@@ -3,7 +3,7 @@ locked."""
 
 from micropython import heap_lock, heap_unlock
 
-from framestep.copying import copy_bytes
+from framestep.base.copying import copy_bytes
 
 source = bytes((i * 73 + 5) & 0xFF for i in range(64))
 target = bytearray(64)

@@ -7,6 +7,7 @@ A line on standard input is an operation; what it shows is printed. See test_io.
 import sys
 from array import array
 
+from framestep.base.native import addressof, as_word
 from framestep.hal import CHANNELS
 from framestep.io.camera import Camera
 from framestep.io.gio import Gio
@@ -14,10 +15,9 @@ from framestep.io.lights import Lights
 from framestep.io.requests import send_stops
 from framestep.io.safety import Safety
 from framestep.motion.reals import copy_word
-from framestep.motion.stepper import NEXT, WORK
 from framestep.motors.feeder import WORK_WORDS
-from framestep.native import addressof, as_word
 from framestep.protocol.frames import FrameWriter
+from framestep.pulse.stepper import NEXT, WORK
 from framestep.rig import Rig
 
 try:

@@ -6,9 +6,9 @@ from array import array
 
 from framestep.io.position_journal import STILL_MS, PositionJournal
 from framestep.io.restore import restore
-from framestep.motion import stepper
 from framestep.motion.reals import copy_word
 from framestep.motors.positions import Positions
+from framestep.pulse import stepper
 
 try:
     from micropython import heap_lock, heap_unlock

@@ -21,10 +21,10 @@ import sys
 from array import array
 
 from framestep.io.lights import MARK, Lights
-from framestep.moves.light_levels import LightLevels
-from framestep.moves.triggers import Triggers
-from framestep.moves.upload_chunks import room
-from framestep.moves.upload_store import UploadStore
+from framestep.moves.upload.chunks import room
+from framestep.moves.upload.light_levels import LightLevels
+from framestep.moves.upload.store import UploadStore
+from framestep.moves.upload.triggers import Triggers
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION, MSG_RT_UPLOAD_MOVE_DMX
 

@@ -23,10 +23,11 @@ What is written: the words of the header, of each motor's block, cubic and place
 import sys
 from array import array
 
-from framestep.motion import reals, segments, stepper
-from framestep.motion.kernel import StepKernel
+from framestep.base.native import addressof
+from framestep.motion import reals, segments
 from framestep.motors.axes import Axes
-from framestep.native import addressof
+from framestep.pulse import stepper
+from framestep.pulse.kernel import StepKernel
 
 try:
     from micropython import heap_lock, heap_unlock

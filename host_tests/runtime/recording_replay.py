@@ -18,14 +18,14 @@ from array import array
 
 import micropython
 
-from framestep.clock import WRAP
+from framestep.base.clock import WRAP
+from framestep.base.copying import copy_bytes
+from framestep.base.native import addressof
 from framestep.controller import Controller
-from framestep.copying import copy_bytes
 from framestep.hal import CHANGED
 from framestep.hal.absent import NoDmx
-from framestep.motion import stepper
-from framestep.motion.kernel import StepKernel
-from framestep.native import addressof
+from framestep.pulse import stepper
+from framestep.pulse.kernel import StepKernel
 from framestep.rig import Rig
 
 CYCLES = 125000

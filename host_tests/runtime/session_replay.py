@@ -8,11 +8,11 @@ import binascii
 import struct
 from array import array
 
+from framestep.base.native import CPYTHON, addressof
 from framestep.controller import Controller
 from framestep.hal.absent import NoDmx, NoWatchdog
-from framestep.motion.kernel import StepKernel
-from framestep.motion.stepper import POSITION
-from framestep.native import CPYTHON, addressof
+from framestep.pulse.kernel import StepKernel
+from framestep.pulse.stepper import POSITION
 from framestep.rig import Rig
 
 if CPYTHON:

@@ -4,10 +4,11 @@ from array import array
 
 import micropython
 
-from framestep.motion import phases, reals, stepper
-from framestep.motion.kernel import StepKernel
+from framestep.base.native import addressof
+from framestep.motion import phases, reals
 from framestep.motors.axis import Axis
-from framestep.native import addressof
+from framestep.pulse import stepper
+from framestep.pulse.kernel import StepKernel
 
 clock = array("i", [0])
 sink = array("i", [0])

@@ -9,7 +9,7 @@ import sys
 from array import array
 
 from framestep.motion.reals import put
-from framestep.moves import path, smoothing
+from framestep.moves.path import path, smoothing
 
 try:
     from micropython import heap_lock, heap_unlock

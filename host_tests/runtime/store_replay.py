@@ -15,7 +15,7 @@ Lines on standard input, each answered by one line:
 import sys
 from array import array
 
-from framestep.moves.upload_store import READY, UploadStore
+from framestep.moves.upload.store import READY, UploadStore
 from framestep.protocol.frames import FRAME, FrameReader
 from framestep.protocol.messages import LAST_SECTION
 

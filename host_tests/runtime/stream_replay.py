@@ -16,12 +16,12 @@ file.
 import sys
 from array import array
 
-from framestep.hal.engine import CYCLES, WORDS
 from framestep.hal.stream import Stream
-from framestep.motion.kernel import StepKernel
-from framestep.motion.samples import sample
-from framestep.motion.stepper import FAULT, MODE, POSITION
 from framestep.motors.axes import Axes
+from framestep.pulse.engine import CYCLES, WORDS
+from framestep.pulse.kernel import StepKernel
+from framestep.pulse.samples import sample
+from framestep.pulse.stepper import FAULT, MODE, POSITION
 
 try:
     from micropython import heap_lock, heap_unlock

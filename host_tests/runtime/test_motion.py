@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from framestep.motion import segments, stepper
+from framestep.motion import segments
+from framestep.pulse import stepper
 from host_tests.runtime import motion_replay
 
 REPLAY = Path(__file__).parent / "motion_replay.py"

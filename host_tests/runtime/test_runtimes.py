@@ -3,11 +3,11 @@
 import numpy as np
 
 CODE = """
-import sys, gc, asyncio, micropython, framestep.native
+import sys, gc, asyncio, micropython, framestep.base.native
 @micropython.viper
 def shift(x: int) -> int:
     return x << 31
-print(sys.maxsize, shift(1), 1 / 3, framestep.native.__file__.endswith(".mpy"), sys.argv[1:])
+print(sys.maxsize, shift(1), 1 / 3, framestep.base.native.__file__.endswith(".mpy"), sys.argv[1:])
 gc.collect()
 print(gc.mem_free() + gc.mem_alloc())
 x = 0x3fffffff

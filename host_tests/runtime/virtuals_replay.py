@@ -13,9 +13,9 @@ Lines on standard input, each answered by one line of numbers, a code first:
 import sys
 from array import array
 
-from framestep.virtuals import aim, boom_swing_track, swing_pan, x_y_z, y_swing_track
-from framestep.virtuals.kinematics import Configuration, camera_axis
-from framestep.virtuals.registers import AIM_X, DIRECTION_PAN, JOINT, NEAR_PAN, REGISTERS, V_PAN
+from framestep.virtual_axes.kinematics import aim, boom_swing_track, swing_pan, x_y_z, y_swing_track
+from framestep.virtual_axes.kinematics.kinematics import Configuration, camera_axis
+from framestep.virtual_axes.registers import AIM_X, DIRECTION_PAN, JOINT, NEAR_PAN, REGISTERS, V_PAN
 
 try:
     from micropython import heap_lock, heap_unlock

@@ -3,7 +3,7 @@ tell, how late the ticks come."""
 
 from dataclasses import dataclass
 
-from framestep.motion.stepper import LATEST, WORST_LATE
+from framestep.pulse.stepper import LATEST, WORST_LATE
 from framestep_tools.simulator.boards import EmulatedBoard
 from host_tests.end_to_end.session import Session
 from host_tests.soak.rounds import MOTORS, RIG, Rounds

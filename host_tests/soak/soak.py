@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from framestep import native_cpython
+from framestep.base import native_cpython
 from host_tests.runtimes import Runtime
 from host_tests.soak import on_board
 from host_tests.soak.stretch import play

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from framestep.clock import WIDE_WRAP, WRAP
+from framestep.base.clock import WIDE_WRAP, WRAP
 from host_tests.end_to_end.session import simulated
 from host_tests.recording import REPLAY, Recording, recorded, write
 from host_tests.soak.rounds import MOTORS, RIG, Rounds

@@ -24,8 +24,8 @@ def test_its_parts_exist(key):
         f"{key}: add its engine {chip.engine!r} to ENGINES in "
         "tools/framestep_tools/building/board_files.py"
     )
-    assert (HAL / f"{chip.hal}.py").exists(), (
-        f"{key}: write its HAL, firmware/framestep/hal/{chip.hal}.py"
+    assert (HAL / chip.hal / "hal.py").exists(), (
+        f"{key}: write its HAL, firmware/framestep/hal/{chip.hal}/hal.py"
     )
     board = chip.plain_board
     assert board in board_names(), (
@@ -39,5 +39,5 @@ def test_every_engine_has_the_same_constants(engine):
     """Those of its own come on top."""
     missing = names(ENGINES["pio"]) - names(ENGINES[engine])
     assert not missing, (
-        f"{ENGINES[engine]} needs {', '.join(sorted(missing))}, as hal/engine.py has them"
+        f"{ENGINES[engine]} needs {', '.join(sorted(missing))}, as pulse/engine.py has them"
     )

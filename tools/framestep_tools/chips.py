@@ -15,7 +15,7 @@ class Chip:
     """An entry of the file; every one has all of these."""
 
     name: str  # as people write it
-    hal: str  # its HAL is framestep/hal/<hal>.py, and what else in that folder begins with it
+    hal: str  # its HAL is the folder framestep/hal/<hal>
     engine: str  # what makes the pulses: a key of files.ENGINES
     motors: int  # that the engine can step
     pins: int  # numbers from 0 on that a board's data and a rig file may name

@@ -1,7 +1,7 @@
 """What a board can do, below everything else: contract.py says what a HAL has. Here: what all HALs
 share."""
 
-from framestep.native import const
+from framestep.base.native import const
 
 PASS = const(0)  # word of Hal.inside
 

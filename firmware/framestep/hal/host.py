@@ -1,18 +1,19 @@
 """The HAL of a board that exists only in memory, on virtual time.
 
-The pulse engine executes the very commands that a PIO state machine gets (hal/rp2_pulses.py) and
+The pulse engine executes the very commands that a PIO state machine gets (hal/rp2/pulses.py) and
 tells each edge.
 """
 
 from array import array
 
-from framestep.clock import WIDE_WRAP
-from framestep.hal import CHANGED, engine
+from framestep.base.clock import WIDE_WRAP
+from framestep.base.native import addressof
+from framestep.base.native_cpython import map_device
+from framestep.hal import CHANGED
 from framestep.hal.absent import NoDmx, NoWatchdog
 from framestep.hal.servos import make_servos
-from framestep.motion.kernel import StepKernel
-from framestep.native import addressof
-from framestep.native_cpython import map_device
+from framestep.pulse import engine
+from framestep.pulse.kernel import StepKernel
 
 CLOCK_HZ = 125_000_000
 CYCLES = CLOCK_HZ // 1000

@@ -15,9 +15,9 @@ For engines that take commands by a register (engine.RING 0). Nothing allocates 
 
 from array import array
 
-from framestep.hal.engine import DIRECTION, GAP, WAIT_CYCLES
-from framestep.motion.stepper import FRACTION, POSITION
-from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.base.native import addressof, as_word, const, micropython, ptr32
+from framestep.pulse.engine import DIRECTION, GAP, WAIT_CYCLES
+from framestep.pulse.stepper import FRACTION, POSITION
 
 _FINE = const(12)  # fraction bits of the cycles of a step
 _FINER = const(14)  # bits of a step's cycles below those: 60 000 steps need them

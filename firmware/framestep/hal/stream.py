@@ -15,8 +15,9 @@ before its pulse does.
 
 from array import array
 
-from framestep.clock import WIDE_WRAP
-from framestep.hal.engine import (
+from framestep.base.clock import WIDE_WRAP
+from framestep.base.native import addressof, as_word, const, micropython, ptr32
+from framestep.pulse.engine import (
     COMMANDS,
     CYCLES,
     DIRECTION,
@@ -27,8 +28,7 @@ from framestep.hal.engine import (
     WORD_BITS,
     WORDS,
 )
-from framestep.motion.stepper import BEHIND, TICK_US
-from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.pulse.stepper import BEHIND, TICK_US
 
 _LONG_AGO = const(-0x100000)  # before any edge that a command may still count from
 

@@ -6,8 +6,8 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import elapsed
-from framestep.native import const, micropython, ptr32
+from framestep.base.clock import elapsed
+from framestep.base.native import const, micropython, ptr32
 
 DEBOUNCE_MS = const(20)  # field note 8.3
 

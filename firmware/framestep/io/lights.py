@@ -6,10 +6,10 @@ allocates after construction.
 
 from array import array
 
-from framestep.clock import elapsed
-from framestep.copying import copy_bytes
+from framestep.base.clock import elapsed
+from framestep.base.copying import copy_bytes
+from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
 from framestep.hal import CHANGED, CHANNELS
-from framestep.native import addressof, as_word, const, micropython, ptr8, ptr32
 
 MARK = const(2)  # bit of a channel's byte in put_marked()
 # channels that a pass looks at: all have had their turn before a frame is sent

@@ -19,11 +19,11 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import elapsed
-from framestep.motion import stepper
+from framestep.base.clock import elapsed
+from framestep.base.native import const, micropython, ptr8, ptr32
 from framestep.motion.reals import copy_word
 from framestep.motors.positions import LOST
-from framestep.native import const, micropython, ptr8, ptr32
+from framestep.pulse import stepper
 
 STILL_MS = const(2000)
 SLOT_BYTES = const(128)

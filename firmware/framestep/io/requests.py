@@ -6,12 +6,12 @@ or 0 if it has answered itself. Nothing allocates after construction.
 
 from array import array
 
+from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.hal import CHANGED
 from framestep.io.camera import Camera
 from framestep.io.gio import ALL_INPUTS, RAW, STABLE, Gio
 from framestep.io.lights import RAMPING, Lights
 from framestep.io.safety import ACTIVE, CAUGHT, ESTOP, LOWER, REST, SWITCHES
-from framestep.native import addressof, as_word, const, micropython, ptr32
 from framestep.protocol import messages as m
 
 # What a pass has to do, from words of Safety, Inputs and Lights

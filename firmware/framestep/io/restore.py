@@ -12,9 +12,9 @@ from framestep.io.position_journal import (
     STEPS,
     checksum,
 )
-from framestep.motion import stepper
 from framestep.motion.reals import copy_word, equal_words
 from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
+from framestep.pulse import stepper
 
 
 def restore(journal):

@@ -16,12 +16,12 @@ Nothing allocates after construction.
 
 from array import array
 
-from framestep import results
-from framestep.clock import elapsed
-from framestep.motion.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt
+from framestep.base import results
+from framestep.base.clock import elapsed
+from framestep.base.native import addressof, as_word, const, micropython, ptr32
 from framestep.motors.feeder import coupled
 from framestep.motors.motor import ACCELERATION_LIMIT, kernel_rate
-from framestep.native import addressof, as_word, const, micropython, ptr32
+from framestep.pulse.stepper import DOWN, MODE, RUN, STOP, VELOCITY, halt
 
 RELEASE_MS = const(20)
 _READINGS = const(3)  # after the first one

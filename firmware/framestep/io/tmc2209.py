@@ -18,8 +18,8 @@ construction.
 
 from array import array
 
-from framestep.clock import after, elapsed
-from framestep.native import const, micropython, ptr8
+from framestep.base.clock import after, elapsed
+from framestep.base.native import const, micropython, ptr8
 
 POLL_MS = const(50)  # from the check of one driver to that of the next
 RETRY_MS = const(1000)

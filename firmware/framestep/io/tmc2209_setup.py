@@ -64,7 +64,7 @@ def most_ma(sense_mohm):
 def registers(driver):
     """Register numbers and values in the order in which they are written, five bytes each.
 
-    driver: a dictionary with the keys of framestep.rig_settings.DRIVER_SETTINGS. ValueError for
+    driver: a dictionary with the keys of framestep.rig.settings.DRIVER_SETTINGS. ValueError for
     a current that is out of range.
     """
     found = scale(driver["run_ma"], driver["sense_mohm"])

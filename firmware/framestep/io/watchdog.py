@@ -13,9 +13,9 @@ as lost, and the motors ramp down (field note 1.11).
 Nothing allocates.
 """
 
-from framestep.clock import elapsed
-from framestep.motion import stepper
-from framestep.native import const
+from framestep.base.clock import elapsed
+from framestep.base.native import const
+from framestep.pulse import stepper
 
 TIMEOUT_MS = const(8000)  # the chip's longest is 8388; a slow rig takes seconds to ramp down
 CHECK_MS = const(100)

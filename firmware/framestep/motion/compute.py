@@ -13,7 +13,7 @@ single ones for kernels that run from RAM.
 
 from array import array
 
-from framestep.native import const, micropython, ptr8, ptr32
+from framestep.base.native import const, micropython, ptr8, ptr32
 
 END = const(0)
 ADD = const(1)  # to = a + b

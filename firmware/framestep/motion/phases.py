@@ -11,11 +11,11 @@ Time in ticks of 1 ms, position in steps. Nothing allocates.
 
 from array import array
 
+from framestep.base.native import const, micropython, ptr32
 from framestep.motion import reals
 from framestep.motion.reals import combine, divide, double, put, split
 from framestep.motion.segments import G1, G2, G3, coefficient, distance, velocity
-from framestep.motion.stepper import AT_PART, AT_STEP
-from framestep.native import const, micropython, ptr32
+from framestep.pulse.stepper import AT_PART, AT_STEP
 
 # Words of a phase
 KIND = const(0)

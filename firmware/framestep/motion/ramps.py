@@ -13,6 +13,7 @@ Time in ticks of 1 ms, position in steps, along the direction of the motion. Not
 
 from array import array
 
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -28,7 +29,6 @@ from framestep.motion.phases import (
     scratch,
 )
 from framestep.motion.segments import G1, G2, WHOLE, distance, velocity
-from framestep.native import const
 
 # What plan() has done
 NOTHING = const(0)

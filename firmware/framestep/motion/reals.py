@@ -11,7 +11,7 @@ longer than the operation itself; tests compare the two bit by bit.
 All functions are viper kernels, take 5 to 15 microseconds on an RP2040 and allocate nothing.
 """
 
-from framestep.native import micropython, ptr32
+from framestep.base.native import micropython, ptr32
 
 
 @micropython.viper

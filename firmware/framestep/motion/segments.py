@@ -11,7 +11,8 @@ The kernel adds up displacements, so a segment gets the differences of the cubic
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
-from framestep.motion.stepper import (
+from framestep.base.native import const, micropython, ptr32
+from framestep.pulse.stepper import (
     AT_PART,
     AT_STEP,
     ONE,
@@ -28,7 +29,6 @@ from framestep.motion.stepper import (
     WHOLE_SPAN,
     WRITE_INDEX,
 )
-from framestep.native import const, micropython, ptr32
 
 # Words of a cubic
 WHOLE = const(0)  # whole steps

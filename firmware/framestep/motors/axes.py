@@ -2,13 +2,13 @@
 
 from array import array
 
-from framestep.clock import after
-from framestep.motion import stepper
-from framestep.motion.samples import ALARM, choose, make_samples, renumber
+from framestep.base.clock import after
+from framestep.base.native import const
 from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.feeder import ALL_BITS, coupled, neediest
 from framestep.motors.positions import Positions
-from framestep.native import const
+from framestep.pulse import stepper
+from framestep.pulse.samples import ALARM, choose, make_samples, renumber
 
 AHEAD = const(11)  # segments to keep queued
 LOW = const(5)  # the queue of a moving motor with fewer is filled in any pass

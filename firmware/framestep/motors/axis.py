@@ -8,7 +8,8 @@ Positions and directions (`direction`) are those of motor.py. Nothing allocates 
 
 from array import array
 
-from framestep.motion import ramps, reals, segments, stepper
+from framestep.base.native import addressof, as_word, const
+from framestep.motion import ramps, reals, segments
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds, feeder, splice
@@ -21,7 +22,7 @@ from framestep.motors.motor import (
     Motor,
     kernel_rate,
 )
-from framestep.native import addressof, as_word, const
+from framestep.pulse import stepper
 
 FULL_SPEED = const(10000)  # a jog's speed is in ten-thousandths of velocity and acceleration
 SPEED_FLOOR = const(100)  # a jog's least speed (field note 4.2)

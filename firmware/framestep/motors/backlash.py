@@ -8,8 +8,8 @@ and the play.
 Positions are words, int32, handed over as (array, index). Nothing allocates.
 """
 
-from framestep.motion import stepper
-from framestep.native import const, micropython, ptr32
+from framestep.base.native import const, micropython, ptr32
+from framestep.pulse import stepper
 
 # Words of `planned`
 LOAD_POSITION = const(0)

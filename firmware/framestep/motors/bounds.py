@@ -5,9 +5,9 @@ Positions are words, int32. Nothing allocates.
 
 from array import array
 
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
-from framestep.native import const
 
 # Words of an axis' `limits` and `bounds`, in steps of the load
 LOWER = const(0)

@@ -3,10 +3,11 @@
 `work` of an axis says how much of its phases has been queued. Nothing allocates.
 """
 
-from framestep.motion import phases, segments, stepper
+from framestep.base.native import const, micropython, ptr32
+from framestep.motion import phases, segments
 from framestep.motion.phases import load
 from framestep.motion.segments import bridge, cut, knot, mark, mirror, settle, shift, snap
-from framestep.native import const, micropython, ptr32
+from framestep.pulse import stepper
 
 # Words of `work`
 LEFT = const(0)  # ticks of the cubic's phase still to be queued

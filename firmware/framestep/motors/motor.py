@@ -8,11 +8,12 @@ heap. Nothing allocates after construction.
 
 from array import array
 
-from framestep.motion import reals, stepper
+from framestep.base.native import addressof, as_word, const
+from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
 from framestep.motors import backlash, bounds
 from framestep.motors.backlash import drag, offset, taken_up
-from framestep.native import addressof, as_word, const
+from framestep.pulse import stepper
 
 TICKS_PER_SECOND = const(1000)
 VELOCITY_FLOOR = const(10)  # steps/s: a lower setting is taken as this (field note 4.1)

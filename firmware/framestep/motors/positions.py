@@ -12,7 +12,7 @@ Only RESET_POSITION and homing take a motor out of LOST. Each state has a reason
 Nothing allocates after construction.
 """
 
-from framestep.native import const
+from framestep.base.native import const
 
 LOST = const(0)
 HELD = const(1)

@@ -6,13 +6,13 @@ or 0 if it has answered itself. Nothing allocates after construction.
 
 from array import array
 
-from framestep.clock import elapsed
-from framestep.motion import stepper
+from framestep.base.clock import elapsed
+from framestep.base.native import const
+from framestep.base.results import FRAME, MOTOR, ROOM, WHAT
 from framestep.motors.axis import FULL_SPEED
 from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
-from framestep.native import const
 from framestep.protocol import messages as m
-from framestep.results import FRAME, MOTOR, ROOM, WHAT
+from framestep.pulse import stepper
 
 _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 

@@ -5,9 +5,11 @@ are off only while a cut is made, some microseconds for all motors. The state at
 afterwards.
 """
 
-from framestep.clock import HALF, WIDE_WRAP, elapsed
+from framestep.base.clock import HALF, WIDE_WRAP, elapsed
+from framestep.base.native import const, micropython, ptr32
 from framestep.motion import segments
-from framestep.motion.stepper import (
+from framestep.motors.feeder import CUT
+from framestep.pulse.stepper import (
     ACCEL,
     AT_PART,
     AT_STEP,
@@ -36,8 +38,6 @@ from framestep.motion.stepper import (
     WORK,
     WRITE_INDEX,
 )
-from framestep.motors.feeder import CUT
-from framestep.native import const, micropython, ptr32
 
 # Words of a motor's `work`, from CUT on: a state before the cut
 _WHOLE = const(CUT)  # steps

@@ -1,7 +1,7 @@
 """When each frame of a pass begins, in ticks and microseconds; rounding does not add up."""
 
-from framestep.clock import WRAP, after
-from framestep.native import const
+from framestep.base.clock import WRAP, after
+from framestep.base.native import const
 
 MICROSECONDS = const(1000000000)  # in 1000 seconds
 

@@ -12,33 +12,25 @@ frame.
 
 from array import array
 
-from framestep.clock import elapsed
-from framestep.motion import reals, stepper
+from framestep.base.clock import elapsed
+from framestep.base.native import const
+from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
+from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motors.axis import ALL_SPLICE_TICKS
 from framestep.motors.feeder import coupled
 from framestep.motors.splice import cut, queued
-from framestep.moves import path, registers
 from framestep.moves.jog_landing import ACCELERATION, hurry_time, land_from
 from framestep.moves.jog_phases import INDEX, JogPhases
-from framestep.moves.move_check import FASTEST_FPS, HALF
 from framestep.moves.operation import Operation
-from framestep.moves.operations import ENDING, POSITIONING
-from framestep.moves.registers import (
-    FRAME_SCALE,
-    NEXT,
-    RATE,
-    SPEEDS,
-    TOP,
-    T,
-    X,
-    Y,
-)
+from framestep.moves.path import path, registers
+from framestep.moves.path.move_check import FASTEST_FPS, HALF
+from framestep.moves.path.registers import FRAME_SCALE, NEXT, RATE, SPEEDS, TOP, T, X, Y
 from framestep.moves.standing import find_frame, find_switch_on_path
-from framestep.moves.upload_store import READY as UPLOADED
-from framestep.native import const
-from framestep.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, ERR_RANGE, OK
+from framestep.moves.state_machine import ENDING, POSITIONING
+from framestep.moves.upload.store import READY as UPLOADED
+from framestep.pulse import stepper
 
 _AHEAD = const(1)  # phases that wait before the next is queued
 _MOST_CHECKED = const(6000)  # frames times motors: during a jog there is no time to check more

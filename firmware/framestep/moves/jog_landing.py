@@ -4,6 +4,7 @@ The queues have been cut at one moment; from there the motion goes on to rest on
 can be reached, or, where that takes long, at a frame per second. Nothing allocates.
 """
 
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -11,11 +12,10 @@ from framestep.motion.segments import G1, WHOLE, velocity
 from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
 from framestep.motors.backlash import PHYSICAL, motor_step
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
-from framestep.moves import registers
 from framestep.moves.jog_phases import INDEX
-from framestep.moves.move_check import HALF
-from framestep.moves.registers import HERE, HERE_RATE, RATE, SPEEDS, P, Q, T, X, Y
-from framestep.native import const
+from framestep.moves.path import registers
+from framestep.moves.path.move_check import HALF
+from framestep.moves.path.registers import HERE, HERE_RATE, RATE, SPEEDS, P, Q, T, X, Y
 
 ACCELERATION = const(4)  # frames/s² (field note 6.10)
 

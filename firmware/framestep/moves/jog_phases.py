@@ -6,15 +6,15 @@ along the path are real numbers in the player's registers. Nothing allocates aft
 
 from array import array
 
-from framestep.clock import HALF as _HALF
-from framestep.clock import after, elapsed
+from framestep.base.clock import HALF as _HALF
+from framestep.base.clock import after, elapsed
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.moves import registers
-from framestep.moves.move_check import HALF
-from framestep.moves.registers import DISTANCE, HERE, HERE_RATE, NEXT, RATE, SINCE, P, T, X, Y
-from framestep.native import const
+from framestep.moves.path import registers
+from framestep.moves.path.move_check import HALF
+from framestep.moves.path.registers import DISTANCE, HERE, HERE_RATE, NEXT, RATE, SINCE, P, T, X, Y
 
 # Words of a row: a phase of the axis, a cubic as the motors' are
 

@@ -1,6 +1,6 @@
 """What a run, an exposure or a jog of all motors is to the state machine in operations.py."""
 
-from framestep.results import OK
+from framestep.base.results import OK
 
 
 class Operation:

@@ -8,19 +8,19 @@ construction.
 
 from array import array
 
+from framestep.base.native import const
+from framestep.base.results import BY, FRAME, MOTOR, ROOM, WHAT
 from framestep.moves.jog import JogAll
-from framestep.moves.light_levels import LightLevels
-from framestep.moves.move_check import UNREPORTED
-from framestep.moves.operations import READY, OperationRunner
+from framestep.moves.path.move_check import UNREPORTED
 from framestep.moves.run import RunMove
 from framestep.moves.run_outputs import OUTPUTS, RunOutputs
 from framestep.moves.shoot import ShootFrame
-from framestep.moves.triggers import Triggers
-from framestep.moves.upload_chunks import ASKED, LEFT
-from framestep.moves.upload_store import UploadStore
-from framestep.native import const
+from framestep.moves.state_machine import READY, OperationRunner
+from framestep.moves.upload.chunks import ASKED, LEFT
+from framestep.moves.upload.light_levels import LightLevels
+from framestep.moves.upload.store import UploadStore
+from framestep.moves.upload.triggers import Triggers
 from framestep.protocol import messages as m
-from framestep.results import BY, FRAME, MOTOR, ROOM, WHAT
 
 _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 

@@ -17,15 +17,23 @@ velocity; the post-roll follows. When the motors stand, RT_END is due, and they 
 frame as by POSITION_FRAME.
 """
 
-from framestep.clock import HALF, after, elapsed, reached
-from framestep.motion import reals, stepper
+from framestep.base.clock import HALF, after, elapsed, reached
+from framestep.base.native import const
+from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
-from framestep.moves import registers
 from framestep.moves.frame_clock import FrameClock
-from framestep.moves.registers import FRAME_TICKS, LONGER_FRAME_TICKS, ROLL_TICKS, SPEEDS, ZERO, X
+from framestep.moves.path import registers
+from framestep.moves.path.registers import (
+    FRAME_TICKS,
+    LONGER_FRAME_TICKS,
+    ROLL_TICKS,
+    SPEEDS,
+    ZERO,
+    X,
+)
 from framestep.moves.run_plan import PreparedRun
-from framestep.native import const
+from framestep.pulse import stepper
 
 _LONG_ROLL = const(64)  # ticks
 _AHEAD = const(3)  # phases that wait before the next is queued

@@ -8,10 +8,10 @@ the main loop in the tick of their frame.
 
 from array import array
 
-from framestep.clock import HALF, WRAP, after, elapsed, reached
-from framestep.motion import stepper
+from framestep.base.clock import HALF, WRAP, after, elapsed, reached
+from framestep.base.native import const, micropython, ptr32
 from framestep.moves.frame_clock import FrameClock
-from framestep.native import const, micropython, ptr32
+from framestep.pulse import stepper
 
 SHUTTER = const(0x10000000)  # signals: the general outputs are the bits below
 METER = const(0x08000000)

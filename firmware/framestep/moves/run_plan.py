@@ -6,19 +6,8 @@ the first frame, and ends with its post-roll (field note 6.2).
 
 from array import array
 
-from framestep.motion import reals
-from framestep.motion.compute import compute
-from framestep.motion.formula import formula
-from framestep.motors.motor import MAX_ACCELERATION
-from framestep.moves import registers
-from framestep.moves.frame_clock import MICROSECONDS
-from framestep.moves.move_check import FASTEST_FPS
-from framestep.moves.operation import Operation
-from framestep.moves.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
-from framestep.moves.standing import find_blocking_switch
-from framestep.moves.upload_store import READY as UPLOADED
-from framestep.native import const
-from framestep.results import (
+from framestep.base.native import const
+from framestep.base.results import (
     ERR_GENERAL,
     ERR_NOT_IN_POSITION,
     ERR_POSTROLL,
@@ -28,6 +17,17 @@ from framestep.results import (
     EXCEEDED_PREROLL,
     OK,
 )
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.motor import MAX_ACCELERATION
+from framestep.moves.frame_clock import MICROSECONDS
+from framestep.moves.operation import Operation
+from framestep.moves.path import registers
+from framestep.moves.path.move_check import FASTEST_FPS
+from framestep.moves.path.registers import FRAME_TICKS, ROLL_TICKS, SPEEDS, X, Y
+from framestep.moves.standing import find_blocking_switch
+from framestep.moves.upload.store import READY as UPLOADED
 
 LONGEST_ROLL = const(600000)  # ms
 DEFAULT_OPEN = const(90)  # degrees, for stills whose request has no angles (field note 6.9)

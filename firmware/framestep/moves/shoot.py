@@ -21,21 +21,9 @@ Both are the same list of phases: wait, ramp, window, ramp.
 
 from array import array
 
-from framestep.clock import after, reached
-from framestep.hal.engine import CUE_DELAY_US
-from framestep.motion import reals, stepper
-from framestep.motion.compute import compute
-from framestep.motion.formula import formula
-from framestep.motors.motor import MAX_VELOCITY
-from framestep.moves import path, registers
-from framestep.moves.move_check import HALF
-from framestep.moves.operation import Operation
-from framestep.moves.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
-from framestep.moves.run_outputs import METER, SHUTTER
-from framestep.moves.standing import find_blocking_switch
-from framestep.moves.upload_store import READY as UPLOADED
-from framestep.native import const
-from framestep.results import (
+from framestep.base.clock import after, reached
+from framestep.base.native import const
+from framestep.base.results import (
     ERR_GENERAL,
     ERR_POSTROLL,
     ERR_PREROLL,
@@ -45,6 +33,19 @@ from framestep.results import (
     EXCEEDED_VELOCITY,
     OK,
 )
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.motor import MAX_VELOCITY
+from framestep.moves.operation import Operation
+from framestep.moves.path import path, registers
+from framestep.moves.path.move_check import HALF
+from framestep.moves.path.registers import OPENING, RAMP, SPEEDS, WAIT, WINDOW, ZERO, T, X, Y
+from framestep.moves.run_outputs import METER, SHUTTER
+from framestep.moves.standing import find_blocking_switch
+from framestep.moves.upload.store import READY as UPLOADED
+from framestep.pulse import stepper
+from framestep.pulse.engine import CUE_DELAY_US
 
 RUN_UP_MS = const(1000)  # field note 7.1: fixed, so that Dragonframe can time its shutter
 LONGEST_MS = const(3600000)

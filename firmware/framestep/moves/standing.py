@@ -3,9 +3,7 @@
 Nothing here moves a motor. Nothing allocates.
 """
 
-from framestep.moves.move_check import BATCH
-from framestep.moves.upload_store import READY as UPLOADED
-from framestep.results import (
+from framestep.base.results import (
     ERR_GENERAL,
     ERR_HARD_LOW,
     ERR_HARD_UP,
@@ -14,6 +12,8 @@ from framestep.results import (
     ERR_SOFT_UP,
     OK,
 )
+from framestep.moves.path.move_check import BATCH
+from framestep.moves.upload.store import READY as UPLOADED
 
 
 def stand_at(axes, bits, positions, directions):

@@ -11,7 +11,7 @@ and are counted once too often. Those are summed two at a time, in the two halve
 bytes keep every sum below 2^31; then it is folded, because 256·q + r counts like q + r.
 """
 
-from framestep.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
+from framestep.base.native import CPYTHON, const, micropython, ptr8, ptr16, ptr32
 
 if CPYTHON:
     from itertools import accumulate

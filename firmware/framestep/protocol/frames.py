@@ -9,8 +9,8 @@ between a payload and an array('i') without making a number of it.
 
 from array import array
 
-from framestep.copying import copy_bytes
-from framestep.native import const, micropython, ptr8, ptr32
+from framestep.base.copying import copy_bytes
+from framestep.base.native import const, micropython, ptr8, ptr32
 from framestep.protocol.checksum import check_bytes, fletcher16
 from framestep.protocol.messages import (
     FRAME_OVERHEAD,

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from framestep.controller import STALL_MS
-from framestep.host_board import HostBoard
+from framestep.hal.host_board import HostBoard
 from framestep_tools.client.wire import FrameDecoder, encode
 
 HI, BEGIN, AXIS = 0x0001, 0x0100, 0x0101

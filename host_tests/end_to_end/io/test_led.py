@@ -3,7 +3,7 @@ longer shows."""
 
 import pytest
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 from framestep_tools.payloads import MotorMove, MotorSetSpeed
 from host_tests.end_to_end.session import simulated
 

@@ -5,7 +5,7 @@ import pytest
 
 from framestep import boot, repl
 from framestep.motors.positions import HELD, HOMED, HOMING, KNOWN, LOST, NOT_FOUND, NOT_OPENED
-from framestep.rig_settings import RigError
+from framestep.rig.settings import RigError
 from framestep_tools import cli
 from framestep_tools import payloads as p
 from framestep_tools.client.client import Client

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import pytest
 
 from framestep import boot
-from framestep.moves.move_check import UNREPORTED
+from framestep.moves.path.move_check import UNREPORTED
 from framestep.protocol.messages import CONDITION_EXCEEDED, EXCEEDED_MEMORY
-from framestep.repl_commands import state as repl_state
+from framestep.repl import state as repl_state
 from framestep_tools import payloads as p
 from framestep_tools.client.client import Client, RequestRefused
 from framestep_tools.client.refusals import explain

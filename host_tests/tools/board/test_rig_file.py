@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from framestep import rig, rig_home, rig_servos, rig_settings
+from framestep import rig
+from framestep.rig import homes, servos, settings
 from framestep_tools import cli
 from framestep_tools.board import rig_change, rig_file
 from framestep_tools.board.repl_device import State
@@ -177,15 +178,15 @@ def test_a_draft_with_comments(content):
     draft = rig_file.commented(content)
     assert rig_file.without_comments(draft).strip() == content
     assert rig_file.without_comments(draft).count("\n") == draft.count("\n")
-    for settings in (
-        rig_settings.SETTINGS,
-        rig_settings.MOTOR_SETTINGS,
-        rig_settings.DRIVER_SETTINGS,
-        rig_home.HOME_SETTINGS,
-        rig_servos.SERVO_SETTINGS,
-        rig_settings.LIMIT_SETTINGS,
+    for table in (
+        settings.SETTINGS,
+        settings.MOTOR_SETTINGS,
+        settings.DRIVER_SETTINGS,
+        homes.HOME_SETTINGS,
+        servos.SERVO_SETTINGS,
+        settings.LIMIT_SETTINGS,
     ):
-        assert all(f'//   "{key}": ' in draft for key in settings)
+        assert all(f'//   "{key}": ' in draft for key in table)
 
 
 def test_a_draft_is_checked_as_what_the_board_would_get(tmp_path, capsys):

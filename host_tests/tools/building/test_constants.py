@@ -3,7 +3,7 @@ import pytest
 from framestep_tools.building.board_files import folded, sources
 from framestep_tools.building.constants import FoldError, fold, without_compiler_imports
 
-CODES = """from framestep.native import const
+CODES = """from framestep.base.native import const
 
 OK = const(0x10)
 LOWEST = const(-4)
@@ -25,9 +25,9 @@ def run(texts: dict[str, str], name: str) -> dict:
     import sys
     import types
 
-    native = types.ModuleType("framestep.native")
+    native = types.ModuleType("framestep.base.native")
     native.const = lambda value: value
-    loaded = {"framestep.native": native}
+    loaded = {"framestep.base.native": native}
     for path in texts:
         module = types.ModuleType(path.removesuffix(".py").replace("/", "."))
         loaded[module.__name__] = module
@@ -155,14 +155,14 @@ def test_the_core_folds_line_by_line():
 
 def test_bytes_of_numbers_become_a_literal():
     user = folded_one(
-        "from a import codes as c\nfrom framestep.native import const\n_A = const(2)\n"
+        "from a import codes as c\nfrom framestep.base.native import const\n_A = const(2)\n"
         "x = bytes(\n    (c.OK, _A + 1)\n    + (c.OK + _A, 255)\n)\ny = bytes((1, z))\n"
     )
     assert user.splitlines()[3:] == [r"x = b'\x10\x03\x12\xff'", "", "", "", "y = bytes((1, z))"]
 
 
 def test_imports_for_the_compiler_alone_are_dropped():
-    text = """from framestep.native import addressof, const, micropython, ptr8, ptr32
+    text = """from framestep.base.native import addressof, const, micropython, ptr8, ptr32
 
 _N = const(3)
 
@@ -175,13 +175,13 @@ def f(data: ptr8, words: ptr32) -> int:
 x = addressof
 """
     first = without_compiler_imports(text).splitlines()[0]
-    assert first == "from framestep.native import addressof"
+    assert first == "from framestep.base.native import addressof"
     text = text.replace(" addressof,", "").replace("x = addressof\n", "")
     assert without_compiler_imports(text).splitlines()[0] == "pass"
 
 
 def test_imports_that_the_board_looks_up_stay():
-    text = "from framestep.native import const, micropython, ptr8\n"
+    text = "from framestep.base.native import const, micropython, ptr8\n"
     for use, kept in (
         ("x = const(3)\n", "const"),
         ("_X = {1: const(3)}\n", "const"),
@@ -190,6 +190,6 @@ def test_imports_that_the_board_looks_up_stay():
         ("if 1:\n    def f(x):\n        return ptr8(x)\n", "ptr8"),
     ):
         first = without_compiler_imports(text + use).splitlines()[0]
-        assert first == f"from framestep.native import {kept}"
+        assert first == f"from framestep.base.native import {kept}"
     hidden = "if 0:\n    def f(x):\n        return ptr8(x)\n"
     assert without_compiler_imports(text + hidden).splitlines()[0] == "pass"

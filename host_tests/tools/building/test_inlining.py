@@ -68,4 +68,4 @@ def test_a_function_that_is_not_fit_is_refused(result):
 def test_boards_have_no_clock():
     for engine in ("pio", "stream"):
         for name, text in folded({}, True, engine).items():
-            assert name == "framestep/clock.py" or b"framestep.clock" not in text, name
+            assert name == "framestep/base/clock.py" or b"framestep.base.clock" not in text, name

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from framestep.rig import Rig
-from framestep.rig_pins import fitted
+from framestep.rig.pins import fitted
 from framestep_tools.board.rig_file import read
 from framestep_tools.building.board_files import (
     ROOT,
@@ -182,7 +182,7 @@ def test_firmware_compiles_for_the_rp2350():
     """That is all that can be tried of it: it is not emulated. For the RP2040 every test on the
     board compiles."""
     modules = board_modules(march("rp2350"), "pico2")
-    assert modules["framestep/hal/rp2_pulses.mpy"][0] == ord("M")
+    assert modules["framestep/hal/rp2/pulses.mpy"][0] == ord("M")
     assert board_data("pico2")["name"].encode() in modules["framestep/board.mpy"]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from framestep import rig_home, rig_servos, rig_settings
+from framestep.rig import homes, servos, settings
 from framestep_tools.building.board_files import ROOT
 from framestep_tools.cli import app
 
@@ -28,18 +28,18 @@ _NAME = re.compile(r"^[\w<>*-]+\.(?:py|mjs|sh|toml)$")
 # Where the documents take paths from, besides the root and their own folder
 _FOLDERS = ("firmware", "firmware/framestep", "tools", "tools/framestep_tools", "host_tests")
 # Names of ours that are something else in the documents
-_OTHERS = ("emu", "micropython")
+_OTHERS = ("emu", "micropython", "usb")
 # What is made, or lies on a board
 _MADE = ("build/", ".cache/", "lib/")
 _SETTINGS = (
-    rig_settings.SETTINGS,
-    rig_settings.MOTOR_SETTINGS,
-    rig_settings.DRIVER_SETTINGS,
-    rig_home.HOME_SETTINGS,
-    rig_servos.SERVO_SETTINGS,
-    rig_settings.OUTPUT_SETTINGS,
-    rig_settings.INPUT_SETTINGS,
-    rig_settings.LIMIT_SETTINGS,
+    settings.SETTINGS,
+    settings.MOTOR_SETTINGS,
+    settings.DRIVER_SETTINGS,
+    homes.HOME_SETTINGS,
+    servos.SERVO_SETTINGS,
+    settings.OUTPUT_SETTINGS,
+    settings.INPUT_SETTINGS,
+    settings.LIMIT_SETTINGS,
 )
 
 

@@ -13,9 +13,9 @@ def test_page_is_up_to_date():
 
 
 def test_a_changed_setting_shows(monkeypatch):
-    kind, low, _, default, unit, meaning = rig_table.rig_settings.SETTINGS["report_ms"]
+    kind, low, _, default, unit, meaning = rig_table.settings.SETTINGS["report_ms"]
     monkeypatch.setitem(
-        rig_table.rig_settings.SETTINGS, "report_ms", (kind, low, 999, default, unit, meaning)
+        rig_table.settings.SETTINGS, "report_ms", (kind, low, 999, default, unit, meaning)
     )
     text = rig_table.PAGE.read_text()
     assert rig_table.updated(text) != text
@@ -32,9 +32,9 @@ def test_schema_is_up_to_date(capsys):
 
 def test_the_schema_knows_every_setting():
     found = rig_schema.schema()["properties"]
-    assert set(found) == set(rig_table.rig_settings.SETTINGS)
+    assert set(found) == set(rig_table.settings.SETTINGS)
     motor = found["motors"]["items"]
-    assert set(motor["properties"]) == set(rig_table.rig_settings.MOTOR_SETTINGS)
+    assert set(motor["properties"]) == set(rig_table.settings.MOTOR_SETTINGS)
     assert not motor["additionalProperties"]
     assert motor["properties"]["driver"]["required"] == ["run_ma"]
     assert motor["properties"]["pulse_us"]["minimum"] == 0.25

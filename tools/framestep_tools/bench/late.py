@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from framestep.motion import stepper
 from framestep.protocol import messages
+from framestep.pulse import stepper
 
 from ..client.client import Client
 from ..judge.virtual_reference import Rig

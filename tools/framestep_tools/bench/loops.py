@@ -2,7 +2,7 @@
 
 from rich.table import Table
 
-from framestep.motion import stepper
+from framestep.pulse import stepper
 
 from ..payloads import RtEnd, RtGo
 from ..simulator.boards import EmulatedBoard

@@ -18,9 +18,9 @@ _ONE = 1 << 22  # a step, Q22
 _STEADY_MS = 40
 _SETUP = """
 import machine, time
-from framestep.motion import stepper
-from framestep.motion.kernel import StepKernel
-from framestep.hal.rp2_pulses import PulseEngine
+from framestep.pulse import stepper
+from framestep.pulse.kernel import StepKernel
+from framestep.hal.rp2.pulses import PulseEngine
 pins = list(range(2, 18, 2))
 engine = PulseEngine(pins, [pin + 1 for pin in pins], 125_000_000)
 kernel = StepKernel(8, 125_000, 0x40054028)
@@ -60,7 +60,7 @@ _MOTIONS = (
 def measure(args: Sequence[str] = ()) -> list[tuple[str, float]]:
     """[(what, microseconds)]: the interrupt by itself, the tick with all motors at rest, what a
     motor adds."""
-    from framestep.motion import stepper
+    from framestep.pulse import stepper
     from framestep_emulator import Emulator
 
     names = {

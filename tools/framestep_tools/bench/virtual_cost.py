@@ -10,7 +10,7 @@ which the board's clock shows.
 
 from collections.abc import Callable
 
-from framestep.virtuals.registers import REGISTERS
+from framestep.virtual_axes.registers import REGISTERS
 
 from .virtual_precision import RIGS, read
 
@@ -19,8 +19,8 @@ _BOARD = """
 import gc, micropython, time
 gc.collect()
 from array import array
-from framestep.virtuals import boom_swing_track
-from framestep.virtuals.kinematics import Configuration
+from framestep.virtual_axes.kinematics import boom_swing_track
+from framestep.virtual_axes.kinematics.kinematics import Configuration
 rig = boom_swing_track.Geometry(array("i", [0] * {registers}))
 found = Configuration()
 for to, numbers in zip((found.motors, found.steps_per_unit, found.positions, found.lengths), {numbers}):
@@ -69,12 +69,12 @@ from framestep.protocol import frames
 from framestep.motion import reals
 a = free()
 from framestep.motion import compute
-from framestep.virtuals import kinematics
+from framestep.virtual_axes.kinematics import kinematics
 b = free()
 print("shared", a - b)
 for name in ("aim", "x_y_z", "swing_pan", "y_swing_track", "boom_swing_track"):
     a = free()
-    exec("from framestep.virtuals import " + name)
+    exec("from framestep.virtual_axes.kinematics import " + name)
     print(name, a - free())
 """
 

@@ -17,13 +17,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from framestep.base.results import ERR_RANGE
 from framestep.motion import reals
 from framestep.protocol import messages
 from framestep.protocol.frames import FRAME, FrameReader
-from framestep.results import ERR_RANGE
-from framestep.virtuals.kinematics import Configuration
-from framestep.virtuals.registers import JOINT, POSE, REGISTERS
-from framestep.virtuals.requests import read_configuration
+from framestep.virtual_axes.kinematics.kinematics import Configuration
+from framestep.virtual_axes.registers import JOINT, POSE, REGISTERS
+from framestep.virtual_axes.requests import read_configuration
 
 from ..client import wire
 from ..judge.virtual_reference import (
@@ -108,7 +108,7 @@ class Firmware:
 
     def __init__(self, kind: int):
         self.r = array("i", [0] * REGISTERS)
-        module = importlib.import_module(f"framestep.virtuals.{MODULES[kind]}")
+        module = importlib.import_module(f"framestep.virtual_axes.kinematics.{MODULES[kind]}")
         self.geometry = module.Geometry(self.r)
         self.kind = kind
         self.configuration = Configuration()

@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from framestep import rig, rig_home, rig_servos, rig_settings
+from framestep import rig
+from framestep.rig import homes, servos, settings
 
 from ..errors import ToolError
 
@@ -155,21 +156,21 @@ def commented(content: str) -> str:
     """A rig file's text with every setting that there is in comments around it."""
     lines = ["", "// All settings (docs/rig-file.md):", "//"]
     tables = (
-        ("", rig_settings.SETTINGS),
-        ('of "motors": [{…}, {…}], an object for each motor', rig_settings.MOTOR_SETTINGS),
-        ('of "driver": {…} of a motor', rig_settings.DRIVER_SETTINGS),
-        ('of "home": {…} of a motor', rig_home.HOME_SETTINGS),
-        ('of "servo": {…} of a motor', rig_servos.SERVO_SETTINGS),
-        ('of "outputs": [{…}]', rig_settings.OUTPUT_SETTINGS),
-        ('of "inputs": [{…}]', rig_settings.INPUT_SETTINGS),
-        ('of "limits": [{…}]', rig_settings.LIMIT_SETTINGS),
+        ("", settings.SETTINGS),
+        ('of "motors": [{…}, {…}], an object for each motor', settings.MOTOR_SETTINGS),
+        ('of "driver": {…} of a motor', settings.DRIVER_SETTINGS),
+        ('of "home": {…} of a motor', homes.HOME_SETTINGS),
+        ('of "servo": {…} of a motor', servos.SERVO_SETTINGS),
+        ('of "outputs": [{…}]', settings.OUTPUT_SETTINGS),
+        ('of "inputs": [{…}]', settings.INPUT_SETTINGS),
+        ('of "limits": [{…}]', settings.LIMIT_SETTINGS),
     )
-    for title, settings in tables:
+    for title, table in tables:
         if title:
             lines += ["//", f"// {title}:"]
-        for key, (kind, low, high, default, unit, meaning) in settings.items():
+        for key, (kind, low, high, default, unit, meaning) in table.items():
             shown = "…" if default is None else json.dumps(default, ensure_ascii=False)
-            allowed = rig_settings.allowed(kind, low, high, unit)
+            allowed = settings.allowed(kind, low, high, unit)
             lines.append(f"//   {f'{json.dumps(key)}: {shown}':<32} {meaning} ({allowed})")
     return _HEAD + content.rstrip("\n") + "\n" + "\n".join(lines) + "\n"
 

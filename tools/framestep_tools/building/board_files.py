@@ -31,38 +31,37 @@ __all__ = ["CACHE", "FIRMWARE", "ROOT"]  # for those who take them from here
 _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
-_NATIVE = "framestep/native.py"
-_CLOCK = "framestep/clock.py"  # its functions are put where they are called
+_NATIVE = "framestep/base/native.py"
+_CLOCK = "framestep/base/clock.py"  # its functions are put where they are called
 _HOST_ONLY = {
     "framestep/hal/host.py",
-    "framestep/host_board.py",
+    "framestep/hal/host_board.py",
     "framestep/hal/contract.py",
-    "framestep/native_cpython.py",
-    "framestep/hal/engine.py",  # constants alone, as
-    "framestep/results.py",
+    "framestep/base/native_cpython.py",
+    "framestep/pulse/engine.py",  # constants alone, as
+    "framestep/base/results.py",
     _CLOCK,
-    "framestep/moves/registers.py",
-    "framestep/virtuals/registers.py",
+    "framestep/moves/path/registers.py",
+    "framestep/virtual_axes/registers.py",
 }
 _COMPILER = "framestep/motion/formula.py"  # its work is done when the core is built
-_ON_BOARDS = {
-    "framestep.native": {"CPYTHON": 0},  # so that the compiler leaves out what is for CPython
-    "framestep.protocol.messages": declared.fields(),
-}
+# so that the compiler leaves out what is for CPython
+_ON_BOARDS = {"framestep.base.native": {"CPYTHON": 0}}
 _DECLARED = "framestep/protocol/declared/"  # for the host: of its messages a board has numbers,
 _MESSAGES = "framestep/protocol/messages.py"  # here
 
 
-# What the tick knows of the engine is in framestep/hal/engine.py; for a chip with another one, this
-# module's text is put in its place. Modules of other engines stay off a board.
-ENGINES = {"pio": "framestep/hal/engine.py", "stream": "framestep/hal/stream_engine.py"}
+# What the tick knows of the engine is in framestep/pulse/engine.py; for a chip with another one,
+# this module's text is put in its place. Modules of other engines stay off a board.
+ENGINES = {"pio": "framestep/pulse/engine.py", "stream": "framestep/pulse/stream_engine.py"}
 _ENGINE = ENGINES["pio"]
 _OF_ENGINE = {
     "stream": (
         "framestep/hal/stream.py",
-        "framestep/hal/esp32.py",
-        "framestep/hal/esp32_chain.py",
-        "framestep/hal/esp32_port.py",
+        "framestep/hal/esp32/__init__.py",
+        "framestep/hal/esp32/hal.py",
+        "framestep/hal/esp32/chain.py",
+        "framestep/hal/esp32/port.py",
     )
 }
 _P = ParamSpec("_P")
@@ -215,7 +214,7 @@ def folded(
     """The core's modules and `extra` ones as they are compiled: with each other's constants as
     numbers in them.
 
-    engine: one of ENGINES; given: as for constants.fold.
+    engine: one of ENGINES; given: as for constants.fold, beside the fields of messages.
     """
     texts = {name: path.read_text() for name, path in sources().items()} | dict(extra)
     texts[_MESSAGES] = declared.messages_module(texts[_MESSAGES])
@@ -226,6 +225,7 @@ def folded(
         if other != engine:
             for name in names:
                 del texts[name]
+    given = {"framestep.protocol.messages": declared.fields(), **given}
     return {name: text.encode() for name, text in inline(fold(texts, hide, given), _CLOCK).items()}
 
 

@@ -21,7 +21,7 @@ from typing import Any
 from framestep.motion.formula import FormulaError, formula
 
 _FORMULA = "framestep.motion.formula"
-_NATIVE = "framestep.native"
+_NATIVE = "framestep.base.native"
 _CASTS = {"ptr8", "ptr16", "ptr32"}
 _DECORATORS = {"viper", "native"}
 
@@ -382,7 +382,7 @@ def is_decorator(node: ast.AST) -> bool:
 
 
 def drop_imports(edits: Edits, tree: ast.Module) -> None:
-    """Import from framestep.native only the names that the board looks up.
+    """Import from framestep.base.native only the names that the board looks up.
 
     The compiler alone needs the others: `const`, `micropython` for decorators, viper's casts. Each
     name that a module imports is an entry of its dictionary.

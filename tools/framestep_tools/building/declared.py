@@ -29,5 +29,5 @@ def messages_module(text: str) -> str:
         if type(value) is int and not name.startswith("_")
     ]
     found += [f"{name} = {getattr(declared, name)!r}" for name in _TABLES]
-    lines = iter(["; ".join(["from framestep.native import const", *found])])
+    lines = iter(["; ".join(["from framestep.base.native import const", *found])])
     return _IMPORTS.sub(lambda _: next(lines, "pass"), text)

@@ -2,7 +2,7 @@
 board.
 
 A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the
-functions of framestep/clock.py, each of them a single `return`, are for the reader alone.
+functions of framestep/base/clock.py, each of them a single `return`, are for the reader alone.
 
 Each parameter stands in the expression once: so what a call gives is computed once, as in a call.
 Lines stay where they are, so that tracebacks are right.

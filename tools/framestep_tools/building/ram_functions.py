@@ -12,15 +12,15 @@ from collections.abc import Iterator, Mapping
 
 # Module; class or ""; function
 RAM_FUNCTIONS = (
-    ("framestep/hal/rp2_pins.py", "", "levels"),
-    ("framestep/hal/rp2_stack.py", "WholeStack", "call"),
-    ("framestep/hal/rp2_pulses.py", "", "lost_commands"),
-    ("framestep/hal/usb_transfers.py", "", "arrived"),
-    ("framestep/hal/usb_port.py", "UsbPort", "send"),
-    ("framestep/motion/tick.py", "Header", "tick"),
-    ("framestep/motion/stepper.py", "", "awaiting_target"),
-    ("framestep/motion/stepper.py", "", "poll_flags"),
-    ("framestep/motion/stepper.py", "", "moving"),
+    ("framestep/hal/rp2/pins.py", "", "levels"),
+    ("framestep/hal/rp2/stack.py", "WholeStack", "call"),
+    ("framestep/hal/rp2/pulses.py", "", "lost_commands"),
+    ("framestep/hal/ports/usb_transfers.py", "", "arrived"),
+    ("framestep/hal/ports/usb_port.py", "UsbPort", "send"),
+    ("framestep/pulse/tick.py", "Header", "tick"),
+    ("framestep/pulse/stepper.py", "", "awaiting_target"),
+    ("framestep/pulse/stepper.py", "", "poll_flags"),
+    ("framestep/pulse/stepper.py", "", "moving"),
     ("framestep/motors/feeder.py", "", "neediest"),
 )
 
@@ -39,9 +39,10 @@ def _kernels(body: list[ast.stmt], owner: str = "") -> Iterator[tuple[str, str]]
 
 
 def symbols(modules: Mapping[str, bytes]) -> list[str]:
-    """What MicroPython's freezing calls RAM_FUNCTIONS in {"framestep/hal/usb_port.mpy": source}.
+    """Name RAM_FUNCTIONS as MicroPython's freezing does: "framestep_hal_ports_usb_port_UsbPort_
+    framestep_slash_...", numbered within their class.
 
-    "framestep_hal_usb_port_UsbPort_framestep_slash_...", numbered within their class.
+    modules: {"framestep/hal/ports/usb_port.mpy": source}.
 
     KeyError: one of them is not there.
     """

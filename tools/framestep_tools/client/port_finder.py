@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from ..errors import NO_PORT, ToolError
 
-PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/usb_port.py)
+PROTOCOL_PORT = "framestep DMC"  # the name that the firmware gives it (hal/ports/usb_port.py)
 PROTOCOL, REPL, SINGLE, OTHER = "protocol", "REPL", "single", "other"
 _RASPBERRY_PI = 0x2E8A  # USB vendor of MicroPython on RP2040 and RP2350
 _NOT_MICROPYTHON = (0x0003, 0x0004, 0x000C, 0x000F)  # its BOOTSEL drives and debug probes

@@ -9,10 +9,10 @@ from typing import Any
 
 from framestep import texts
 from framestep.motors.axis import FULL_SPEED
-from framestep.moves.move_check import FASTEST_FPS
+from framestep.moves.path.move_check import FASTEST_FPS
 from framestep.moves.run_plan import LONGEST_ROLL
 from framestep.moves.shoot import LONGEST_MS
-from framestep.moves.upload_store import FARTHEST_FRAME
+from framestep.moves.upload.store import FARTHEST_FRAME
 from framestep.protocol.messages import (
     CONDITION_DRIVER,
     CONDITION_ESTOP,

@@ -72,7 +72,7 @@ class BoardWork:
         return {"lines": [line.strip() for line in said.splitlines() if line.strip()]}
 
     def live(self) -> dict[str, Any]:
-        """The load as numbers, {"figures": those of repl_commands.figures.live}, to be asked again
+        """The load as numbers, {"figures": those of repl.figures.live}, to be asked again
         and again: the port stays open until `rest`, or until something else is asked."""
         with self._one:
             if self._watched is None:

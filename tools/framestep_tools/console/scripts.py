@@ -12,17 +12,17 @@ import framestep.repl
 print("\\x02")
 framestep.repl.timing()
 """
-LIVE_BEGIN = "from framestep.repl_commands.figures import live\n"
+LIVE_BEGIN = "from framestep.repl.figures import live\n"
 LIVE = """
 print("\\x02")
 live()
 """
 # The functions and modules of LIVE_BEGIN are let go
 LIVE_END = """
-import sys, framestep
+from framestep.boot import forget
 del live
-for each in (".figures", ""): sys.modules.pop("framestep.repl_commands" + each, None)
-if hasattr(framestep, "repl_commands"): del framestep.repl_commands
+forget("framestep.repl.figures", "framestep.repl.commands")
+del forget
 """
 # A line of JSON for each piece; nothing where there is no file
 READ = f"""

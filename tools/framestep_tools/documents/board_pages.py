@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from framestep.rig_pins import fitted
+from framestep.rig.pins import fitted
 
 from ..building.board_files import ROOT, board_data, board_names
 from ..chips import chips
@@ -50,7 +50,7 @@ class Use(NamedTuple):
 
 def uses(board: Mapping[str, Any]) -> list[Use]:
     """Every pin that is in use, in the order of the table. board: data from
-    framestep.rig_pins.fitted."""
+    framestep.rig.pins.fitted."""
     found = list(_motors(board))
     if isinstance(board["enable"], int):
         found.append(Use(board["enable"], "motor", "enable of all drivers", "EN of every driver"))

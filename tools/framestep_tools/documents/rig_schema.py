@@ -7,7 +7,7 @@ python -m framestep_tools.documents.rig_schema          put it into docs/rig.sch
 import json
 from typing import Any
 
-from framestep import rig_home, rig_servos, rig_settings
+from framestep.rig import homes, servos, settings
 
 _TYPES = {
     str: "string",
@@ -18,13 +18,13 @@ _TYPES = {
     dict: "object",
 }
 _WITHIN: dict[str, dict[str, Any]] = {
-    "motors": rig_settings.MOTOR_SETTINGS,
-    "driver": rig_settings.DRIVER_SETTINGS,
-    "home": rig_home.HOME_SETTINGS,
-    "servo": rig_servos.SERVO_SETTINGS,
-    "outputs": rig_settings.OUTPUT_SETTINGS,
-    "inputs": rig_settings.INPUT_SETTINGS,
-    "limits": rig_settings.LIMIT_SETTINGS,
+    "motors": settings.MOTOR_SETTINGS,
+    "driver": settings.DRIVER_SETTINGS,
+    "home": homes.HOME_SETTINGS,
+    "servo": servos.SERVO_SETTINGS,
+    "outputs": settings.OUTPUT_SETTINGS,
+    "inputs": settings.INPUT_SETTINGS,
+    "limits": settings.LIMIT_SETTINGS,
 }
 
 
@@ -71,7 +71,7 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "framestep's rig.json",
     }
-    return {**head, **_object(rig_settings.SETTINGS)}
+    return {**head, **_object(settings.SETTINGS)}
 
 
 def text() -> str:

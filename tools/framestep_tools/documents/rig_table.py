@@ -5,7 +5,7 @@ python -m framestep_tools.documents.rig_table          put it there
 
 import json
 
-from framestep import rig_home, rig_servos, rig_settings
+from framestep.rig import homes, servos, settings
 
 from ..building.board_files import ROOT
 
@@ -43,14 +43,14 @@ def _rows(settings: dict, prefix: str = "") -> list[str]:
 def table() -> str:
     """The table as Markdown."""
     head = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
-    rows = _rows(rig_settings.SETTINGS)
-    rows += _rows(rig_settings.MOTOR_SETTINGS, "motors[].")
-    rows += _rows(rig_settings.DRIVER_SETTINGS, "motors[].driver.")
-    rows += _rows(rig_home.HOME_SETTINGS, "motors[].home.")
-    rows += _rows(rig_servos.SERVO_SETTINGS, "motors[].servo.")
-    rows += _rows(rig_settings.OUTPUT_SETTINGS, "outputs[].")
-    rows += _rows(rig_settings.INPUT_SETTINGS, "inputs[].")
-    rows += _rows(rig_settings.LIMIT_SETTINGS, "limits[].")
+    rows = _rows(settings.SETTINGS)
+    rows += _rows(settings.MOTOR_SETTINGS, "motors[].")
+    rows += _rows(settings.DRIVER_SETTINGS, "motors[].driver.")
+    rows += _rows(homes.HOME_SETTINGS, "motors[].home.")
+    rows += _rows(servos.SERVO_SETTINGS, "motors[].servo.")
+    rows += _rows(settings.OUTPUT_SETTINGS, "outputs[].")
+    rows += _rows(settings.INPUT_SETTINGS, "inputs[].")
+    rows += _rows(settings.LIMIT_SETTINGS, "limits[].")
     return "\n".join(head + rows) + "\n"
 
 

@@ -1,10 +1,10 @@
 """The motion that a run should be: what a played move is judged and drawn against.
 
-The velocity at a frame is the firmware's own decision (framestep.moves.path.slope); all else is
-worked out here in floating point, on its own: a cubic Hermite from frame to frame, the end frame's
-period at constant velocity, and pre-roll and post-roll with constant acceleration from and to rest
-on a whole step, as framestep/moves/run.py describes them. Backlash is not in it, nor the way back
-to the end frame.
+The velocity at a frame is the firmware's own decision (framestep.moves.path.path.slope); all else
+is worked out here in floating point, on its own: a cubic Hermite from frame to frame, the end
+frame's period at constant velocity, and pre-roll and post-roll with constant acceleration from and
+to rest on a whole step, as framestep/moves/run.py describes them. Backlash is not in it, nor the
+way back to the end frame.
 """
 
 from array import array
@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from framestep.moves import path
+from framestep.moves.path import path
 
 from .judge import frame_times_ns
 

@@ -4,7 +4,7 @@ go-motion needs of a move (field note 7.2), worked out as the firmware does."""
 from array import array
 from collections.abc import Sequence
 
-from framestep.moves import path
+from framestep.moves.path import path
 
 _FAR = 2**30 - 1  # stands for no soft limit
 _BOUNDS = array("i", [-_FAR, _FAR, 0])

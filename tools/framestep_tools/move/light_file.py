@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from framestep.moves.light_levels import CHANNELS
+from framestep.moves.upload.light_levels import CHANNELS
 from framestep.protocol import messages
 
 from ..payloads import (

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from framestep.moves.upload_store import FARTHEST_FRAME
+from framestep.moves.upload.store import FARTHEST_FRAME
 
 from ..client.client import Client
 from ..client.state import Stopped, is_stopped, why_stopped

@@ -33,7 +33,7 @@ _ENABLED, _WORDS = 1, 2 << 2
 _LEVELS = 0xD0000004
 
 _CHUNK = 256  # stamps read at a time: the board has little memory
-# Half words that regions and units take of the store, see moves/upload_chunks.py
+# Half words that regions and units take of the store, see moves/upload/chunks.py
 _ROOM = (
     "w = words()\nprint(addressof(store()), 2 * w[{BOTTOM}], 2 * (w[{SIZE}] - {UNIT} * w[{USED}]))"
 )
@@ -42,7 +42,7 @@ _RELEASE = "for d in prove_dma: d.close()\nprove_dma = None"
 _DUMP = "print(b2a_base64(memoryview(store())[{begin}:{end}]).decode(), end='')"
 # A program is a list; all but its instructions is as in the motors' one
 _LOAD = """
-from framestep.hal.rp2_pulses import step_pulses
+from framestep.hal.rp2.pulses import step_pulses
 prove_code = list(step_pulses)
 prove_code[0] = array("H", {words})
 try:
@@ -152,9 +152,9 @@ class Borrowed:
         return ast.literal_eval(self._run(f"{start};get({self._chip.microseconds})"))[0]
 
     def _measure_room(self) -> None:
-        from framestep.moves import upload_chunks
+        from framestep.moves.upload import chunks
 
-        names = {name: getattr(upload_chunks, name) for name in ("BOTTOM", "SIZE", "UNIT", "USED")}
+        names = {name: getattr(chunks, name) for name in ("BOTTOM", "SIZE", "UNIT", "USED")}
         self._store, begin, end = map(int, self._run(_ROOM.format(**names)).split())
         self._at = -(-(self._store + begin) // 4) * 4
         room = (self._store + end - self._at) // 4 - 1

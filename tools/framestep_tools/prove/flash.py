@@ -1,7 +1,7 @@
 """How long a board's flash takes to erase a sector and to program a page, each by itself.
 
 Only a sector that belongs to a file of our own is touched past the file system, as framestep does
-for positions that it remembers (firmware/framestep/hal/rp2_flash.py): the file is one sector long,
+for positions that it remembers (firmware/framestep/hal/rp2/flash.py): the file is one sector long,
 so it lies in one; that is found by its first bytes, which are random. If the power fails meanwhile
 the file has lost its content, and nothing else has changed; the next measurement writes it anew.
 """

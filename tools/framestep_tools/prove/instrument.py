@@ -28,7 +28,7 @@ from array import array
 from binascii import b2a_base64
 from machine import mem32
 from framestep import boot
-from framestep.native import addressof
+from framestep.base.native import addressof
 def put(*w):
     for i in range(0, len(w), 2):
         mem32[w[i]] = w[i + 1]

@@ -23,7 +23,7 @@ from .driver_chips import Chip, Chips
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from framestep.host_board import HostBoard
+    from framestep.hal.host_board import HostBoard
 
 _LOOK_NS = 1_000_000  # how often a simulated board is asked for output while a client waits
 _BOOT_LIMIT_MS = 10_000
@@ -103,7 +103,7 @@ class SimulatedBoard:
         board: str = "pico",
         upload_bytes: int = 0,
     ):
-        from framestep.host_board import HostBoard
+        from framestep.hal.host_board import HostBoard
 
         self.chips: list[Chip] = []
 

@@ -111,7 +111,7 @@ class Chip:
 
 def of(board: Mapping[str, Any]) -> list[Chip]:
     """A chip for each address in a board's data: those of motor 1, 2, … board: data from
-    framestep.rig_pins.fitted."""
+    framestep.rig.pins.fitted."""
     return [Chip(address) for address in board.get("drivers", {}).get("address", [])]
 
 

@@ -10,13 +10,13 @@ from rich.table import Table
 from rich.text import Text
 
 from framestep import texts
-from framestep.repl_commands import operation
+from framestep.repl.commands import operation
 
 from ..traffic.log import Entry
 from ..traffic.sniffer import timed
 
 if TYPE_CHECKING:
-    from framestep.host_board import HostBoard
+    from framestep.hal.host_board import HostBoard
 
 _TOLD = 12  # lines of traffic
 _LIGHTS = 24  # channels shown

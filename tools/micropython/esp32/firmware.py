@@ -10,7 +10,7 @@ import sys
 import chip
 
 from framestep.controller import Controller
-from framestep.hal.esp32 import Esp32Hal
+from framestep.hal.esp32.hal import Esp32Hal
 from framestep.rig import Rig
 from framestep.runner import Runner
 

@@ -4,8 +4,8 @@ flags.
 Sources: the specification (edition 2024-08-13), and the field notes where marked.
 """
 
-from framestep import results
-from framestep.native import const
+from framestep.base import results
+from framestep.base.native import const
 
 # -- Frame: 'D' 'F', id DWORD, type WORD, length WORD, payload, two check bytes; little-endian
 # (spec: Message Format)

@@ -1,0 +1,195 @@
+"""Copies bytes and words fast: by words where source and target allow it. Nothing allocates."""
+
+from array import array
+
+from framestep.base.native import CPYTHON, micropython, ptr8, ptr16, ptr32
+
+if CPYTHON:
+
+    def copy_bytes(to, to_at, source, at, count):
+        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its
+        front."""
+        to[to_at : to_at + count] = source[at : at + count]
+
+    def copy_dwords(words, source, index, at, count):
+        """Copy the `count` little-endian DWORDs from source[at] on, which may begin at any byte, to
+        words[index] on."""
+        words[index : index + count] = array("i", bytes(source[at : at + 4 * count]))
+
+    def move_words(to, at, count, words):
+        """Move `count` words within an array('i'), from words[at] on to words[to] on; the places
+        may overlap."""
+        words[to : to + count] = words[at : at + count]
+
+    def move_halves(to, at, count, halves):
+        """The same for half words."""
+        halves[to : to + count] = halves[at : at + count]
+
+else:
+
+    @micropython.viper
+    def copy_bytes(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
+        # The two registers that viper has for locals on ARM hold the two places: `to` is the one,
+        # `to_at` the other.
+        to = ptr8(int(to) + to_at)
+        to_at = int(source) + at
+        if count >= 16:
+            while int(to) & 3:
+                to[0] = ptr8(to_at)[0]
+                to = ptr8(int(to) + 1)
+                to_at += 1
+                count -= 1
+            if to_at & 3 == 0:
+                while count >= 16:
+                    ptr32(to)[0] = ptr32(to_at)[0]
+                    ptr32(to)[1] = ptr32(to_at)[1]
+                    ptr32(to)[2] = ptr32(to_at)[2]
+                    ptr32(to)[3] = ptr32(to_at)[3]
+                    to = ptr8(int(to) + 16)
+                    to_at += 16
+                    count -= 16
+            elif to_at & 1:
+                while count >= 8:
+                    ptr32(to)[0] = (
+                        ptr8(to_at)[0] | (ptr16(to_at + 1)[0] << 8) | (ptr8(to_at)[3] << 24)
+                    )
+                    ptr32(to)[1] = (
+                        ptr8(to_at)[4] | (ptr16(to_at + 1)[2] << 8) | (ptr8(to_at)[7] << 24)
+                    )
+                    to = ptr8(int(to) + 8)
+                    to_at += 8
+                    count -= 8
+            else:
+                while count >= 8:
+                    ptr32(to)[0] = ptr16(to_at)[0] | (ptr16(to_at)[1] << 16)
+                    ptr32(to)[1] = ptr16(to_at)[2] | (ptr16(to_at)[3] << 16)
+                    to = ptr8(int(to) + 8)
+                    to_at += 8
+                    count -= 8
+        while count > 0:
+            to[0] = ptr8(to_at)[0]
+            to = ptr8(int(to) + 1)
+            to_at += 1
+            count -= 1
+
+    @micropython.viper
+    def copy_dwords(words: ptr32, source: ptr8, index: int, at: int, count: int):
+        # Viper keeps the first two parameters in registers on ARM: here the two addresses.
+        # However the source is aligned, whole words are read as far as there are any.
+        words = ptr32(int(words) + (index << 2))
+        at += int(source)
+        source = ptr8(at & -4)
+        at &= 3
+        if at == 0:
+            while count >= 4:
+                words[0] = ptr32(source)[0]
+                words[1] = ptr32(source)[1]
+                words[2] = ptr32(source)[2]
+                words[3] = ptr32(source)[3]
+                words = ptr32(int(words) + 16)
+                source = ptr8(int(source) + 16)
+                count -= 4
+        elif at == 1:
+            while count >= 4:
+                words[0] = source[1] | (ptr16(source)[1] << 8) | (ptr32(source)[1] << 24)
+                words[1] = source[5] | (ptr16(source)[3] << 8) | (ptr32(source)[2] << 24)
+                words[2] = source[9] | (ptr16(source)[5] << 8) | (ptr32(source)[3] << 24)
+                words[3] = source[13] | (ptr16(source)[7] << 8) | (ptr32(source)[4] << 24)
+                words = ptr32(int(words) + 16)
+                source = ptr8(int(source) + 16)
+                count -= 4
+        elif at == 2:
+            while count >= 4:
+                words[0] = ptr16(source)[1] | (ptr32(source)[1] << 16)
+                words[1] = ptr16(source)[3] | (ptr32(source)[2] << 16)
+                words[2] = ptr16(source)[5] | (ptr32(source)[3] << 16)
+                words[3] = ptr16(source)[7] | (ptr32(source)[4] << 16)
+                words = ptr32(int(words) + 16)
+                source = ptr8(int(source) + 16)
+                count -= 4
+        else:
+            while count >= 4:
+                words[0] = source[3] | (ptr32(source)[1] << 8)
+                words[1] = source[7] | (ptr32(source)[2] << 8)
+                words[2] = source[11] | (ptr32(source)[3] << 8)
+                words[3] = source[15] | (ptr32(source)[4] << 8)
+                words = ptr32(int(words) + 16)
+                source = ptr8(int(source) + 16)
+                count -= 4
+        source = ptr8(int(source) + at)
+        while count > 0:
+            words[0] = source[0] | (source[1] << 8) | (source[2] << 16) | (source[3] << 24)
+            words = ptr32(int(words) + 4)
+            source = ptr8(int(source) + 4)
+            count -= 1
+
+    @micropython.viper
+    def move_words(to: int, at: int, count: int, words: ptr32):
+        # As above: the first two parameters become addresses.
+        if to < at:
+            to = int(words) + (to << 2)
+            at = int(words) + (at << 2)
+            while count >= 4:
+                ptr32(to)[0] = ptr32(at)[0]
+                ptr32(to)[1] = ptr32(at)[1]
+                ptr32(to)[2] = ptr32(at)[2]
+                ptr32(to)[3] = ptr32(at)[3]
+                to += 16
+                at += 16
+                count -= 4
+            while count > 0:
+                ptr32(to)[0] = ptr32(at)[0]
+                to += 4
+                at += 4
+                count -= 1
+        elif to > at:
+            to = int(words) + ((to + count) << 2)
+            at = int(words) + ((at + count) << 2)
+            while count >= 4:
+                to -= 16
+                at -= 16
+                ptr32(to)[3] = ptr32(at)[3]
+                ptr32(to)[2] = ptr32(at)[2]
+                ptr32(to)[1] = ptr32(at)[1]
+                ptr32(to)[0] = ptr32(at)[0]
+                count -= 4
+            while count > 0:
+                to -= 4
+                at -= 4
+                ptr32(to)[0] = ptr32(at)[0]
+                count -= 1
+
+    @micropython.viper
+    def move_halves(to: int, at: int, count: int, halves: ptr16):
+        if to < at:
+            to = int(halves) + (to << 1)
+            at = int(halves) + (at << 1)
+            while count >= 4:
+                ptr16(to)[0] = ptr16(at)[0]
+                ptr16(to)[1] = ptr16(at)[1]
+                ptr16(to)[2] = ptr16(at)[2]
+                ptr16(to)[3] = ptr16(at)[3]
+                to += 8
+                at += 8
+                count -= 4
+            while count > 0:
+                ptr16(to)[0] = ptr16(at)[0]
+                to += 2
+                at += 2
+                count -= 1
+        elif to > at:
+            to = int(halves) + ((to + count) << 1)
+            at = int(halves) + ((at + count) << 1)
+            while count >= 4:
+                to -= 8
+                at -= 8
+                ptr16(to)[3] = ptr16(at)[3]
+                ptr16(to)[2] = ptr16(at)[2]
+                ptr16(to)[1] = ptr16(at)[1]
+                ptr16(to)[0] = ptr16(at)[0]
+                count -= 4
+            while count > 0:
+                to -= 2
+                at -= 2
+                ptr16(to)[0] = ptr16(at)[0]
+                count -= 1

@@ -1,0 +1,280 @@
+"""ESP32: motors behind 74HC595 fed by I2S, ticks in batches from the main loop, the protocol on the
+UART of the REPL. Nothing of this has been tried on hardware: docs/esp32.md.
+
+Pins up to LAST_PIN are the chip's own, for inputs. Output n of the chain is pin CHAIN + n: steps,
+directions, enable lines, camera and general outputs. All of these change with their tick, which is
+played a queue's length after it has been done.
+
+There are no hard interrupts. What a pin's change calls comes between two bytecodes, wherever the
+main loop is; while it is where that may not be (irq_off) it waits for irq_on. A ramp would begin
+only when the queue has been played, so the E-stop does what can be done at once: it ends all
+pulses, and switches the drivers off as soon as the chain can be told. Positions are in doubt then.
+"""
+
+import gc
+from array import array
+from time import sleep_ms
+
+from machine import Pin, Timer, idle
+
+from framestep.base.native import const
+from framestep.hal import PASS
+from framestep.hal.absent import NoDmx, NoWatchdog
+from framestep.hal.esp32.chain import Chain
+from framestep.hal.esp32.port import UartPort
+from framestep.hal.stream import Stream
+from framestep.pulse.engine import CYCLES, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
+from framestep.pulse.kernel import StepKernel
+from framestep.pulse.stepper import RUNNING
+
+LAST_PIN = const(39)
+CHAIN = const(64)
+_OUTPUTS = const(30)  # of the chain: what fits a small integer
+_CYCLES_PER_US = const(CYCLES // 1000)
+_LEAST = const(512)
+_CLOSE = const(32)
+_READINGS = const(4)  # of the E-stop, as io/safety.py has it
+
+
+class Inside:
+    """Calls work(x) with inside[PASS] at 1."""
+
+    def __init__(self, work, inside):
+        self.work = work
+        self.inside = inside
+
+    def call(self, x):
+        self.inside[PASS] = 1
+        try:
+            self.work(x)
+        finally:
+            self.inside[PASS] = 0
+
+
+def _no_led(_colour):
+    pass
+
+
+def bit_of(pin):
+    """The bit of an output of the chain. ValueError if the pin is none."""
+    if not CHAIN <= pin < CHAIN + _OUTPUTS:
+        raise ValueError("pin %d: outputs are %d to %d" % (pin, CHAIN, CHAIN + _OUTPUTS - 1))
+    return 1 << (pin - CHAIN)
+
+
+class Esp32Hal:
+    """See framestep.hal.contract. board: the data of boards/<board>/board.json; rig:
+    framestep.rig.Rig. ValueError for an output that is no pin of the chain."""
+
+    def __init__(self, board, rig):
+        self.board = board
+        self.motors = len(board["step"])
+        steps = [bit_of(pin) for pin in board["step"]]
+        stream = self.engine = Stream(steps, [bit_of(pin) for pin in board["dir"]])
+        self.kernel = StepKernel(self.motors, CYCLES, stream.clock)
+        for i in range(self.motors):
+            settings = rig.motor(i)
+            wider = int(settings["pulse_us"] * _CYCLES_PER_US) - HIGH_CYCLES + WIDTH_CYCLES - 1
+            width = min(max(wider // WIDTH_CYCLES, 0), WIDTHS - 1)
+            setup = int(settings["setup_us"] * _CYCLES_PER_US)
+            self.kernel.configure(i, stream.fifo(i), width, setup, settings["invert"])
+        self.drive = stream.drive
+        self._make_drivers(board, rig)
+        self.inside = array("i", [0] * (PASS + 1))
+        self.dmx = NoDmx()
+        self.watchdog = NoWatchdog()
+        self.driver_wire = None
+        self.report_driver = None  # what takes lines about drivers: see contract.py
+        self.floats = 0
+        self.passes = Timer(0)  # made now, as there may be no memory for it later
+        self._inputs = []
+        self._handler = None
+        self._estop = rig.estop
+        rig.estop_cuts_power = True  # it switches the drivers off: see _on_change()
+        self._estop_pin = None
+        self._held = 0  # the main loop is where no handler may come
+        self._struck = False  # one waits
+        self._cut = False  # the E-stop has ended the pulses
+        self._landed = False
+        chain = board["chain"]
+        self.chain = Chain(
+            stream, self.kernel, steps, board["buffers"], chain["sck"], chain["ws"], chain["sd"]
+        )
+        self.port = UartPort(self)
+        led = board.get("led")
+        self.led = Pin(led, Pin.OUT, value=0).value if led is not None else _no_led
+
+    # ------------------------------------------------------------ drivers
+
+    def _make_drivers(self, board, rig):
+        """Drivers are off at first."""
+        enable = board["enable"]
+        self._shared = not isinstance(enable, list)
+        self._enable_bits = [bit_of(pin) for pin in ([enable] if self._shared else enable)]
+        self._on_high = [rig.motor(i)["enable_high"] for i in range(len(self._enable_bits))]
+        self._enabled = 0  # whose driver is to be on, a bit each
+        self._drive_enables(0)
+
+    def _drive_enables(self, motors):
+        """Switch the drivers of these motors on, and all others off. motors: a bit each."""
+        for i in range(len(self._enable_bits)):
+            mine = motors if self._shared else motors & (1 << i)
+            bit = self._enable_bits[i]
+            if (mine != 0) == self._on_high[i]:
+                self.engine.drive(bit, 0)
+            else:
+                self.engine.drive(0, bit)
+
+    def enable(self, motor, on):
+        if on:
+            self._enabled |= 1 << motor
+        else:
+            self._enabled &= ~(1 << motor)
+        if not self._cut:
+            self._drive_enables(self._enabled)
+
+    # ------------------------------------------------------------ the main loop
+
+    @property
+    def upload_bytes(self):
+        """The largest block of memory that there is, but for a few bytes. Allocates, for a
+        moment."""
+        size = _LEAST
+        gc.collect()
+        most = gc.mem_free()
+        while most - size > _CLOSE:
+            middle = (size + most) // 2
+            try:
+                bytearray(middle)
+                size = middle
+            except MemoryError:
+                most = middle
+            gc.collect()
+        return size
+
+    def start(self):
+        self.port.start()
+
+    idle = staticmethod(idle)
+
+    def irq_off(self):
+        before = self._held
+        self._held = 1
+        return before
+
+    def irq_on(self, state):
+        self._held = state
+        if not state and self._struck:
+            self._on_change(None)
+
+    def serve(self):
+        """Keep the chain fed. In each pass."""
+        before = self.irq_off()
+        if self._cut:
+            self._recover()
+        elif self._pressed():  # whatever has become of its interrupt
+            self._end_pulses()
+        self.chain.serve()
+        self.irq_on(before)
+
+    def land(self):
+        """Go on until all motors are at rest and the last of it has been played: the passes have
+        ended."""
+        if self._landed:
+            return
+        self._landed = True
+        left = self.chain.ahead()
+        while left:
+            self.serve()
+            sleep_ms(1)
+            if not self.kernel.state[RUNNING]:
+                left -= 1
+        self.chain.deinit()
+
+    def pass_callback(self, work):
+        return Inside(work, self.inside).call
+
+    # ------------------------------------------------------------ pins
+
+    def output(self, pin, level):
+        bit = bit_of(pin)
+        if level:
+            self.engine.drive(bit, 0)
+        else:
+            self.engine.drive(0, bit)
+        return bit
+
+    def input(self, pin, pull):
+        if pin > LAST_PIN:
+            raise ValueError("pin %d: inputs are 0 to %d" % (pin, LAST_PIN))
+        if pull == "none":
+            made = Pin(pin, Pin.IN)
+        else:
+            made = Pin(pin, Pin.IN, Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
+        self._inputs.append(made)
+        if self._estop != "none" and pin == self.board.get("estop"):
+            self._estop_pin = made
+        return 1 << (len(self._inputs) - 1)
+
+    def levels(self):
+        """The inputs that are high, one bit each. Outputs are not among them."""
+        bits = 0
+        bit = 1
+        for pin in self._inputs:
+            if pin():
+                bits |= bit
+            bit <<= 1
+        return bits
+
+    def watch(self, bits, handler):
+        self._handler = handler
+        for i, pin in enumerate(self._inputs):
+            if (bits >> i) & 1:
+                pin.irq(self._on_change, Pin.IRQ_RISING | Pin.IRQ_FALLING)
+
+    def _pressed(self):
+        """Whether the E-stop is active, in several readings in a row: not a spike."""
+        pin = self._estop_pin
+        if pin is None:
+            return False
+        active = 1 if self._estop == "nc" else 0
+        for _ in range(_READINGS):
+            if pin() != active:
+                return False
+        return True
+
+    def _on_change(self, _pin):
+        """A switch has changed. From MicroPython's scheduler, or when irq_on() lets it come."""
+        if self._held:
+            self._struck = True
+            return
+        self._held = 1
+        self._struck = False
+        self._handler(None)  # type: ignore[misc]
+        if self._pressed() and not self._cut:
+            self._end_pulses()
+        self._held = 0
+
+    def _end_pulses(self):
+        self._cut = True
+        self.chain.cut()
+        self._drive_enables(0)
+
+    def _recover(self):
+        """After an E-stop: the chain first, with all drivers off; then, once nothing moves and the
+        button has been released, the drivers as they are to be."""
+        if self.chain.recovered() and not self._pressed():
+            self._cut = False
+            self._drive_enables(self._enabled)
+
+    def take_lost_commands(self):
+        return self.chain.take_lost()
+
+    def reclaim(self):
+        return -1
+
+    def ready(self):
+        return not self._cut
+
+    def flash(self):
+        raise OSError("not on an ESP32 yet")

@@ -1,0 +1,22 @@
+"""The protocol on the UART of an ESP32's REPL. A pass begins with a look at the port, so that is
+where the chain is fed."""
+
+from framestep.hal.ports.stdin_port import StdinPort
+
+
+class UartPort(StdinPort):
+    """A framestep.hal.ports.stdin_port whose `open` is always true. hal: its serve() is called by
+    each pass."""
+
+    def __init__(self, hal):
+        StdinPort.__init__(self)
+        self._serve = hal.serve
+        self._land = hal.land
+
+    def poll(self, reader):
+        self._serve()
+        return StdinPort.poll(self, reader)
+
+    def stop(self):
+        self._land()
+        StdinPort.stop(self)

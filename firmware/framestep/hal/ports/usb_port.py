@@ -1,0 +1,426 @@
+"""The protocol on a USB serial port of its own, beside the built-in one that keeps the REPL
+(machine.USBDevice).
+
+usb_transfers.py says how bytes come in and go out, and what a soft reset leaves as it was.
+
+Callbacks come from MicroPython's scheduler and are viper functions: they run to their end (no
+Ctrl-C lands in them, and no lack of stack ends them) and allocate nothing. They own what the driver
+does; `poll()` and `send()` own what the main loop has taken and given.
+"""
+
+import struct
+import time
+from array import array
+
+from framestep.base.native import addressof, as_word, const, micropython, ptr8, ptr32
+from framestep.hal.ports.usb_descriptor import Strings, descriptor
+from framestep.hal.ports.usb_transfers import (
+    ADDRESS_REGISTER,
+    ALIVE,
+    ARMED,
+    AT,
+    BUS,
+    BY_DTR,
+    DTR,
+    END,
+    EP_IN,
+    EP_OUT,
+    FILL,
+    FLAG,
+    KEPT,
+    KEPT_AT,
+    KEPT_DTR,
+    KEPT_FILL,
+    KEPT_MARK,
+    LAST,
+    LEFT,
+    LIVE,
+    LOOK,
+    MEMORY,
+    NEXT,
+    NO,
+    NO_FLAG,
+    OBJECT,
+    OUTGOING,
+    PACKET,
+    PACKET_AT,
+    PLACE,
+    RX,
+    SEEN,
+    SENDING,
+    SENT,
+    STALE,
+    TAKE,
+    TX,
+    UNCHANGED,
+    UNHEARD,
+    USED,
+    WORDS,
+    YES,
+    activate,
+    arm,
+    arrived,
+    chip,
+    drop_stale,
+    forget_host,
+    mark_stale,
+    restore,
+    send_packet,
+)
+
+# isort: split
+# Behind usb_transfers, which says what to do where this is missing
+from machine import USBDevice, disable_irq, enable_irq
+
+# CDC requests (USB CDC PSTN 1.2, table 13)
+_SET_LINE_CODING = const(0x20)
+_GET_LINE_CODING = const(0x21)
+_SET_CONTROL_LINE_STATE = const(0x22)
+_SEND_BREAK = const(0x23)
+_STAGE_SETUP = const(1)
+
+# bytes that come this long after DTR was cleared are from a host that does not use it
+_QUIET_MS = const(100)
+_SETTLE_MS = const(2)
+# a host that has the port open collects a packet within this time: its driver does so
+_COLLECT_MS = const(500)
+
+
+class UsbPort:
+    """The protocol's port.
+
+    `open`: a host has it open. It has set DTR, or, if it does not use DTR, sent bytes. `openings`
+    counts how often it was opened: a change means a new client, even if `open` is True before and
+    after.
+
+    Nothing allocates after `start()`. One main loop calls `poll()` and `send()`. It may be a
+    scheduled function; then it calls `poll()` once each time, since callbacks must come between two
+    calls.
+    """
+
+    def __init__(self):
+        usb = self._usb = USBDevice()
+        builtin = self._builtin = usb.BUILTIN_DEFAULT
+        self._submit = usb.submit_xfer
+        self._ticks = time.ticks_ms
+        memory = memoryview(chip.memory(MEMORY) if chip else bytearray(MEMORY))
+        self._rx = memory[: 2 * PLACE]
+        self._places = (memory[:PLACE], memory[PLACE : 2 * PLACE])
+        at = 2 * PLACE
+        self._tx = memory[at : at + OUTGOING]
+        at += OUTGOING
+        packet = memory[at : at + PACKET]
+        self._packets = [packet[:n] for n in range(PACKET + 1)]
+        at += PACKET
+        self._coding = memory[at : at + 7]  # kept for the host, without meaning here
+        self._coding[:] = struct.pack("<IBBB", 115200, 0, 0, 8)
+        s = self._state = array("i", [0] * WORDS)
+        s[EP_OUT] = builtin.ep_max + 1
+        s[EP_IN] = 0x80 | s[EP_OUT]
+        s[RX] = as_word(addressof(self._rx))
+        s[TX] = as_word(addressof(self._tx))
+        s[BUS] = as_word(ADDRESS_REGISTER)
+        s[PACKET_AT] = as_word(addressof(packet))
+        s[NO_FLAG] = UNCHANGED
+        s[FLAG] = as_word(addressof(s)) + 4 * NO_FLAG
+        s[KEPT] = as_word(addressof(memory)) + KEPT_AT
+        s[USED] = s[USED + 1] = PLACE
+        self._closed_at = time.ticks_ms()
+        self._waits = -1  # the packet that was seen to wait
+        self._waits_since = 0
+        self._bus = chip.BusWatch() if chip else None
+        self.open = False
+        self.openings = 0
+
+    def start(self):
+        """Put the port beside the built-in one; returns at once.
+
+        The host sees the board go, and come back with two ports. After a soft reset it sees
+        nothing.
+        """
+        if chip:
+            from framestep.hal.rp2.stack import unchecked
+
+            port = UsbPort
+            self._kinds = unchecked(
+                arm,
+                mark_stale,
+                send_packet,
+                port._configured,
+                port._reset,
+                port._control,
+                port._transferred,
+            )
+        usb = self._usb
+        going_on = chip and chip.enabled(self._state[EP_OUT]) and restore(self._state, id(usb))
+        if not going_on:
+            usb.active(False)
+        usb.builtin_driver = self._builtin
+        usb.config(
+            self._builtin.desc_dev,
+            descriptor(self._builtin),
+            Strings(self._builtin.str_max),
+            self._configured,
+            self._reset,
+            self._control,
+            self._transferred,
+        )
+        if going_on:
+            self._go_on()
+        else:
+            activate(self._state, usb, id(usb), bytearray(OBJECT))
+
+    def _go_on(self):
+        """Go on after a soft reset, which the host has not noticed: a new session begins.
+
+        The port may be open. A transfer that ended in between was reported to nobody.
+        """
+        state = self._state
+        time.sleep_ms(_SETTLE_MS)  # what MicroPython's USB task still has to report
+        irq = disable_irq()
+        try:
+            if not chip.in_flight(state[EP_OUT], 1):
+                state[ARMED] = 0
+            if not chip.in_flight(state[EP_OUT], 0):
+                state[SENDING] = 0
+        finally:
+            enable_irq(irq)
+        mark_stale(state)
+        if state[SENDING]:
+            chip.empty_packet(state[EP_OUT])
+        elif state[DTR]:
+            try:
+                send_packet(self)  # an empty one
+            except OSError:  # the end of the last comes just now
+                pass
+        if state[LIVE] and not state[ARMED]:
+            try:
+                arm(self)
+            except OSError:  # its end comes just now
+                state[ARMED] = 1
+        if state[DTR]:
+            self.open = True
+            self.openings += 1
+
+    # ------------------------------------------------------------ called by the USB driver
+
+    @micropython.viper
+    def _configured(self, descriptor):
+        s = ptr32(self._state)
+        s[LIVE] = 1
+        s[ARMED] = 0
+        s[SENDING] = 0
+        flag = ptr8(s[FLAG])
+        if flag[1] == 0:
+            flag[0] = 0
+            kept = ptr32(s[KEPT])
+            kept[KEPT_FILL] = s[FILL]
+            kept[KEPT_DTR] = s[DTR]
+            kept[KEPT_MARK] = ALIVE
+        if (s[FILL] - s[TAKE]) & 3 < 2:
+            arm(self)
+
+    @micropython.viper
+    def _reset(self):
+        # Bus reset or another configuration: transfers are gone. What has been seen of the running
+        # one stays.
+        s = ptr32(self._state)
+        if s[ARMED]:
+            place = s[FILL] & 1
+            s[END + place] = s[SEEN]
+            s[USED + place] = PLACE
+            s[FILL] = (s[FILL] + 1) & 3
+            s[ARMED] = 0
+        s[LIVE] = 0
+        s[SENDING] = 0
+        ptr32(s[KEPT])[KEPT_MARK] = 0
+        mark_stale(s)
+        s[DTR] = 0
+        s[UNHEARD] = 0
+        s[BY_DTR] = 1
+        self.open = False
+        self._closed_at = self._ticks()
+
+    @micropython.viper
+    def _control(self, stage: int, request):
+        if stage != _STAGE_SETUP:
+            return YES
+        setup = ptr8(request)
+        what = setup[1]
+        if setup[0] & 0x60 != 0x20:  # class requests only
+            return NO
+        s = ptr32(self._state)
+        dtr = setup[2] & 1
+        if what == _SET_LINE_CODING or what == _SET_CONTROL_LINE_STATE:
+            if what == _SET_LINE_CODING:
+                dtr = s[DTR]
+            if what == _SET_CONTROL_LINE_STATE and s[UNHEARD]:
+                s[UNHEARD] = 0
+                if dtr:  # told by a host that opens the port
+                    s[DTR] = 0
+            if dtr > s[DTR]:
+                mark_stale(s)
+                self.open = True
+                self.openings = int(self.openings) + 1
+            elif dtr < s[DTR] or dtr == 0 and self.open:
+                # Without DTR, what drivers set when a program opens or closes the port is the only
+                # sign of either.
+                mark_stale(s)
+                if chip:
+                    chip.empty_packet(s[EP_OUT])
+                self.open = False
+                self._closed_at = self._ticks()
+                s[BY_DTR] = s[DTR]
+            s[DTR] = dtr
+            ptr32(s[KEPT])[KEPT_DTR] = dtr
+        if what == _SET_LINE_CODING or what == _GET_LINE_CODING:
+            return self._coding
+        if what == _SET_CONTROL_LINE_STATE:
+            return YES
+        if what == _SEND_BREAK:
+            return YES
+        return NO
+
+    @micropython.viper
+    def _transferred(self, endpoint: int, result: int, count: int) -> bool:
+        s = ptr32(self._state)
+        if endpoint == s[EP_OUT]:
+            place = s[FILL] & 1
+            s[END + place] = count
+            s[USED + place] = count
+            s[FILL] = (s[FILL] + 1) & 3
+            ptr32(s[KEPT])[KEPT_FILL] = s[FILL]
+            s[ARMED] = 0
+            if (s[FILL] - s[TAKE]) & 3 < 2:
+                arm(self)
+        elif endpoint == s[EP_IN]:
+            if s[LEFT] or s[LAST] == PACKET:
+                send_packet(self)
+            else:
+                s[SENDING] = 0
+        return True
+
+    # ------------------------------------------------------------ called by the main loop
+
+    @micropython.viper
+    def poll(self, reader) -> int:
+        """Offer what has arrived to `reader.feed(buffer, start, count) -> taken`. Returns how many
+        bytes it took.
+
+        Bytes that are not taken are offered again by the next call. Once both places are full, the
+        host has to wait.
+        """
+        s = ptr32(self._state)
+        look = (s[LOOK] + 1) & 0xFFFFFFF
+        s[LOOK] = look
+        moved = 0
+        wanted = 1 if self.open else 0
+        if s[STALE]:
+            drop_stale(s)
+            if not s[ARMED] and s[LIVE] and (s[FILL] - s[TAKE]) & 3 < 2:
+                arm(self)
+        while True:
+            place = s[TAKE] & 1
+            at = s[AT]
+            ended = s[TAKE] != s[FILL]
+            if ended:
+                end = s[END + place]
+            elif moved:
+                break  # for the next look, which finds it whole, and the reader empty
+            else:
+                end = int(arrived(s, look))
+            if at < end:
+                if wanted == 0:
+                    wanted = 1 if self._heard() else -1
+                taken = end - at
+                if wanted > 0:
+                    taken = int(reader.feed(self._rx, place * PLACE + at, taken))
+                at += taken
+                s[AT] = at
+                moved += taken
+            if at < end or not ended:
+                break
+            s[AT] = 0
+            s[TAKE] = (s[TAKE] + 1) & 3
+            if not s[ARMED] and s[LIVE]:
+                arm(self)
+        if wanted < 0:
+            return 0
+        if moved == 0 and look & 15 == 0:
+            if s[LIVE] and not s[ARMED] and s[TAKE] == s[FILL]:
+                # an exception ended the callback that should
+                arm(self)
+            self._watch()
+        return moved
+
+    @micropython.viper
+    def send(self, writer) -> int:
+        """Begin to send what `writer.take(buffer, limit) -> count` gives. Never waits.
+
+        Returns 1 if it is still busy sending: nothing is taken then. A closed port takes all and
+        drops it, as any serial port does.
+        """
+        s = ptr32(self._state)
+        if self.open:
+            if s[SENDING]:
+                return 1
+            count = int(writer.take(self._tx, OUTGOING))
+            if count:
+                s[LEFT] = count
+                s[NEXT] = s[TX]
+                send_packet(self)
+        else:
+            while int(writer.take(self._tx, OUTGOING)):
+                pass
+        return 0
+
+    # ------------------------------------------------------------ openings and closings
+
+    def _heard(self):
+        """Returns whether bytes that came in through a closed port count.
+
+        They do not if the host has just cleared DTR: it may have sent them before. Otherwise this
+        host does not use DTR, and has the port open now.
+        """
+        if self._state[BY_DTR] and time.ticks_diff(time.ticks_ms(), self._closed_at) <= _QUIET_MS:
+            return False
+        self.open = True
+        self.openings += 1
+        return True
+
+    def _lose(self):
+        """The host has gone without clearing DTR: drop what is under way."""
+        state = self._state
+        state[LEFT] = 0
+        state[LAST] = 0
+        chip.empty_packet(state[EP_OUT])
+        self.open = False
+        self._closed_at = time.ticks_ms()
+
+    def _watch(self):
+        """Close the port when the bus is dead. Open it when the host is back and still has DTR
+        set."""
+        if chip:
+            state = self._state
+            if self._bus.dead():
+                if self.open:
+                    self._lose()
+            elif state[UNHEARD] == 2 and not state[SENDING]:
+                state[UNHEARD] = 1
+            elif (
+                self.open
+                and (state[UNHEARD] == 2 or not state[DTR])
+                and state[SENDING]
+                and chip.packet_waits(state[EP_OUT])
+            ):
+                now = time.ticks_ms()
+                if state[SENT] != self._waits:
+                    self._waits = state[SENT]
+                    self._waits_since = now
+                elif time.ticks_diff(now, self._waits_since) > _COLLECT_MS:
+                    self._lose()  # its host does not use DTR, or was not heard
+                    forget_host(state)
+                    mark_stale(state)
+            elif not self.open and self._state[DTR]:
+                self.open = True
+                self.openings += 1

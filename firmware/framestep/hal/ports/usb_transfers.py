@@ -1,0 +1,294 @@
+"""The protocol's USB port: transfers, packet by packet, and what a soft reset leaves of them.
+
+What comes in. A transfer from the host takes up to 17 packets of 64 bytes, so the largest frame
+costs one callback and not seventeen. It ends early with a packet that is not full. A frame of a
+multiple of 64 bytes has no such packet, and would wait in an unfinished transfer for whatever comes
+next. So the place of each packet holds a mark while the transfer runs: the USB driver copies a
+packet to its place in its interrupt, whole, and where the mark is gone a packet has arrived. The
+main loop takes packets from an unfinished transfer in this way, so nothing that is sent is held up.
+Two places take turns: the callback that ends a transfer begins the next one as soon as the main
+loop has emptied its place.
+
+What goes out goes a packet at a time, from one callback to the next. It always ends with a packet
+that is not full (an empty one if need be): hosts wait for that before they hand on what they have
+got.
+
+Between the interrupt of a bus reset and TinyUSB's task, which reports it, TinyUSB has forgotten all
+endpoints: a transfer submitted to one then ends in panic(), and the processor stops for good. That
+interrupt clears the device's address, so the address is checked before each transfer, with
+interrupts off from the check to the end of the call.
+
+A soft reset, as mpremote makes one before each of its commands, must not take the device away:
+mpremote would find its own port gone. MicroPython disconnects a USBDevice that is active then, and
+leaves one alone that is not. So MicroPython's flag for "active" is set during calls only. After the
+soft reset the host's transfers go on, into memory that the heap knows nothing of (rp2_usb.memory).
+The next port takes over this memory: places and state words lie where they were.
+
+Until the next port starts, nobody hears what a host says of DTR. So a port that was open is asked
+once more: it gets an empty packet, which a host that still has it open collects. And DTR that is
+set then, be it once more, is an opening.
+"""
+
+import sys
+from array import array
+
+from framestep.base.native import addressof, const, micropython, ptr8, ptr32
+
+try:
+    from machine import USBDevice, disable_irq, enable_irq  # noqa: F401 -- the port needs it
+except ImportError:
+    raise ImportError(
+        "a serial port of its own for the protocol needs machine.USBDevice, "
+        "which this board's MicroPython does not have; "
+        'set "ports": 1 in rig.json, '
+        "or use MicroPython 1.23 or newer on an RP2040, RP2350 or ESP32-S3"
+    )
+
+if sys.platform == "rp2":
+    from framestep.hal.rp2 import usb as chip
+    from framestep.hal.rp2.usb import ADDRESS_REGISTER
+else:
+    # A cable that is pulled out goes unnoticed, and a new client may get a packet that was meant
+    # for the last one
+    chip = None
+    _one = array("i", [1])
+    ADDRESS_REGISTER = addressof(_one)
+
+# Bits of ADDRESS_REGISTER: 0 from a bus reset until the host has given a new address
+_ADDRESS = const(0x7F)
+PACKET = const(64)  # full-speed bulk endpoint
+PLACE = const(1088)  # 17 packets: room for the largest frame, 1048 bytes
+OUTGOING = const(256)  # bytes taken from the writer at a time
+
+# The mark: words 0 and 15 of a packet's place. Only a full packet reaches its last byte.
+_MARK_0 = const(0x1B7E35C9)
+_MARK_15 = const(0x2B951CE7)
+_MARK_LAST = const(0x2B)
+
+# As objects, which a viper function cannot make of its own True and False
+YES = True
+NO = False
+
+# State words
+EP_OUT = const(0)
+EP_IN = const(1)
+LIVE = const(2)  # configured by a host
+ARMED = const(3)  # a transfer from the host is under way
+FILL = const(4)  # transfers ended, modulo 4; the next or running one has the place FILL & 1
+TAKE = const(5)  # transfers emptied, modulo 4
+END = const(6)  # of each place: bytes in it, once its transfer has ended
+USED = const(8)  # of each place: bytes from its start that may not hold the mark
+SEEN = const(10)  # bytes of the running transfer known to have arrived, whole packets
+AT = const(11)  # bytes taken from the place that is being emptied
+DOUBT = const(12)  # look at which the packet at SEEN seemed to be a short one
+LOOK = const(13)  # number of this look, 1 ...
+RX = const(14)  # address of the two places
+SENDING = const(15)
+LEFT = const(16)  # bytes in the outgoing buffer that are still to be sent
+NEXT = const(17)  # address of the next of them
+PACKET_AT = const(18)  # address of the packet's buffer
+LAST = const(19)  # length of the packet under way
+TX = const(20)  # address of the outgoing buffer
+DTR = const(21)
+STALE = const(22)  # 1: what had arrived when a session began or ended is to be dropped
+STALE_FILL = const(23)  # FILL at that moment
+STALE_AT = const(24)  # bytes that had arrived of the transfer running then
+BY_DTR = const(25)  # the last close was one of DTR
+BUS = const(27)  # address of the word with the device's address in it
+SENT = const(26)  # packets, modulo 2^28
+# address of MicroPython's flag for an active device, and of the one behind it: a change is due
+FLAG = const(28)
+KEPT = const(29)  # address of the words that a soft reset leaves alone
+NO_FLAG = const(30)  # what stands for the flags where they have not been found
+# DTR is what it was before a soft reset, and may have fallen unheard. 2: whether a host collects
+# packets is still to be seen; 1: it does
+UNHEARD = const(31)
+WORDS = const(32)
+
+# Those words
+KEPT_MARK = const(0)  # the device is live, and stays so over a soft reset: ALIVE
+KEPT_FILL = const(1)
+KEPT_DTR = const(2)
+KEPT_FLAG = const(3)  # distance of the flag from the beginning of MicroPython's object
+
+ALIVE = const(0x1D7A5C3B)  # known to framestep.leftovers, too
+OBJECT = const(256)  # bytes of MicroPython's object that are looked through
+UNCHANGED = const(0x101)  # both flags set: what is done to the first is never done
+# in the memory for USB: two places, what goes out, a packet, line coding
+KEPT_AT = const(2 * 1088 + 256 + 64 + 8)
+MEMORY = const(KEPT_AT + 16)
+
+
+@micropython.viper
+def arm(port):
+    """Let the host send into the next place. Puts the marks back where packets have been."""
+    s = ptr32(port._state)
+    place = s[FILL] & 1
+    at = s[RX] + place * PLACE
+    end = at + s[USED + place]
+    while at < end:
+        mark = ptr32(at)
+        mark[0] = _MARK_0
+        mark[15] = _MARK_15
+        at += PACKET
+    s[END + place] = 0
+    s[SEEN] = 0
+    s[DOUBT] = 0
+    flag = ptr8(s[FLAG])
+    irq = disable_irq()
+    was = flag[0]
+    flag[0] = 1
+    try:
+        if ptr32(s[BUS])[0] & _ADDRESS and port._submit(s[EP_OUT], port._places[place]):
+            s[ARMED] = 1
+    finally:
+        flag[0] = was
+        enable_irq(irq)
+
+
+@micropython.viper
+def arrived(s: ptr32, look: int) -> int:
+    """Returns how many bytes of the running transfer have arrived, in whole packets.
+
+    look: number of this look, from 1 on.
+    """
+    end = s[SEEN]
+    while s[ARMED] and end < PLACE:
+        packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE + end)
+        if packet[15] >> 24 == _MARK_LAST:
+            if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+                break
+            # A short packet, so that the callback with its length is due; or a full one whose last
+            # byte is that of the mark. If there is no callback by the next look, it was full.
+            if s[DOUBT] == 0 or s[DOUBT] == look:
+                s[DOUBT] = look
+                break
+        s[DOUBT] = 0
+        end += PACKET
+        s[SEEN] = end
+    return end
+
+
+@micropython.viper
+def mark_stale(s: ptr32):
+    """A session begins or ends: mark what has arrived as stale, and drop what is being sent.
+
+    Of the running transfer every packet is stale whose place no longer holds the mark. The host
+    learns that the port is open after this has returned, so it has sent nothing of the new session
+    yet.
+    """
+    end = s[SEEN]
+    if s[ARMED] == 0:
+        end = 0
+    while s[ARMED] and end < PLACE:
+        packet = ptr32(s[RX] + (s[FILL] & 1) * PLACE + end)
+        if packet[15] == _MARK_15 and packet[0] == _MARK_0:
+            break
+        end += PACKET
+    s[STALE] = 1
+    s[STALE_FILL] = s[FILL]
+    s[STALE_AT] = end
+    s[LEFT] = 0
+    s[LAST] = 0
+
+
+@micropython.viper
+def forget_host(s: ptr32):
+    """Who had the port open has gone without a word of DTR, which says nothing from now on."""
+    s[DTR] = 0
+    s[UNHEARD] = 0
+    s[BY_DTR] = 0
+    ptr32(s[KEPT])[KEPT_DTR] = 0
+
+
+@micropython.viper
+def drop_stale(s: ptr32):
+    """Drop what mark_stale() has marked."""
+    s[STALE] = 0
+    while s[TAKE] != s[STALE_FILL]:
+        s[TAKE] = (s[TAKE] + 1) & 3
+        s[AT] = 0
+    if s[AT] < s[STALE_AT]:
+        s[AT] = s[STALE_AT]
+    if s[SEEN] < s[AT] and s[TAKE] == s[FILL]:
+        s[SEEN] = s[AT]
+        s[DOUBT] = 0
+
+
+@micropython.viper
+def send_packet(port):
+    """Send the next packet: 64 bytes, the rest, or an empty packet."""
+    s = ptr32(port._state)
+    if not s[LIVE]:
+        s[SENDING] = 0
+        return
+    count = s[LEFT]
+    if count > PACKET:
+        count = PACKET
+    to = ptr32(s[PACKET_AT])
+    source = ptr32(s[NEXT])
+    i = 0
+    while i << 2 < count:
+        to[i + 0] = source[i + 0]
+        i += 1
+    s[NEXT] += count
+    s[LEFT] -= count
+    s[LAST] = count
+    s[SENDING] = 1
+    s[SENT] = (s[SENT] + 1) & 0xFFFFFFF
+    flag = ptr8(s[FLAG])
+    irq = disable_irq()
+    was = flag[0]
+    flag[0] = 1
+    try:
+        if ptr32(s[BUS])[0] & _ADDRESS:
+            port._submit(s[EP_IN], port._packets[count])
+    finally:
+        flag[0] = was
+        enable_irq(irq)
+
+
+@micropython.viper
+def activate(s: ptr32, usb, at: int, before):
+    """Switch the device on, and find MicroPython's flags: the bytes of its object that change.
+
+    at: address of the object. before: OBJECT bytes of scratch.
+    """
+    flag = ptr8(at)
+    kept = ptr8(before)
+    i = 0
+    while i < OBJECT:
+        kept[i] = flag[i]
+        i += 1
+    usb.active(YES)
+    i = 0
+    while i < OBJECT and flag[i] == kept[i]:
+        i += 1
+    if i < OBJECT and flag[i] == 1 and flag[i + 1] == 1 and kept[i + 1] == 0:
+        flag[i] = 0
+        off = usb.active()
+        flag[i] = 1
+        if not off:
+            s[FLAG] = at + i
+            ptr32(s[KEPT])[KEPT_FLAG] = i
+
+
+@micropython.viper
+def restore(s: ptr32, at: int) -> int:
+    """Restore what was kept over a soft reset. Returns 0 if there is nothing to go on with.
+
+    at: address of MicroPython's object.
+    """
+    kept = ptr32(s[KEPT])
+    if kept[KEPT_MARK] != ALIVE or not ptr32(s[BUS])[0] & _ADDRESS:
+        return 0
+    s[FLAG] = at + kept[KEPT_FLAG]
+    s[FILL] = kept[KEPT_FILL]
+    s[TAKE] = s[FILL]
+    s[DTR] = kept[KEPT_DTR]
+    s[UNHEARD] = 2 * s[DTR]
+    s[BY_DTR] = 1
+    s[LIVE] = 1
+    s[ARMED] = 1
+    s[SENDING] = 1
+    return 1

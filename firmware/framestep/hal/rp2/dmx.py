@@ -1,0 +1,132 @@
+"""DMX512 by DMA alone: frames follow each other without the processor.
+
+A control channel hands the blocks of a list to a data channel, one after the other, round and round
+(RP2040 datasheet 2.5.6.2):
+
+    send    start code and 512 slots to the UART, as its FIFO takes them
+    drain   wait for the 33 characters that FIFO and shifter hold at most
+    low     the pin is forced low by its output override: break
+    copy    the levels in force to the wire buffer, in one go: a frame on the wire is one state of
+            the lights
+    break   wait
+    high    the override is lifted: mark after break
+    mark    wait
+    again   the control channel's read address back to the start of the list
+
+Waits are transfers paced by a DMA timer, a microsecond each. The UART itself never knows of the
+break.
+"""
+
+from array import array
+
+import rp2
+from machine import UART, Pin, mem32
+
+from framestep.base.native import addressof, const
+from framestep.hal import CHANGED, CHANNELS
+
+_BAUD = const(250000)
+_SHORT = const(32)  # of a UART's own buffers: bytes, the least that there is
+_DRAIN_US = const(1500)  # 33 characters of 44 µs, and the mark before the break
+_DMA = const(0x50000000)
+_CHANNEL = const(0x40)  # bytes of a channel's registers
+_PACER = const(3)  # the DMA timer that waits are paced by
+_TREQ_PACER = const(0x3B + _PACER)
+_TREQ_FREE = const(0x3F)
+_BYTES = const(0)
+_WORDS = const(2)
+_COPY = const(3)  # place of this block in the list
+_BLOCK = const(4)  # words: read address, write address, count, control
+_UARTDR = const(0x00)
+_UARTIMSC = const(0x38)
+
+# RP2040 datasheet 1.4.3, 2.2, 2.5.3.1, 2.5.7, 2.19.6; RP2350 datasheet 2.2, 9.11, 12.6.4, 12.6.10.
+# UARTs, their transmit requests, DMA timers, IO_BANK0, place of OUTOVER in a pin's control word
+_RP2040 = ((0x40034000, 0x40038000), (20, 22), 0x420, 0x40014000, 8)
+_RP2350 = ((0x40070000, 0x40078000), (28, 30), 0x440, 0x40028000, 12)
+_OUTOVER_LOW = const(2)
+
+
+def _number(channel):
+    return channel.channel  # without a type: the stubs do not know this attribute
+
+
+class Dmx:
+    """See hal/contract.py. Takes one UART, two DMA channels and a DMA timer."""
+
+    channels = CHANNELS
+
+    def __init__(self, wiring, hz, break_us, mark_us, rp2350=False):
+        """wiring: {"uart", "tx", "rx"} of the board. hz: of the system clock. break_us, mark_us:
+        length of the break and of the mark after it. rp2350: the chip is an RP2350. Allocates."""
+        uarts, requests, timers, pins, outover = _RP2350 if rp2350 else _RP2040
+        tx = wiring["tx"]
+        # The UART's own buffers are not used. It takes RX even if nothing is connected to it.
+        rx = Pin(wiring["rx"])
+        self._uart = UART(
+            wiring["uart"],
+            _BAUD,
+            bits=8,
+            parity=None,
+            stop=2,
+            tx=Pin(tx),
+            rx=rx,
+            txbuf=_SHORT,
+            rxbuf=_SHORT,
+        )
+        uart = uarts[wiring["uart"]]
+        mem32[uart + _UARTIMSC] = 0
+        mem32[_DMA + timers + 4 * _PACER] = (1 << 16) | (hz // 1000000)
+        self._levels = (bytearray(CHANNELS + 1), bytearray(CHANNELS + 1))
+        self._places = array("I", [addressof(levels) for levels in self._levels])  # below 2^30
+        self._shown = 0
+        self._wire = bytearray(CHANNELS + 1)
+        control = pins + 8 * tx + 4
+        normal = mem32[control]
+        self._overrides = array("I", [normal | (_OUTOVER_LOW << outover), normal])
+        self._idle = bytearray(4)
+        self._control = rp2.DMA()
+        self._data = rp2.DMA()
+        self._list = array("I", [0] * (8 * _BLOCK))
+        self._start = array("I", [addressof(self._list)])
+        wire, idle, low = addressof(self._wire), addressof(self._idle), addressof(self._overrides)
+        size = CHANNELS + 1
+        request = requests[wiring["uart"]]
+        self._block(0, wire, uart + _UARTDR, size, _BYTES, True, False, request)
+        self._block(1, idle, idle, _DRAIN_US, _BYTES, False, False, _TREQ_PACER)
+        self._block(2, low, control, 1)
+        self._block(_COPY, self._places[0], wire, size, _BYTES, True, True)
+        self._block(4, idle, idle, break_us + 1, _BYTES, False, False, _TREQ_PACER)
+        self._block(5, low + 4, control, 1)
+        self._block(6, idle, idle, mark_us + 1, _BYTES, False, False, _TREQ_PACER)
+        self._block(7, addressof(self._start), _DMA + _CHANNEL * _number(self._control), 1)
+
+    def _block(
+        self, i, read, write, count, size=_WORDS, inc_read=False, inc_write=False, treq=_TREQ_FREE
+    ):
+        ctrl = self._data.pack_ctrl(
+            inc_read=inc_read,
+            inc_write=inc_write,
+            size=size,
+            treq_sel=treq,
+            chain_to=_number(self._control),
+        )
+        for k, word in enumerate((read, write, count, ctrl)):
+            self._list[i * _BLOCK + k] = word & 0xFFFFFFFF
+
+    def start(self):
+        """Send frames from now on."""
+        # four words at a time to the data channel's registers, the last of which starts it
+        ctrl = self._control.pack_ctrl(ring_size=4, ring_sel=True)
+        data = _DMA + _CHANNEL * _number(self._data)
+        self._control.config(read=self._list, write=data, count=_BLOCK, ctrl=ctrl, trigger=True)
+
+    def show(self, lights):
+        """Send the levels of an io.lights.Lights with the next frame. At most once a pass.
+        Allocates nothing."""
+        if lights.words[CHANGED]:
+            # the other buffer is not read: the copy that may have been under way took 10 µs
+            shown = 1 - self._shown
+            self._shown = shown
+            lights.take(self._levels[shown])
+            self._list[_COPY * _BLOCK] = self._places[shown]

@@ -1,0 +1,294 @@
+"""RP2040 and RP2350: PIO pulses, a hard 1 kHz timer, the protocol on a USB port of its own."""
+
+import gc
+import sys
+from array import array
+
+import machine
+from machine import Pin, Timer, mem32
+from micropython import alloc_emergency_exception_buf
+
+from framestep.base.native import const, micropython
+from framestep.hal import PASS, REPL_STACK
+from framestep.hal.rp2.pin_guard import Claim, held_pin, mend, wrong
+from framestep.hal.rp2.pins import (
+    CLEAR_REGISTER,
+    SET_REGISTER,
+    drive,
+    drivers_off,
+    enable_pins,
+    levels,
+)
+from framestep.hal.rp2.pulses import PulseEngine, lost_commands
+from framestep.hal.rp2.stack import NOWHERE, WholeStack, set_limit, unchecked
+from framestep.hal.rp2.usb import addressed
+from framestep.pulse.engine import FASTEST_HZ, HIGH_CYCLES, WIDTH_CYCLES, WIDTHS
+from framestep.pulse.kernel import StepKernel
+from framestep.pulse.stepper import halt
+
+_TIMER_RP2040 = const(0x40054028)  # TIMERAWL, RP2040 datasheet 4.6.5
+_TIMER_RP2350 = const(0x400B0028)  # TIMER0 TIMERAWL, RP2350 datasheet 12.8.5
+_LEAST = const(512)
+_CLOSE = const(32)
+_ANY = const(0x3FFFFFFF)
+_GUARD_MS = const(3)  # a bus reset takes ten at least
+_TRACEBACK_BYTES = const(256)  # of an exception in a pass, which can be given no memory then
+
+
+def _no_led(_colour):
+    pass
+
+
+def release(block):
+    """Give back the memory of a bytearray, though the object itself may stay.
+
+    The garbage collector takes any word for a pointer, even machine code: "pop {r5}; movs r0, #0"
+    looks like one. Such a word may keep the object alive, which is 16 bytes.
+    """
+    # length and address: py/objarray.h, mp_obj_array_t
+    mem32[id(block) + 8] = mem32[id(block) + 12] = 0
+
+
+class Rp2Hal:
+    """See framestep.hal.contract. board: the data of boards/<board>/board.json; rig:
+    framestep.rig.Rig."""
+
+    def __init__(self, board, rig):
+        self.board = board
+        self._stack = set_limit(REPL_STACK)
+        self.motors = len(board["step"])
+        hz = machine.freq()
+        while hz > FASTEST_HZ:
+            hz //= 2
+        cycles_per_us = hz // 1000000
+        self.engine = PulseEngine(board["step"], board["dir"], hz)
+        timer = _TIMER_RP2350 if "RP2350" in sys.implementation._machine else _TIMER_RP2040
+        self.kernel = StepKernel(self.motors, cycles_per_us * 1000, timer)
+        self.kernel.outputs(SET_REGISTER, CLEAR_REGISTER)
+        for i in range(self.motors):
+            settings = rig.motor(i)
+            width = (
+                int(settings["pulse_us"] * cycles_per_us) - HIGH_CYCLES + WIDTH_CYCLES // 2
+            ) // WIDTH_CYCLES
+            setup = int(settings["setup_us"] * cycles_per_us)
+            width = 0 if width < 0 else WIDTHS - 1 if width >= WIDTHS else width
+            self.kernel.configure(i, self.engine.fifo(i), width, setup, settings["invert"])
+        self._servos = self._make_servos(rig, cycles_per_us) if rig.servos else None
+        # Drivers stay off until a motor is to move.
+        self._on_level = [1 if rig.motor(i)["enable_high"] else 0 for i in range(self.motors)]
+        self._enabled = 0
+        self._shared = not isinstance(board["enable"], list)
+        with Claim(*enable_pins(board)):
+            self._enable_pins = drivers_off(board, rig)
+        self.floats = self._motors_of(1 << held_pin()) if held_pin() >= 0 else 0
+        self._everyone = (1 << self.motors) - 1
+        self._bus_guard_callback = self._bus_guard
+        self.dmx = self._make_dmx(board.get("dmx"), rig)
+        self._watched = rig.watchdog
+        self.watchdog = self._make_watchdog(rig)
+        self.inside = self.watchdog.words if rig.watchdog else array("i", [0] * (PASS + 1))
+        self.report_driver = None  # what takes lines about drivers: see contract.py
+        self.driver_wire = self._make_wire(board["drivers"]) if rig.drivers else None
+        self.port = self._make_port(rig.ports)
+        self.ticker = None
+        self.passes = Timer(-1)  # made now, as there may be no memory for it later
+        self.led = self._make_led(board)
+
+    def _make_servos(self, rig, cycles_per_us):
+        from framestep.hal.servos import make_servos
+
+        motors = range(self.motors)
+        return make_servos(
+            self.kernel,
+            [rig.motor(i) for i in motors],
+            [self.engine.fifo(i) for i in motors],
+            cycles_per_us,
+        )
+
+    def _make_dmx(self, wiring, rig):
+        if wiring is None or not rig.dmx:
+            from framestep.hal.absent import NoDmx
+
+            return NoDmx()
+        from framestep.hal.rp2.dmx import Dmx
+
+        with Claim(wiring["tx"], wiring["rx"]):
+            dmx = Dmx(
+                wiring,
+                machine.freq(),
+                rig.dmx_break_us,
+                rig.dmx_mark_us,
+                "RP2350" in sys.implementation._machine,
+            )
+        dmx.start()
+        return dmx
+
+    def _make_watchdog(self, rig):
+        if rig.watchdog:
+            from framestep.hal.rp2.watchdog import Watchdog
+
+            return Watchdog()
+        from framestep.hal.absent import NoWatchdog
+
+        return NoWatchdog()
+
+    def _make_wire(self, wiring):
+        if "pins" in wiring:
+            from framestep.hal.rp2.one_wire import OneWire
+
+            pins = wiring["pins"][: self.motors]
+            with Claim(*pins):
+                return OneWire(pins, self.motors)
+        from framestep.hal.rp2.wire import Wire
+
+        with Claim(wiring["tx"], wiring["rx"]):
+            return Wire(wiring, "RP2350" in sys.implementation._machine)
+
+    def _make_led(self, board):
+        if "led" in board:
+            with Claim(board["led"]):
+                return Pin(board["led"], Pin.OUT, value=0).value
+        if "rgb" not in board:
+            return _no_led
+        from framestep.hal.rp2.rgb import RgbLed
+
+        # The next state machine behind those of the motors, unless the drivers' lines
+        # (rp2_one_wire) begin with it.
+        machine = self.motors
+        if machine % 4 == 0:
+            machine += 2 * len(board.get("drivers", {}).get("pins", ()))
+        with Claim(board["rgb"]):
+            return RgbLed(board["rgb"], machine).show
+
+    def flash(self):
+        from framestep.hal.rp2.flash import Flash
+
+        return Flash()
+
+    def _make_port(self, ports):
+        if ports == 2:
+            from framestep.hal.ports.usb_port import UsbPort
+
+            return UsbPort()
+        from framestep.hal.ports.stdin_port import StdinPort
+
+        return StdinPort()
+
+    @property
+    def upload_bytes(self):
+        """The largest block of memory that there is, but for a few bytes. Allocates, for a
+        moment."""
+        gc.collect()
+        size = _LEAST
+        most = gc.mem_free()
+        while most - size > _CLOSE:
+            middle = (size + most) // 2
+            try:
+                release(bytearray(middle))
+                size = middle
+            except MemoryError:
+                most = middle
+        gc.collect()
+        return size
+
+    def start(self):
+        called = [type(self.kernel.state).tick, Rp2Hal._bus_guard, WholeStack.call]
+        if self._watched:
+            called.append(type(self.watchdog)._look)
+        if self._servos:
+            called.append(type(self._servos).pulse)
+        self._kinds = unchecked(*called)
+        alloc_emergency_exception_buf(_TRACEBACK_BYTES)
+        self.ticker = Timer(-1, period=1, mode=Timer.PERIODIC, callback=self.kernel.tick, hard=True)
+        if self._servos:
+            self._pulses = Timer(
+                -1, period=1, mode=Timer.PERIODIC, callback=self._servos.pulse, hard=True
+            )
+        if self.floats:
+            self._guard = Timer(
+                -1,
+                period=_GUARD_MS,
+                mode=Timer.PERIODIC,
+                callback=self._bus_guard_callback,
+                hard=True,
+            )
+        if self._watched:
+            self.watchdog.guard(self.kernel.state)  # type: ignore[union-attr]
+        self.port.start()
+
+    irq_off = staticmethod(machine.disable_irq)
+    irq_on = staticmethod(machine.enable_irq)
+    idle = staticmethod(machine.idle)
+
+    def enable(self, motor, on):
+        """Switch a driver on or off; drivers that share a pin are on while one of them is."""
+        if self._servos and self._servos.enable(motor, on):
+            return
+        bit = 1 << motor
+        if on:
+            self._enabled |= bit
+        else:
+            self._enabled &= ~bit
+        pin = 0 if self._shared else motor
+        lit = self._enabled if self._shared else self._enabled & bit
+        level = self._on_level[pin]
+        self._enable_pins[pin].value(level if lit else 1 - level)
+
+    drive = staticmethod(drive)
+    levels = staticmethod(levels)
+
+    def output(self, pin, level):
+        with Claim(pin):
+            Pin(pin, Pin.OUT, value=level)
+        return 1 << pin
+
+    def input(self, pin, pull):
+        with Claim(pin):
+            if pull == "none":
+                Pin(pin, Pin.IN)
+            else:
+                Pin(pin, Pin.IN, pull=Pin.PULL_UP if pull == "up" else Pin.PULL_DOWN)
+        return 1 << pin
+
+    def pass_callback(self, work):
+        return WholeStack(self._stack, work, self.inside).callback
+
+    def watch(self, bits, handler):
+        handler = WholeStack(self._stack, handler, NOWHERE).callback
+        for pin in range(30):
+            if (bits >> pin) & 1:
+                Pin(pin).irq(handler, Pin.IRQ_RISING | Pin.IRQ_FALLING, hard=True)
+
+    def take_lost_commands(self):
+        return lost_commands(self.motors)
+
+    # ------------------------------------------------------------ pins that something else takes
+
+    def _motors_of(self, bits):
+        """Motors that have one of these pins for their steps, direction or driver, a bit each."""
+        board = self.board
+        enable = board["enable"]
+        motors = 0
+        for i in range(self.motors):
+            if ((bits >> board["step"][i]) | (bits >> board["dir"][i])) & 1:
+                motors |= 1 << i
+            if (bits >> (enable if self._shared else enable[i])) & 1:
+                motors |= 1 << i
+        return motors
+
+    def reclaim(self):
+        if not wrong():
+            return -1
+        bits = mend()
+        return self._motors_of(bits) if bits else -1
+
+    def ready(self):
+        return not self.floats or addressed()
+
+    @micropython.viper
+    def _bus_guard(self, _timer):
+        """After a bus reset every motor ramps down at once, however busy the main loop is, and none
+        turns round on the way: ten milliseconds later the chip lets go of a pin, which might be the
+        direction of one. A hard interrupt."""
+        if not addressed():
+            halt(self.kernel.blocks[0], self._everyone, _ANY, 1)

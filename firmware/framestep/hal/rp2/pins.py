@@ -1,0 +1,84 @@
+"""Pins of the RP2040 and RP2350 through the single-cycle IO block (RP2040 datasheet 2.3.1.7, RP2350
+3.1.11).
+
+Only pins 0 to 29, which fit a small integer.
+"""
+
+import sys
+
+from machine import Pin, disable_irq, enable_irq
+
+from framestep.base.native import const, micropython, ptr32
+
+_GPIO_IN = const(1)  # words from the start of SIO
+_USB_PAGE = const(0x50110)  # of 4 kB (RP2040 datasheet 4.1.4)
+_MUXING = const(29)  # words from its start
+_TO_DIGITAL_PAD = const(4)  # the line comes from a pin
+
+# Registers that raise and lower the output pins of a mask (RP2040 datasheet 2.3.1.7, RP2350 3.1.11)
+SET_REGISTER = 0xD0000018 if "RP2350" in sys.implementation._machine else 0xD0000014
+CLEAR_REGISTER = 0xD0000020 if "RP2350" in sys.implementation._machine else 0xD0000018
+
+if "RP2350" in sys.implementation._machine:
+
+    @micropython.viper
+    def drive(high: int, low: int):
+        """Drive the pins of these bits high and low."""
+        sio = 0xD00
+        sio <<= 20  # 0xD0000000, which as a constant would be an object
+        ptr32(sio)[6] = high  # GPIO_OUT_SET
+        ptr32(sio)[8] = low  # GPIO_OUT_CLR
+
+else:
+
+    @micropython.viper
+    def drive(high: int, low: int):
+        """Drive the pins of these bits high and low."""
+        sio = 0xD00
+        sio <<= 20
+        ptr32(sio)[5] = high  # GPIO_OUT_SET
+        ptr32(sio)[6] = low  # GPIO_OUT_CLR
+
+
+@micropython.viper
+def levels() -> int:
+    """The levels of pins 0 to 29, one bit each."""
+    sio = 0xD00
+    sio <<= 20
+    return ptr32(sio)[_GPIO_IN] & 0x3FFFFFFF
+
+
+@micropython.viper
+def held() -> bool:
+    """Whether USB has taken a pin now, see hal/rp2/pin_guard.py."""
+    page = _USB_PAGE
+    page <<= 12  # which as a constant would be an object
+    return ptr32(page)[_MUXING] & _TO_DIGITAL_PAD != 0
+
+
+def free():
+    """Keep interrupts off from a moment on in which USB holds no pin. Returns what enable_irq()
+    wants."""
+    state = disable_irq()
+    while held():
+        enable_irq(state)
+        state = disable_irq()
+    return state
+
+
+def enable_pins(board):
+    """Numbers of the drivers' enable pins."""
+    enable = board["enable"]
+    return enable if isinstance(enable, list) else [enable]
+
+
+def drivers_off(board, rig):
+    """Switch all drivers off; their enable pins."""
+    state = free()
+    pins = enable_pins(board)
+    found = [
+        Pin(pin, Pin.OUT, value=0 if rig.motor(i)["enable_high"] else 1)
+        for i, pin in enumerate(pins)
+    ]
+    enable_irq(state)
+    return found

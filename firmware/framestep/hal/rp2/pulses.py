@@ -1,0 +1,93 @@
+"""Pulse engine of the RP2040 and RP2350: one PIO state machine per motor.
+
+The program executes the commands of engine.py at the full system clock. These are its cycle counts,
+from which the constants there come:
+
+    command to first rising edge   gap + 8
+    rising edge to rising edge     gap + 4 + H,  H = 4 + 32·(width + 1)
+    pulse high                     34 + 32·width
+    wait only                      gap + 9
+"""
+
+import rp2
+from machine import Pin
+
+from framestep.base.native import const, micropython, ptr32
+from framestep.hal.rp2.pin_guard import Claim
+
+# Start of the transmit FIFOs of a PIO block, four bytes per state machine (RP2040 datasheet 3.7)
+_PIO_BASE = (0x50200000, 0x50300000, 0x50400000)
+_TXF = 0x10
+_FDEBUG = const(2)  # word of a PIO block
+_TX_OVER = const(0x000F0000)  # a command was written to a full FIFO, one bit per state machine
+
+
+@rp2.asm_pio(
+    set_init=rp2.PIO.OUT_LOW,
+    out_init=rp2.PIO.OUT_LOW,
+    out_shiftdir=rp2.PIO.SHIFT_RIGHT,
+    fifo_join=rp2.PIO.JOIN_TX,
+)
+def step_pulses():
+    label("command")
+    pull(block)
+    out(pins, 1)  # direction
+    out(x, 9)  # pulses
+    mov(isr, osr)  # gap and width, kept for each pulse
+    wrap_target()
+    mov(osr, isr)
+    out(y, 18)
+    label("gap")
+    jmp(y_dec, "gap")
+    jmp(x_dec, "pulse")
+    jmp("command")  # no pulses: the command was a wait
+    label("pulse")
+    set(pins, 1)
+    out(y, 4)
+    label("high")
+    jmp(y_dec, "high")[31]
+    set(pins, 0)
+    jmp(not_x, "command")
+    wrap()
+
+
+class PulseEngine:
+    """State machines 0 … for the motors in order; four motors per PIO block."""
+
+    def __init__(self, step_pins, direction_pins, hz):
+        """hz: cycles per second of the programs."""
+        self.machines = []
+        for i, step in enumerate(step_pins):
+            with Claim(step, direction_pins[i]):
+                machine = rp2.StateMachine(
+                    i,
+                    step_pulses,
+                    freq=hz,
+                    set_base=Pin(step, Pin.OUT, value=0),
+                    out_base=Pin(direction_pins[i], Pin.OUT, value=0),
+                )
+            machine.active(1)
+            self.machines.append(machine)
+
+    def fifo(self, motor):
+        """The address to which the motor's commands are written."""
+        return _PIO_BASE[motor >> 2] + _TXF + 4 * (motor & 3)
+
+
+@micropython.viper
+def lost_commands(motors: int) -> int:
+    """The motors of which a command has found a full FIFO since the last call, one bit each."""
+    lost = 0
+    bit = 0
+    block = 0x502
+    block <<= 20  # 0x50200000, which as a constant would be an object
+    while motors > 0:
+        fdebug = ptr32(block)
+        over = fdebug[_FDEBUG] & _TX_OVER
+        if over:
+            fdebug[_FDEBUG] = over
+            lost |= (over >> 16) << bit
+        block += 0x100000
+        bit += 4
+        motors -= 4
+    return lost

@@ -1,0 +1,433 @@
+"""Whether motors can follow an uploaded move, and what it asks too much of (field note 5.5).
+
+Registers of real numbers live in `numbers` (registers.py). Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.base.native import const
+from framestep.base.results import (
+    BY,
+    ERR_RANGE,
+    ERR_SOFT_LOW,
+    ERR_SOFT_UP,
+    EXCEEDED_ACCELERATION,
+    EXCEEDED_BOARD,
+    EXCEEDED_LOWER,
+    EXCEEDED_NOTHING,
+    EXCEEDED_SLOWED,
+    EXCEEDED_UPPER,
+    EXCEEDED_VELOCITY,
+    EXCEEDED_WORDS,
+    FRAME,
+    MOTOR,
+    OK,
+    WHAT,
+)
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.bounds import LOWER, UPPER
+from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
+from framestep.moves.path import path, path_check, registers
+from framestep.moves.path.registers import (
+    BENT,
+    FPS,
+    GATHERED,
+    RAMP_RATE,
+    REGISTERS,
+    SCALE,
+    STEPS,
+    THOUSAND,
+    TOP_ACCELERATION,
+    TOP_CHANGE,
+    TOP_PULSED,
+    TOP_VELOCITY,
+    TOPS,
+    ZERO,
+    X,
+)
+from framestep.pulse import stepper
+
+FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
+HALF = const(0x20000000)
+# steps/s²: a corner's cubics take up to six times that, the most that the kernel's numbers hold
+HARDEST = const(2500000)
+
+# bit of Stops.unreported, above its FAULT_ bits: to be reported on the REPL
+UNREPORTED = const(0x200)
+BATCH = const(32)  # frames checked in one call
+_FARTHEST = const(1 << 23)  # steps from frame to frame that bends() can work with
+# from this rate on limits are so small that they are counted in 256ths of a step
+_FINE = const(3000)
+# times that a motor lowers the rate by just what it needs; after that by a 32nd at least
+_EXACT = const(16)
+
+# 1 / (12 · ticks of a frame), from thousandths of a frame per second
+_SCALE = formula(registers, "SCALE = SCALE / 12000 / THOUSAND")
+
+# What a motor can do from frame to frame. The kernel's sum of a frame's changes goes a tick further
+# than the frame: by 2 / (its ticks).
+_FROM_FRAME_TO_FRAME = formula(
+    registers,
+    """
+    FPS = FPS / THOUSAND
+    TOP_VELOCITY = TOP_VELOCITY / FPS
+    TOP_ACCELERATION = TOP_ACCELERATION / FPS / FPS
+    TOP_CHANGE = TOP_CHANGE * THOUSAND / (2 * FPS + THOUSAND) / FPS / FPS
+    TOP_PULSED = TOP_PULSED / FPS
+    """,
+)
+_BENDS_ALLOWED = formula(
+    registers,
+    """
+    FPS = FPS / THOUSAND
+    TOP_VELOCITY = TOP_VELOCITY / FPS
+    square = FPS * FPS
+    TOP_ACCELERATION = TOP_ACCELERATION / square
+    RAMP_RATE = RAMP_RATE / square
+    """,
+)
+
+# Rates, in thousandths of a frame per second, at which a motor can follow what bends() has found.
+_RATE_FOR_VELOCITY = formula(registers, "X = TOP_VELOCITY / STEPS * THOUSAND")
+# acceleration = BENT · rate² + GATHERED · RAMP_RATE, or half of rate² for the ramp where that is
+# less
+_HALF_FOR_RAMP = formula(
+    registers,
+    """
+    sum = GATHERED / 2 + BENT
+    assert sum > ZERO
+    FPS_SQUARED = TOP_ACCELERATION / sum
+    TOP_ACCELERATION = TOP_ACCELERATION - GATHERED * RAMP_RATE
+    """,
+)
+_REST_FOR_BEND = formula(registers, "FPS_SQUARED = max(FPS_SQUARED, TOP_ACCELERATION / BENT)")
+_RATE_FOR_ACCELERATION = formula(registers, "X = sqrt(FPS_SQUARED) * THOUSAND")
+# less the size of X, to be rounded down; but an error of rounding does not count
+_ROUNDED_UP = formula(
+    registers,
+    """
+    size = max(X, -X)
+    X = size / 2 ** 20 - size
+    """,
+)
+
+
+class MoveCheck:
+    """Checks the path through the uploaded frames against what the motors are set to.
+
+    `numbers`, `window`, `values` and `position` are scratch for all that run the move.
+    """
+
+    def __init__(self, axes, store):
+        self.axes = axes
+        self.store = store
+        self.count = axes.count
+        self.excluded = 0  # bits of motors that take no part: disabled, under live control
+        self.numbers = array("i", [0] * REGISTERS)
+        self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
+        self.window[path.MOST] = path.MONOTONE
+        self.view = self.window  # of a run, and what makes its velocities: others where it
+        self.curve = path.velocity  # is smoothed
+        self.words = array("i", [0] * path_check.CHECK_WORDS)
+        # at which the motors can follow the move checked last, thousandths of a frame per second
+        self.rate = 0
+        self.values = array("i", [0] * BATCH)
+        self.position = array("i", [0])
+        self.strict = False  # setting `strict_moves`
+        # what the last move checked asked too much of
+        self.exceeded = array("i", [0] * EXCEEDED_WORDS)
+        reals.put(self.numbers, THOUSAND, 1000, 0)
+        reals.put(self.numbers, ZERO, 0, 0)
+
+    def motors(self):
+        """Bits of the motors that take part in this upload (field notes 3.1 and 5.4)."""
+        bits = 0
+        for motor in range(self.count):
+            if self.store.has(motor) and not (self.excluded >> motor) & 1:
+                bits |= 1 << motor
+        return bits
+
+    def set_frame_rate(self, fps_milli):
+        """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
+        r = self.numbers
+        reals.put(r, SCALE, fps_milli, 0)
+        compute(0, 0, r, _SCALE)
+
+    def first_direction(self, motor, index, step, count, always=False):
+        """The direction of the load's first motion in `count` frames from `index` on: 1 up, -1
+        down.
+
+        step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
+        backlash, so that it does not matter; always: find it for such a motor, too.
+        """
+        if not always and not self.axes.axes[motor].backlash:
+            return 0
+        found = 0
+        while not found and count > 1:
+            batch = min(count, BATCH)
+            self.store.positions(
+                motor, index if step > 0 else index - batch + 1, batch, self.values, 0
+            )
+            found = path_check.first_direction(self.values, batch, step)
+            index += step * (batch - 1)
+            count -= batch - 1
+        return found
+
+    def check(self, bits, begin, count, fps_milli, step, directions, ramp=0, going=False):
+        """Check that motors can follow `count` frames from index `begin` on (field note 5.5).
+
+        step: 1 played forward, -1 backward. directions: those for which the motors' backlash is
+        taken up at the first frame. OK; ERR_RANGE where a motor would need more than its velocity,
+        counting that for the backlash where the path turns, or more than the board can make; or the
+        code of a soft limit. More than its acceleration is refused only if `strict`. `exceeded`
+        says what was too much; of frames that are too fast, the fastest of that motor.
+
+        ramp: acceleration, in frames/s², used to reach that rate, from rest unless `going`. With a
+        ramp the check fails only where no lower rate will do either, on the curve between the
+        frames as well; `rate` is the rate at which all motors can follow, at most the one asked
+        for.
+        """
+        self.exceeded[WHAT] = EXCEEDED_NOTHING
+        self.rate = fps_milli
+        if ramp and count == 2 and not going:
+            self.rate = min(fps_milli, 1000)  # from rest to rest
+        words = self.words
+        values = self.values
+        for motor in range(self.count):
+            if not (bits >> motor) & 1:
+                continue
+            axis = self.axes[motor]
+            reals.fetch(self.numbers, TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
+            if ramp:
+                words[path_check.FASTEST] = _FARTHEST
+                words[path_check.STEEPEST] = words[path_check.HARDEST] = 0x3FFFFFFF
+            else:
+                self._allow(axis, fps_milli)
+            words[path_check.SHARPEST] = 0
+            words[path_check.SEEN] = 0
+            words[path_check.FASTEST_AT] = 0
+            words[path_check.BACKLASH] = axis.backlash
+            words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+            words[path_check.TAKEN] = 0
+            reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
+            reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
+            # without backlash the direction makes no difference, and forward is faster to read
+            order = step if axis.backlash else 1
+            at = begin if order == step else begin + step * (count - 1)
+            first = at
+            done = 0
+            while done < count:
+                batch = min(count - done, BATCH)
+                self.store.positions(motor, at if order > 0 else at - batch + 1, batch, values, 0)
+                at += order * batch
+                found = path_check.check(words, values, batch, order)
+                if found == path_check.TOO_FAST:
+                    break
+                if found != path_check.FITS:
+                    if found == path_check.TOO_STEEP or found == path_check.TOO_HARD:
+                        self._exceeded(
+                            path_check.TOO_HARD if ramp else found,
+                            motor,
+                            first + order * words[path_check.SEEN],
+                            words[path_check.FOUND],
+                        )
+                        return ERR_RANGE
+                    high = found == path_check.TOO_HIGH
+                    self.blame(
+                        EXCEEDED_UPPER if high else EXCEEDED_LOWER,
+                        motor,
+                        first + order * words[path_check.SEEN],
+                        OK,
+                    )
+                    if high:
+                        return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
+                    return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
+                done += batch
+            if words[path_check.FASTEST_AT]:
+                self._exceeded(
+                    path_check.TOO_HARD if ramp else path_check.TOO_FAST,
+                    motor,
+                    first + order * words[path_check.FASTEST_AT],
+                    words[path_check.FASTEST],
+                )
+                return ERR_RANGE
+            if ramp:
+                self.window[path.MOST] = path.FROM_REST
+                fits = self._slow_down(motor, begin, count, step, directions, ramp, going)
+                self.window[path.MOST] = path.MONOTONE
+                if not fits:
+                    return ERR_RANGE
+            if words[path_check.SHARPEST]:
+                self._exceeded(
+                    path_check.FITS,
+                    motor,
+                    first + order * words[path_check.SHARPEST_AT],
+                    words[path_check.SHARPEST],
+                )
+        return OK
+
+    def _allow(self, axis, fps_milli):
+        """Put into `words` what a motor's limits allow from frame to frame, in steps.
+
+        Leaves frames per second in FPS.
+
+        Positions have been rounded to steps, which alone makes differences of ±1 and changes of ±2.
+        """
+        r = self.numbers
+        words = self.words
+        kernel = self.axes.kernel.state
+        pulsed = min(
+            VELOCITY_LIMIT,
+            TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST],
+        )
+        reals.put(r, FPS, fps_milli, 0)
+        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, TOP_CHANGE, HARDEST, 0)
+        reals.put(r, TOP_PULSED, pulsed, 0)
+        compute(0, 0, r, _FROM_FRAME_TO_FRAME)
+        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF) + 1
+        words[path_check.HARDEST] = reals.floor(r, TOP_CHANGE, HALF) + 2
+        words[path_check.STEEPEST] = min(
+            reals.floor(r, TOP_ACCELERATION, HALF) + 2, words[path_check.HARDEST]
+        )
+        if self.strict:
+            words[path_check.HARDEST] = words[path_check.STEEPEST]
+        words[path_check.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
+
+    def _slow_down(self, motor, begin, count, step, directions, ramp, going):
+        """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
+
+        False if no rate will do. What fits at a rate fits at any lower one, so one pass over the
+        frames is enough.
+        """
+        words = self.words
+        axis = self.axes[motor]
+        store = self.store
+        lowered = 0
+        words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+        self._allow_bends(axis, ramp)
+        rests = 0 if going else 1
+        while True:
+            batch = min(count, BATCH - 4)
+            if batch == count:
+                rests |= 2
+            store.positions(
+                motor, (begin if step > 0 else begin - batch + 1) - 2, batch + 4, self.values, 0
+            )
+            done = 0
+            while True:
+                done = path_check.bends(
+                    words,
+                    self.values,
+                    axis.bounds,
+                    self.window,
+                    done,
+                    batch,
+                    begin,
+                    store.end - store.start,
+                    step,
+                    rests,
+                )
+                if not done:
+                    break
+                exceeded = self.exceeded
+                exceeded[WHAT] = EXCEEDED_SLOWED
+                exceeded[MOTOR] = motor
+                exceeded[FRAME] = store.start + begin + step * (done - 1)
+                exceeded[BY] = self._lower(axis, ramp)
+                lowered += 1
+                if lowered > _EXACT:
+                    exceeded[BY] = min(exceeded[BY], self.rate - (self.rate >> 5))
+                if exceeded[BY] < 1:
+                    exceeded[WHAT] = EXCEEDED_BOARD
+                    return False
+                self.rate = exceeded[BY]
+                self._allow_bends(axis, ramp)
+            if batch == count:
+                return True
+            rests = 0
+            begin += step * (batch - 1)
+            count -= batch - 1
+
+    def _allow_bends(self, axis, ramp):
+        """Put into `words` what bends() lets pass at `rate`."""
+        r = self.numbers
+        words = self.words
+        fine = self.rate >= _FINE
+        words[path_check.FINE] = 1 if fine else 0
+        reals.put(r, FPS, self.rate, 0)
+        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
+        reals.put(r, RAMP_RATE, ramp, 18 if fine else 15)
+        compute(0, 0, r, _BENDS_ALLOWED)
+        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF)
+        words[path_check.STEEPEST] = reals.floor(r, TOP_ACCELERATION, HALF)
+        # within a frame no more than the rate itself is gathered
+        words[path_check.RAMP] = reals.floor(r, RAMP_RATE, 1 << (17 if fine else 14))
+
+    def _lower(self, axis, ramp):
+        """The highest rate, or 0, at which the motor can follow what bends() has found."""
+        r = self.numbers
+        words = self.words
+        rate = self.rate
+        if words[path_check.FOUND] > 0:
+            reals.put(r, TOP_VELOCITY, axis.velocity, 0)
+            reals.put(r, STEPS, words[path_check.FOUND], 0)
+            compute(0, 0, r, _RATE_FOR_VELOCITY)
+            rate = min(rate, reals.floor(r, X, HALF))
+        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, RAMP_RATE, ramp, 0)
+        reals.put(r, BENT, words[path_check.BENT], 0)
+        reals.put(r, GATHERED, words[path_check.GATHERED], 0)
+        if not compute(0, 0, r, _HALF_FOR_RAMP):
+            return rate
+        if reals.sign(r, TOP_ACCELERATION) >= 0:
+            if not reals.sign(r, BENT):
+                return rate
+            compute(0, 0, r, _REST_FOR_BEND)
+        compute(0, 0, r, _RATE_FOR_ACCELERATION)
+        return min(rate, reals.floor(r, X, HALF))
+
+    def blame(self, what, motor, index, code):
+        """Keep for `exceeded` at which motor and frame something is refused; the code."""
+        exceeded = self.exceeded
+        exceeded[WHAT] = what
+        exceeded[MOTOR] = motor
+        exceeded[FRAME] = self.store.start + index
+        exceeded[BY] = 0
+        return code
+
+    def note_excess(self, limit):
+        """BY = what the size of X, steps/s or steps/s², has above a limit. X is lost."""
+        compute(0, 0, self.numbers, _ROUNDED_UP)
+        self.exceeded[BY] = max(-reals.floor(self.numbers, X, HALF) - limit, 1)
+
+    def _exceeded(self, found, motor, index, amount):
+        """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from
+        _allow()."""
+        exceeded = self.exceeded
+        r = self.numbers
+        axis = self.axes[motor]
+        steep = found == path_check.FITS or found == path_check.TOO_STEEP
+        reals.put(r, X, amount, 0)
+        reals.multiply(r, X, X, FPS)
+        if steep:
+            reals.multiply(r, X, X, FPS)
+        amount = reals.floor(r, X, HALF)
+        if (
+            found == path_check.FITS
+            and exceeded[WHAT] == EXCEEDED_ACCELERATION
+            and amount - axis.acceleration <= exceeded[BY]
+        ):
+            return  # another motor's corner is sharper
+        exceeded[MOTOR] = motor
+        exceeded[FRAME] = self.store.start + index
+        if found == path_check.TOO_HARD:
+            exceeded[WHAT] = EXCEEDED_BOARD
+            exceeded[BY] = 0
+        else:
+            exceeded[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
+            exceeded[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)

@@ -1,0 +1,227 @@
+"""What all operations on an uploaded move share: the path that the motors follow, as phases.
+
+The checks are in move_check.py. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.base.native import micropython, ptr32
+from framestep.motion import phases, reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motion.phases import put_aim
+from framestep.motors.backlash import PHYSICAL, motor_step
+from framestep.motors.motor import MAX_ACCELERATION
+from framestep.moves.path import path, registers
+from framestep.moves.path.move_check import HALF, MoveCheck
+from framestep.moves.path.registers import SCALE, SPEEDS, TOPS, T, X, Y
+from framestep.pulse import stepper
+
+# A ramp between rest and X in Y ticks needs more than the acceleration T, but for rounding.
+_TOO_STEEP = formula(
+    registers,
+    """
+    rate = X / Y
+    assert max(rate, -rate) > T + T / 2 ** 20
+    """,
+)
+_RAMP_NEEDS = formula(registers, "X = X / Y * THOUSAND * THOUSAND")  # steps/s²
+_RAMP_LENGTH = formula(registers, "X = X * Y / 2")
+# Half a step more, to be rounded down.
+_FORWARD = formula(registers, "X = X + 0.5")
+_BACKWARD = formula(registers, "X = 0.5 - X")
+
+
+@micropython.viper
+def _ahead(axes, bits: int) -> int:
+    i = 0
+    while bits & 1 == 0:
+        bits >>= 1
+        i += 1
+    p = ptr32(axes[i].phases.words)
+    return (p[phases.WRITE_INDEX] - p[phases.READ_INDEX]) & (phases.PHASES - 1)
+
+
+@micropython.viper
+def _hop(
+    axes,
+    bits: int,
+    store,
+    window,
+    velocity,
+    r,
+    position,
+    index: int,
+    step: int,
+    last: int,
+    duration: int,
+    scale: int,
+):
+    motor = 0
+    own = SPEEDS
+    part = 0
+    beside = 2
+    if int(len(window)) > path.WINDOW_WORDS:
+        beside = path.BESIDE
+    before = index
+    after = last - index
+    if step < 0:
+        before = after
+        after = index
+    while bits:
+        if bits & 1:
+            axis = axes[motor]
+            store.positions(motor, index - beside, beside + beside + 1, window, 0)
+            ptr32(position)[0] = ptr32(window)[beside]
+            if step < 0:
+                path.reverse(window, beside)
+            velocity(r, X, window, axis.bounds, before, after, scale, own + TOPS - SPEEDS)
+            if beside > 2:
+                part = ptr32(window)[path.PART]
+            limits = axis.limits
+            motor_step(axis.planned, limits, position, 0, 0)
+            put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, part)
+            ptr32(r)[own] = ptr32(r)[X]
+            ptr32(r)[own + 1] = ptr32(r)[X + 1]
+        bits >>= 1
+        motor += 1
+        own += 2
+
+
+class UploadPlayer(MoveCheck):
+    """Plays the path through the uploaded frames on the axes."""
+
+    def smooth(self, velocity):
+        """From now on runs have velocities of this function, smoothing.velocity(). Allocates."""
+        self.view = array("i", [0] * path.SMOOTH_WORDS)
+        self.curve = velocity
+
+    def slope(self, motor, index, step):
+        """The slope at a frame, in twelfths of a step per frame of travel in direction `step`.
+
+        index: from 0 at the first frame of the upload. Leaves the frame's position in window[2].
+        """
+        window = self.window
+        after = self._fill(window, 2, motor, index, step)
+        if step < 0:
+            return path.slope(window, self.axes.axes[motor].bounds, after, index)
+        return path.slope(window, self.axes.axes[motor].bounds, index, after)
+
+    def _fill(self, window, beside, motor, index, step):
+        """Fill a window around a frame, with so many frames on either side. Returns how many follow
+        it in the upload."""
+        store = self.store
+        store.positions(motor, index - beside, 2 * beside + 1, window, 0)
+        if step < 0:
+            path.reverse(window, beside)
+        return store.end - store.start - index
+
+    def velocity(self, to, motor, index, step):
+        """numbers[to] = a run's velocity at a frame, at the rate of SCALE, in steps per tick.
+
+        index, step: as for slope(). No more than the motor's top velocity when check() last saw it.
+        Returns where the run passes the frame: Q16 of a step beyond its position.
+        """
+        window = self.view
+        bounds = self.axes.axes[motor].bounds
+        top = TOPS + 2 * motor
+        beside = 2 if window is self.window else path.BESIDE
+        after = self._fill(window, beside, motor, index, step)
+        if step < 0:
+            self.curve(self.numbers, to, window, bounds, after, index, SCALE, top)
+        else:
+            self.curve(self.numbers, to, window, bounds, index, after, SCALE, top)
+        return 0 if beside == 2 else window[path.PART]
+
+    def apply_roll(self, motor, velocity, ticks, backward, positions):
+        """Move positions[motor] by the length of a ramp from or to rest (field note 6.2).
+
+        velocity, ticks: registers; the length is half of their product, subtracted if `backward`.
+        False where that is past a soft limit or the range of positions, or needs more than the
+        motor's acceleration.
+        """
+        r = self.numbers
+        axis = self.axes[motor]
+        if not reals.sign(r, velocity):
+            return axis.beyond(positions, motor) == 0
+        if self.too_steep(motor, velocity, ticks):
+            return False
+        reals.copy(r, X, velocity)
+        reals.copy(r, Y, ticks)
+        compute(0, 0, r, _RAMP_LENGTH)
+        return self.shift_by_x(positions, motor, backward) and axis.beyond(positions, motor) == 0
+
+    def too_steep(self, motor, velocity, ticks):
+        """Whether a ramp from rest to a velocity, both registers, needs more than its
+        acceleration."""
+        r = self.numbers
+        if not reals.sign(r, velocity):
+            return False
+        reals.copy(r, X, velocity)
+        reals.copy(r, Y, ticks)
+        reals.fetch(r, T, self.axes[motor].numbers, MAX_ACCELERATION)
+        return compute(0, 0, r, _TOO_STEEP)
+
+    def blame_roll(self, what, motor, index, code, velocity, ticks):
+        """As blame(), of a ramp; BY is the acceleration in excess, 0 if a limit is in its way."""
+        self.blame(what, motor, index, code)
+        if self.too_steep(motor, velocity, ticks):
+            compute(0, 0, self.numbers, _RAMP_NEEDS)
+            self.note_excess(self.axes[motor].acceleration)
+        return code
+
+    def shift_by_x(self, positions, motor, backward):
+        """Add the number in X, rounded to a step, to positions[motor]; subtract it if `backward`.
+
+        False, and no change, where that is past the range of positions. X is lost.
+        """
+        r = self.numbers
+        compute(0, 0, r, _BACKWARD if backward else _FORWARD)
+        steps = reals.floor(r, X, HALF)
+        return (
+            -HALF < steps < HALF
+            and reals.add_within(positions, motor, positions, motor, steps) != 0
+        )
+
+    def prepare_motor(self, motor):
+        """Make a motor ready for phases."""
+        axis = self.axes[motor]
+        axis.begin_plan(self.axes.hal)
+        axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
+        axis.set_more_to_come(True)
+
+    def end_phases(self, bits):
+        """No further phases follow: the motors come to rest where the last one ends."""
+        for motor in range(self.count):
+            if (bits >> motor) & 1:
+                self.axes[motor].set_more_to_come(False)
+
+    def phases_ahead(self, bits):
+        """How many phases wait for the first of these motors; the others have about as many."""
+        return _ahead(self.axes.axes, bits)
+
+    def append_frame(self, bits, index, step, duration, scale, window, velocity):
+        """Append the cubic to frame `index` for each motor of these bits; step: 1 or -1 (backward).
+
+        window, velocity: view and curve, or `window` and path.velocity for a path
+        through the positions themselves.
+
+        duration: register, in ticks. The cubic begins with the motor's velocity in SPEEDS and
+        ends with that at the frame, at the rate of the register `scale`, which then is
+        the one in SPEEDS.
+        """
+        store = self.store
+        _hop(
+            self.axes.axes,
+            bits,
+            store,
+            window,
+            velocity,
+            self.numbers,
+            self.position,
+            index,
+            step,
+            store.end - store.start,
+            duration,
+            scale,
+        )

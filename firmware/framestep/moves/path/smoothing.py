@@ -1,0 +1,348 @@
+"""The path of a run, with the unrest of rounding taken out of the uploaded positions.
+
+An upload has whole steps, so the velocity through them trembles by up to a step per frame. But the
+kernel makes a step when the path has gone a whole one from where the motor stands: on its way up a
+motor stands on a position from where the path passes it until just before the next one. So at a
+frame the path may lie anywhere in that step, and the motor still makes the uploaded steps.
+
+Here it lies in the middle of it, and beside that by what smoothing says, up to _CLOSEST. Positions
+are smoothed by the middle row of penalized least squares over thirteen of them, third differences
+weighted by 10 (Whittaker 1923; Eilers 2003); parabolas and cubics pass it unchanged. The velocities
+are those of path.py, from smoothed positions, held so that the path goes on between two frames as
+it goes from one to the other: no step is made that has not been uploaded.
+
+In a hold, where a motor has a position for more than _HOLD frames, the path lies on the position,
+but for its first and last frames. Where the motor turns, the path goes from the step's one side to
+the other, since the motor needs a whole step to come back. A single frame at the turn lies on the
+side of the frame before or after it, whichever it does not turn beside.
+
+Played backward it is the mirror image: the same steps at the same times, but for those beside a
+turn or a hold. Only positions up to eight frames away count, so each frame is passed in the same
+way wherever a run begins.
+"""
+
+from framestep.base.native import const, micropython, ptr32
+from framestep.motion.reals import multiply, put
+from framestep.motors.bounds import EXACT, LOWER, UPPER
+from framestep.moves.path.path import BESIDE, PART
+
+# Words of a window
+SPAN = const(17)  # positions of frame -8 to frame 8; slope() counts them from the middle one on
+SMOOTHED = const(17)  # frame -2 to frame 2; these in parts of a step: see BITS
+_HERE = const(22)  # the position of the middle frame
+BITS = const(23)  # _Q; 0 where positions are so far apart that smoothing makes no difference
+# Of the frame that place() has seen last:
+_KIND = const(24)
+_WAY = const(25)  # in which direction it is passed: 1 up, -1 down
+_ADDED = const(26)  # what smoothing adds to its position
+# PART, behind these: how far beyond its position the middle frame is passed, Q16 of a step
+
+_Q = const(8)
+_HALF = const(128)  # half a step
+_CLOSEST = const(122)  # from there; a fortieth of a step remains to the step before and the next
+_FAR = const(0x20000)  # a position farther from the middle one counts as this far
+_FARTHEST = const(0x1000000)  # with BITS 0
+_HOLD = const(6)
+_FADE = const(4)  # frames in which the path comes onto the position of a hold, or leaves it
+_WORKABLE = const(0x8000)  # steps around a turn within a frame: farther ones are not looked at
+
+_STILL = const(0)
+_ONWARD = const(1)
+_BEYOND = const(2)  # the first or the last frame of several at a turn
+_TURNS = const(3)  # a single frame at a turn
+_CORNER = const(4)  # the same, on its position: as path.py has it
+
+
+@micropython.viper
+def smooth(w: ptr32, before: int, after: int):
+    """Positions from the middle one on, SMOOTHED and BITS; before, after: as for slope()."""
+    # halves first, since the difference of two words may need 33 bits
+    here = w[BESIDE]
+    w[_HERE] = here
+    bits = _Q
+    far = _FAR
+    k = BESIDE - 2
+    while k < BESIDE + 3:
+        d = (w[k + 0] >> 1) - (here >> 1)
+        if d > _FAR // 2 - 2 or d < 2 - _FAR // 2:
+            bits = 0
+            far = _FARTHEST
+        k += 1
+    w[BITS] = bits
+    k = 0
+    while k < SPAN:
+        d = (w[k + 0] >> 1) - (here >> 1)
+        if d > (far >> 1) - 2:
+            d = far
+        elif d < 2 - (far >> 1):
+            d = 0 - far
+        else:
+            d = w[k + 0] - here
+        w[k + 0] = d
+        k += 1
+    # Beyond an end of the upload it goes on as before, turned round about the end.
+    first = 0
+    if before < BESIDE:
+        first = BESIDE - before
+    last = SPAN - 1
+    if after < BESIDE:
+        last = BESIDE + after
+    k = last
+    while k < SPAN - 1:
+        k += 1
+        d = last + last - k
+        if d < first:
+            d = first
+        w[k + 0] = w[last + 0] + w[last + 0] - w[d + 0]
+    k = first
+    while k:
+        k -= 1
+        d = first + first - k
+        if d > last:
+            d = last
+        w[k + 0] = w[first + 0] + w[first + 0] - w[d + 0]
+    k = BESIDE - 2
+    while k < BESIDE + 3:
+        here = w[k + 0]
+        d = 0
+        if bits:
+            far = here + here
+            d = 859 * (w[k + 1] + w[k - 1] - far) + 583 * (w[k + 2] + w[k - 2] - far)
+            d += 279 * (w[k + 3] + w[k - 3] - far) + 38 * (w[k + 4] + w[k - 4] - far)
+            d -= 94 * (w[k + 5] + w[k - 5] - far) + 110 * (w[k + 6] + w[k - 6] - far)
+            d = (d + 8) >> 4  # from Q12
+            if d > _CLOSEST:
+                d = _CLOSEST
+            elif d < 0 - _CLOSEST:
+                d = 0 - _CLOSEST
+        w[k + SMOOTHED - BESIDE + 2] = (here << bits) + d
+        k += 1
+
+
+@micropython.viper
+def room(w: ptr32, bounds: ptr32, k: int, way: int) -> int:
+    """Steps from frame k's position to the bound in that direction, up to 2^28."""
+    end = bounds[UPPER] if way > 0 else bounds[LOWER]
+    # halves first: from one end of the range to the other is more than a word holds
+    d = (end >> 1) - (w[_HERE] >> 1) - (w[k + 0] >> 1)
+    if d > 0x8000000 or d < -0x8000000:  # what does not fit a small integer would be allocated
+        return 0x10000000
+    d = end - w[_HERE] - w[k + 0]
+    return d if way > 0 else 0 - d
+
+
+@micropython.viper
+def place(w, bounds, k: int) -> int:
+    """How far beyond frame k of the window, smoothed, the path passes it: up to half a step.
+
+    Backward it is passed so far on the other side. _KIND, _WAY and _ADDED tell the rest.
+    """
+    f = ptr32(w)
+    p = f[k + 0]
+    i = 0
+    while i < _HOLD and f[k - i - 1] == p:
+        i += 1
+    come = 0
+    if i < _HOLD:
+        come = 1 if f[k - i - 1] < p else -1
+    j = 0
+    while j < _HOLD and f[k + j + 1] == p:
+        j += 1
+    go = 0
+    if j < _HOLD:
+        go = 1 if f[k + j + 1] > p else -1
+    f[_WAY] = come
+    f[_ADDED] = 0
+    bits = f[BITS]
+    at = k + SMOOTHED - BESIDE + 2
+    smoothed = f[at + 0] - (p << bits)
+    if i + j >= _HOLD:
+        f[_KIND] = _STILL
+        if bits == 0:
+            return 0
+        here = 0
+        if i < _FADE:
+            here = come * (_FADE - i)
+        if j < _FADE:
+            here += go * (_FADE - j)
+        return here * (_HALF // _FADE)
+    if come == go:
+        f[_KIND] = _ONWARD
+        f[_ADDED] = smoothed
+        return come * _HALF if bits else 0
+    if i + j:
+        f[_KIND] = _STILL
+        if bits == 0:
+            return 0
+        d = j - i
+        if d < 0:
+            d = i - j
+            come = go
+        here = _HALF * d // (i + j) * come
+        if ptr32(bounds)[EXACT]:
+            return here
+        if i == 0:
+            f[_KIND] = _BEYOND
+        elif j == 0:
+            f[_KIND] = _BEYOND
+            f[_WAY] = go
+        f[_ADDED] = smoothed
+        return here
+    f[_KIND] = _CORNER
+    if bits == 0 or ptr32(bounds)[EXACT]:
+        return 0
+    # How far it comes, and goes; on its way in the frames beside this one, too?
+    d = (p - f[k - 1]) * come
+    rise = (p - f[k + 1]) * come
+    if d > _WORKABLE or rise > _WORKABLE:
+        return 0
+    if (f[k - 1] - f[k - 2]) * come <= 0 or (f[k + 2] - f[k + 1]) * go <= 0:
+        return 0
+    rise = (f[at + 1] - f[at - 1]) * come  # half of its slope
+    # It passes the frame by 4/27 of the slope.
+    past = rise
+    if rise < 0:
+        past = 0 - rise
+    past = (past * 2 // 27 + _HALF + smoothed * come) >> bits
+    if int(room(w, bounds, k, come)) < past:
+        return 0
+    # Where it turns in the frame before, it comes back to half a step below the position. That is
+    # enough only if it has been on it before, which the cubic from half a step above the frame
+    # before shows at an eighth, a fourth or half of the way back, whatever its velocity there. The
+    # same, backward, where it turns in the frame after.
+    beside = k - 1
+    if rise >= 0:
+        beside = k + 1
+        at += 1
+    else:
+        at -= 1
+        rise = 0 - rise
+    fall = rise >> 1
+    short = _HALF - smoothed * come
+    d = (p - f[beside]) * come
+    back = short + _HALF + (f[at + 0] - (f[beside] << bits)) * come - (d << bits)
+    if d < 2 or (
+        49 * fall + 22 * back < short << 9
+        and 9 * fall + 10 * back < short << 6
+        and fall + 4 * back < short << 3
+    ):
+        return 0
+    f[_KIND] = _TURNS
+    if beside < k:
+        come = 0 - come
+        f[_WAY] = come
+    f[_ADDED] = smoothed
+    return come * _HALF
+
+
+@micropython.viper
+def slope(window, bounds, before: int, after: int) -> int:
+    """Velocity at the middle frame, in 1/12 step per frame and parts of it as BITS tells; sets
+    PART.
+
+    before, after: how many frames of the upload there are on either side; 8 are as good as more.
+    bounds: as for path.slope(). The positions in the window are changed.
+    """
+    w = ptr32(window)
+    smooth(window, before, after)
+    bits = w[BITS]
+    past = int(place(window, bounds, BESIDE - 1))
+    back = (w[BESIDE - 1] << bits) + w[_ADDED]
+    onward = int(place(window, bounds, BESIDE + 1))
+    ahead = (w[BESIDE + 1] << bits) + w[_ADDED]
+    here = int(place(window, bounds, BESIDE))
+    kind = w[_KIND]
+    way = w[_WAY]
+    # How far the path goes on either side, this way or backward, whichever is less
+    past -= here
+    if past > 0:
+        past = 0 - past
+    past += (w[_ADDED] - back) * way
+    onward -= here
+    if onward > 0:
+        onward = 0 - onward
+    onward += (ahead - w[_ADDED]) * way
+    here += w[_ADDED]
+    w[PART] = here << 8
+    if before == 0:
+        past = onward
+        if w[BESIDE + 1] == 0:
+            return 0
+    if after == 0:
+        onward = past
+        if w[BESIDE - 1] == 0:
+            return 0
+    if kind == _STILL:
+        return 0
+    # and smoothed positions
+    first = w[SMOOTHED + 2] - w[SMOOTHED + 1]
+    last = w[SMOOTHED + 3] - w[SMOOTHED + 2]
+    s = 6 * (first + last)
+    least = 0
+    if kind == _ONWARD:
+        if before == 0:
+            s = 12 * last
+            if after > 1:
+                s = 18 * last - 6 * (w[SMOOTHED + 4] - w[SMOOTHED + 3])
+        elif after == 0:
+            s = 12 * first
+            if before > 1:
+                s = 18 * first - 6 * (w[SMOOTHED + 1] - w[SMOOTHED])
+        else:
+            least = 6 * (last if (last - first) * way < 0 else first) * way
+            if least < 0:
+                least = 0
+            if before > 1 and after > 1:
+                s += first + last
+                s += w[SMOOTHED] - w[SMOOTHED + 1] + w[SMOOTHED + 3] - w[SMOOTHED + 4]
+        if onward < past:
+            past = onward
+    elif kind == _BEYOND:
+        back = here if here > 0 else 0 - here
+        if w[BESIDE + 1]:  # the last of them
+            past = onward
+        else:
+            back = 256 - back
+        # so that between these frames the path stays within a step of their position
+        if past > back:
+            past = back
+    elif kind == _TURNS:
+        if w[BESIDE - 1] * way > 0:  # it has turned in the frame before
+            past = onward
+    else:
+        s = 6 * (w[BESIDE + 1] - w[BESIDE - 1]) << bits
+        ahead = s if s > 0 else 0 - s
+        ahead = ((ahead >> bits) * 4 + 323) // 324
+        if ptr32(bounds)[EXACT] or int(room(window, bounds, BESIDE, way)) < ahead:
+            return 0
+        if s * way < 0:
+            way = 0 - way
+            past = 0 - onward
+    s = s * way
+    if bits == 0:
+        past -= 1  # the frames beside it may lie a step farther
+    if past < 0:
+        past = 0
+    if s < least:
+        s = least
+    if s > 36 * past:
+        s = 36 * past
+    return s * way
+
+
+@micropython.viper
+def velocity(r, to: int, window, bounds, before: int, after: int, scale: int, top: int):
+    """As path.velocity(), of slope()."""
+    put(r, to, int(slope(window, bounds, before, after)), 0 - ptr32(window)[BITS])
+    multiply(r, to, to, scale)
+    w = ptr32(r)
+    m = w[to + 0]
+    if m < 0:
+        m = 0 - m
+    e = w[to + 1] - w[top + 1]
+    if m and (e > 0 or (e == 0 and m > w[top + 0])):
+        m = w[top + 0]
+        if w[to + 0] < 0:
+            m = 0 - m
+        w[to + 0] = m
+        w[to + 1] = w[top + 1]

@@ -1,0 +1,467 @@
+"""The state machine that every real-time operation goes through, whatever it plays.
+
+                 prepare()              all there        start()        queues filled
+    IDLE --------------------> POSITIONING -------> READY ----> STARTING ----> RUNNING
+     ^                              ^   |             |             |           |   |
+     |                              |   | stop()      | stop()      | stop()    |   | its end
+     |                              |   v             v             v           |   v
+     |       RT_END, all at rest    |  ENDING <-----------------------+---------+  done?
+     +------------------------------+---^                                           |
+                                    +-------- another pass (a loop) ----------------+
+
+An operation (operation.py; run.py, shoot.py and jog.py are the kinds) says where the motors begin
+and in which direction each sets out, queues phases and cues, and says whether another pass follows.
+JOG_ALL has no GO and no RT_END: it begins as a further pass does.
+
+When POSITIONING ends, each motor's backlash has been taken up for the direction in which it sets
+out (Axis.move_to), by a motion within the motor's limits. So no operation begins with a jump of a
+motor.
+
+All of it is one file because each state has to know what the others leave behind.
+
+What takes long for eight motors is done for one motor in each pass of the main loop, so that
+requests are answered in between. The plan of STARTING is already made in READY, while all motors
+stand, so that GO only has to release them. Between two passes it is hidden
+(`stepper.hide_planned`): the motors count as at rest. A request that might invalidate the early
+plan discards it as a whole (discard_early_plan()), and it is made again once nothing moves.
+"""
+
+from framestep.base.clock import after, elapsed
+from framestep.base.native import const, micropython
+from framestep.base.results import ERR_GENERAL, ERR_MOVING, ERR_NOT_IN_POSITION, OK
+from framestep.moves.operation import Operation
+from framestep.moves.path.player import UploadPlayer
+from framestep.moves.standing import (
+    find_positions,
+    find_switch_ahead,
+    stand_at,
+    stand_on_frame,
+)
+from framestep.moves.upload.store import READY as UPLOADED
+from framestep.pulse import stepper
+
+# States
+IDLE = const(0)
+# as IDLE, but motors have yet to set out for where they go next: see return_to_frame()
+LEAVING = const(1)
+POSITIONING = const(2)
+READY = const(3)
+RUNNING = const(4)
+ENDING = const(5)  # ramping down
+STARTING = const(6)  # the first phases are planned, one motor after the other
+
+# How far the early plan is, in READY
+_NOT_YET = const(0)  # to be begun once nothing moves
+_BEGUN = const(1)
+_DONE = const(2)
+_IDLE = const(3)  # not to be begun: the motors are not where the operation begins
+
+# ticks after the last change of a setting before a prepared operation is checked again
+_QUIET = const(100)
+
+
+@micropython.viper
+def _fetch_positions(store, bits: int, index: int, out):
+    """out[motor] = the uploaded position at frame `index`, for each motor in `bits`."""
+    motor = 0
+    while bits:
+        if bits & 1:
+            store.positions(motor, index, 1, out, motor)
+        bits >>= 1
+        motor += 1
+
+
+class OperationRunner:
+    """Runs one operation at a time."""
+
+    def __init__(self, axes, store, safety):
+        self.axes = axes
+        self.store = store
+        self.safety = safety
+        self.player = UploadPlayer(axes, store)
+        self.state = IDLE
+        self.operation = Operation(self)
+        self.start_positions = None  # by motor: where the operation begins
+        # by motor: the direction in which it sets out, 1 up, -1 down, 0 unknown or not at all
+        self.directions = None
+        self.waiting = 0  # bits of motors still to be sent there, or to get their first phases
+        self.early_plan = _NOT_YET
+        self.hidden = 0  # bits of motors with more to come than the early plan has queued
+        # a setting has changed that the operation has to keep: see settings_changed()
+        self.changed = False
+        self.changed_at = 0  # when, in ticks
+        self.move_time = 0  # MOVE TIME while no operation runs, thousandths of a scene frame
+        # index of the frame whose positions are reported, -1: those of the pins
+        self.reported_frame = -1
+        self.sent = 0  # bits of motors sent to a frame,
+        self.sent_frame = 0  # and which
+        self.rt_end_due = False
+        self.starts_by_itself = False  # the next pass starts without a GO
+        self.host_gone = False  # the host that asked for the operation
+
+    # ---------------------------------------------------------------- what the controller asks
+
+    @property
+    def busy(self):
+        """Whether an operation is being prepared, waits or runs."""
+        return self.state != IDLE
+
+    @property
+    def running(self):
+        """Whether an operation has begun and not yet ended."""
+        return self.state >= RUNNING or self.starts_by_itself
+
+    @property
+    def engaged(self):
+        """Bits of the motors of a running operation, whether they move or pause between two
+        passes."""
+        state = self.state
+        return (
+            self.operation.bits
+            if state >= RUNNING or state == LEAVING or self.starts_by_itself
+            else 0
+        )
+
+    @property
+    def playing(self):
+        """Bits of the motors that follow phases, or stop from them; not on the way to the start."""
+        return self.operation.bits if self.state >= RUNNING else 0
+
+    def takes(self, motor):
+        """Whether the motor takes part in the operation."""
+        return (self.operation.bits >> motor) & 1
+
+    def send_to_frame(self, frame, positions, among=-1):
+        """Send motors, of the bits `among`, to a scene frame (spec: MSG_RT_POSITION_FRAME). A code.
+
+        positions: scratch, an array('i') with a word for each motor. Nothing moves unless the code
+        is OK.
+        """
+        code = self._note_target(frame, positions, among)
+        if code == OK:
+            self.drop_prepared()
+            self._send_all(self.sent, positions)
+            self._note_arrival()
+        return code
+
+    def return_to_frame(self, frame, positions, among):
+        """After the end of an operation: as send_to_frame(), but one motor in each pass.
+
+        The next request that concerns motors sends the rest at once: send_waiting().
+        """
+        if self._note_target(frame, positions, among) == OK:
+            self.start_positions = positions
+            self.directions = None
+            self.waiting = self.sent
+            self.state = LEAVING
+
+    def send_waiting(self):
+        """In LEAVING: send the motors that still wait, now."""
+        while self.waiting:
+            self._next_motor()
+        self.state = IDLE
+
+    def _note_target(self, frame, positions, among):
+        """Note that motors go to a frame; as send_to_frame()."""
+        code = find_positions(self.player, self.safety, frame, among, positions)
+        if code == OK:
+            self.sent = self.player.motors() & among
+            self.sent_frame = frame
+        return code
+
+    def _note_arrival(self):
+        """If the motors sent to a frame have come to rest there, that frame is MOVE TIME."""
+        bits = self.sent
+        if bits and not self.waiting and self.axes.moving_bits() & bits == 0:
+            self.sent = 0
+            store = self.store
+            if store.state != UPLOADED or not store.start <= self.sent_frame <= store.end:
+                return
+            if stand_on_frame(self.player, bits, self.sent_frame - store.start):
+                self.move_time = self.sent_frame * 1000
+
+    def sample_move_time(self, frame):
+        """MOVE TIME to report, with the positions in `axes.reported`.
+
+        frame: report the frame reached last.
+        """
+        tick = self.axes.choose_sample()
+        if self.state == RUNNING:
+            self.reported_frame = -1
+            time = self.operation.play_head(tick, frame)
+            if self.reported_frame >= 0:
+                _fetch_positions(
+                    self.store, self.operation.bits, self.reported_frame, self.axes.reported
+                )
+            return time
+        self._note_arrival()
+        return self.move_time
+
+    def prepare(self, operation, begins, directions, frame):
+        """Prepare an operation: send its motors to where it begins.
+
+        frame: scene frame to report as MOVE TIME. begins: positions by motor. directions: those
+        in which each sets out, 1 up, -1 down, 0 unknown or not at all.
+        """
+        self.operation = operation
+        self.start_positions = begins
+        self.directions = directions
+        self.sent = 0
+        self.changed = False
+        self._send_all(operation.bits, begins, directions)
+        self.move_time = frame * 1000
+        self.state = POSITIONING
+        self.starts_by_itself = False
+        self.host_gone = False
+        self.rt_end_due = False
+
+    def may_go(self):
+        """OK if an operation waits and all motors stand where it begins; else the code that says
+        why not."""
+        state = self.state
+        if state != READY:
+            if state == POSITIONING and not self.starts_by_itself:
+                return ERR_NOT_IN_POSITION
+            return ERR_MOVING if self.running else ERR_GENERAL
+        if self.operation.bits & self.player.excluded:
+            return ERR_GENERAL  # a motor has been disabled or put under live control meanwhile
+        code = self._recheck(True)
+        if code == OK:
+            code = find_switch_ahead(self.player, self.safety, self.operation)
+        if code == OK and not stand_at(
+            self.axes, self.operation.bits, self.start_positions, self.directions
+        ):
+            code = ERR_NOT_IN_POSITION
+        return code
+
+    def settings_changed(self):
+        """A speed, a limit, a motor's flags or its position has been set (field note 6.12).
+
+        A prepared operation is checked again before it begins, a loop before its next pass.
+        """
+        if self.state != IDLE:
+            self.changed = True
+            self.changed_at = self.axes.kernel.state[stepper.TICKS]
+
+    def _recheck(self, waiting):
+        if not self.changed:
+            return OK
+        code = self.operation.recheck(waiting)
+        if code == OK:
+            self.changed = False
+        return code
+
+    def start(self):
+        """Start the operation that waits, after may_go() has answered OK."""
+        self.starts_by_itself = False
+        if self.state == READY and (self.early_plan == _BEGUN or self.early_plan == _DONE):
+            stepper.restore_planned(self.axes.kernel.state, self.hidden)
+            self.state = STARTING
+        else:
+            self._start_from_here(self.operation)
+
+    def approach(self, operation, begins, directions):
+        """Start an operation without a GO as soon as its motors are where it begins.
+
+        Parameters as for prepare().
+        """
+        self.operation = operation
+        self.start_positions = begins
+        self.directions = directions
+        self.sent = 0
+        self.waiting = operation.bits
+        self.starts_by_itself = True
+        self.host_gone = False
+        self.state = POSITIONING
+
+    def _start_from_here(self, operation):
+        """Start an operation from where the motors are."""
+        self.operation = operation
+        self.state = STARTING
+        self.waiting = operation.bits
+        operation.begin_pass()
+
+    def _release(self):
+        """Release all motors, so that they start in the same tick."""
+        self.state = RUNNING
+        tick = self.axes.release(self.operation.bits)
+        # the pulses come LEAD ticks after the tick that queues them
+        self.operation.started(after(tick, self.axes.kernel.state[stepper.LEAD]))
+
+    @property
+    def stopping_on_frame(self):
+        """Whether it is still coming to rest on a frame after a STOP_ALL (field note 6.10)."""
+        return self.state == RUNNING and self.operation.stopping_on_frame()
+
+    def stop(self, factor=1, land=False, everything=False, smooth=False, spared=0):
+        """Stop the operation's motors by ramps; RT_END follows once all stand.
+
+        factor: of the deceleration. land: an operation that can do so may come to rest on a frame
+        instead; returns the bits of the motors that do, which nobody else must stop then, otherwise
+        0. everything: by a STOP_ALL. smooth, or land: motors on their way to the start keep their
+        jerk limits. (In a run they do not: the path has none, and it may end at a soft limit.)
+        spared: bits of motors that a virtual motion has taken while the operation waited; that
+        stops them.
+        """
+        if self.state == LEAVING:
+            self.waiting = 0
+            self.state = IDLE  # the motors that have set out are stopped as any others
+        if self.state == IDLE:
+            return 0
+        self.operation.bits &= ~spared
+        if land and self.state == RUNNING and self.operation.stop_on_frame(everything):
+            return self.operation.bits
+        self.move_time = self.sample_move_time(False)
+        smooth = (smooth or land) and self.state != RUNNING
+        for motor in range(self.axes.count):
+            if (self.operation.bits >> motor) & 1:
+                self.axes[motor].stop(self.axes.hal, factor, smooth)
+        self.operation.ended()
+        self.starts_by_itself = False
+        self.waiting = 0
+        self.state = ENDING
+        return 0
+
+    def host_lost(self, smooth, spared):
+        """The host has gone: as stop(), but without RT_END, of which the next host knows
+        nothing."""
+        self.stop(1, False, False, smooth, spared)
+        self.drop_prepared()
+        self.host_gone = True
+        self.rt_end_due = False
+
+    def discard_early_plan(self):
+        """In READY: discard the early plan, which may no longer hold."""
+        if self.early_plan == _BEGUN or self.early_plan == _DONE:
+            self.axes.discard(self.operation.bits)
+            self.waiting = self.hidden = 0
+        self.early_plan = _NOT_YET
+
+    def drop_prepared(self):
+        """Drop an operation that has been prepared but has not begun."""
+        if self.state == READY:
+            self.discard_early_plan()
+        if self.state == READY or self.state == POSITIONING:
+            self.state = IDLE
+            self.starts_by_itself = False
+
+    def reached(self):
+        """In each pass with an alarm: whether a frame to be reported has been reached."""
+        return self.operation.frame_reached(self.axes.kernel.state[stepper.TICKS])
+
+    def poll(self):
+        """Every few milliseconds: plan ahead, and go on to the next state.
+
+        Returns whether it has planned, so that there may be more to plan at once.
+        """
+        state = self.state
+        if state == IDLE:
+            return False
+        if state == READY:
+            return self._plan_early()
+        if state == RUNNING:
+            operation = self.operation
+            if operation.feed():
+                return True
+            if operation.finished() and not self.moving():
+                if operation.next_pass() and self._recheck(False) == OK:
+                    self.approach(operation, self.start_positions, self.directions)
+                    return True
+                self._close()
+            return False
+        if self.waiting:
+            self._next_motor()
+            return True
+        if state == LEAVING:
+            self.state = IDLE
+            return False
+        if state == STARTING:
+            if self.operation.feed():
+                return True
+            if self.axes.filled:
+                self._release()
+            return False
+        if self.moving():
+            return False
+        if state == ENDING:
+            self._end()
+        elif self.starts_by_itself:
+            if self.operation.still_wanted():
+                if not self.changed:
+                    self.start()
+                    return True
+                if self._recheck(False) == OK:
+                    # which may be elsewhere now
+                    self.approach(self.operation, self.start_positions, self.directions)
+                    return True
+            self._close()
+        else:
+            self.early_plan = _NOT_YET
+            self.state = READY
+            return True
+        return False
+
+    # ---------------------------------------------------------------- within
+
+    def moving(self):
+        """Whether a motor of the operation moves."""
+        return self.axes.moving_bits() & self.operation.bits != 0
+
+    def _plan_early(self):
+        """In READY: do a piece of the planning of STARTING. Returns whether there may be more."""
+        axes = self.axes
+        if self.early_plan == _NOT_YET:
+            if axes.moving:
+                return False
+            if self.changed and elapsed(axes.kernel.state[stepper.TICKS], self.changed_at) < _QUIET:
+                return False
+            if self.may_go() != OK:
+                self.early_plan = _IDLE
+                return False
+            self.early_plan = _BEGUN
+            self.hidden = 0
+            self.waiting = self.operation.bits
+            self.operation.begin_pass()
+        elif self.early_plan != _BEGUN:
+            return False
+        stepper.restore_planned(axes.kernel.state, self.hidden)
+        if self.waiting:
+            self._next_motor()
+        elif not self.operation.feed() and not axes.feed():
+            self.early_plan = _DONE
+        self.hidden = stepper.hide_planned(axes.kernel.state)
+        return self.early_plan == _BEGUN
+
+    def _next_motor(self):
+        """Send the next of the motors that wait, or plan its first phases."""
+        motor = 0
+        while not (self.waiting >> motor) & 1:
+            motor += 1
+        self.waiting ^= 1 << motor
+        if self.state == STARTING or self.state == READY:
+            self.player.prepare_motor(motor)
+            self.operation.queue_first_phases(motor)
+        else:
+            self._send(motor, self.start_positions, self.directions)
+
+    def _send_all(self, bits, positions, directions=None):
+        for motor in range(self.axes.count):
+            if (bits >> motor) & 1:
+                self._send(motor, positions, directions)
+
+    def _send(self, motor, positions, directions):
+        self.axes[motor].move_to(
+            self.axes.hal, positions, motor, 10000, directions[motor] if directions else 0
+        )
+
+    def _close(self):
+        """The operation has come to its own end."""
+        self.operation.ended()
+        self._end()
+        self.operation.leave_end()
+
+    def _end(self):
+        self.state = IDLE
+        self.starts_by_itself = False
+        if self.operation.sends_rt_end and not self.host_gone:
+            self.rt_end_due = True

@@ -1,0 +1,299 @@
+"""How positions are written into the memory of an upload store, whose form is in upload_chunks.py.
+
+Positions become changes of the steps per frame, in as few bits as a chunk allows. The kernels work
+on the same two blocks, and have the same parameters, as those of upload_chunks.py.
+"""
+
+from framestep.base.native import CPYTHON, micropython, ptr8, ptr16, ptr32
+from framestep.moves.upload.chunks import (
+    BASE,
+    BEFORE_LAST,
+    CHUNK,
+    CHUNK_FRAMES,
+    CODES,
+    FRAMES,
+    LAST,
+    LINK,
+    NOT_SENT,
+    REGION,
+    SECTION,
+    SENT_END,
+    TRYING,
+    UNBROKEN,
+    VALUES,
+    VELOCITY,
+    fill,
+    pack,
+    set_units,
+    unpack,
+)
+
+if CPYTHON:
+
+    def _changes(words, i, memory, to, count):
+        """Write the codes of `count` positions, words[i] and on, to the bytes from `to` on.
+
+        0 if all codes are within -64 to 63.
+        """
+        plane = ptr8(memory)
+        wide = 0
+        for k in range(count):
+            code = words[i + k] - words[i + k - 1] - words[i + k - 1] + words[i + k - 2]
+            plane[to + k] = code & 0xFF
+            wide |= code + 64
+        return 1 if wide >> 7 else 0
+
+else:
+
+    @micropython.viper
+    def _changes(words: ptr32, i: int, memory: ptr8, to: int, count: int) -> int:
+        # Of the two registers that viper has for locals on ARM `words` holds the place, `i` the
+        # code.
+        words = ptr32(int(words) + ((i - 2) << 2))
+        memory = ptr8(int(memory) + to)
+        wide = 0
+        while count >= 4:
+            i = words[2] - words[1] - words[1] + words[0]
+            memory[0] = i
+            wide |= i + 64
+            i = words[3] - words[2] - words[2] + words[1]
+            memory[1] = i
+            wide |= i + 64
+            i = words[4] - words[3] - words[3] + words[2]
+            memory[2] = i
+            wide |= i + 64
+            i = words[5] - words[4] - words[4] + words[3]
+            memory[3] = i
+            wide |= i + 64
+            words = ptr32(int(words) + 16)
+            memory = ptr8(int(memory) + 4)
+            count -= 4
+        while count > 0:
+            i = words[2] - words[1] - words[1] + words[0]
+            memory[0] = i
+            wide |= i + 64
+            words = ptr32(int(words) + 4)
+            memory = ptr8(int(memory) + 1)
+            count -= 1
+        return 1 if wide >> 7 else 0
+
+
+@micropython.viper
+def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> int:
+    """Write SECTION to frames `at` to `stop`, behind frames without a gap, if no units are needed.
+
+    0, and nothing has changed, if they need some, or might.
+    """
+    half = ptr16(memory)
+    word = ptr32(words)
+    word[SECTION - 2] = word[motor + BEFORE_LAST]
+    word[SECTION - 1] = word[motor + LAST]
+    i = SECTION
+    while at < stop:
+        chunk = word[motor + REGION] + (at >> 7) * CHUNK
+        within = at & 127
+        end = i + CHUNK_FRAMES - within
+        if end > i + stop - at:
+            end = i + stop - at
+        at += end - i
+        if within > 1:
+            value = word[i - 1]
+            velocity = value - word[i - 2]  # wraps
+        else:
+            # The chunk's velocity is that from its first frame to its second: the codes of both are
+            # 0.
+            i -= within
+            value = word[i + 0]
+            velocity = 0
+            if i + 1 < end:
+                velocity = word[i + 1] - value  # wraps
+        # From here no way in small changes to 2^29: all of what follows fits a word.
+        if ((value ^ (value >> 31)) >> 28) | ((velocity ^ (velocity >> 31)) >> 20):
+            return 0
+        if within < 2:
+            half[chunk + BASE] = (value - velocity) & 0xFFFF
+            half[chunk + BASE + 1] = ((value - velocity) >> 16) & 0xFFFF
+            half[chunk + VELOCITY] = velocity & 0xFFFF
+            half[chunk + VELOCITY + 1] = (velocity >> 16) & 0xFFFF
+            half[chunk + LINK] = 0
+            half[chunk + CODES] = 0
+            within = 2
+            i += 2
+            if i > end:
+                i = end
+        if half[chunk + LINK]:
+            return 0
+        if int(_changes(words, i, memory, 2 * (chunk + CODES) + within, end - i)):
+            return 0
+        i = end
+    word[motor + LAST] = word[i - 1]
+    word[motor + BEFORE_LAST] = word[i - 2]
+    return 1
+
+
+@micropython.viper
+def _encode(i: int, code: int, memory, words, chunk: int):
+    """Encode VALUES, which are lost, into the chunk; 0 if TRYING and the pool has too few units."""
+    half = ptr16(memory)
+    word = ptr32(words)
+    unsent = -1
+    unsent <<= 31
+    end = VALUES + CHUNK_FRAMES
+    i = VALUES
+    while i < end and word[i] == unsent:
+        i += 1
+    base = 0
+    first = 0
+    if i < end:
+        base = word[i]
+        i += 1
+        while i < end and word[i] == unsent:
+            i += 1
+        if i < end:
+            first = word[i] - base  # wraps
+        base -= first  # wraps
+    value = base
+    velocity = first
+    far = 0
+    most = 0
+    i = VALUES
+    while i < end:
+        code = word[i]
+        if code != unsent:
+            far |= code ^ (code >> 31)
+            code -= value  # wraps
+            value += code  # wraps
+            code -= velocity  # wraps
+            velocity += code  # wraps
+            sign = code >> 31
+            most |= (code ^ sign) - sign  # wraps
+        i += 1
+    bits = 7  # of a code, without its sign
+    if far >> 29 and most | first:
+        bits = 31
+    while bits < 31 and most >> bits:
+        bits += 2
+    set_units(memory, words, chunk, (bits - 7) >> 1)
+    if word[TRYING]:
+        return
+    half[chunk + BASE] = base & 0xFFFF
+    half[chunk + BASE + 1] = (base >> 16) & 0xFFFF
+    half[chunk + VELOCITY] = first & 0xFFFF
+    half[chunk + VELOCITY + 1] = (first >> 16) & 0xFFFF
+    plane = ptr8(memory)
+    to = 2 * (chunk + CODES)
+    i = VALUES
+    while i < end:
+        code = word[i]
+        if code == unsent:
+            code = -1 << bits
+        elif bits < 31:
+            code -= base
+            base += code
+            code -= first
+            first += code
+        plane[to] = code & 0xFF
+        word[i] = code >> 8
+        to += 1
+        i += 1
+    pack(0, 0, memory, words, chunk, 0, VALUES, CHUNK_FRAMES)
+
+
+@micropython.viper
+def write(i: int, to: int, memory, words, motor: int, index: int, count: int, end: int):
+    """Store the `count` positions of SECTION from `index` on, the last one up to `end`."""
+    word = ptr32(words)
+    stop = index + count
+    last = SECTION + count - 1
+    past = word[motor + SENT_END]
+    at = (index if index < past else past) & -128
+    while at < end:
+        chunk = word[motor + REGION] + (at >> 7) * CHUNK
+        behind = at + CHUNK_FRAMES
+        if at >= past:
+            ptr16(memory)[chunk + LINK] = 0
+        if at >= stop:  # from here on the motor is still
+            fill(memory, words, chunk, last, 0)
+        elif at >= past and behind <= index:
+            fill(memory, words, chunk, last, NOT_SENT)
+        else:
+            if index > at or end < behind:
+                unpack(memory, words, motor, at)
+            i = SECTION
+            to = VALUES + index - at
+            if index < at:
+                i += at - index
+                to = VALUES
+            stretch = to + last + 1 - i
+            if stretch > VALUES + CHUNK_FRAMES:
+                stretch = VALUES + CHUNK_FRAMES
+            while to < stretch:
+                word[to] = word[i + 0]
+                i += 1
+                to += 1
+            stretch = VALUES + end - at
+            if stretch > VALUES + CHUNK_FRAMES:
+                stretch = VALUES + CHUNK_FRAMES
+            while to < stretch:
+                word[to] = word[last]
+                to += 1
+            _encode(0, 0, memory, words, chunk)
+        at = behind
+
+
+@micropython.viper
+def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
+    """Whether -2^31, which stands for a frame not sent, is in SECTION."""
+    lowest = -1
+    lowest <<= 31
+    i = SECTION + count
+    while i > SECTION:
+        i -= 1
+        if words[i + 0] == lowest:
+            return 1
+    return 0
+
+
+@micropython.viper
+def fill_gaps(memory, words, motor: int):
+    """Give frames not sent the position before them, leading ones the first."""
+    word = ptr32(words)
+    unsent = -1
+    unsent <<= 31
+    past = word[motor + SENT_END]
+    begin = 0
+    if word[motor + UNBROKEN] > 0:
+        begin = (word[motor + UNBROKEN] - 1) & -128
+    value = unsent
+    at = begin
+    while value == unsent:
+        unpack(memory, words, motor, at)
+        i = VALUES
+        while i < VALUES + CHUNK_FRAMES and value == unsent:
+            value = word[i]
+            i += 1
+        at += CHUNK_FRAMES
+    at = begin
+    while at < word[FRAMES]:
+        chunk = word[motor + REGION] + (at >> 7) * CHUNK
+        if at >= past:
+            word[SECTION] = value
+            ptr16(memory)[chunk + LINK] = 0
+            fill(memory, words, chunk, SECTION, 0)
+        else:
+            unpack(memory, words, motor, at)
+            gaps = 0
+            end = VALUES + CHUNK_FRAMES  # or that of the upload: what lies behind takes no units
+            if word[FRAMES] - at < CHUNK_FRAMES:
+                end = VALUES + word[FRAMES] - at
+            i = VALUES
+            while i < end:
+                if word[i] == unsent:
+                    word[i] = value
+                    gaps = 1
+                else:
+                    value = word[i]
+                i += 1
+            if gaps:
+                _encode(0, 0, memory, words, chunk)
+        at += CHUNK_FRAMES

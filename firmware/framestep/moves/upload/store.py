@@ -1,0 +1,282 @@
+"""The uploaded move: a position for every frame of every motor, in one block of memory.
+
+A motor gets a region of that memory when its first section comes; motors without data take none.
+How positions are kept in a region: upload_chunks.py; how they are written: upload_codec.py.
+
+What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one
+frame to the next, and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per
+frame change by more than 511 from one frame to the next, which at 24 frames/s is 294 000 steps/s².
+Where they change by less, there is memory for greater changes elsewhere, of any size.
+
+Nothing but the constructor and allocate() allocates. Positions go through arrays, since they need
+not fit a small integer; frame numbers and indexes are small integers. An index counts from 0 at the
+first frame of the range (field note 5.1).
+"""
+
+from array import array
+
+from framestep.base.copying import copy_dwords
+from framestep.base.native import CPYTHON, const, micropython, ptr32
+from framestep.base.results import ERR_GENERAL, ERR_RANGE, OK
+from framestep.moves.upload.chunks import (
+    ASKED,
+    BEFORE_LAST,
+    BOTTOM,
+    CHUNK,
+    CHUNK_FRAMES,
+    CURSOR,
+    FRAMES,
+    FREE,
+    FREE_COUNT,
+    LAST,
+    LEFT,
+    MOST_POSITIONS,
+    MOST_UNITS,
+    MOTORS,
+    NEEDED,
+    PEAK,
+    RECORD_WORDS,
+    RECORDS,
+    REGION,
+    SECTION,
+    SENT_END,
+    SIZE,
+    STATE,
+    TRYING,
+    UNBROKEN,
+    UNIT,
+    USED,
+    fits,
+    read,
+    room,
+)
+from framestep.moves.upload.codec import append, fill_gaps, has_lowest, write
+
+# States
+EMPTY = const(0)  # no upload
+LOADING = const(1)  # begun, not finished
+READY = const(2)
+
+# ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
+FARTHEST_FRAME = const(1000000)
+# half words that the capacity counts for a chunk: its own and a unit
+_PER_CHUNK = const(CHUNK + UNIT)
+
+
+def bytes_for(motors, frames):
+    """The memory that makes UploadStore.capacity_frames(motors) at least `frames`."""
+    return 2 * motors * _PER_CHUNK * ((frames + CHUNK_FRAMES - 1) // CHUNK_FRAMES)
+
+
+class UploadStore:
+    """Stores an uploaded move and reads its positions.
+
+    `state` is EMPTY, LOADING or READY, `start` and `end` are the first and the last scene frame. A
+    refused request changes nothing (field note 5.3). Motors are counted from 0.
+    """
+
+    def __init__(self, motors, memory_bytes=0):
+        """For `motors` motors; `memory_bytes` as for allocate(), 0: not yet."""
+        self.motors = motors
+        self._limit = 0
+        self._memory = None
+        self._words = array("i", [0] * (RECORDS + RECORD_WORDS * motors))
+        self._words[MOTORS] = motors
+        self.clear()
+        if memory_bytes:
+            self.allocate(memory_bytes)
+
+    def allocate(self, memory_bytes):
+        """Allocate that many bytes for good; ValueError if not a chunk for each motor fits.
+
+        Allocates one block.
+        """
+        self._words[SIZE] = memory_bytes // 2
+        self._limit = self.capacity_frames(self.motors)
+        if self._limit < 1:
+            raise ValueError(
+                "an upload of %d motors needs %d bytes or more, not %d"
+                % (self.motors, bytes_for(self.motors, 1), memory_bytes)
+            )
+        # On the board a bytearray is what the heap gives without a copy.
+        self._memory = (
+            array("H", bytes(memory_bytes // 2 * 2))
+            if CPYTHON
+            else bytearray(memory_bytes // 2 * 2)
+        )
+        self.clear()
+
+    def capacity_frames(self, motors):
+        """Frames that fit for this many motors if no steps per frame change by more than 511."""
+        return self._words[SIZE] // (motors * _PER_CHUNK) * CHUNK_FRAMES
+
+    def clear(self):
+        """Forget the upload."""
+        self.state = EMPTY
+        self.start = 0
+        self.end = 0
+        words = self._words
+        words[BOTTOM] = 0
+        words[USED] = 0
+        words[FREE] = 0
+        words[FREE_COUNT] = 0
+        words[TRYING] = 0
+        words[ASKED] = 0
+        words[FRAMES] = 0
+        words[STATE] = EMPTY
+        for motor in range(RECORDS, len(words), RECORD_WORDS):
+            words[motor + REGION] = -1
+
+    @property
+    def memory(self):
+        """The memory of chunks and units, which light levels and triggers share."""
+        return self._memory
+
+    @property
+    def words(self):
+        """The counters and buffers of that memory (upload_chunks.py)."""
+        return self._words
+
+    def begin(self, start, end):
+        """Begin the upload of scene frames `start` to `end` (spec: MSG_RT_UPLOAD_MOVE_BEGIN).
+
+        The old upload is gone.
+
+        Frame numbers are small integers and may be negative. ERR_RANGE for more frames than fit, an
+        end before the start, and frames beyond ± FARTHEST_FRAME.
+        """
+        if not (-FARTHEST_FRAME <= start <= end <= FARTHEST_FRAME) or end - start >= self._limit:
+            return ERR_RANGE
+        self.clear()
+        self.state = LOADING
+        self.start = start
+        self.end = end
+        self._words[FRAMES] = end - start + 1
+        self._words[STATE] = LOADING
+        return OK
+
+    @micropython.viper
+    def section(self, motor: int, index: int, last: int, buffer, at: int, count: int) -> int:
+        """Store `count` positions of a motor from frame `index` on (spec: MSG_RT_UPLOAD_MOVE_AXIS).
+
+        The positions are the DWORDs from buffer[at] on; those past the end of the range are ignored
+        (field note 5.3). If `last`, the final one also goes to every frame after it, sent before or
+        not. Sections may come in any order and again: the latest counts. ERR_GENERAL unless an
+        upload has begun. ERR_RANGE for a section that begins outside the range, for a `last`
+        section without a position, for the position -2^31, and where the changes from frame to
+        frame need more memory than there is: how much is in `words`, ASKED and LEFT.
+        """
+        memory = self._memory
+        words = self._words
+        word = ptr32(words)
+        frames = word[FRAMES]
+        if word[STATE] != LOADING:
+            return int(ERR_GENERAL)
+        if motor < 0 or motor >= word[MOTORS] or index < 0 or index >= frames:
+            return int(ERR_RANGE)
+        if count > frames - index:
+            count = frames - index
+        if count < 0 or count > MOST_POSITIONS:
+            return int(ERR_RANGE)
+        if count == 0:
+            return int(ERR_RANGE) if last else int(OK)
+        copy_dwords(words, buffer, SECTION, at, count)
+        motor = RECORDS + motor * RECORD_WORDS
+        bottom = word[BOTTOM]
+        fresh = word[motor + REGION] < 0
+        if fresh:
+            size = ((frames + CHUNK_FRAMES - 1) >> 7) * CHUNK
+            end = word[SIZE] - word[USED] * UNIT
+            if bottom + size > end:
+                word[ASKED] = 2 * size
+                word[LEFT] = 2 * (end - bottom)
+                return int(ERR_RANGE)
+            word[BOTTOM] = bottom + size
+            word[motor + REGION] = bottom
+            word[motor + UNBROKEN] = 0
+            word[motor + SENT_END] = 0
+            word[motor + LAST] = 0
+            word[motor + BEFORE_LAST] = 0
+        past = word[motor + SENT_END]
+        stop = index + count
+        end = frames if last else stop
+        if index == past and index == word[motor + UNBROKEN] and end == stop:
+            if int(append(0, 0, memory, words, motor, index, stop)):
+                word[motor + UNBROKEN] = stop
+                word[motor + SENT_END] = stop
+                return int(OK)
+        good = 0
+        if int(has_lowest(0, 0, words, count)) == 0:
+            good = 1
+            if int(room(words)) < (((stop - 1) >> 7) - (index >> 7) + 2) * MOST_UNITS:
+                word[TRYING] = 1
+                word[NEEDED] = 0
+                word[PEAK] = 0
+                write(0, 0, memory, words, motor, index, count, end)
+                word[TRYING] = 0
+                good = int(fits(words, word[PEAK]))
+        if good == 0:
+            if fresh:
+                word[BOTTOM] = bottom
+                word[motor + REGION] = -1
+            return int(ERR_RANGE)
+        write(0, 0, memory, words, motor, index, count, end)
+        if end > past:
+            past = end
+            word[motor + SENT_END] = end
+        if index <= word[motor + UNBROKEN] and end > word[motor + UNBROKEN]:
+            word[motor + UNBROKEN] = end
+        word[motor + CURSOR] = -1
+        read(0, 0, memory, words, motor, past - 2, 2, words, motor + BEFORE_LAST)
+        word[motor + CURSOR] = -1
+        return int(OK)
+
+    def finish(self):
+        """End the upload (spec: MSG_RT_UPLOAD_MOVE_END).
+
+        A frame that has not been sent holds the position of the frame before it, and before the
+        first frame sent, of that one. ERR_GENERAL unless an upload has begun; ERR_RANGE when that
+        needs more memory than there is.
+        """
+        if self.state == EMPTY:
+            return ERR_GENERAL
+        if self.state == LOADING:
+            words = self._words
+            words[NEEDED] = 0
+            words[PEAK] = 0
+            # the first time only to find out whether it fits
+            for trying in (1, 0):
+                words[TRYING] = trying
+                for motor in range(RECORDS, len(words), RECORD_WORDS):
+                    if words[motor + REGION] >= 0 and words[motor + UNBROKEN] < words[FRAMES]:
+                        fill_gaps(self._memory, words, motor)
+                    words[motor + CURSOR] = -1
+                if trying and not fits(words, words[PEAK]):
+                    words[TRYING] = 0
+                    return ERR_RANGE
+            words[STATE] = READY
+            self.state = READY
+        return OK
+
+    def has(self, motor):
+        """Whether the motor has uploaded positions."""
+        return self._words[RECORDS + motor * RECORD_WORDS + REGION] >= 0
+
+    def position(self, motor, index, words, at):
+        """Put the motor's position at frame `index` into words[at]; see positions()."""
+        return self.positions(motor, index, 1, words, at)
+
+    @micropython.viper
+    def positions(self, motor: int, index: int, count: int, words, at: int) -> bool:
+        """Put the positions of `count` frames from `index` on into words[at], ..., an array('i').
+
+        Frames before the first have the position of the first, frames beyond the last that of the
+        last. False, and nothing is written, unless the upload is READY and the motor has data.
+        """
+        own = self._words
+        word = ptr32(own)
+        motor = RECORDS + motor * RECORD_WORDS
+        if word[motor + REGION] < 0 or word[STATE] != READY:
+            return False
+        read(0, 0, self._memory, own, motor, index, count, words, at)
+        return True

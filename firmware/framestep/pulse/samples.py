@@ -1,0 +1,126 @@
+"""Where all loads have been at recent ticks, to report positions of one moment.
+
+The pins are some ticks behind the kernel, and positions are reported as of pulses that have been
+made. So each pass of the main loop keeps a sample of all positions, as does each further request
+that it answers. What is reported is the newest one whose pulses are out; at rest that is a new one.
+"""
+
+from array import array
+
+from framestep.base.clock import WRAP, elapsed, reached
+from framestep.base.native import const, micropython, ptr32
+from framestep.pulse import engine
+from framestep.pulse.stepper import (
+    BACKLASH,
+    BEHIND,
+    FIRST,
+    LOAD_POSITION,
+    MODE,
+    NEXT,
+    POSITION,
+    TICKS,
+)
+
+# Words of what make_samples() makes: rows of a tick and a position for each motor
+_NEWEST = const(0)  # where the newest row is
+ALARM = const(1)  # a tick, modulo 2^29, or -1
+_ROW = const(2)  # words of a row
+_END = const(3)
+_ROWS = const(4)
+_SAMPLES = const(7 + engine.BATCH)  # kept, of different ticks
+_STALE = const(15 + engine.BATCH)  # ticks after which one is too old to be reported
+
+
+def make_samples(motors):
+    """An array for sample() and choose()."""
+    row = 1 + motors
+    words = array("i", [-_STALE & WRAP] * (_ROWS + _SAMPLES * row))
+    words[_NEWEST] = _ROWS
+    words[ALARM] = -1
+    words[_ROW] = row
+    words[_END] = len(words)
+    return words
+
+
+@micropython.viper
+def sample(m: ptr32, out: ptr32) -> int:
+    """Keep the tick done last, and where each motor's load is with what has been queued until then.
+
+    Brings the loads' positions up to date. Whether the tick of the alarm is over. m: the header.
+    """
+    h = m
+    i = out[_NEWEST]
+    if out[i + 0] != h[TICKS]:
+        i += out[_ROW]
+        if i == out[_END]:
+            i = _ROWS
+        out[_NEWEST] = i
+        tick = h[TICKS] - 1
+        while tick != h[TICKS]:  # once more where a tick came in between
+            tick = h[TICKS]
+            k = i
+            out[k] = tick
+            a = h[FIRST]
+            while a:
+                m = ptr32(a)
+                a = m[NEXT]
+                k += 1
+                load_position = ptr32(m[LOAD_POSITION])
+                position = m[POSITION]
+                if load_position[0] < position:
+                    load_position[0] = position
+                elif load_position[0] - position > m[BACKLASH]:
+                    load_position[0] = position + m[BACKLASH]
+                out[k] = load_position[0]
+    if out[ALARM] >= 0:
+        tick = out[i + 0]
+        if engine.RING:  # ticks are done in batches, so the pins are farther behind
+            tick += engine.LEAD - h[BEHIND]
+        if reached(tick, out[ALARM] + 1):
+            return 1
+    return 0
+
+
+@micropython.viper
+def choose(header, words, reported: ptr32) -> int:
+    """reported = where the pulses made until now have taken the loads, by the samples kept.
+
+    Returns the tick (modulo 2^29) whose pulses were the last of them.
+    """
+    h = ptr32(header)
+    running = 0
+    a = h[FIRST]
+    while a:
+        m = ptr32(a)
+        a = m[NEXT]
+        running |= m[MODE]
+    if running == 0:
+        sample(header, words)  # the last pulses are out
+    out = ptr32(words)
+    i = out[_NEWEST]
+    tick = (h[TICKS] - h[BEHIND] - 1) & WRAP
+    while running:
+        age = elapsed(h[TICKS], out[i + 0])
+        if age > _STALE:
+            i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
+        elif age <= h[BEHIND]:
+            if i == _ROWS:
+                i = out[_END]
+            i -= out[_ROW]
+            continue
+        tick = out[i + 0]
+        break
+    k = 1
+    while k < out[_ROW]:
+        reported[k - 1] = out[i + k]
+        k += 1
+    return tick
+
+
+@micropython.viper
+def renumber(words: ptr32, motor: int, load_position: ptr32):
+    """A motor at rest has been given another position: that is what it was in the samples kept."""
+    i = _ROWS + 1 + motor
+    while i < words[_END]:
+        words[i] = load_position[0]
+        i += words[_ROW]

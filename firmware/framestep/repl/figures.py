@@ -1,0 +1,96 @@
+"""timing(): what a tick costs. live(): the same as numbers, for a program that keeps asking."""
+
+from array import array
+
+from framestep import boot
+from framestep.base.clock import WIDE_WRAP, elapsed
+from framestep.base.native import CPYTHON, const, micropython, ptr32
+from framestep.pulse.stepper import (
+    CLOCK,
+    LATEST,
+    READ_INDEX,
+    SEGMENTS,
+    TICKS,
+    WORST_LATE,
+    WRITE_INDEX,
+)
+from framestep.repl.commands import dead
+
+_QUIET_US = const(3)  # gaps up to this long are the measuring loop itself
+_WINDOW_US = const(4000)  # at a time: passes wait meanwhile
+_WINDOWS = const(50)
+_LIVE_US = const(1000)  # of live(): no pass waits for longer
+_LIVE_WINDOWS = const(3)
+
+
+@micropython.viper
+def _gaps(clock: ptr32, us: int, out: ptr32):
+    """Watch a microsecond counter for `us`: out[0] += the length of all gaps in it, out[1] = the
+    longest one."""
+    begun = clock[0]
+    last = begun
+    while last - begun < us:
+        now = clock[0]
+        gap = now - last
+        if gap > _QUIET_US:
+            out[0] = out[0] + gap
+            if gap > out[1]:
+                out[1] = gap
+        last = now
+
+
+def timing():
+    """Print how long a tick takes, how late it has been, and each moving motor's queue."""
+    why = dead()
+    if why:
+        print(why)
+        return
+    kernel = boot.hal.kernel
+    state = kernel.state
+    if not CPYTHON:
+        print(
+            "interrupts: %d us in a tick of 1000 on average, %d us at a time at most"
+            % _interrupts(state, _WINDOWS, _WINDOW_US)
+        )
+    print(
+        "worst lateness of a tick in motion: %d us, the limit is %d us"
+        % (state[WORST_LATE], state[LATEST])
+    )
+    for motor, waiting in _queues(kernel):
+        print("motor %d: %d of %d segments wait" % (motor, waiting, SEGMENTS))
+
+
+def live():
+    """Print what timing() tells as a list: [µs of interrupts in a tick, µs of the longest, worst
+    lateness of a tick in µs, its limit, segments that a queue holds, [[motor, segments that wait],
+    …] of those that move]. It takes three milliseconds; passes come between them."""
+    why = dead()
+    if why:
+        print(why)
+        return
+    kernel = boot.hal.kernel
+    state = kernel.state
+    mean, longest = (0, 0) if CPYTHON else _interrupts(state, _LIVE_WINDOWS, _LIVE_US)
+    print([mean, longest, state[WORST_LATE], state[LATEST], SEGMENTS, _queues(kernel)])
+
+
+def _interrupts(state, windows, us):
+    """How long interrupts take, watched for so many windows of `us`: (µs in a tick on average, µs
+    of the longest)."""
+    out = array("i", [0, 0])
+    ticks = 0
+    for _ in range(windows):
+        before = state[TICKS]
+        _gaps(state[CLOCK], us, out)
+        ticks += elapsed(state[TICKS], before)
+    return out[0] // max(ticks, 1), out[1]
+
+
+def _queues(kernel):
+    """[motor, segments that wait] of each motor that moves."""
+    found = []
+    for motor in range(boot.controller.count):
+        if boot.controller.axes[motor].moving:
+            block = kernel.blocks[motor]
+            found.append([motor + 1, (block[WRITE_INDEX] - block[READ_INDEX]) & WIDE_WRAP])
+    return found

@@ -1,0 +1,161 @@
+"""The user's rig file, rig.json, and the settings in force.
+
+A file counts as a whole or not at all: with a mistake in it all settings stay at their defaults.
+Runs once at boot, and on a computer to check a file. Allocates.
+"""
+
+from framestep.rig.pins import assign, fitted
+from framestep.rig.settings import (
+    DRIVER_SETTINGS,
+    MOTOR_SETTINGS,
+    NO_PIN,
+    SETTINGS,
+    RigError,
+    read,
+    read_list,
+)
+
+
+class Rig:
+    """The settings in force.
+
+    motor(i) has those of motor i (from 0) as a dictionary. `outputs`, `inputs` and `limits` are
+    lists of dictionaries, with the board's pins unless the file has others. `board` is the board's
+    data for these settings, see fitted(). `drivers` is None, or a list of the registers of each
+    motor's TMC2209, with None for a motor without one.
+    """
+
+    def __init__(self, found=None, board=None):
+        """found: what the file holds (parsed JSON). board: the board's data. RigError for a
+        mistake."""
+        settings = read(SETTINGS, {} if found is None else found, "")
+        self.motors = read_list(MOTOR_SETTINGS, settings["motors"], "motors")
+        driven = [motor for motor in self.motors if motor["driver"] is not None]
+        self.board = fitted({} if board is None else board, settings["motor_count"], driven)
+        self._count_motors(settings, len((board or {}).get("step", ())))
+        servos = self._read_servos()
+        self.drivers = self._read_drivers() if driven else None
+        self.limits, self.outputs, self.inputs = assign(settings, self.board, servos)
+        self.servos = 0  # the motors that are servos, one bit each
+        for i, pin in servos:
+            self.servos |= 1 << i
+            if "step" in self.board:
+                self.board["step"][i] = self.board["dir"][i] = pin
+        self.home_input = settings["home_input"]
+        self.settings = settings
+        self.homing = self._read_homes()  # whether any motor can be homed
+        self.name = settings["name"].encode()
+        self.dword_acks = 1 if settings["dialect"] == "dmc-lite" else 0
+        self.ports = settings["ports"]
+        self.jog_timeout_ms = settings["jog_timeout_ms"]
+        self.hard_stop_factor = settings["hard_stop_factor"]
+        self.report_ms = settings["report_ms"]
+        self.go_input = settings["go_input"]
+        self.strict_moves = settings["strict_moves"]
+        self.smoothing = settings["smoothing"]
+        self.estop = settings["estop"]
+        self.estop_cuts_power = settings["estop_cuts_power"]
+        self.shutter_on = settings["shutter_on"]
+        self.meter_on = settings["meter_on"]
+        self.remember_positions = settings["remember_positions"]
+        self.watchdog = settings["watchdog"]
+        self.dmx = settings["dmx"]
+        self.dmx_break_us = settings["dmx_break_us"]
+        self.dmx_mark_us = settings["dmx_mark_us"]
+        self.dmx_ramp_ms = settings["dmx_ramp_ms"]
+        self.virtuals = settings["virtuals"] & ~3  # capabilities: bits of HI
+
+    def _count_motors(self, settings, most):
+        if most and settings["motor_count"] > most:
+            raise RigError(
+                "motor_count: found %d, this board has %d motors" % (settings["motor_count"], most)
+            )
+        count = self.board.get("motors", 0)
+        if count and len(self.motors) > count:
+            raise RigError(
+                "motors: found %d, allowed is a list of at most %d here" % (len(self.motors), count)
+            )
+
+    def _read_servos(self):
+        """Read the motors that are servos: a list of (motor from 0, pin)."""
+        if not [motor for motor in self.motors if motor["servo"] is not None]:
+            return []
+        from framestep.rig import servos
+
+        return servos.read_servos(self)
+
+    def _read_drivers(self):
+        """The registers of each motor's driver (io/tmc2209_setup.py), None for a motor without."""
+        from framestep.io import tmc2209_setup
+
+        found = []
+        addresses = self.board.get("drivers", {}).get("address", [])
+        for i in range(self.board.get("motors", len(self.motors))):
+            given = self.motors[i]["driver"] if i < len(self.motors) else None
+            where = "motors[%d].driver" % (i + 1)
+            if given is None:
+                found.append(None)
+                continue
+            if i >= len(addresses):
+                there = "of motors 1 to %d" % len(addresses) if addresses else "of no motor"
+                raise RigError(
+                    "%s: found an object, but the driver UART of this board is that %s"
+                    % (where, there)
+                )
+            self.motors[i]["driver"] = given = read(DRIVER_SETTINGS, given, where + ".")
+            if given["pin"] != NO_PIN:
+                line = dict(self.board["drivers"])
+                if "pins" not in line:
+                    raise RigError(
+                        "%s.pin: found %d, but the drivers share a UART here"
+                        % (where, given["pin"])
+                    )
+                line["pins"] = line["pins"][:i] + [given["pin"]] + line["pins"][i + 1 :]
+                self.board["drivers"] = line
+            try:
+                found.append(tmc2209_setup.registers(given))
+            except ValueError as error:
+                raise RigError(
+                    "%s.run_ma: found %d, allowed is %s" % (where, given["run_ma"], error)
+                )
+        return found
+
+    def _read_homes(self):
+        """Read how motors are homed. Returns whether there is one that can be."""
+        if [motor for motor in self.motors if motor["home"] is not None]:
+            from framestep.rig.homes import read_homes
+
+            factor = self.settings["hard_stop_factor"]
+            self.drivers = read_homes(self.motors, self.limits, self.drivers, factor)
+            found = True
+        else:
+            found = False
+        if self.home_input > len(self.inputs):
+            raise RigError(
+                "home_input: found %d, but there are %d inputs"
+                % (self.home_input, len(self.inputs))
+            )
+        if self.home_input and not found:
+            raise RigError("home_input: found %d, but no motor has `home`" % self.home_input)
+        return found
+
+    def motor(self, i):
+        """The settings of motor i (from 0), or the defaults. Allocates."""
+        return self.motors[i] if i < len(self.motors) else read(MOTOR_SETTINGS, {}, "")
+
+
+def load(path="/rig.json", board=None):
+    """Read a rig file. Returns (Rig, None), or (Rig with defaults, text of the mistake)."""
+    import json
+
+    try:
+        with open(path) as file:
+            found = json.load(file)
+    except OSError:
+        return Rig(board=board), None
+    except ValueError as error:
+        return Rig(board=board), "%s: not valid JSON (%s)" % (path, error)
+    try:
+        return Rig(found, board), None
+    except RigError as error:
+        return Rig(board=board), "%s: %s" % (path, error)

@@ -1,0 +1,143 @@
+"""Which pins a board has for a rig file's settings, and what each is for. Allocates."""
+
+from framestep.rig.settings import (
+    INPUT_SETTINGS,
+    LIMIT_SETTINGS,
+    NO_PIN,
+    OUTPUT_SETTINGS,
+    RigError,
+    read,
+    read_list,
+)
+
+# keys of a board's data whose pins are in use whatever the rig file says
+_BOARD_PINS = (
+    "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "flash", "uart"
+)  # fmt: skip
+# Of a board with a chain of shift registers: its outputs, and the chip's own pins, for inputs
+_CHAIN = (64, 93)
+_OWN = (0, 39)
+
+
+def _pins(value):
+    """The pins in an entry of a board's data, which is a pin, a list, or a serial line."""
+    if isinstance(value, dict):
+        return [value["tx"], value["rx"]]
+    return value if isinstance(value, list) else [value]
+
+
+def fitted(board, count=0, drivers=False):
+    """The board's data for `count` motors (0: all), with or without `drivers` on their serial line.
+
+    Entries of `freed` and `with_drivers` count if no motor in use has their pins.
+    """
+    board = dict(board)
+    freed = board.pop("freed", {})
+    changes = [freed, board.pop("with_drivers", {})]
+    for key in ("step", "dir", "enable"):
+        if count and isinstance(board.get(key), list):
+            board[key] = board[key][:count]
+    if "step" in board:
+        board["motors"] = len(board["step"])
+    taken = board.get("step", []) + board.get("dir", [])
+    for change in changes[: 2 if drivers else 1]:
+        for key in change:
+            value = change[key]
+            if key == "gio":
+                value = [pin for pin in value if pin not in taken]
+            if not value or [pin for pin in _pins(value) if pin in taken]:
+                board.pop(key, None)
+            else:
+                board[key] = value
+    return board
+
+
+def _board_pins(board, dmx):
+    """{pin: what it is for on this board}."""
+    taken = {}
+    for key in _BOARD_PINS:
+        pins = board.get(key, [])
+        for i, pin in enumerate(pins if isinstance(pins, list) else [pins]):
+            taken[pin] = "the board's %s" % key + (
+                " %d" % (i + 1) if isinstance(pins, list) else ""
+            )
+    for line, what in (("dmx", "DMX"), ("drivers", "driver UART's"), ("chain", "shift registers'")):
+        if line in board and (dmx or line != "dmx"):
+            for key in ("tx", "rx", "sck", "ws", "sd"):
+                if key in board[line]:
+                    taken[board[line][key]] = "the board's %s %s" % (what, key)
+    return taken
+
+
+def assign(settings, board, servos=()):
+    """Assign pins to limits, outputs and inputs. Each pin can be used once.
+
+    settings: of the whole file. board: the board's data, see fitted(). servos: (motor from 0, pin)
+    of those that are servos. Returns (limits, outputs, inputs), each a list of dictionaries.
+    RigError for a mistake.
+    """
+    taken = _board_pins(board, settings["dmx"])
+
+    highest = board.get("pins", 48) - 1
+    if settings["estop"] != "none" and board and "estop" not in board:
+        raise RigError(
+            'estop: found "%s", but this board has no E-stop pin; allowed is "none"'
+            % settings["estop"]
+        )
+
+    drives = board.get("outputs", [])  # a transistor's input
+    switches = board.get("stops", []) + board.get("inputs", [])
+
+    def claim(pin, what, others=drives):
+        if pin > highest:
+            raise RigError("%s: found %d, allowed is a pin from 0 to %d" % (what, pin, highest))
+        if "chain" in board:
+            low, high = _CHAIN if others is switches else _OWN
+            if not low <= pin <= high:
+                raise RigError(
+                    "%s: found %d, allowed is a pin from %d to %d" % (what, pin, low, high)
+                )
+        if pin in taken:
+            raise RigError(
+                "%s: found %d, which is %s already; allowed is a free pin" % (what, pin, taken[pin])
+            )
+        if pin in others:
+            kind = "output" if pin in drives else "input"
+            raise RigError(
+                "%s: found %d, which is wired as an %s on this board" % (what, pin, kind)
+            )
+        taken[pin] = what
+
+    for i, pin in enumerate(board.get("drivers", {}).get("pins", [])):
+        claim(pin, "motors[%d].driver.pin" % (i + 1), switches + drives)
+    for i, pin in servos:
+        if "chain" in board:
+            raise RigError("motors[%d].servo: found an object, but this board has none" % (i + 1))
+        if pin != NO_PIN or board:
+            claim(pin, "motors[%d].servo.pin" % (i + 1), switches + drives)
+    limits = read_list(LIMIT_SETTINGS, settings["limits"], "limits")
+    for i, limit in enumerate(limits):
+        for key in ("high", "low"):
+            if limit[key] != NO_PIN:
+                claim(limit[key], "limits[%d].%s" % (i + 1, key))
+    lists = []
+    for key, table in (("outputs", OUTPUT_SETTINGS), ("inputs", INPUT_SETTINGS)):
+        lists.append(None if settings[key] is None else read_list(table, settings[key], key))
+        for i, item in enumerate(lists[-1] or []):
+            claim(
+                item["pin"],
+                "%s[%d].pin" % (key, i + 1),
+                switches if key == "outputs" else drives,
+            )
+    pins = board.get("gio", [])
+    half = len(pins) // 2
+    outputs = drives + pins[:half]
+    inputs = pins[half:] + board.get("inputs", [])
+    for k, (table, mine) in enumerate(((OUTPUT_SETTINGS, outputs), (INPUT_SETTINGS, inputs))):
+        if lists[k] is None:
+            lists[k] = [read(table, {"pin": pin}, "") for pin in mine if pin not in taken]
+    if settings["go_input"] > len(lists[1]):
+        raise RigError(
+            "go_input: found %d, but there are %d inputs" % (settings["go_input"], len(lists[1]))
+        )
+    return limits, lists[0], lists[1]

@@ -1,0 +1,63 @@
+"""The motors of a rig file that are servos: their settings, and what these must keep to.
+
+Loaded for a rig file that has one. Allocates.
+"""
+
+from framestep.rig.settings import NO_PIN, RigError, read
+
+# fmt: off
+SERVO_SETTINGS = {
+    "pin": (int, -1, 29, -1, "", "of the servo's signal; -1: the motor's step pin"),
+    "low_us": (float, 500.0, 2500.0, 1000.0, "µs", "the shortest pulse, at the position `low`"),
+    "high_us": (float, 500.0, 2500.0, 2000.0, "µs", "the longest pulse, at the position `high`"),
+    "low": (int, -30000, 0, -1000, "steps", "the lowest position; 0 must lie between both"),
+    "high": (int, 0, 30000, 1000, "steps", "the highest position"),
+    "rate_hz": (int, 40, 333, 50, "Hz",
+        "how often a pulse comes; its period is rounded down to whole milliseconds"),
+    "at_start": (str, ("off", "on"), None, "off", "",
+        "pulses from power-up on; off: once the motor is to move, or the host enables it"),
+    "on_stop": (str, ("hold", "release"), None, "hold", "",
+        "at the E-stop or a fault: hold the position, or end the pulses at once"),
+}
+# fmt: on
+
+
+def read_servos(rig):
+    """Read the motors that are servos: a list of (motor from 0, pin).
+
+    In the board's data their step and direction pins become NO_PIN: they are free.
+    """
+    found = []
+    for i, motor in enumerate(rig.motors):
+        if motor["servo"] is None:
+            continue
+        where = "motors[%d].servo" % (i + 1)
+        for key in ("driver", "home"):
+            if motor[key] is not None:
+                raise RigError("%s: found an object, but the motor has `%s`" % (where, key))
+        motor["servo"] = servo = read(SERVO_SETTINGS, motor["servo"], where + ".")
+        if servo["high_us"] - servo["low_us"] < 100:
+            raise RigError(
+                "%s.high_us: found %s, allowed is 100 µs more than low_us at least"
+                % (where, servo["high_us"])
+            )
+        if servo["high"] - servo["low"] < 100 + motor["backlash"]:
+            raise RigError(
+                "%s.high: found %d, allowed is %d steps more than `low` at least"
+                % (where, servo["high"], 100 + motor["backlash"])
+            )
+        if servo["low"] + motor["backlash"] > 0:
+            raise RigError(
+                "%s.low: found %d, allowed is %d at most, for the backlash"
+                % (where, servo["low"], -motor["backlash"])
+            )
+        pin = servo["pin"]
+        if "step" in rig.board:
+            if not found:
+                for key in ("step", "dir"):
+                    rig.board[key] = list(rig.board[key])
+            if pin == NO_PIN:
+                pin = rig.board["step"][i]
+            rig.board["step"][i] = rig.board["dir"][i] = NO_PIN
+        found.append((i, pin))
+    return found

@@ -1,0 +1,363 @@
+"""A line in virtual space: what it is, where the motors stand on it, what they may not pass.
+
+It is POSE = BASE + s·DIRECTION, s from 0 on. Where a single motor is asked for with an aim point
+on, it is JOINT = BASE + s·DIRECTION. While an aim point is on, pan and tilt are those toward it and
+an offset, to which DIRECTION adds. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.base import results
+from framestep.base.native import const, micropython, ptr32
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motion.reals import combine, multiply, order_words
+from framestep.virtual_axes import registers
+from framestep.virtual_axes.kinematics import aim
+from framestep.virtual_axes.registers import (
+    AIMED_PAN,
+    AIMED_TILT,
+    AXES,
+    BASE,
+    DIRECTION,
+    DIRECTION_PAN,
+    DIRECTION_TILT,
+    JOINT,
+    LAST_END,
+    NEAR_PAN,
+    PAN_OFFSET,
+    POSE,
+    TILT_OFFSET,
+    V_PAN,
+    ZERO,
+    S,
+    X,
+)
+
+ROW = const(12)  # words of `rows` with the positions of all motors: step and Q16 fraction of each
+SURVEY = const(192)  # the first of three rows of the survey, after those of 16 knots
+
+# Words per motor of `bounds`
+LOW = const(0)
+HIGH = const(1)
+CODE_LOW = const(2)  # and from bit 8 on: how far (Q16) the line begins past the bound, by rounding
+CODE_HIGH = const(3)
+
+_TURNS = const(20)  # of pan and tilt until they are as the aim point asks
+
+# Pan and tilt keep what they have beside the direction of the aim point, but for rounding to steps.
+_KEEP_PAN = formula(
+    registers,
+    """
+    offset = V_PAN - AIMED_PAN
+    steps = (offset - PAN_OFFSET) * PER_UNIT[3]
+    assert max(steps, -steps) > 0.75
+    PAN_OFFSET = offset
+    """,
+)
+_KEEP_TILT = formula(
+    registers,
+    """
+    offset = V_TILT - AIMED_TILT
+    steps = (offset - TILT_OFFSET) * PER_UNIT[4]
+    assert max(steps, -steps) > 0.75
+    TILT_OFFSET = offset
+    """,
+)
+_AS_AIMED = formula(
+    registers,
+    """
+    V_PAN = AIMED_PAN + PAN_OFFSET
+    V_TILT = AIMED_TILT + TILT_OFFSET
+    """,
+)
+_FOLLOW_POINT = formula(
+    registers,
+    """
+    V_PAN = DIRECTION_PAN + (V_PAN - AIMED_PAN)
+    V_TILT = DIRECTION_TILT + (V_TILT - AIMED_TILT)
+    """,
+)
+_KEEP_ANGLES = formula(
+    registers,
+    """
+    TURN_PAN = V_PAN
+    TURN_TILT = V_TILT
+    V_PAN = AIMED_PAN + PAN_OFFSET
+    V_TILT = AIMED_TILT + TILT_OFFSET
+    """,
+)
+_TURN_JOINTS = formula(
+    registers,
+    """
+    TURN_PAN = V_PAN - TURN_PAN
+    TURN_TILT = V_TILT - TURN_TILT
+    JOINT_PAN = JOINT_PAN + TURN_PAN
+    JOINT_TILT = JOINT_TILT + TURN_TILT
+    assert max(TURN_PAN, -TURN_PAN) < 2 ** -17  # degrees
+    assert max(TURN_TILT, -TURN_TILT) < 2 ** -17
+    """,
+)
+
+
+@micropython.viper
+def along(r, to: int, base: int, direction: int, s: int, spare: int):
+    """Six numbers: r[to] = r[base] + r[way]·r[s]"""
+    k = 0
+    while k < 12:
+        multiply(r, spare, direction + k, s)
+        combine(r, to + k, base + k, spare, 0)
+        k += 2
+
+
+@micropython.viper
+def _allow_start(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
+    """Note in `bounds` how far positions of a row, within a step of the motors, lie past them."""
+    k = 0
+    i = 0
+    while i < AXES:
+        if motor[i + 0]:
+            if (rows[a + 0] >> 2) - (bounds[k + HIGH] >> 2) > -2:
+                d = ((rows[a + 0] - bounds[k + HIGH]) << 16) + rows[a + 1]
+                if d > 0:
+                    bounds[k + CODE_HIGH] = bounds[k + CODE_HIGH] + (d << 8)
+            if (rows[a + 0] >> 2) - (bounds[k + LOW] >> 2) < 2:
+                d = ((bounds[k + LOW] - rows[a + 0]) << 16) - rows[a + 1]
+                if d > 0:
+                    bounds[k + CODE_LOW] = bounds[k + CODE_LOW] + (d << 8)
+        a += 2
+        k += 4
+        i += 1
+
+
+@micropython.viper
+def _clip(bounds: ptr32, k: int, present: ptr32, motor: int, target, j: int) -> int:
+    """Narrow a motor's bounds to the step target[j]; -1, 0 or 1: on which side of it that lies."""
+    t = ptr32(target)[j + 0]
+    if t > present[motor + 0]:
+        if t < bounds[k + HIGH]:
+            bounds[k + HIGH] = t
+        return 1
+    if t < present[motor + 0]:
+        if t > bounds[k + LOW]:
+            bounds[k + LOW] = t
+        return -1
+    return 0
+
+
+@micropython.viper
+def _within_a_step(rows: ptr32, k: int, present: ptr32, motor: int) -> int:
+    """Whether the position in rows[k] is within a step of where the motor is."""
+    d = (rows[k + 0] >> 2) - (present[motor + 0] >> 2)
+    if d > 1 or d < -1:
+        return 0
+    d = ((rows[k + 0] - present[motor + 0]) << 16) + rows[k + 1]
+    if d > 0x10000 or d < -0x10000:
+        return 0
+    return 1
+
+
+class Line:
+    """One line at a time. r: the array of registers, which the rig's kinematics share."""
+
+    def __init__(self, axes, safety, r):
+        self.axes = axes
+        self.safety = safety
+        self.r = r
+        self.rig = None  # the Kinematics configured
+        self.bits = 0  # motors of the rig
+        self.motor = array("i", [0] * AXES)  # of each axis of the rig, from 1; 0 for none
+        self.rows = array("i", [0] * (SURVEY + 3 * ROW))
+        self.bounds = array("i", [0] * (4 * AXES))
+        self.present = array("i", [0] * axes.count)  # steps of all motors where the line begins
+        self.rest = array("i", [0] * AXES)  # steps in which the last line has ended
+        self.rested = False
+        self.aiming = False  # pan and tilt follow the aim point
+        self.by_joint = False  # the line is one of JOINTs
+
+    def adopt(self, rig):
+        """Make a configured Kinematics the rig, or None. At rest."""
+        self.rig = rig
+        self.rested = False
+        self.aiming = False
+        self.bits = 0
+        for i in range(AXES):
+            self.motor[i] = rig.motor[i] if rig else 0
+            if self.motor[i]:
+                self.bits |= 1 << (self.motor[i] - 1)
+
+    # ---------------------------------------------------------------- where it begins
+
+    def locate(self):
+        """POSE and JOINT of where the motors are. A code."""
+        for i in range(self.axes.count):
+            self.axes[i].position_to(self.present, i)
+        return self.rig.locate(self.present)
+
+    def begin_line(self, by_joint=False):
+        """Begin a line where the rig stands: BASE is its pose, or its axes; DIRECTION is 0, to
+        be set. A code."""
+        code = self.locate()
+        if not code and self.aiming:
+            code = self._take_aim()
+        if code:
+            return code
+        r = self.r
+        if self._is_where_line_ended():
+            # so that rounding to steps does not add up from line to line
+            for k in range(0, 2 * AXES, 2):
+                reals.copy(r, POSE + k, LAST_END + k)
+        self.by_joint = by_joint
+        base = JOINT if by_joint else POSE
+        for k in range(0, 2 * AXES, 2):
+            reals.copy(r, BASE + k, base + k)
+            reals.put(r, DIRECTION + k, 0, 0)
+        self._set_bounds()
+        # what the rig says of this pose must be where it stands: there may be two ways to take it
+        code = self.positions_at(ZERO, SURVEY)
+        if code:
+            return code
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0 and not _within_a_step(self.rows, SURVEY + 2 * i, self.present, motor):
+                return results.ERR_RANGE
+        _allow_start(self.bounds, self.rows, SURVEY, self.motor)
+        return 0
+
+    def take_aim(self):
+        """Take the aim point as seen from here: pan and tilt keep what they have beside it. A
+        code."""
+        code = self.locate()
+        if code:
+            return code
+        reals.put(self.r, PAN_OFFSET, 0, 0)
+        reals.put(self.r, TILT_OFFSET, 0, 0)
+        return self._take_aim()
+
+    def _take_aim(self):
+        """AIMED_PAN and AIMED_TILT for the pose located, and the offsets from there. A code."""
+        r = self.r
+        reals.copy(r, NEAR_PAN, V_PAN)
+        code = aim.direction(r)
+        if code:
+            return code
+        reals.copy(r, AIMED_PAN, DIRECTION_PAN)
+        reals.copy(r, AIMED_TILT, DIRECTION_TILT)
+        reals.copy(r, NEAR_PAN, AIMED_PAN)  # on a line it never turns by half a turn
+        compute(0, 0, r, _KEEP_PAN)
+        compute(0, 0, r, _KEEP_TILT)
+        compute(0, 0, r, _AS_AIMED)
+        return 0
+
+    def remember_end(self):
+        """Remember the pose at S, where the line has ended."""
+        if self.aiming or self.by_joint:
+            return
+        along(self.r, LAST_END, BASE, DIRECTION, S, X)
+        for i in range(AXES):
+            if self.motor[i]:
+                self.axes[self.motor[i] - 1].position_to(self.rest, i)
+        self.rested = True
+
+    def forget_end(self):
+        """The motors set out."""
+        self.rested = False
+
+    def _is_where_line_ended(self):
+        """Whether the motors present are where the last line has left them."""
+        if self.aiming or not self.rested:
+            return False
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0 and not reals.equal_words(self.rest, i, self.present, motor):
+                return False
+        return True
+
+    # ---------------------------------------------------------------- what no motor may pass
+
+    def _set_bounds(self):
+        """A motor may not pass its soft limits, nor go on where it stands in a limit switch."""
+        bounds = self.bounds
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor < 0:
+                continue
+            axis = self.axes[motor]
+            ends = self.safety.active_limits(motor)
+            k = 4 * i
+            bounds[k + CODE_LOW] = results.ERR_HARD_LOW if ends & 2 else results.ERR_SOFT_LOW
+            bounds[k + CODE_HIGH] = results.ERR_HARD_UP if ends & 1 else results.ERR_SOFT_UP
+            # a motor that is past a limit may come back (field note 4.3)
+            if ends & 2 or order_words(self.present, motor, axis.bounds, 0) < 0:
+                reals.copy_word(bounds, k + LOW, self.present, motor)
+            else:
+                reals.copy_word(bounds, k + LOW, axis.bounds, 0)
+            if ends & 1 or order_words(self.present, motor, axis.bounds, 1) > 0:
+                reals.copy_word(bounds, k + HIGH, self.present, motor)
+            else:
+                reals.copy_word(bounds, k + HIGH, axis.bounds, 1)
+
+    def limits_narrowed(self, motor):
+        """Whether soft limits of a motor (from 0) now leave less room than the line counts on."""
+        bounds = self.axes[motor].bounds
+        for i in range(AXES):
+            if self.motor[i] == motor + 1:
+                if order_words(bounds, 0, self.bounds, 4 * i + LOW) > 0:
+                    return True
+                return order_words(bounds, 1, self.bounds, 4 * i + HIGH) < 0
+        return False
+
+    def clip_end(self, i, target, j):
+        """Let axis i go no farther than the step target[j]; -1, 0 or 1: on which side that lies."""
+        return _clip(self.bounds, 4 * i, self.present, self.motor[i] - 1, target, j)
+
+    def side(self, i, target, j):
+        """On which side of where axis i was at the start of the line the step target[j] lies: -1, 0
+        or 1."""
+        return order_words(target, j, self.present, self.motor[i] - 1)
+
+    def direction(self, i, a, b):
+        """Which way the motor of axis i goes from the positions in row a to those in row b: -1 or
+        1."""
+        return order_words(self.rows, b + 2 * i, self.rows, a + 2 * i) or 1
+
+    # ---------------------------------------------------------------- positions on it
+
+    def positions_at(self, s, row):
+        """Put the positions of the motors at r[s] into rows[row …]. A code."""
+        rig = self.rig
+        r = self.r
+        if self.by_joint:
+            along(r, JOINT, BASE, DIRECTION, s, X)
+            code = self._aim_joints()
+        else:
+            along(r, POSE, BASE, DIRECTION, s, X)
+            code = self._aim_pose() if self.aiming else 0
+            if not code:
+                code = rig.inverse()
+        if code:
+            return code
+        return rig.motor_steps(self.rows, row)
+
+    def _aim_pose(self):
+        """Turn the angles of POSE to the aim point, from its position. A code."""
+        code = aim.direction(self.r)
+        compute(0, 0, self.r, _FOLLOW_POINT)
+        return code
+
+    def _aim_joints(self):
+        """Turn pan and tilt of JOINT to the aim point. With a nodal offset that moves the camera. A
+        code."""
+        r = self.r
+        for _ in range(_TURNS):
+            code = self.rig.forward()
+            if code:
+                return code
+            compute(0, 0, r, _KEEP_ANGLES)
+            code = self._aim_pose()
+            if code:
+                return code
+            if compute(0, 0, r, _TURN_JOINTS):
+                return 0
+        return results.ERR_RANGE

@@ -1,0 +1,310 @@
+"""Surveys the line of a jog some cells ahead of the point that moves along it.
+
+Each cell has a velocity and an acceleration that are within its motors' limits, and the velocity
+with which it may be left, so that what follows can be entered, and the end of the survey reached at
+rest. Where a motor would pass a limit, or the rig cannot reach, or the way bends too much, cells
+get half as long until they cannot be halved: there it ends.
+"""
+
+from array import array
+
+from framestep.base.native import const
+from framestep.base.results import ERR_RANGE
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.axis import SPEED_FLOOR
+from framestep.virtual_axes import registers
+from framestep.virtual_axes.line import ROW, SURVEY
+from framestep.virtual_axes.registers import (
+    AXES,
+    CELL_A,
+    CELL_END,
+    CELL_LENGTH,
+    CELL_V,
+    END,
+    ENTRY_V2,
+    EXIT_V2,
+    FASTEST,
+    HALF_CELL,
+    MAX_A,
+    MAX_V,
+    REACH_S,
+    SAMPLE,
+    S,
+)
+from framestep.virtual_axes.survey import SMOOTH
+
+CELLS = const(8)  # ahead of the point
+_RING = const(32)  # with those behind it: a stop takes it back to a knot that has been planned
+_CELL = const(11)  # words: five reals and the span
+_END = const(0)  # s there
+_V = const(2)
+_A = const(4)
+_LENGTH = const(6)
+_EXIT = const(8)  # square of the velocity at its end
+_SPAN = const(10)
+
+_HALVINGS = const(12)
+_LARGE = const(0x8000000)
+
+# What is the next step of the survey
+_PROBE = const(0)  # a cell is measured
+_RATE = const(1)  # it gets its velocity and acceleration
+_LEAVE = const(2)  # how fast each cell may be left is computed anew
+
+# The length of a cell: what takes 64 ms at MAX_V or more, and a quarter of the distance in which it
+# stops.
+_LENGTHEN = formula(
+    registers,
+    """
+    CELL_LENGTH = max(CELL_LENGTH, 64 * MAX_V)
+    CELL_LENGTH = max(CELL_LENGTH, MAX_V * MAX_V / MAX_A / 8)
+    """,
+)
+# At first at least 16 steps of the motor that is fastest there, in sixteenths of a step.
+_FIRST_LENGTH = formula(registers, "CELL_LENGTH = 256 / FASTEST * HALF_CELL")
+_FIRST_HALF_CELL = formula(registers, "HALF_CELL = CELL_LENGTH / 2")
+_DOUBLE_CELL = formula(
+    registers,
+    """
+    assert CELL_LENGTH / 4 > HALF_CELL
+    HALF_CELL = 2 * HALF_CELL
+    """,
+)
+# From the last cell back: how fast a cell may be left, and so entered.
+_LEAVE_CELL = formula(
+    registers,
+    """
+    EXIT_V2 = min(ENTRY_V2, CELL_V * CELL_V)
+    ENTRY_V2 = min(EXIT_V2 + 2 * (CELL_A * CELL_LENGTH), CELL_V * CELL_V)
+    """,
+)
+# A cell that the next knot, a span of 32 ticks on at most, may lie in.
+_LIMIT = formula(
+    registers,
+    """
+    MAX_V = min(MAX_V, CELL_V)
+    MAX_A = min(MAX_A, CELL_A)
+    LEFT = min(LEFT, EXIT_V2 / MAX_A / 2 + CELL_END - S)
+    """,
+)
+# As in survey.py.
+_NO_LIMIT = formula(
+    registers,
+    """
+    MAX_V = 2 ** 40
+    MAX_A = MAX_V
+    LEFT = MAX_V
+    """,
+)
+_IS_WITHIN = formula(registers, "assert CELL_END - CELL_LENGTH <= S")
+# Where the cell after END ends, and how long that makes it: s is rounded.
+_CELL_ENDS = formula(
+    registers,
+    """
+    SAMPLE = END + CELL_LENGTH
+    CELL_LENGTH = SAMPLE - END
+    """,
+)
+_REACH = formula(registers, "REACH_S = (MAX_A * 16 + V) * 32 + S")
+
+
+class LookAhead:
+    """Of one jog at a time."""
+
+    def __init__(self, line, survey):
+        self.line = line
+        self.survey = survey
+        self.r = line.r
+        self.cells = array("i", [0] * (_RING * _CELL))
+        self.head = 0  # the cell of the point
+        self.count = 0  # from there on
+        self.behind = 0  # before that
+        self.level = 0
+        self.step = _PROBE
+        self.short = False  # the cell probed last is so short that its half is of no use
+        self.share = 0
+        self.closed = True
+        self.rows = array("i", [SURVEY, SURVEY + ROW, SURVEY + 2 * ROW])
+
+    def begin(self, share):
+        """Start at s = 0 of a line, with ten-thousandths of what the motors can do.
+
+        0, or the code of what is in the way at once.
+        """
+        survey = self.survey
+        r = self.r
+        rows = self.rows
+        rows[0] = SURVEY
+        rows[1] = SURVEY + ROW
+        rows[2] = SURVEY + 2 * ROW
+        self.share = max(share, SPEED_FLOOR)
+        self.head = 0
+        self.count = 0
+        self.behind = 0
+        self.step = _PROBE
+        self.closed = False
+        survey.clear_greatest()
+        # how fast the motors go here, from a first cell of a 16th of a unit
+        reals.put(r, END, 0, 0)
+        reals.put(r, HALF_CELL, 1, -5)
+        self.level = 0
+        while True:
+            code = self._probe()
+            if not code:
+                break
+            if self.short:
+                return code
+            self.level += 1
+        survey.take_directions(rows[0], rows[1], rows[2], True)
+        survey.set_point_limits(self.share)
+        fastest = 1
+        for i in range(AXES):
+            if survey.motor[i] and survey.curve[2 * i] > fastest:
+                fastest = survey.curve[2 * i]
+        reals.put(r, FASTEST, fastest, 0)
+        compute(0, 0, r, _FIRST_LENGTH)
+        compute(0, 0, r, _LENGTHEN)
+        compute(0, 0, r, _FIRST_HALF_CELL)
+        survey.clear_greatest()
+        self.level = 0
+        return 0
+
+    def _sample(self, halves, row):
+        """SAMPLE, and the positions of the motors there: 1 or 2 half cells beyond END. A code."""
+        r = self.r
+        reals.double(r, SAMPLE, HALF_CELL, halves - 1 - self.level)
+        reals.add(r, SAMPLE, END, SAMPLE)
+        return self.line.positions_at(SAMPLE, row)
+
+    def _probe(self):
+        """Measure the cell after END. 0 or a code."""
+        survey = self.survey
+        rows = self.rows
+        self.short = self.level == _HALVINGS
+        code = self._sample(1, rows[1])
+        if code:
+            return code
+        if survey.is_short(rows[0], rows[1]):
+            self.short = True
+        code = self._sample(2, rows[2])
+        if code:
+            return code
+        survey.clear()
+        if survey.measure(rows[0], rows[1], rows[2], self.level) != SMOOTH:
+            return ERR_RANGE
+        return survey.passed_bound(rows[0], rows[1], rows[2])
+
+    def extend(self):
+        """Survey a cell more, a step at a time, or find that it must be shorter. False: nothing to
+        do."""
+        if self.step == _PROBE:
+            if self.closed or self.count >= CELLS:
+                return False
+            if not self._probe():
+                self.step = _RATE
+                return True
+            if self.short:
+                self.closed = True
+            self.level += 1
+        elif self.step == _RATE:
+            self._append()
+            self.step = _LEAVE
+        else:
+            self.count += 1
+            self._compute_exits()
+            self.step = _PROBE
+        return True
+
+    def _append(self):
+        """Take the cell that has been probed: from END to SAMPLE."""
+        survey = self.survey
+        r = self.r
+        survey.set_point_limits(self.share)
+        reals.double(r, CELL_LENGTH, HALF_CELL, 1 - self.level)
+        compute(0, 0, r, _CELL_ENDS)
+        cells = self.cells
+        k = _CELL * ((self.head + self.count) % _RING)
+        self.behind = min(self.behind, _RING - 1 - self.count)
+        reals.fetch(cells, k + _END, r, SAMPLE)
+        reals.fetch(cells, k + _V, r, MAX_V)
+        reals.fetch(cells, k + _A, r, MAX_A)
+        reals.fetch(cells, k + _LENGTH, r, CELL_LENGTH)
+        cells[k + _SPAN] = survey.span
+        reals.copy(r, END, SAMPLE)
+        rows = self.rows
+        rows[0], rows[2] = rows[2], rows[0]
+        if self.level:
+            self.level -= 1
+            return
+        # away from where it is slow cells get longer
+        compute(0, 0, r, _LENGTHEN)
+        if compute(0, 0, r, _DOUBLE_CELL):
+            for i in range(AXES):
+                survey.greatest[i] = min(survey.greatest[i], _LARGE) * 2
+
+    def _compute_exits(self):
+        """How fast each cell may be left, so that the point comes to rest at the end of the
+        survey."""
+        r = self.r
+        cells = self.cells
+        reals.put(r, ENTRY_V2, 0, 0)
+        i = self.count - 1
+        while i >= 0:
+            k = _CELL * ((self.head + i) % _RING)
+            reals.fetch(r, CELL_V, cells, k + _V)
+            reals.fetch(r, CELL_A, cells, k + _A)
+            reals.fetch(r, CELL_LENGTH, cells, k + _LENGTH)
+            compute(0, 0, r, _LEAVE_CELL)
+            reals.fetch(cells, k + _EXIT, r, EXIT_V2)
+            i -= 1
+
+    def back(self):
+        """The point has been taken back to S. False where its cell is not remembered any more."""
+        r = self.r
+        cells = self.cells
+        self.closed = True
+        while self.behind:
+            k = _CELL * ((self.head - 1) % _RING)
+            reals.fetch(r, CELL_END, cells, k + _END)
+            if reals.compare(r, CELL_END, S) <= 0:
+                return True
+            self.head = (self.head - 1) % _RING
+            self.count += 1
+            self.behind -= 1
+        # the first of those remembered
+        k = _CELL * self.head
+        reals.fetch(r, CELL_END, cells, k + _END)
+        reals.fetch(r, CELL_LENGTH, cells, k + _LENGTH)
+        return bool(compute(0, 0, r, _IS_WITHIN))
+
+    def load_limits(self):
+        """Set MAX_V, MAX_A and LEFT for where the point is. False where nothing is surveyed."""
+        r = self.r
+        cells = self.cells
+        if not self.count:
+            return False
+        while self.count > 1:
+            reals.fetch(r, CELL_END, cells, _CELL * self.head + _END)
+            if reals.compare(r, CELL_END, S) > 0:
+                break
+            self.head = (self.head + 1) % _RING
+            self.count -= 1
+            self.behind += 1
+        span = cells[_CELL * self.head + _SPAN]
+        compute(0, 0, r, _NO_LIMIT)
+        for i in range(self.count):
+            k = _CELL * ((self.head + i) % _RING)
+            reals.fetch(r, CELL_END, cells, k + _END)
+            reals.fetch(r, CELL_V, cells, k + _V)
+            reals.fetch(r, CELL_A, cells, k + _A)
+            reals.fetch(r, EXIT_V2, cells, k + _EXIT)
+            compute(0, 0, r, _LIMIT)
+            span = min(span, cells[k + _SPAN])
+            if i == 0:
+                compute(0, 0, r, _REACH)
+            if reals.compare(r, CELL_END, REACH_S) > 0:
+                break
+        self.survey.span = span
+        return True

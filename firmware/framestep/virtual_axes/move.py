@@ -1,0 +1,375 @@
+"""A move or jog along a line: all motors of a rig at once, as one point that runs along it.
+
+Every `span` ticks is a knot. Between two knots every motor follows a cubic (AIM phases,
+motion/phases.py) with the exact positions at both ends; its velocity there is the point's velocity
+times the slope of the motor's step over s, from the knots on either side.
+
+Knots lie on whole ticks and a span is one segment, so the queues of all motors can be cut at the
+same knot and planned anew from there: that is how a point in motion is stopped on its line.
+
+Time in ticks, positions of motors in steps. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.base.clock import HALF, WRAP, after, elapsed
+from framestep.base.native import const
+from framestep.motion import reals
+from framestep.motion.compute import compute
+from framestep.motion.formula import formula
+from framestep.motors.axis import ALL_SPLICE_TICKS
+from framestep.motors.feeder import coupled
+from framestep.motors.splice import cut_at
+from framestep.pulse import stepper
+from framestep.virtual_axes import registers
+from framestep.virtual_axes.line import ROW
+from framestep.virtual_axes.point import (
+    advance,
+    last_step,
+    nearest_step,
+    next_step,
+    set_advance,
+    velocity,
+)
+from framestep.virtual_axes.registers import (
+    AFTER_RATE,
+    AXES,
+    BEFORE_RATE,
+    FROM_V,
+    PHASE_TICKS,
+    S_AFTER,
+    S_BEFORE,
+    S_HERE,
+    TICKS,
+    TO_V,
+    V_HERE,
+    ZERO,
+    S,
+    V,
+    X,
+)
+
+# States
+IDLE = const(0)
+STARTING = const(1)  # the first knots are being planned
+MOVING = const(2)
+HALTED = const(3)  # the motors ramp down by themselves
+TAKING_UP = const(4)  # backlash is taken up for the direction in which each motor is to start
+SETTLING = const(5)  # at the end of the line: motors that have turned take up their backlash
+
+_BEGIN_TICKS = const(128)  # queued before anything moves
+_AHEAD_TICKS = const(256)  # to plan ahead
+_SCARCE_TICKS = const(128)  # with less than this a knot comes before a survey
+_KNOTS = const(16)  # remembered
+_CUT_TICKS = const(ALL_SPLICE_TICKS - 4)  # some may pass until the queues are cut
+
+# The point's velocity · the slope at S_HERE of the parabola through the three: what a motor's steps
+# before and after that knot count for its velocity there.
+_RATES = formula(
+    registers,
+    """
+    BEFORE_RATE = 0
+    AFTER_RATE = 0
+    before = S_HERE - S_BEFORE
+    after = S_AFTER - S_HERE
+    assert before > ZERO
+    assert after > ZERO
+    rate = V_HERE / (before + after)
+    BEFORE_RATE = rate * (after / before)
+    AFTER_RATE = rate * (before / after)
+    """,
+)
+
+
+class LinearMove:
+    """Runs along one line at a time, which has been laid and surveyed."""
+
+    def __init__(self, line, survey):
+        self.line = line
+        self.survey = survey
+        self.axes = line.axes
+        self.r = line.r
+        self.motor = line.motor
+        self.rows = line.rows
+        self.ahead = None  # of a jog: the LookAhead that surveys the line ahead of the point
+        self.state = IDLE
+        self.speeds = array("i", [0] * (ROW * _KNOTS))  # of the motors at each knot: reals
+        # s and velocity of the point at each knot: reals
+        self.marks = array("i", [0] * (4 * _KNOTS))
+        self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
+        # of each motor's path at the last knot queued (point.py)
+        self.advances = array("i", [0] * AXES)
+        self.word = array("i", [0] * 2)
+        self.knot = 0  # the last knot at which the motors' positions are known
+        self.queued = 0  # the last one that a phase leads to
+        self.tick = 0  # in which the motion has begun
+        self.closed = True  # no further knots come
+        self.stopping = False
+
+    @property
+    def engaged(self):
+        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
+        return self.line.bits if self.state else 0
+
+    # ---------------------------------------------------------------- start and end
+
+    def begin(self, ahead=None):
+        """Start along the line, for a jog with its LookAhead: first backlash is taken up."""
+        line = self.line
+        line.forget_end()
+        self.ahead = ahead
+        self.state = TAKING_UP
+        directions = self.survey.directions
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, directions[i]):
+                self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
+
+    def _set_out(self):
+        """Begin to plan, all motors being at rest where the line begins."""
+        hal = self.axes.hal
+        line = self.line
+        r = self.r
+        line.positions_at(ZERO, 0)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                axis = self.axes[motor]
+                axis.begin_plan(hal)
+                axis.set_more_to_come(True)
+                axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
+                set_advance(self.advances, i, line.present, motor, 0, self.rows, 2 * i)
+                reals.fetch(self.speeds, 2 * i, r, ZERO)
+        reals.put(r, S, 0, 0)
+        reals.put(r, V, 0, 0)
+        self._note(0)
+        self.times[0] = 0
+        self.knot = 0
+        self.queued = 0
+        self.closed = False
+        self.stopping = False
+        self.state = STARTING
+
+    def _release(self):
+        """All motors start in the same tick."""
+        self.tick = self.axes.release(self.line.bits)
+        self.state = MOVING
+
+    def _settle(self):
+        """At rest at the end of the line: a motor that has turned under way is behind by its play.
+
+        It follows now. Whether there was such a motor.
+        """
+        row = ROW * (self.knot % _KNOTS)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
+                axis = self.axes[motor]
+                if not axis.stands_on(self.word, 0):
+                    axis.move_to(self.axes.hal, self.word, 0)
+                    self.state = SETTLING
+        return self.state == SETTLING
+
+    def stop(self):
+        """Slow down along the line, as steeply as its motors allow."""
+        if self.state == STARTING or self.state == TAKING_UP:
+            self.halt()
+        elif self.state == MOVING and not self.stopping:
+            if self._cut():
+                self.stopping = True
+                if self.ahead and not self.ahead.back():
+                    self.halt()
+            elif not self.closed:
+                self.halt()
+
+    def halt(self, factor=1):
+        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        if self.state:
+            for i in range(AXES):
+                if self.motor[i]:
+                    self.axes[self.motor[i] - 1].stop(self.axes.hal, factor)
+            self.state = HALTED
+            self.closed = True
+
+    def slow_down(self):
+        """Motors may be slower now than the motion under way has counted on.
+
+        A move keeps to that from its next knot on, a jog where it has not been surveyed yet.
+        """
+        if self.state and not self.ahead:
+            self.survey.slow_down()
+
+    # ---------------------------------------------------------------- passes of the main loop
+
+    def poll(self):
+        """One pass: plan ahead. Whether it has planned, and so there may be more to plan at
+        once."""
+        state = self.state
+        if state == IDLE:
+            return False
+        if state == TAKING_UP:
+            if self.axes.moving_bits() & self.line.bits:
+                return False
+            self._set_out()
+            return True
+        if state == STARTING:
+            if self.closed or self.times[self.queued % _KNOTS] >= _BEGIN_TICKS:
+                if self.axes.filled:
+                    self._release()
+                return False
+            if self.ahead and self.ahead.extend():
+                return True
+            self._plan()
+            if not self.closed and self.ahead and not self.ahead.count:
+                self.halt()  # no way to go
+            return True
+        if state == MOVING and not self.closed:
+            left = self._ticks_to(self.queued)
+            if self.ahead and left > _SCARCE_TICKS and self.ahead.extend():
+                return True
+            if left < _AHEAD_TICKS:
+                if not self._plan() and self.ahead:
+                    self.ahead.extend()
+                return True
+        elif not self.axes.moving_bits() & self.line.bits:
+            if state == MOVING and self._settle():
+                return True
+            if state != HALTED:
+                self.line.remember_end()
+            self.state = IDLE
+        return False
+
+    def _ticks_to(self, knot):
+        """Ticks until a knot, below 0 once it has been passed."""
+        done = self.axes.kernel.state[stepper.TICKS] - self.tick + 1
+        return ((self.times[knot % _KNOTS] - done + HALF) & WRAP) - HALF
+
+    # ---------------------------------------------------------------- knots
+
+    def _note(self, knot):
+        """Remember s and velocity of a knot."""
+        k = 4 * (knot % _KNOTS)
+        reals.fetch(self.marks, k, self.r, S)
+        reals.fetch(self.marks, k + 2, self.r, V)
+
+    def _plan(self):
+        """Place the next knot, or queue the phases to the one before it. False: the survey of a jog
+        does not reach far enough.
+
+        The velocity of a motor at a knot is known only with the knot after it.
+        """
+        knot = self.knot
+        r = self.r
+        if self.queued < knot - 1:
+            self._queue(knot - 1)
+        elif self.queued < knot and reals.sign(r, V) == 0:
+            self._finish(knot)
+        elif advance(r, self.survey, self.ahead, self.stopping):
+            knot += 1
+            if self.line.positions_at(S, ROW * (knot % _KNOTS)):
+                self.halt()  # the survey has said that it can be reached
+                return True
+            self._note(knot)
+            ticks = reals.floor(r, TICKS, HALF)
+            self.times[knot % _KNOTS] = after(self.times[(knot - 1) % _KNOTS], ticks)
+            self.knot = knot
+        else:
+            return False
+        return True
+
+    def _queue(self, knot):
+        """Append the phase to a knot that has one on either side."""
+        r = self.r
+        marks = self.marks
+        rows = self.rows
+        before = (knot - 1) % _KNOTS
+        here = knot % _KNOTS
+        ahead = (knot + 1) % _KNOTS
+        reals.fetch(r, S_BEFORE, marks, 4 * before)
+        reals.fetch(r, S_HERE, marks, 4 * here)
+        reals.fetch(r, S_AFTER, marks, 4 * ahead)
+        reals.fetch(r, V_HERE, marks, 4 * here + 2)
+        compute(0, 0, r, _RATES)
+        reals.put(r, PHASE_TICKS, elapsed(self.times[here], self.times[before]), 0)
+        a = ROW * before
+        b = ROW * here
+        c = ROW * ahead
+        word = self.word
+        speeds = self.speeds
+        for i in range(AXES):
+            motor = self.motor[i]
+            if motor:
+                velocity(r, TO_V, rows, a, b, c, BEFORE_RATE, AFTER_RATE, X)
+                part = next_step(word, rows, a, b, c, self.advances, i, self.line.bounds)
+                reals.fetch(r, FROM_V, speeds, a)
+                reals.fetch(speeds, b, r, TO_V)
+                self.axes[motor - 1].append_coasting_phase(
+                    PHASE_TICKS, FROM_V, TO_V, r, word, 0, part
+                )
+            a += 2
+            b += 2
+            c += 2
+        self.queued = knot
+
+    def _finish(self, knot):
+        """Append the phase to the knot at which everything comes to rest."""
+        line = self.line
+        r = self.r
+        rows = self.rows
+        word = self.word
+        a = ROW * ((knot - 1) % _KNOTS)
+        b = ROW * (knot % _KNOTS)
+        for i in range(AXES):
+            motor = self.motor[i] - 1
+            if motor >= 0:
+                axis = self.axes[motor]
+                reals.fetch(r, FROM_V, self.speeds, a)
+                part = next_step(word, rows, a, b, b, self.advances, i, line.bounds)
+                part = last_step(word, part, rows, b, line.present, motor, self.advances[i] > 0)
+                axis.append_coasting_phase(TICKS, FROM_V, ZERO, r, word, 0, part)
+                axis.set_more_to_come(False)
+            a += 2
+            b += 2
+        self.queued = knot
+        self.closed = True
+
+    # ---------------------------------------------------------------- changing the plan
+
+    def _cut(self):
+        """Forget what is planned from the first knot on that is far enough ahead. False: there is
+        none."""
+        axes = self.axes
+        for i in range(AXES):
+            if self.motor[i]:
+                axes[self.motor[i] - 1].feed()
+        last = self.knot - 1 if self.closed else self.queued
+        knot = max(self.knot - _KNOTS + 2, 1)
+        while knot <= last and self._ticks_to(knot) < ALL_SPLICE_TICKS:
+            knot += 1
+        if knot > last:
+            return False
+        drop = knot != self.queued or self.closed
+        if drop:
+            kernel = axes.kernel
+            state = kernel.state
+            bits = coupled(kernel.blocks[0], self.line.bits)
+            tick = after(self.tick, self.times[knot % _KNOTS] - 1)
+            irq = axes.hal.irq_off()
+            drop = cut_at(state, bits, tick, _CUT_TICKS)
+            axes.hal.irq_on(irq)
+            if not drop:
+                return False
+        r = self.r
+        reals.fetch(r, S, self.marks, 4 * (knot % _KNOTS))
+        reals.fetch(r, V, self.marks, 4 * (knot % _KNOTS) + 2)
+        if drop:
+            for i in range(AXES):
+                if self.motor[i]:
+                    row = ROW * (knot % _KNOTS) + 2 * i
+                    part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)
+                    set_advance(self.advances, i, self.word, 0, part, self.rows, row)
+        self.knot = knot
+        self.queued = knot
+        self.closed = False
+        return True

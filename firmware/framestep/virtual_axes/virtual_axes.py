@@ -1,0 +1,175 @@
+"""The virtual axes of a rig: what may move them, how they set out, what stops them.
+
+requests.py adds the messages about them. Nothing allocates after construction.
+"""
+
+from array import array
+
+from framestep.base.native import const
+from framestep.base.results import ERR_GENERAL, ERR_MOVING, OK
+from framestep.motion import reals
+from framestep.virtual_axes.jogs import Jogs
+from framestep.virtual_axes.line import Line
+from framestep.virtual_axes.move import LinearMove
+from framestep.virtual_axes.registers import AXES, BASE, DIRECTION, END, HOME, JOINT, REGISTERS
+from framestep.virtual_axes.survey import Survey
+
+_CARRIERS = const(3)  # axes that carry pan and tilt
+
+
+class VirtualAxes:
+    """The line that the camera moves along, and the move or jog along it.
+
+    controller: for the motors, operations and settings that it shares with other requests.
+    """
+
+    def __init__(self, controller):
+        self.controller = controller
+        self.operations = controller.operations
+        self.axes = controller.axes
+        self.r = array("i", [0] * REGISTERS)
+        self.line = Line(self.axes, controller.safety, self.r)
+        self.survey = Survey(self.line)
+        self.move = LinearMove(self.line, self.survey)
+        self.jogs = Jogs(self)
+        self.moved = 0  # the virtual axis that a motion is about, or 0
+
+    @property
+    def configured(self):
+        """Whether a VIRT_CONFIG has told what rig it is."""
+        return self.line.rig is not None
+
+    @property
+    def engaged(self):
+        """Bits of the motors in a virtual motion, from its acknowledgement to its end."""
+        return self.move.engaged
+
+    def poll(self, now):
+        """One pass; now: ms, as in clock.py. Whether there may be more to plan at once."""
+        return self.jogs.poll(now, self.controller.rig.jog_timeout_ms)
+
+    def stop(self):
+        """Slow down along the line."""
+        self.jogs.stop()
+        self.move.stop()
+
+    def halt(self, factor=1):
+        """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
+        self.jogs.stop()
+        self.move.halt(factor)
+
+    def changed(self, motor):
+        """Speed or soft limits of a motor (from 0) have been set: with less room a motion ends."""
+        if (self.engaged >> motor) & 1:
+            if self.line.limits_narrowed(motor):
+                self.stop()
+            self.move.slow_down()
+
+    # ---------------------------------------------------------------- setting out
+
+    def may_move(self):
+        """OK, or why the rig may not be moved now."""
+        line = self.line
+        if not self.configured:
+            return ERR_GENERAL
+        code = self.controller.motors.may_move_all()
+        if code != OK:
+            return code
+        if self.operations.engaged & line.bits:
+            return ERR_MOVING
+        if not self.usable(line.bits):
+            return ERR_GENERAL
+        if not self.move.state and self.axes.moving_bits() & line.bits:
+            return ERR_MOVING
+        return OK
+
+    def usable(self, bits):
+        """Whether all motors of these bits are enabled, and led by no other."""
+        for motor in range(self.axes.count):
+            if (bits >> motor) & 1 and not self.controller.motors.enabled(motor):
+                return False
+        return True
+
+    def set_out(self, number, ahead=None):
+        """Set out along the line begun; number: its virtual axis or 0; ahead: of a jog."""
+        self.moved = number
+        self.controller.motors.motors_sent(self.line.bits)
+        self.move.begin(ahead)
+
+    def head_for(self, to, number):
+        """END and DIRECTION of the line so that its number `number` goes from BASE to r[to].
+
+        Returns the direction, -1 or 1; 0 where it is there.
+        """
+        r = self.r
+        reals.subtract(r, END, to, BASE + 2 * number)
+        direction = reals.sign(r, END)
+        if direction < 0:
+            reals.negate(r, END, END)
+        reals.put(r, DIRECTION + 2 * number, direction or 1, 0)
+        return direction
+
+    def set_out_to_end(self, number):
+        """Set out on a move to END of the line begun. A code."""
+        code = self.survey.check_line()
+        if code:
+            return code
+        self.jogs.none()
+        self.set_out(number)
+        return OK
+
+    # ---------------------------------------------------------------- motors under an aim point
+
+    def moves_camera(self, motor):
+        """Whether pan and tilt have to follow this motor (from 0), because an aim point is on."""
+        if self.line.aiming:
+            for i in range(_CARRIERS):
+                if self.line.motor[i] == motor + 1:
+                    return True
+        return False
+
+    def move_keeping_aim(self, motor, target, i, speed=0):
+        """Send such a motor to the step target[i], pan and tilt following. A code.
+
+        speed: of a jog, in ten-thousandths; 0 for a move.
+        """
+        line = self.line
+        axis = 0
+        while line.motor[axis] != motor + 1:
+            axis += 1
+        code = self.may_move()
+        if code != OK:
+            return code
+        if self.move.state:
+            return self.jogs.jog_motor(axis, target, i, speed) if speed else ERR_MOVING
+        return self.begin_keeping_aim(axis, target, i, speed)
+
+    def begin_keeping_aim(self, axis, target, i, speed):
+        """Send the motor of this axis to the step target[i], or jog it there. A code."""
+        line = self.line
+        code = line.begin_line(True)
+        if code:
+            return code
+        direction = line.clip_end(axis, target, i)
+        if not direction:
+            return OK
+        line.rig.joint(axis, target, i)
+        self.head_for(JOINT + 2 * axis, axis)
+        if speed:
+            return self.jogs.begin_motor(axis, direction, speed)
+        return self.set_out_to_end(0)
+
+    # ---------------------------------------------------------------- where the rig is
+
+    def locate(self):
+        """POSE of where the motors are by what the host knows; a plan under way is not
+        disturbed."""
+        line = self.line
+        rig = line.rig
+        for i in range(AXES):
+            motor = line.motor[i]
+            if motor:
+                rig.joint(i, self.axes.reported, motor - 1)
+            else:
+                reals.copy(self.r, JOINT + 2 * i, HOME + 2 * i)
+        rig.forward()
