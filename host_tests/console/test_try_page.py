@@ -2,7 +2,10 @@
 
 import base64
 import contextlib
+import os
 import re
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +24,7 @@ from framestep_tools.simulator.boards import EmulatedBoard, LockstepPort
 from framestep_tools.site import try_page
 from host_tests.console.file_server import FileServer
 from host_tests.console.looking import (
+    LOOK_MS,
     go_to,
     log,
     position,
@@ -62,12 +66,22 @@ EDGE_COLUMNS = """(canvas, row) => {
 
 
 @pytest.fixture(scope="module")
-def url(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("try")
-    try_page.make(folder)
-    server = FileServer(folder)
-    yield server.url
-    server.close()
+def make_site(tmp_path_factory, shared_stage):
+    """Make the page with a rig file for the board; gives its address."""
+
+    def make(rig):
+        folder = tmp_path_factory.mktemp("try")
+        try_page.make(folder, rig)
+        server = FileServer(folder)
+        shared_stage.closing(server.close)
+        return server.url
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def url(make_site):
+    return make_site(try_page.RIG)
 
 
 @pytest.fixture
@@ -128,6 +142,15 @@ def test_rig_and_scope_show_the_pins(page):
     expect(card(page, "Rig")).to_contain_text(f"track {steps(page) / STEPS_PER_MM:.1f} mm")
 
 
+def test_power_goes_off_and_on(page):
+    type_on_repl(page, "kept = 6 * 7000")
+    page.get_by_role("button", name="Power off and on").click()
+    expect(log(page)).to_contain_text("The link has ended")
+    wait_connected(page)
+    type_on_repl(page, "kept")
+    expect_on_repl(page, "NameError")
+
+
 def test_a_new_rig_file_and_the_load(page):
     """The page itself uses the REPL's port, and gives it back to the terminal."""
     go_to(page, "Rig file, load")
@@ -156,6 +179,18 @@ def prepare_run(page):
     run.get_by_role("button", name="Get ready").click()
     expect(run.get_by_role("status")).to_contain_text("is ready")
     run.get_by_role("button", name="GO", exact=True).click()
+
+
+def set_speed(page, motor):
+    of_motor = card(page, f"Motor {motor}")
+    velocity = of_motor.get_by_label("Velocity, steps/s", exact=True)
+    velocity.evaluate("field => { field.value = ''; }")
+    of_motor.locator("summary").click()
+    expect(velocity).not_to_have_value("")  # the board has said what is set
+    velocity.fill(str(demo.VELOCITY))
+    of_motor.get_by_label("Acceleration, steps/s²").fill(str(demo.ACCELERATION))
+    of_motor.get_by_role("button", name="Set speed").click()
+    expect(log(page)).to_contain_text(f"Motor {motor}: speed is set.")
 
 
 def run_of(edges, move, start):
@@ -227,3 +262,58 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     expect_on_repl(page, re.compile("E-stop|motor"))
     done(page, 5)
     expect(card(page, "Tour").get_by_role("status")).to_contain_text("That was the tour")
+
+
+def worker_seconds():
+    """Processor time of the workers in this process's browsers."""
+    ticks = 0
+    for process in _descendants(os.getpid()):
+        for thread in Path(f"/proc/{process}/task").glob("*"):
+            with contextlib.suppress(OSError):  # a thread that has ended meanwhile
+                if thread.joinpath("comm").read_text().startswith("DedicatedWorker"):
+                    fields = thread.joinpath("stat").read_text().rpartition(")")[2].split()
+                    ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def _descendants(process):
+    for children in Path(f"/proc/{process}/task").glob("*/children"):
+        for child in children.read_text().split():
+            yield child
+            yield from _descendants(child)
+
+
+def frames_played(page, frame):
+    """Wait until the play head is past a frame; gives it."""
+    while (at := float(page.locator("#moving").text_content().split("Play head ")[1])) <= frame:
+        page.wait_for_timeout(LOOK_MS)
+    return at
+
+
+def test_eight_motors_at_24_frames_take_less_than_real_time(stage, make_site, tmp_path):
+    """By processor time, as other programs may be busy. Starting takes a few seconds of it."""
+    while worker_seconds():  # of the test before
+        time.sleep(LOOK_MS / 1000)
+    page = stage.page(make_site({**try_page.RIG, "motor_count": 8}))
+    wait_connected(page)
+    with jog_up(page, 10):
+        started = worker_seconds()
+    move = read_move(CAMERA_MOVE)
+    columns = [*move.positions.values()] * 2
+    rows = [",".join(map(str, row)) for row in zip(range(240), *columns, strict=True)]
+    table = tmp_path / "eight.csv"
+    table.write_text("\n".join(["frame,a,b,c,d,e,f,g,h", *rows]))
+    for motor in range(1, 9):
+        set_speed(page, motor)
+    go_to(page, "Moves")
+    page.get_by_label("Move", exact=True).set_input_files(table)
+    page.get_by_role("button", name="Upload", exact=True).click()
+    expect(log(page)).to_contain_text("for 8 motors are uploaded")
+    prepare_run(page)
+    first, from_s = frames_played(page, 20), worker_seconds()
+    last, to_s = frames_played(page, 180), worker_seconds()
+    assert 0 < started < 5
+    share = (to_s - from_s) * 24 / (last - first)
+    assert share < 1, share
+    expect(log(page)).to_contain_text("Run 0 to 239 is over.")
+    assert page.errors == []

@@ -86,8 +86,7 @@ export class BoardPort {
   async setSignals() {}
 
   async close() {
-    this.taken = false;
-    this.#to = this.readable = this.writable = null;
+    this.#forget();
     this.#setOpen(this.#listener !== null);
   }
 
@@ -106,10 +105,16 @@ export class BoardPort {
     else if (!this.taken) this.#listener?.(bytes);
   }
 
-  /** The board has gone from the bus. */
+  /** The board has gone from the bus: whoever had the port open has to open it again. */
   end() {
-    this.#to?.close();
-    this.#to = null;
+    if (!this.#to) return;
+    this.#to.close();
+    this.#forget();
+  }
+
+  #forget() {
+    this.taken = false;
+    this.#to = this.readable = this.writable = null;
   }
 
   #setOpen(on) {

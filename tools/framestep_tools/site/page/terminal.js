@@ -8,17 +8,18 @@ const ROWS = 12;
 const ENTER = "\r";
 
 export class ReplTerminal {
-  element = h("article", { class: "card", "aria-label": "REPL" }, h("h2", {}, "REPL"));
+  element;
   #terminal = new Terminal({ rows: ROWS, fontSize: 13, screenReaderMode: true });
   /** Lines that have been entered. */
   lines = 0;
   #port;
 
-  /** port: the REPL's BoardPort. */
-  constructor(port) {
+  /** port: the REPL's BoardPort. controls: elements beside the title. */
+  constructor(port, ...controls) {
     this.#port = port;
     const place = h("div", { class: "terminal-place" });
-    this.element.append(place);
+    this.element = h("article", { class: "card", "aria-label": "REPL" },
+      h("div", { class: "row spread" }, h("h2", {}, "REPL"), ...controls), place);
     const fit = new FitAddon();
     this.#terminal.loadAddon(fit);
     this.#terminal.open(place);

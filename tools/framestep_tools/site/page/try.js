@@ -4,7 +4,7 @@ import "framestep-console/style.css";
 import "@xterm/xterm/css/xterm.css";
 import "./try.css";
 import { start } from "framestep-console/app.js";
-import { h } from "framestep-console/dom.js";
+import { h, setText } from "framestep-console/dom.js";
 import { SerialLink } from "framestep-console/serial_link.js";
 import { Board } from "./board.js";
 import setup from "framestep-console/setup.json";
@@ -78,14 +78,27 @@ function place(bench) {
 
 const bench = h("aside", { id: "bench", "aria-label": "The board" });
 place(bench);
-const board = await makeBoard();
+const who = document.querySelector("#who");
+setText(who, "The board starts …");
+let board;
+try {
+  board = await makeBoard();
+} catch (error) {
+  setText(who, error.message);
+  throw error;
+}
 const traced = new Pins(board, pins);
 const estop = estopButton(board);
 const picture = new RigPicture(traced, estop);
 const scope = new Scope(traced, shownPins());
-const terminal = new ReplTerminal(board.repl);
+const power = h("button", { type: "button", onclick: () => board.reset() }, "Power off and on");
+const terminal = new ReplTerminal(board.repl, power);
 const running = start(() => SerialLink.at(board.protocol, board.repl, "a board in this page"));
 const tour = new Tour({ ...running, pins: traced, estop, terminal, takeExample });
-bench.append(tour.element, picture.element, scope.element, terminal.element);
+const about = h("p", { class: "card faint" },
+  "What runs here is ", h("a", { href: setup.image }, "the image for a Pico"), ", on an emulated RP2040. Nothing leaves this page. ",
+  h("a", { href: "licences.txt" }, "Licences"), " of the packages that it is made of.");
+bench.append(tour.element, picture.element, scope.element, terminal.element, about);
 keepDrawing(picture, scope);
 running.device.addEventListener("connected", () => terminal.greet());
+board.addEventListener("halted", ({ detail }) => running.device.tell(`The board has stopped: ${detail.why}`, true));
