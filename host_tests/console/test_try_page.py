@@ -38,6 +38,7 @@ from host_tests.console.looking import (
 FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that sets out reads the chip's clock of microseconds
 RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
+PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # that the page is made of
 STEPS_PER_MM = 25  # of the picture's track
 # What the worker says of its pins is kept, from the first moment on
 KEEP_EDGES = """
@@ -129,6 +130,8 @@ def test_console_and_repl_of_the_board_in_the_page(page, url):
     expect(card(page, "Motor 4")).to_be_visible()
     type_on_repl(page, "6 * 7000")
     expect_on_repl(page, "42000")
+    licences = page.request.get(f"{url}licences.txt").text()
+    assert re.findall(r"^(\S+) [\d.]+ \(", licences, re.MULTILINE) == PACKAGES
     assert all(asked.startswith(url) for asked in page.asked), page.asked
 
 

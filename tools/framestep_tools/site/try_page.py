@@ -24,7 +24,7 @@ from ..paths import ROOT
 from ..simulator.boards import closed_switches
 
 BOARD = "pico"
-RIG = {"name": "slider, boom, swing and pan", "motor_count": 4, "estop": "nc"}
+RIG = {"name": "crane on a track", "motor_count": 4, "estop": "nc"}
 OUT = ROOT / "build" / "site" / "try"
 _HERE = Path(__file__).parent
 _CONSOLE_HTML = "index.html"

@@ -7,10 +7,12 @@ const COUNT = 30;
 /** The last edges of one pin. `count` goes on for ever; those from `count - KEPT` on are there. */
 class Edges {
   count = 0;
-  #times = new Float64Array(KEPT);
-  #levels = new Uint8Array(KEPT);
+  #times = null;
+  #levels = null;
 
   add(nanos, level) {
+    this.#times ??= new Float64Array(KEPT);
+    this.#levels ??= new Uint8Array(KEPT);
     const at = this.count % KEPT;
     this.#times[at] = nanos;
     this.#levels[at] = level;

@@ -16,10 +16,10 @@ const FREE = 500; // mm that the carriage may go from the middle before the pict
 const MIDDLE = 950; // the same of the track
 const HIGH = 0.5; // of the width
 const WIDE = 3000; // mm across
-const METAL = "#8d99a6";
-const DARK = "#4d5661";
-const CAMERA = "#2f7fb8";
-const ARM_COLOR = "#c98a2b";
+const METAL = [141, 153, 166];
+const DARK = [77, 86, 97];
+const CAMERA = [47, 127, 184];
+const ARM_COLOR = [201, 138, 43];
 
 export class RigPicture {
   #pins;

@@ -27,8 +27,6 @@ export class ReplTerminal {
       const columns = fit.proposeDimensions()?.cols;
       if (columns) this.#terminal.resize(columns, ROWS);
     }).observe(place);
-    // Keys for the terminal are no keys of the page, such as Escape
-    this.element.addEventListener("keydown", (event) => event.stopPropagation());
     this.#terminal.onData((text) => this.type(text));
     port.listen((bytes) => this.#terminal.write(bytes));
   }
