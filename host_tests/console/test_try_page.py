@@ -38,6 +38,7 @@ from host_tests.console.looking import (
 FPS_MILLI = 24_000
 CLOCK_NS = 1000  # a motor that sets out reads the chip's clock of microseconds
 RUN_NS = 238 * 10**9 // 24 + 100_000  # from the second frame to the last, with the step to it
+END_OF_MOVE = "motor 2 boom 24.4 °, motor 3 swing -26.0 °, motor 4 pan 56.3 °"
 PACKAGES = ["@xterm/addon-fit", "@xterm/xterm", "rp2040js"]  # that the page is made of
 STEPS_PER_MM = 25  # of the picture's track
 # What the worker says of its pins is kept, from the first moment on
@@ -145,6 +146,18 @@ def test_rig_and_scope_show_the_pins(page):
     expect(card(page, "Rig")).to_contain_text(f"track {steps(page) / STEPS_PER_MM:.1f} mm")
 
 
+def test_a_narrow_page_begins_with_the_tour(stage, url):
+    page = stage.page(url, viewport={"width": 390, "height": 844})
+    wait_connected(page)
+    order = [card(page, "Tour"), card(page, "Rig"), page.locator("main"), card(page, "REPL")]
+    tops = [each.bounding_box()["y"] for each in order]
+    assert tops == sorted(tops)
+    for view in ("Motors", "Moves", "Rig file, load"):
+        go_to(page, view)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390, view
+    assert page.errors == []
+
+
 def test_power_goes_off_and_on(page):
     type_on_repl(page, "kept = 6 * 7000")
     page.get_by_role("button", name="Power off and on").click()
@@ -243,6 +256,7 @@ def test_the_tour_and_the_edges_of_its_run(page, tmp_path):
     expect(log(page)).to_contain_text("Run 1 to 240 is over.")
     done(page, 3)
     wait_rest(page)
+    expect(card(page, "Rig")).to_contain_text(END_OF_MOVE)
 
     move = read_move(CAMERA_MOVE)
     records = edges_from(base64.b64decode(page.evaluate(TAKE_EDGES).partition(",")[2]))
