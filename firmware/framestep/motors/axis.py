@@ -106,7 +106,7 @@ class Axis(Motor):
     def keep_to_limits(self, hal):
         """After set_limits(): end a motion of move_to() at the new limit if it leads past that."""
         if (
-            self.moving
+            not self.stands
             and not self.stopping
             and not self.stopping_smoothly
             and self.outside(self.limits, TARGET)

@@ -195,6 +195,15 @@ def test_a_soft_limit_set_in_a_stop_does_not_send_it_on(stop, jerk):
     assert rig.position(1) < limit - 2_000
 
 
+def test_a_soft_limit_set_as_it_comes_to_rest_does_not_send_it_on(rig):
+    """So slow that it rests in the next tick, while the last pulses are on their way out."""
+    rig.accept(MotorSetSpeed(1, 62, 1000), MotorJog(1, 100, -(2**31)))
+    rig.run(0.1)
+    rig.accept(MotorStop(1), MotorSetLimits(1, 1, -9, 0, 0))
+    rig.run(0.01)
+    assert not rig.moving
+
+
 def test_limits_of_another_motor_leave_a_move_alone(rig):
     rig.accept(MotorMove(1, 3000))
     rig.run(0.2)
