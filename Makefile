@@ -13,7 +13,7 @@ unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
 .PHONY: help setup node chromium micropython demo try sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
-	plots bench profile soak flash image install release emulator-measure conform prove clean
+	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-17s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -90,7 +90,7 @@ test-console: setup node micropython chromium ## the page of `framestep console`
 console-pictures: setup chromium ## draw each view of the console for the documents (docs/console)
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
-fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7, or BOARD=emulator; what fails is kept as a script in build/fuzz
+fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator; what fails is kept as a script in build/fuzz
 ifeq ($(BOARD),emulator)
 	@tools/setup.sh node && tools/micropython/build.sh rp2
 	@"$(PYTHON_VENV)" -m host_tests.board.strain $(if $(SEED),--seed $(SEED)) $(ARGS)
@@ -116,10 +116,6 @@ bench: setup node micropython ## measure the firmware on the emulated board besi
 
 profile: setup node micropython ## where the processor's time goes: ARGS=upload, single-port, play, go or servos
 	@"$(PYTHON_VENV)" -m framestep_tools.bench.profile $(ARGS)
-
-soak: setup node ## two emulated hours of a host's work: heap flat, positions exact, ticks in time, counters wrap; ARGS="--hours 2 --minutes 15 --seed 1"
-	@tools/micropython/build.sh unix32f
-	@"$(PYTHON_VENV)" -m host_tests.soak.soak $(ARGS)
 
 conform: setup ## the conformance kit against the simulator and against seeded faults: both scores
 	@"$(PYTHON_VENV)" -m host_tests.conform.score

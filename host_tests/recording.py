@@ -26,6 +26,7 @@ and those; at the end where the motors are.
 
 import contextlib
 import inspect
+import itertools
 import json
 import math
 import os
@@ -34,7 +35,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from framestep.base.clock import WRAP
+from framestep.base.clock import WIDE_WRAP, WRAP
 from framestep.hal import CHANGED
 from framestep.hal.host import HostFlash
 from framestep.hal.host_board import HostBoard
@@ -66,12 +67,15 @@ class Recorder:
         broken: bool,
         flash: list[str] | None,
         most_passes: float = math.inf,
+        weigh_ms: float = math.inf,
     ):
         """flash: what its blocks held when the board was made, in hex; None for a board without.
 
-        most_passes: a board that lives longer is not recorded.
+        most_passes: a board that lives longer is not recorded. weigh_ms: how often the replay tells
+        how much of the heap is taken.
         """
         self.left = most_passes
+        self.weigh_ms = self.weigh_at = weigh_ms
         self.board = board
         hal = self.hal = board.hal
         kernel = hal.kernel
@@ -144,10 +148,6 @@ class Recorder:
         self.notes, self.wire, self.sent, self.lights = [], bytearray(), bytearray(), None
         return notes
 
-    def weigh(self):
-        """Let the replay tell here how much of the heap is taken."""
-        self._line("G")
-
     # ---- the board
 
     def _listen(self):
@@ -186,6 +186,9 @@ class Recorder:
                 self._noted(())  # not by a pass
             if self.answers or self.troubles or self.taken:
                 self.answers, self.troubles, self.taken = [], [], []
+            if now >= self.weigh_at:
+                self.weigh_at = now + self.weigh_ms
+                self._line("G")
             said = len(hal.said)
             usual = self.ticked is not None and self.ticked == now * 1000 + 7
             if not usual:
@@ -361,23 +364,26 @@ def write(recording: Recording, path) -> None:
 
 
 REPLAY = Path(__file__).parent / "runtime" / "recording_replay.py"
+_LED_MS = 2048  # what the milliseconds at the start have to be a multiple of
 NEAR_THE_END = (WRAP - 900, 2**30 - 2048)  # of ticks and of milliseconds: they wrap soon
 
 
-def differences(runtime, recording: Recording, path: Path) -> str:
+def differences(
+    runtime, recording: Recording, path: Path, wraps=NEAR_THE_END, script: Path = REPLAY
+) -> str:
     """Play it again on 32-bit MicroPython, from counters close to their end: here they began at 0.
 
-    "" where all is as it was, else what first is not. runtime: the fixture unix32f; path: where the
-    recording is written to.
+    "" where all is as it was and the heap has not grown, else what first is not. runtime: the
+    fixture unix32f; path: where the recording is written to; wraps: what ticks and milliseconds are
+    at the start (see wrapping_at()); script: what plays it.
     """
     write(recording, path)
-    ticks, ms = NEAR_THE_END
-    did, said = (
-        recording.did,
-        runtime.run(REPLAY, path, ticks, ms, heap="16M", timeout=1000).split("\n")[:-1],
-    )
+    did = recording.did
+    printed = runtime.run(script, path, *wraps, heap="16M", timeout=3600).split("\n")[:-1]
+    weights = [int(line.split()[1]) for line in printed if line.startswith("heap ")]
+    said = [line for line in printed if not line.startswith(("heap ", "framestep: "))]
     if said == did:
-        return ""
+        return growth(weights)
     path.with_suffix(".did").write_text("\n".join(did))
     at = next(
         (i for i, (a, b) in enumerate(zip(did, said, strict=False)) if a != b),
@@ -389,11 +395,25 @@ def differences(runtime, recording: Recording, path: Path) -> str:
     return "\n".join([f"{recording.test}: {path}, line {at}", *lines])
 
 
+def wrapping_at(ms: int) -> tuple[int, int]:
+    """Ticks and milliseconds to begin with so that all counters wrap about this millisecond."""
+    ms = max(ms // _LED_MS, 1) * _LED_MS
+    return WRAP + 1 - ms, WIDE_WRAP + 1 - ms
+
+
+def growth(weights: list[int]) -> str:
+    """No pass can take memory, since the heap is locked; nor may what is done between them (a port
+    that opens, bytes that come) leave any behind. "" where none has."""
+    if all(b <= a for a, b in itertools.pairwise(weights)):
+        return ""
+    return f"the heap grows: {weights} bytes"
+
+
 @contextlib.contextmanager
-def recorded(most_passes: float = math.inf):
+def recorded(most_passes: float = math.inf, weigh_ms: float = math.inf):
     """Every HostBoard that is made meanwhile is recorded. Yields the list of their Recorders.
 
-    most_passes: boards that live longer are not.
+    most_passes, weigh_ms: of each Recorder.
     """
     found: list[Recorder] = []
     made = HostBoard.__init__
@@ -415,6 +435,7 @@ def recorded(most_passes: float = math.inf):
                 *(given.arguments[name] for name in ("rig", "board", "broken")),
                 held,
                 most_passes,
+                weigh_ms,
             )
         )
 

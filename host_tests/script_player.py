@@ -28,6 +28,7 @@ class Player:
         self.ms = 0
         self.sent: list[tuple[int, bytes]] = []
         self.full = False
+        self.recorder = None  # a Recorder of the board (recording.py), if there is one
         self._held = 0  # milliseconds without a pass that are left
         self._off = 0  # without interrupts
         self._missed = 0  # ticks to be made late
@@ -82,6 +83,8 @@ class Player:
             self._off = argument
         elif verb in ("full", "drain"):
             self.full = verb == "full"
+            if self.recorder:
+                self.recorder.full(self.full)
         else:
             raise ValueError(verb)
 

@@ -42,6 +42,7 @@ class Motor:
         self.let_go_by: int | None = None  # or that jogs, and has not been asked to go on
         self.home = settings["home"]  # None: it cannot be homed
         self.homing = False
+        self.goals: tuple[int, ...] = ()  # places on one of which it comes to rest, if known
         self.renumbered = False  # homing is over, and may have given it another position
 
     def allow(self, ms, velocity=0.0, acceleration=0.0):

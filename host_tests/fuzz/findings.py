@@ -27,6 +27,12 @@ class Part:
         """Whether a request that is not answered yet may move something."""
         return any(request.moves for request in self.open.values())
 
+    def goes_to(self, motor, order, *places):
+        """A motor that no other one moves, nor is moved by, is to come to rest on one of these.
+        order: of the request for it."""
+        if order >= self.trial.upset and not (motor.coupled or motor.leader or self.trial.virtual):
+            motor.goals = places
+
     def led(self, motor):
         """What moves this motor moves the one that is coupled to it: where to is not known."""
         if motor.coupled:

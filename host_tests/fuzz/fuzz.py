@@ -1,6 +1,7 @@
 """`make fuzz`: sessions drawn at random until time is up; what fails is shrunk to a script.
 
-    python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--keep-going] [--int32]
+    python -m host_tests.fuzz.fuzz --seconds 60 [--seed 7] [--requests 200] [--minutes 15]
+                                   [--keep-going] [--int32] [--replay]
 
 Each session has a seed of its own, made of the run's and its number, so one is found again by them.
 """
@@ -16,15 +17,18 @@ from host_tests.script import Script, parse
 
 SCRIPTS = Path(__file__).parent / "scripts"
 FOUND = Path(__file__).parents[2] / "build" / "fuzz"
-SESSION_MS = 30_000
+REQUESTS_PER_MINUTE = 1200
 
 
-def replay(script: Script, tail_ms: int = 0):
-    """Judge a script as it stands; the Trial. Finding where it fails."""
+def replay(script: Script, tail_ms: int = 0, again=None):
+    """Judge a script as it stands; the Trial. Finding where it fails. again: an Again, which plays
+    it once more."""
     from .trial import Trial
 
-    trial = Trial(header_of(script))
+    trial = (again.trial if again else Trial)(header_of(script))
     follow(trial, script, tail_ms)
+    if again:
+        again.judge(trial)
     return trial
 
 
@@ -53,25 +57,25 @@ def follow(trial, script: Script, tail_ms: int = 0) -> None:
         trial.judge(motor)
 
 
-def fails(script: Script) -> str | None:
+def fails(script: Script, again=None) -> str | None:
     """The kind of finding that a script leads to."""
     from .findings import Finding
 
     try:
-        replay(script)
+        replay(script, again=again)
     except Finding as finding:
         return finding.kind
     return None
 
 
-def shrink(script: Script, kind: str, seconds: float = 60.0) -> Script:
+def shrink(script: Script, kind: str, seconds: float = 60.0, again=None) -> Script:
     """Leave out events, and then time, as long as the same kind of finding remains."""
     until = time.monotonic() + seconds
 
     def tried(events, end):
         candidate = header_of(script)
         candidate.events, candidate.end = list(events), end
-        return candidate if fails(candidate) == kind else None
+        return candidate if fails(candidate, again) == kind else None
 
     best = tried(script.events, script.end)
     if best is None:
@@ -110,10 +114,10 @@ def shrink(script: Script, kind: str, seconds: float = 60.0) -> Script:
     return best
 
 
-def keep(script: Script, finding, seed: str) -> Path:
+def keep(script: Script, finding, seed: str, again=None) -> Path:
     """Shrink what has failed and write it down."""
     script.end = script.events[-1][0] if script.events else 0
-    script = shrink_from(script, finding)
+    script = shrink_from(script, finding, again)
     FOUND.mkdir(parents=True, exist_ok=True)
     script.says = [str(finding), f"seed {seed}"]
     path = FOUND / f"{finding.kind}-{seed.replace('/', '-')}.txt"
@@ -121,13 +125,13 @@ def keep(script: Script, finding, seed: str) -> Path:
     return path
 
 
-def shrink_from(script: Script, finding) -> Script:
+def shrink_from(script: Script, finding, again=None) -> Script:
     whole = header_of(script)
     whole.events, whole.end = script.events, finding.ms
-    return shrink(whole, finding.kind)
+    return shrink(whole, finding.kind, again=again if finding.kind == "again" else None)
 
 
-def session(seed: str, requests: int):
+def session(seed: str, requests: int, minutes: float = 0.5, again=None):
     """One session; (Trial, Finding or None)."""
     from .findings import Finding
     from .rigs import draw_script
@@ -135,9 +139,11 @@ def session(seed: str, requests: int):
     from .world import World
 
     dice = Random(seed)
-    trial = Trial(draw_script(dice))
+    trial = (again.trial if again else Trial)(draw_script(dice))
     try:
-        World(dice, trial, requests, SESSION_MS).run()
+        World(dice, trial, requests, round(minutes * 60_000)).run()
+        if again:
+            again.judge(trial)
     except Finding as finding:
         finding.ms = trial.ms + 1
         return trial, finding
@@ -151,7 +157,13 @@ def main() -> int:
     parser.add_argument("--seed", default=None)
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
     parser.add_argument("--sessions", type=int, default=10**9)
-    parser.add_argument("--requests", type=int, default=600, help="of a session")
+    parser.add_argument("--minutes", type=float, default=0.5, help="of a session, at most")
+    parser.add_argument("--requests", type=int, help="of a session, at most; 1200 a minute")
+    parser.add_argument(
+        "--replay",
+        action="store_true",
+        help="play each session again on 32-bit MicroPython, the heap locked and weighed",
+    )
     parser.add_argument(
         "--keep-going",
         action="store_true",
@@ -165,8 +177,14 @@ def main() -> int:
         from host_tests import int32
 
         int32.install()
+    again = None
+    if options.replay:
+        from .again import Again
+
+        again = Again()
     if options.scripts:
-        return replay_all(options.scripts)
+        return replay_all(options.scripts, again)
+    requests = options.requests or round(options.minutes * REQUESTS_PER_MINUTE)
     seed = options.seed if options.seed not in (None, "") else f"{time.time_ns() % 10**9:09d}"
     began = told = time.monotonic()
     counts: Counter = Counter()
@@ -186,7 +204,7 @@ def main() -> int:
         if time.monotonic() - began > options.seconds:
             break
         name = f"{seed}/{number}"
-        trial, finding = session(name, options.requests)
+        trial, finding = session(name, requests, options.minutes, again)
         played += 1
         counts += trial.counts
         virtual_ms += trial.ms
@@ -195,7 +213,7 @@ def main() -> int:
             kinds[finding.kind] += 1
             print(f"session {name}: {finding}", flush=True)
             if kinds[finding.kind] <= (2 if options.keep_going else 1):
-                print(f"  kept as {keep(trial.script, finding, name)}", flush=True)
+                print(f"  kept as {keep(trial.script, finding, name, again)}", flush=True)
             if not options.keep_going:
                 break
         now = time.monotonic()
@@ -217,7 +235,7 @@ def main() -> int:
     return worst
 
 
-def replay_all(names) -> int:
+def replay_all(names, again=None) -> int:
     """Say for each script what it leads to."""
     from .findings import Finding
 
@@ -226,7 +244,7 @@ def replay_all(names) -> int:
         with open(name) as file:
             script = parse(file)
         try:
-            replay(script)
+            replay(script, again=again)
             print(f"{name}: passes")
         except Finding as finding:
             print(f"{name}: {finding}")

@@ -145,6 +145,13 @@ class Replies(Part):
                 self.trial.edges.judge(motor)
             if motor.homing:
                 motor.homing, motor.renumbered = False, True
+            elif motor.goals and motor.load not in motor.goals:
+                self.fail(
+                    "goal",
+                    f"motor {motor.index + 1} has come to rest on {motor.load}, not on "
+                    f"{motor.goals}",
+                )
+            motor.goals = ()
             motor.stands(ms)
             motor.rest(ms)
 
@@ -228,6 +235,8 @@ class Replies(Part):
             )
         place = request.words("Bi" if request.kind == m.MSG_MOTOR_MOVE else "BHi")[-1]
         motor.reach(place)
+        if request.kind == m.MSG_MOTOR_MOVE:
+            self.goes_to(motor, request.order, place)
         self.led(motor)
         if self.trial.virtual:
             self.anywhere()

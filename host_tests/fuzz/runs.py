@@ -21,6 +21,7 @@ class Runs(Part):
         self.upload = Upload()
         self.prepared = False  # an operation is
         self.going: dict | None = None  # after GO
+        self.goes: list[int] = []  # when, each GO
         self.run: dict | None = None  # what was prepared last
         self.jogs_all = 0  # ms that a JOG_ALL may take to come to rest, 0: there is none
         self.done = {
@@ -70,6 +71,7 @@ class Runs(Part):
         for motor in self._takers():
             motor.let_go_by = None
             motor.reach(self._place(motor, number))
+            self.goes_to(motor, request.order, self._place(motor, number))
             self.led(motor)
         self.prepared = False
 
@@ -107,7 +109,8 @@ class Runs(Part):
         if motor.coupled:  # the lower one counts for both
             acceleration = min(acceleration, self.motors[motor.index + 1].acceleration)
         way = velocity * roll_ms / 2000 if roll_ms else velocity**2 / 2 / acceleration
-        way += velocity / self.run["fps"] if number == self.run["end"] else 0
+        if number == self.run["end"] or self.run["flags"] & 3:  # of a loop either may be the last
+            way += velocity / self.run["fps"]
         place = self._place(motor, number)
         motor.reach(int(place - way - 2), int(place + way + 2))
 
@@ -121,7 +124,9 @@ class Runs(Part):
         run = self.run
         self.prepared = False
         self.counts["go"] += 1
+        self.goes.append(self.ms)
         self.going = {"ms": self.ms, "told": [], "whole": True, "motors": []}
+        self.going["order"] = request.order if request else self.trial.counts["requests"]
         if run is None:
             return
         if run["shot"]:
@@ -154,6 +159,11 @@ class Runs(Part):
         going, self.going, self.prepared = self.going, None, False
         if going and "run" in going and going["whole"] and not self.trial.stops.asked:
             self._frames(going)
+            looped = going["run"]["flags"] & 3
+            ends = [going["run"][end] for end in ("start", "end")[not looped :]]
+            for motor in going["motors"]:
+                places = (self._place(motor, end) for end in ends)
+                self.goes_to(motor, going["order"], *places)
 
     def _frames(self, going):
         run = going["run"]

@@ -10,10 +10,10 @@ from .trial import Trial
 
 
 class Host:
-    """A host with a board under trial."""
+    """A host with a board under trial. make: what makes that of a script."""
 
-    def __init__(self, rig=None, board="pico"):
-        self.trial = Trial(Script(board, rig or {"motor_count": 2}))
+    def __init__(self, rig=None, board="pico", make=Trial):
+        self.trial = make(Script(board, rig or {"motor_count": 2}))
         self.number = 0
         self.trial.do("open")
         self.wait(5)

@@ -136,6 +136,7 @@ class Stops(Part):
     def told(self, payload):
         """A HARD_STOP has come: with a reason."""
         reason = payload[0]
+        self.trial.anything_may_stop()
         if reason == m.HARD_STOP_FAULT:
             if self.ms > self.reason:
                 self.fail(

@@ -327,9 +327,20 @@ def begins_in_motion(monkeypatch):
     monkeypatch.setattr(Moves, "_may_begin", lambda self: m.OK)
 
 
+def falls_short(monkeypatch):
+    original = Axis.clamp
+
+    def wrong(self, target, i):
+        target[i] -= 1
+        original(self, target, i)
+
+    monkeypatch.setattr(Axis, "clamp", wrong)
+
+
 @pytest.mark.parametrize(
     "fault, session, kind",
     [
+        (falls_short, moves, "goal"),
         (faster, moves, "velocity"),
         (steeper, moves, "acceleration"),
         (jerkier, moves, "jerk"),
@@ -337,7 +348,7 @@ def begins_in_motion(monkeypatch):
         (past_the_limit, limited, "limits"),
         (told_wrong, moves, "positions"),
         (told_ahead, moves, "pins"),
-        (rests_too_soon, moves, "quiet"),
+        (rests_too_soon, moves, "goal|quiet"),
         (never_rests, stopped, "quiet|no-rest"),
         (one_step_off, run, "frames|acceleration|velocity"),
         (ends_twice, run, "rt-end"),

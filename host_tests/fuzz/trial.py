@@ -12,6 +12,7 @@ What is held to:
   its own, its jerk, and stays between where it was, where it has been sent to, and its soft limits;
   coupled motors go together
 * at rest the positions told are those of the edges, and while MOTOR_STATUS is 0 no edge comes
+* a motor that has been sent somewhere, or that a run has brought to its end, comes to rest there
 * after a stop everything stands within the time that the limits allow, after that of one motor this
   one, and a motor whose jog is not asked for again as well; RT_END comes once, and no HARD_STOP
   without a reason
@@ -40,13 +41,15 @@ from .bounds import FREE, STEEPEST, Motor
 from .edges import Edges
 from .findings import Finding
 from .link import Link, Request
-from .replies import Replies
+from .replies import QUESTIONS, Replies
 from .runs import Runs
 from .stops import Stops
 
 ANSWER_MS = 300  # passes within which a request is answered, when the host takes the answers
 DAMAGE_MS = 2500  # the same behind damage, which may look like the beginning of long frames
 FLUSH_EDGES = 150_000
+# what leaves motors on their way, beside all that is neither of motors nor of virtual axes
+KEEPS_GOALS = QUESTIONS | {m.MSG_MOTOR_SET_SPEED, m.MSG_DMX, m.MSG_GIO_OUT, m.MSG_GIO_CAM}
 
 
 class Trial:
@@ -75,6 +78,7 @@ class Trial:
         self.moving = 0  # what MOTOR_STATUS has said of this very moment
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.last_status = -1
+        self.upset = 0  # goals are known of requests from this one on
         self.motion = 0  # number of the last request that may move something
         self.stale = -1  # until when that is so: see `late`
         self.link = Link(self)
@@ -130,8 +134,12 @@ class Trial:
             self.open.clear()
             self.link.opened()
         elif verb == "pin":
+            self.anything_may_stop()
             self.stops.pin(*argument)
+        elif verb == "full":
+            self.anything_may_stop()
         elif verb == "drain":
+            self.anything_may_stop()
             self.stale = self.ms + 100
         elif verb == "hold":
             self.stale = self.ms + argument + 100
@@ -163,7 +171,14 @@ class Trial:
         """Hold a motor's edges so far to its limits, and go on from where they lead."""
         self.edges.judge(motor)
 
+    def anything_may_stop(self, order=None):
+        """Where motors come to rest is not known any more. order: of the request that it is for."""
+        self.upset = order or self.counts["requests"] + 1
+        for motor in self.motors:
+            motor.goals = ()
+
     def _closed(self):
+        self.anything_may_stop()
         self.open.clear()
         self.link.reply.clear()
         self.runs.prepared = False
@@ -185,6 +200,10 @@ class Trial:
         self.open[request.number] = request
         request.order = self.counts["requests"]
         kind = request.kind
+        if kind == m.MSG_MOTOR_MOVE and 0 <= request.motor < self.count:
+            self.motors[request.motor].goals = ()
+        elif kind not in KEEPS_GOALS:
+            self.anything_may_stop(request.order)
         if request.moves:
             self.stops.set_off()
             self.motion = request.order

@@ -173,6 +173,7 @@ class Flash:
 
     def __init__(self, content):
         self.content = [bytearray(binascii.unhexlify(block)) for block in content]
+        self.page = bytearray(256)
 
     def read(self, block, at, buffer):
         size = len(buffer)
@@ -182,8 +183,9 @@ class Flash:
 
     def program(self, block, at, page):
         content = self.content[block]
-        for i in range(len(page)):
-            content[at + i] &= page[i]
+        copy_bytes(self.page, 0, page, 0, len(self.page))
+        for i in range(len(self.page)):
+            content[at + i] &= self.page[i]
         return True
 
     def erase(self, block, page):

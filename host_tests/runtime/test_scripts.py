@@ -34,21 +34,10 @@ MOTORS = 3
 FIRST, FRAMES = 999_961, 40  # the last frame is the last that there may be
 
 
-class Recorded(Player):
-    """Tells the recorder when the host takes no bytes."""
-
-    recorder = None
-
-    def happen(self, verb, argument=None):
-        if verb in ("full", "drain"):
-            self.recorder.full(verb == "full")
-        super().happen(verb, argument)
-
-
 def replayed(script, runtime, path):
     """What is different when a script is played there, "" for nothing; and the CPython player."""
     with recorded() as recorders:
-        player = Recorded(script)
+        player = Player(script)
         player.recorder = recorders[0]
         player.play()
     recording = recorders[0].finish()

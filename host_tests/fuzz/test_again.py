@@ -1,0 +1,84 @@
+"""Sessions again on 32-bit MicroPython: some of `make fuzz`, and faults that have to be found."""
+
+import pytest
+
+from host_tests.recording import REPLAY, growth, wrapping_at
+
+from . import fuzz
+from .again import Again
+from .findings import Finding
+from .sessions import Host, run
+
+SEED = "again"
+
+
+def played(again, host=None) -> None:
+    """Judge a session with a run in it, in which the host comes back three times."""
+    host = host or Host({"motor_count": 2}, make=again.trial)
+    run(host)
+    for _ in range(6):
+        host.trial.do("close")
+        host.wait(700)
+        host.trial.do("open")
+        host.wait(700)
+    again.judge(host.trial)
+
+
+def with_a_fault(tmp_path, sound, faulty) -> Again:
+    """One whose replay has this in the place of that."""
+    source = REPLAY.read_text()
+    assert source.count(sound) == 1
+    script = tmp_path / "faulty.py"
+    script.write_text(source.replace(sound, faulty))
+    return Again(script)
+
+
+def test_sessions_are_the_same():
+    again = Again()
+    played(again)
+    for number in range(6):
+        _, finding = fuzz.session(f"{SEED}/{number}", 300, again=again)
+        assert finding is None, finding
+
+
+def test_a_leak_of_16_bytes_is_found(tmp_path):
+    """The least that the heap gives, kept at every second opening of the port."""
+    opened = "            hal.port.openings += 1\n"
+    leaks = opened + (
+        "            if hal.port.openings & 1:\n"
+        "                hal.kept = (getattr(hal, 'kept', None),)\n"
+    )
+    with pytest.raises(Finding, match="the heap grows"):
+        played(with_a_fault(tmp_path, opened, leaks))
+
+
+def test_memory_that_a_pass_takes_is_found(tmp_path):
+    passes = "            self.controller.poll(now)\n"
+    with pytest.raises(Finding, match="MemoryError"):
+        played(with_a_fault(tmp_path, passes, passes + "            [now]\n"))
+
+
+def test_another_byte_is_found(tmp_path):
+    sent = "                notes.sent_count += count\n"
+    wrong = sent + "                notes.sent[0] ^= self.openings\n"
+    with pytest.raises(Finding, match="line 0"):
+        played(with_a_fault(tmp_path, sent, wrong))
+
+
+@pytest.mark.parametrize(
+    ("heap", "grows"),
+    [
+        ([7000, 7000, 7000], False),
+        ([7000, 6968, 6968], False),  # something of the start has been let go
+        ([7000, 7016, 7032], True),
+        ([7000, 7000, 7016], True),
+        ([7000, 6968, 6984], True),
+    ],
+)
+def test_a_heap_that_grows_is_told(heap, grows):
+    assert bool(growth(heap)) is grows
+
+
+def test_counters_wrap_at_a_moment_of_the_led():
+    ticks, ms = wrapping_at(5000)
+    assert (ticks + 4096) % 2**29 == (ms + 4096) % 2**30 == 0
