@@ -94,12 +94,13 @@ class Axis(Motor):
         return (
             self.speed == speed
             and not self.rates_outdated
-            and (
-                self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS
-                or self.block[stepper.MODE] == stepper.RUN
-            )
+            and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self._follows_plan())
             and order_words(target, i, self.limits, TARGET) == 0
         )
+
+    def _follows_plan(self):
+        """Whether the kernel takes what is queued, if only from the next tick on."""
+        return self.block[stepper.MODE] & (stepper.RUN | stepper.STOP) == stepper.RUN
 
     # ---------------------------------------------------------------- motion
 
@@ -217,7 +218,7 @@ class Axis(Motor):
                 return True
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET
         elif planned == ramps.NOTHING:
-            if self.block[stepper.MODE] != stepper.RUN:
+            if not self._follows_plan():
                 return self.moving
             # It comes to rest there already, and begin_plan() has taken the end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
