@@ -124,6 +124,18 @@ def test_hole_at_rest_is_no_fault():
         at_rest(bench)
 
 
+@pytest.mark.parametrize("late_us", range(50, 1800, 50))
+def test_a_motion_just_after_a_late_interrupt_has_its_lead(late_us):
+    """One that came late at rest does not make those after it late."""
+    bench = Bench(jitter_us=0).settle()
+    bench.off((bench.due - bench.now) / PER_US - 1, late_us)
+    bench.run(4)
+    profile = trapezoid(60, Fraction(1, 10), 0)
+    start = bench.play([profile.segments()])
+    assert np.abs(errors_us(bench, start, profile)).max() < 2
+    assert bench.state[stepper.WORST_LATE] <= 100
+
+
 @pytest.mark.parametrize("phase", range(6))
 def test_hole_before_the_first_pulse(phase):
     """A motion asked for just before a hole begins after it; one that is over is over."""

@@ -92,6 +92,7 @@ from framestep.pulse.stepper import (
 
 _HAIR = const(128)  # Q22: a step is made so much early, lest rounding put it into the next tick
 _EARLY_US = const(50)  # before its time that a call is taken for the next tick, not for a replay
+_BACK_US = const(24)  # that far twice is not _EARLY_US: a late call and the replay of one
 _PULSE_BITS = const(GAP - PULSES)
 
 
@@ -169,7 +170,12 @@ class Header(array):
         if m[RUNNING]:
             m[RUNNING] = m[RUNNING] - 1
         else:
-            m[DUE] = m[DUE] + (late >> 4)  # back to the timer's grid, if a hole has moved it
+            # Back to the timer's grid, if a hole has moved it. After a call that came late by
+            # itself the next ones are not to be early for that.
+            late = late >> 4
+            if late > _BACK_US:
+                late = _BACK_US
+            m[DUE] = m[DUE] + late
         m[DUE] = (m[DUE] + TICK_US) & WIDE_WRAP
         m[TICKS] = after(m[TICKS], 1)
         a = m[CUE_WRITE_INDEX] - m[CUE_READ_INDEX]
