@@ -54,6 +54,7 @@ class Motor:
     def reach(self, *places):
         """It may go to these places of the load."""
         self.sent += 1
+        self.free |= self.homing  # that is over, and may have given them other numbers
         self.low = min(self.low, min(places) - self.backlash)
         self.high = max(self.high, *places)
 

@@ -95,7 +95,8 @@ class Replies(Part):
     def _unasked(self, kind, payload):
         self.counts["unasked"] += 1
         if kind == m.MSG_RT_END:
-            if not self.trial.runs.prepared and not self.trial.runs.going:
+            runs = self.trial.runs
+            if not runs.prepared and not runs.going and not runs.lost:
                 self.fail("rt-end", "RT_END without an operation, or a second one")
             self.trial.runs.ended()
         elif kind == m.MSG_MOTOR_HARD_STOP:
@@ -126,6 +127,8 @@ class Replies(Part):
             self.trial.stops.asked = 0
             self.trial.runs.jogs_all = 0
             going = self.trial.runs.going
+            if self.trial.runs.lost:
+                going = None
             if going and going["motors"] and self.ms - self.trial.idle_since > 400:
                 self.fail("rt-end", "everything stands after GO, and RT_END has not come")
         else:

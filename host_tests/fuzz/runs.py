@@ -21,6 +21,7 @@ class Runs(Part):
         self.upload = Upload()
         self.prepared = False  # an operation is
         self.going: dict | None = None  # after GO
+        self.lost = False  # whether RT_END of it comes is not known
         self.goes: list[int] = []  # when, each GO
         self.run: dict | None = None  # what was prepared last
         self.jogs_all = 0  # ms that a JOG_ALL may take to come to rest, 0: there is none
@@ -89,6 +90,7 @@ class Runs(Part):
             "shot": False,
         }
         self.prepared = True
+        self.lost = False
         self.going = None
         for motor in self._takers():
             self._rolled(motor, start, pre)
@@ -231,6 +233,7 @@ class Runs(Part):
 
     def _shoot(self, request, payload):
         self.prepared = True
+        self.lost = False
         self.going = None
         for motor in self.motors:
             motor.free = True  # how far the ramps reach is for velocity and acceleration to say

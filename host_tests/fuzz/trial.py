@@ -32,6 +32,7 @@ frame.
 import traceback
 from collections import Counter
 
+from framestep.io.watchdog import HOST_UNREAD_MS
 from framestep.protocol import messages as m
 from host_tests import int32
 from host_tests.script import Script
@@ -78,6 +79,7 @@ class Trial:
         self.moving = 0  # what MOTOR_STATUS has said of this very moment
         self.idle_since: int | None = 0  # MOTOR_STATUS has been 0 since
         self.last_status = -1
+        self.full_at = 0  # since when the host reads nothing
         self.upset = 0  # goals are known of requests from this one on
         self.motion = 0  # number of the last request that may move something
         self.stale = -1  # until when that is so: see `late`
@@ -137,9 +139,12 @@ class Trial:
             self.anything_may_stop()
             self.stops.pin(*argument)
         elif verb == "full":
+            self.full_at = self.ms
             self.anything_may_stop()
         elif verb == "drain":
             self.anything_may_stop()
+            # a host that does not read is lost, and hears of no end
+            self.runs.lost |= self.ms - self.full_at >= HOST_UNREAD_MS
             self.stale = self.ms + 100
         elif verb == "hold":
             self.stale = self.ms + argument + 100
@@ -196,6 +201,8 @@ class Trial:
         if request.number in self.open:
             self.open[request.number].copies += 1
             self.garbage = self.passes
+            if request.kind == m.MSG_MOTOR_STOP_ALL:
+                self.stops.hard()
             return
         self.open[request.number] = request
         request.order = self.counts["requests"]
