@@ -2,12 +2,14 @@
 to the last byte, long C calls, Ctrl-C, files read, prints, bench commands.
 
     make fuzz BOARD=emulator ARGS="--requests 20000 --seed 1 --quiet"
+    ... --overlay framestep.pulse.tick framestep.motors.axis
 
 Every sound request is answered once and in time, whatever stops the motors is answered for, the
 motors end where their edges say, no tick in motion comes late, interrupts are not off for long, and
 the firmware is alive at the end. HARD_STOP 100 may come where the REPL keeps passes away for longer
 than queues last; how often it came, and why, is reported. quiet: nobody works on the REPL, and
-HARD_STOP 100 is a fault.
+HARD_STOP 100 is a fault. overlay: these modules of the image are replaced by the same in RAM, as
+`framestep flash` does it with edited ones.
 """
 
 import argparse
@@ -26,6 +28,7 @@ from framestep_tools import payloads as p
 from framestep_tools.client.wire import FrameDecoder, encode
 from framestep_tools.judge.virtual_reference import Axis, Rig
 from framestep_tools.simulator.boards import EmulatedBoard
+from host_tests.board.test_overlay import edited, ident_of, on_board
 from host_tests.board.timing import LATE_US, MASKED_US, Timing
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
@@ -487,10 +490,16 @@ class Strain:
         )
 
 
-def strain(seed, requests, say=print, quiet=False):
-    with EmulatedBoard(RIG) as board:
+def strain(seed, requests, say=print, quiet=False, modules=()):
+    names = [module.replace(".", "/") + ".mpy" for module in modules]
+    files = on_board(ident_of("pico"), {name: edited(name) for name in names}) if names else {}
+    with EmulatedBoard(RIG, files=files) as board:
         board.wire_switches()
-        return Strain(board, seed, say, quiet).run(requests)
+        found = Strain(board, seed, say, quiet)
+        bits = struct.unpack_from("<I", found.ask(m.MSG_CONDITION))[0]
+        if bool(names) != bool(bits & m.CONDITION_OVERLAY):
+            raise found.broken(f"overlay of {names}, condition {bits:#x}")
+        return found.run(requests)
 
 
 def main():
@@ -498,8 +507,11 @@ def main():
     parser.add_argument("--requests", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--quiet", action="store_true", help="nobody works on the REPL")
+    parser.add_argument(
+        "--overlay", nargs="+", default=(), metavar="MODULE", help="modules to run from RAM"
+    )
     args = parser.parse_args()
-    strain(args.seed, args.requests, quiet=args.quiet).report()
+    strain(args.seed, args.requests, quiet=args.quiet, modules=args.overlay).report()
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from host_tests.board.strain import strain
 
 QUIET_SEED = 5
 SEED = 3
+OVERLAY_SEED = 7
 REQUESTS = 500
 
 
@@ -23,3 +24,11 @@ def test_requests_alone():
     assert found.late_us > 0
     assert found.counts["virtual motions taken"] > 0
     assert found.least_queued > 20
+
+
+def test_requests_with_an_overlay():
+    """The tick and what plans motion are compiled on the board's heap, not frozen."""
+    modules = ("framestep.pulse.tick", "framestep.motors.axis", "framestep.controller")
+    found = strain(OVERLAY_SEED, REQUESTS // 2, quiet=True, modules=modules)
+    assert found.late_us > 0
+    assert found.counts["taken"] > REQUESTS / 5

@@ -217,10 +217,10 @@ class BoardHalted(ToolError):
 class EmulatedBoard:
     """A board's image on an emulated board: nothing is patched.
 
-    `rig` becomes the board's rig.json. With `ports: 1` in it the protocol is on the built-in port
-    and there is no REPL channel. `args` go to the emulator (its --help). `board` is a folder in
-    boards/. `emulator` is the framestep_emulator.Emulator, for pins, loads and the like,
-    `pins` the pin map.
+    `rig` becomes the board's rig.json, `files` ({path: content}) lie beside it. With `ports: 1` in
+    it the protocol is on the built-in port and there is no REPL channel. `args` go to the emulator
+    (its --help). `board` is a folder in boards/. `emulator` is the framestep_emulator.Emulator, for
+    pins, loads and the like, `pins` the pin map.
     """
 
     slice_ns = 4_000_000
@@ -232,13 +232,16 @@ class EmulatedBoard:
         flash: str | None = None,
         board: str = "pico",
         args: Sequence[str] = (),
+        files: Mapping[str, bytes] | None = None,
     ):
         from framestep_emulator import Emulator
 
         from ..building import images
 
         rig = dict(rig or {})
-        files = {"/rig.json": json.dumps(rig).encode()} if rig else {}
+        files = dict(files or {})
+        if rig:
+            files["/rig.json"] = json.dumps(rig).encode()
         single = rig.get("ports") == 1
         self.emulator = Emulator(images.frozen(board), files=files, flash=flash, args=args).start()
         try:
