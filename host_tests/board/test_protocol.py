@@ -12,9 +12,10 @@ from host_tests.protocol import streams
 
 RUNTIME = Path(__file__).parents[1] / "runtime"
 MODULES = (
-    "__init__ native copying results"
+    "__init__ base/__init__ base/native base/copying base/results"
     " protocol/__init__ protocol/messages protocol/checksum protocol/frames"
-    " moves/__init__ moves/upload_chunks moves/upload_codec moves/upload/store"
+    " moves/__init__ moves/upload/__init__ moves/upload/chunks moves/upload/codec"
+    " moves/upload/store"
 )
 ONCE = {"deadline": None, "phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
 
