@@ -146,17 +146,6 @@ def unix32f(tmp_path_factory) -> Runtime:
     return Runtime("x86", tmp_path_factory.mktemp("unix32f"))
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _boards():
-    """Emulated boards use the processes of those before them."""
-    from framestep_emulator import Emulator, Pool
-
-    Emulator.pool = Pool()
-    yield
-    Emulator.pool.close()
-    Emulator.pool = None
-
-
 @pytest.fixture
 def emulator():
     """emulator(**options) starts an emulated board (see framestep_emulator.Emulator), closed when
