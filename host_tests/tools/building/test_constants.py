@@ -193,3 +193,21 @@ def test_imports_that_the_board_looks_up_stay():
         assert first == f"from framestep.base.native import {kept}"
     hidden = "if 0:\n    def f(x):\n        return ptr8(x)\n"
     assert without_compiler_imports(text + hidden).splitlines()[0] == "pass"
+
+
+def test_bytes_strings_and_tuples_with_an_underscore_are_hidden():
+    """The compiler puts them where they are used; names of other modules stay."""
+    text = "_A = b'ab'\n_B = (\n    1,\n    2,\n)\nC = b'c'\n_D = [1]\n_E = b'e'\n_E = b'f'\n"
+    hidden = fold({"framestep/a.py": text})["framestep/a.py"]
+    assert hidden.splitlines() == [
+        "_A = const(b'ab')",
+        "_B = const((1, 2))",
+        "",
+        "",
+        "",
+        "C = b'c'",
+        "_D = [1]",
+        "_E = b'e'",
+        "_E = b'f'",
+    ]
+    assert fold({"framestep/a.py": text}, hide=False)["framestep/a.py"] == text

@@ -13,6 +13,7 @@ Only names that a module gives once, at its top level, as `NAME = const(...)`, a
 
 import ast
 import operator
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -238,9 +239,10 @@ def _rewritten(module: _Module, modules: Mapping[str, _Module], hide: bool) -> s
         if isinstance(node, ast.ImportFrom):
             gone = {"formula"} if node.module == _FORMULA else set()
             shorten(edits, node, {*foreign, *(folded - needed), *gone})
-    return _with_bytes(
+    text = _with_bytes(
         edits.text(), {hidden.get(name, name): value for name, value in module.constants.items()}
     )
+    return _with_hidden_literals(text) if hide else text
 
 
 def _calls_of_formula(module: _Module) -> Iterator[ast.Call]:
@@ -316,6 +318,32 @@ def _with_bytes(text: str, constants: Mapping[str, int]) -> str:
                 except LookupError:
                     continue
     return edits.text()
+
+
+def _with_hidden_literals(text: str) -> str:
+    """The text with `_NAME = const(b"...")` for bytes, strings and tuples, too: the compiler puts
+    them where the name is used, and the board keeps no name."""
+    edits = Edits(text)
+    tree = ast.parse(text)
+    stored = Counter(
+        node.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    )
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value) if (
+                name.startswith("_") and stored[name] == 1 and _is_literal(value)
+            ):
+                edits.replace(value, f"const({ast.unparse(value)})")
+    return edits.text()
+
+
+def _is_literal(node: ast.expr) -> bool:
+    try:
+        return isinstance(ast.literal_eval(node), bytes | str | tuple)
+    except ValueError:
+        return False
 
 
 def _hidden(module: _Module) -> dict[str, str]:
