@@ -6,6 +6,7 @@ One pass is poll(). Nothing in it allocates.
 from framestep.base.clock import WRAP, elapsed
 from framestep.base.native import const
 from framestep.base.results import WHAT
+from framestep.gate import Gate
 from framestep.io.requests import GO, STOP, Io
 from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
@@ -18,7 +19,7 @@ from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.pulse import stepper
 from framestep.pulse.samples import sample
 from framestep.reports import Reports
-from framestep.stops import Stops
+from framestep.stops import FaultLog, Stops
 
 _HOUSEKEEP_MS = const(4)  # between two passes with all of _housekeep()
 # After any activity _ACTIVE_PASSES less _IDLE_EVERY calls of _housekeep() do all of it; when idle,
@@ -62,8 +63,6 @@ class Controller:
         if rig.servos:
             self.axes.set_servos(rig)
         self.header = hal.kernel.state  # of the tick
-        self.samples = self.axes.samples
-        self.positions = self.axes.positions
         self.safety = Safety(hal, rig, self.axes)
         self.watchdog = Watchdog(hal, self.writer)
         self.io = Io(hal, rig, self.reader, self.writer, self.safety)
@@ -73,8 +72,19 @@ class Controller:
 
             self.drivers = Drivers(hal, rig)
         self.count = hal.motors
-        self.motors = Motors(self)
-        self.moves = Moves(self)
+        self.faults = FaultLog()
+        self.reports = Reports(hal, rig, self.writer, self.axes, self.io)
+        self.gate = Gate(hal, self.axes, self.drivers, self.faults)
+        self.moves = Moves(
+            hal,
+            self.reader,
+            self.axes,
+            self.safety,
+            self.io,
+            self.gate,
+            self.faults,
+            self.acknowledge,
+        )
         self.operations = self.moves.operations
         self.operations.player.strict = rig.strict_moves
         if rig.smoothing:
@@ -82,7 +92,6 @@ class Controller:
 
             self.operations.player.smooth(velocity)
         self.journal = self._restore() if rig.remember_positions else None
-        self.run_outputs = self.moves.run_outputs
         self.now = 0
         self.housekept_at = 0
         self.active_passes = _ACTIVE_PASSES
@@ -94,20 +103,20 @@ class Controller:
         self.heard_at = 0  # when the last bytes came
         self.begun_at = 0  # and the first ones of a frame that is not whole yet
         self.beat = 0
-        self.reports = Reports(self)
-        self.stops = Stops(self)
-        self.handlers = {
-            m.MSG_HI: self._hi,
-            m.MSG_MOTOR_STATUS: self._status,
-            m.MSG_MOTOR_STOP_ALL: self.stops.stop_all,
-            m.MSG_MOTOR_GET_POSITION: self._get_position,
-            m.MSG_CONDITION: self._condition,
-        }
-        parts = [self.motors, self.moves, self.io]
+        parts = [self.moves, self.io]
         if rig.virtuals:
             from framestep.virtual_axes.requests import Virtuals
 
-            self.virtuals = Virtuals(self)
+            self.virtuals = Virtuals(
+                rig,
+                self.reader,
+                self.writer,
+                self.axes,
+                self.safety,
+                self.operations,
+                self.gate,
+                self.reports,
+            )
         else:
             from framestep.virtual_axes.absent import NoVirtuals
 
@@ -117,8 +126,60 @@ class Controller:
         if rig.homing:
             from framestep.homing import Homing
 
-            self.homing = Homing(self)
+            self.homing = Homing(
+                hal,
+                rig,
+                self.reader,
+                self.axes,
+                self.safety,
+                self.io.gio.inputs,
+                self.gate,
+                self.operations,
+                self.virtuals,
+                self.reports,
+                self.faults,
+            )
             parts.append(self.homing)
+        self.motors = Motors(
+            hal,
+            rig,
+            self.reader,
+            self.writer,
+            self.axes,
+            self.gate,
+            self.safety,
+            self.moves,
+            self.virtuals,
+            self.homing,
+            self.reports,
+        )
+        parts.append(self.motors)
+        self.stops = Stops(
+            hal,
+            rig,
+            self.port,
+            self.reader,
+            self.writer,
+            self.axes,
+            self.safety,
+            self.io,
+            self.gate,
+            self.moves,
+            self.virtuals,
+            self.homing,
+            self.reports,
+            self.faults,
+            broken,
+        )
+        self.gate.join(self.stops, self.operations, self.virtuals)
+        self.reports.join(self.moves, self.virtuals)
+        self.handlers = {
+            m.MSG_HI: self._hi,
+            m.MSG_MOTOR_STATUS: self._status,
+            m.MSG_MOTOR_STOP_ALL: self.stops.stop_all,
+            m.MSG_MOTOR_GET_POSITION: self._get_position,
+            m.MSG_CONDITION: self._condition,
+        }
         for part in parts:
             self.handlers.update(part.handlers)
             part.handlers = None  # gives its memory back
@@ -143,8 +204,8 @@ class Controller:
     def poll(self, now):
         """One pass. now: milliseconds modulo 2^29 or more. Returns whether a request came."""
         now &= WRAP
-        self.now = now
-        alarm = sample(self.header, self.samples)
+        self.now = self.reader.now = now
+        alarm = sample(self.header, self.axes.samples)
         if self.axes.pending:
             self.axes.apply_pending()
         busy = self._listen()
@@ -162,8 +223,8 @@ class Controller:
             bits = self.drivers.poll(now)
             if bits:
                 self.stops.on_driver_failure(bits)
-        if self.run_outputs.busy:
-            self.run_outputs.poll()
+        if self.moves.run_outputs.busy:
+            self.moves.run_outputs.poll()
         if alarm and self.operations.state == RUNNING and self.operations.reached():
             self.reports.position = self.reports.frame = True
             self.active_passes = _ACTIVE_PASSES  # a run of lights alone moves nothing
@@ -208,8 +269,8 @@ class Controller:
             return
         else:
             self.active_passes = _IDLE_EVERY  # for what could not be sent before
-        if self.motors.jogging:
-            self.motors.end_jogs()
+        if self.gate.jogging:
+            self.motors.end_jogs(now)
         if self.homing:
             self.homing.poll(now)
         if whole:
@@ -219,7 +280,10 @@ class Controller:
         lost = self.hal.take_lost_commands()
         if lost or flags & stepper.FLAG_FAULT:
             self.stops.on_fault(lost)
-        self.reports.send()
+        if self.operations.rt_end_due:
+            self.operations.rt_end_due = False
+            self.reports.position = self.reports.end = True
+        self.reports.send(now, self.was_open)
         if self.journal:
             self.journal.poll(
                 now, self.reports.was_moving or self.operations.busy or self.virtuals.engaged
@@ -291,7 +355,7 @@ class Controller:
             if not reader.waiting:
                 self.backlog = False
                 break
-            sample(self.header, self.samples)  # a burst takes tens of ms
+            sample(self.header, self.axes.samples)  # a burst takes tens of ms
         return busy
 
     def _handle(self, reader):
@@ -319,7 +383,7 @@ class Controller:
     def _light(self, beat):
         """Show this beat of the LED's pattern."""
         self.beat = beat
-        if self.stops.fault or self.broken or self.safety.tripped:
+        if self.faults.fault or self.broken or self.safety.tripped:
             light = LED_FAULT
         elif self.reports.was_moving:
             light = LED_MOVING
@@ -354,8 +418,7 @@ class Controller:
         """
         writer = self.writer
         writer.begin(m.MSG_MOTOR_STATUS, self.reader)
-        moving = stepper.moving(self.header) | self.motors.homing
-        writer.u32(moving | self.operations.engaged | self.virtuals.engaged)
+        writer.u32(stepper.moving(self.header) | self.gate.taken)
         writer.u8(1 if self.io.lights.adjusting else 0)
         writer.end()
         return 0
@@ -371,7 +434,7 @@ class Controller:
             bits |= m.CONDITION_WATCHDOG_RESET
         if self.drivers and self.drivers.ready != (1 << self.count) - 1:
             bits |= m.CONDITION_DRIVER
-        if self.operations.player.exceeded[WHAT]:
+        if self.operations.exceeded[WHAT]:
             bits |= m.CONDITION_EXCEEDED
         if self.rig.remember_positions:
             if self.journal is None or not self.journal.working:
@@ -379,7 +442,7 @@ class Controller:
             else:
                 bits |= (
                     m.CONDITION_POSITIONS_SAVED
-                    if self.positions.saved
+                    if self.axes.positions.saved
                     else m.CONDITION_POSITIONS_PENDING
                 )
         return bits
@@ -391,7 +454,7 @@ class Controller:
         (motors/positions.py).
         """
         writer = self.writer
-        positions = self.positions
+        positions = self.axes.positions
         writer.begin(m.MSG_CONDITION, self.reader)
         writer.u32(self.condition())
         for i in range(self.count):

@@ -42,20 +42,28 @@ _WORDS = const(4)
 
 
 class Homing:
-    """Homes motors. `Motors.homing` has the bits of those that are not done; whoever stops motors
-    ends homing (Stops.end_homing()).
+    """Homes motors. `Gate.homing` has the bits of those that are not done; whoever stops motors
+    ends homing (end()).
 
-    controller: for what is shared with other requests.
+    operations: of uploaded moves. faults: a FaultLog.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.motors = controller.motors
-        self.axes = controller.axes
-        self.safety = controller.safety
-        rig = controller.rig
-        self.homes = [rig.motor(i)["home"] for i in range(controller.count)]
-        found = [i for i in range(controller.count) if self.homes[i]]
+    def __init__(
+        self, hal, rig, reader, axes, safety, inputs, gate, operations, virtuals, reports, faults
+    ):
+        self.hal = hal
+        self.reader = reader
+        self.axes = axes
+        self.safety = safety
+        self.inputs = inputs
+        self.gate = gate
+        self.operations = operations
+        self.virtuals = virtuals
+        self.reports = reports
+        self.faults = faults
+        self.factor = rig.hard_stop_factor
+        self.homes = [rig.motor(i)["home"] for i in range(axes.count)]
+        found = [i for i in range(axes.count) if self.homes[i]]
         found.sort(key=lambda i: 16 * self.homes[i]["order"] + i)
         self.order = bytes(found)
         self.capable = 0
@@ -76,7 +84,7 @@ class Homing:
         self.news = 0  # motors about which the REPL is to be told
         button = rig.home_input
         self.button = 1 << (button - 1) if button else 0
-        self.was_on = controller.io.gio.inputs.values & self.button
+        self.was_on = inputs.values & self.button
         self.handlers = {m.MSG_HOME: self._home}
 
     # ---------------------------------------------------------------- requests
@@ -84,11 +92,11 @@ class Homing:
     def _home(self):
         """MSG_HOME, framestep's own (field note 4.9). No motors: all enabled ones that have `home`
         in the rig file."""
-        reader = self.controller.reader
+        reader = self.reader
         bits = 0
         for i in range(reader.length):
             number = reader.u8(i)
-            if number < 1 or number > self.controller.count:
+            if number < 1 or number > self.axes.count:
                 return m.ERR_RANGE
             bits |= 1 << (number - 1)
         return self.start(bits or self.usable())
@@ -97,7 +105,7 @@ class Homing:
         """The motors that have `home` and may be moved, one bit each."""
         bits = 0
         for motor in self.order:
-            if self.motors.enabled(motor):
+            if self.gate.enabled(motor):
                 bits |= 1 << motor
         return bits
 
@@ -105,12 +113,11 @@ class Homing:
         """Home the motors of these bits. Returns a code; nothing has changed unless it is OK."""
         if bits & ~self.capable:
             return m.ERR_RANGE
-        controller = self.controller
-        if not bits or not controller.stops.allow_motion():
+        if not bits or not self.gate.allow_motion():
             return m.ERR_GENERAL
         if self.phase == _ENDED and not self.axis.moving:
             self.let_go()
-        if controller.operations.busy or controller.virtuals.engaged or self.phase:
+        if self.operations.busy or self.gate.virtual or self.phase:
             return m.ERR_MOVING
         known = 0
         for motor in self.order:
@@ -126,19 +133,18 @@ class Homing:
         for motor in self.order:
             if (bits >> motor) & 1:
                 positions.put(motor, HELD if (known >> motor) & 1 else LOST, HOMING)
-        self.motors.jogging &= ~bits
-        self.motors.homing = bits
+        self.gate.set_homing(bits)
         self.news &= ~bits
         self._next()
         return m.OK
 
     def _refusal(self, motor):
         """OK, or the code that says why this motor may not be homed."""
-        code = self.motors.may_move(motor)
+        code = self.gate.may_move(motor)
         if code != m.OK:
             return code
         axis = self.axes[motor]
-        if axis.moving or self.controller.virtuals.moves_camera(motor):
+        if axis.moving or self.virtuals.moves_camera(motor):
             return m.ERR_MOVING
         if self.axes.positions.states[motor] == KNOWN:
             self.words[_TARGET] = self.homes[motor]["position"]
@@ -149,7 +155,7 @@ class Homing:
 
     def _watch_button(self):
         """Home motors whose position is not known when the input for it comes on."""
-        on = self.controller.io.gio.inputs.values & self.button
+        on = self.inputs.values & self.button
         if on and not self.was_on:
             states = self.axes.positions.states
             bits = self.usable()
@@ -176,7 +182,7 @@ class Homing:
             self.found = True
             self.axes.choose_sample()
             reals.copy_word(self.words, _FOUND, self.axes.reported, self.motor)
-            axis.stop(self.controller.hal, self.controller.rig.hard_stop_factor)
+            axis.stop(self.hal, self.factor)
         if axis.moving:
             self.rested_at = now
         elif elapsed(now, self.rested_at) >= SETTLE_MS:
@@ -188,7 +194,7 @@ class Homing:
     def _next(self):
         """Begin with the next motor, if there is one."""
         for motor in self.order:
-            if (self.motors.homing >> motor) & 1:
+            if (self.gate.homing >> motor) & 1:
                 self.motor = motor
                 self.axis = self.axes[motor]
                 self.home = self.homes[motor]
@@ -214,7 +220,7 @@ class Homing:
         """Set out on a phase."""
         self.phase = phase
         self.found = False
-        self.rested_at = self.controller.now
+        self.rested_at = self.reader.now
         home = self.home
         words = self.words
         speed = home["speed"]
@@ -235,8 +241,8 @@ class Homing:
             start = _HERE
         reals.add_words(words, _TARGET, words, start, words, _WAY, back)
         self._set_pace(speed)
-        self.motors.switch_on(1 << self.motor)
-        self.axis.move_to(self.controller.hal, words, _TARGET, _PACE)
+        self.gate.switch_on(1 << self.motor)
+        self.axis.move_to(self.hal, words, _TARGET, _PACE)
 
     def _set_pace(self, speed):
         """The velocity of the next motion, in steps/s, at most what the motor is set to; its
@@ -253,8 +259,8 @@ class Homing:
     def _judge(self):
         """The motor has come to rest at the end of a phase: go on, or say what is wrong."""
         phase = self.phase
-        if not self.controller.stops.allow_motion():
-            self.controller.stops.end_homing()
+        if not self.gate.allow_motion():
+            self.end()
         elif phase == _SEEK or phase == _AGAIN:
             # A switch that was found and is open again was a disturbance, if the motor was so slow
             # that it cannot have passed it. A stall is over as soon as the motor stands.
@@ -289,8 +295,8 @@ class Homing:
         positions.about_to_change()
         positions.put(self.motor, KNOWN, HOMED)
         self.axes.position_was_set(self.motor)
-        self.controller.operations.settings_changed()
-        self.controller.reports.position = True
+        self.operations.settings_changed()
+        self.reports.tell_positions()
         self._restore_limits()
         self._go(_LEAVE)
 
@@ -298,15 +304,21 @@ class Homing:
         """This motor is homed; on with the next one."""
         self.release()
         self._tell()
-        self.motors.homing &= ~(1 << self.motor)
+        self.gate.set_homing(self.gate.homing & ~(1 << self.motor))
         self._next()
 
     def _fail(self, reason):
         """This motor's position is lost, and homing ends. reason: of motors/positions.py."""
-        self.controller.stops.end_homing()
+        self.end()
         self.axes.positions.set_lost(1 << self.motor, reason)
-        self.controller.stops.fault |= FAULT_HOMING
+        self.faults.note(FAULT_HOMING, 0)
         self._tell()
+
+    def end(self, bits=-1):
+        """End homing if any of these motors is homed: they are about to be stopped."""
+        if self.gate.homing & bits:
+            self.gate.set_homing(0)
+            self.release()
 
     def release(self):
         """Give the motor back as it was; its switch remains its limit until it stands."""
@@ -364,7 +376,7 @@ class Homing:
             if safety.at_limit & both == 1 << end and not others:
                 safety.reported(end)
                 bits &= ~own
-        self.controller.stops.end_homing(bits)
+        self.end(bits)
         return bits
 
     # ---------------------------------------------------------------- people
@@ -372,7 +384,7 @@ class Homing:
     def _tell(self):
         """The REPL is to be told how it went."""
         self.news |= 1 << self.motor
-        self.controller.stops.unreported |= TOLD_HOMING
+        self.faults.note(0, TOLD_HOMING)
 
     def tell(self):
         """Print how it went. Allocates nothing."""

@@ -14,12 +14,18 @@ CAPABILITIES = (
 class Reports:
     """Keeps what is due to be sent until the writer has room.
 
-    controller: for what is reported. Nothing allocates after construction.
+    header: of the tick. join() comes before the first pass. Nothing allocates after construction.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.writer = controller.writer
+    def __init__(self, hal, rig, writer, axes, io):
+        self.rig = rig
+        self.writer = writer
+        self.axes = axes
+        self.io = io
+        self.header = hal.kernel.state
+        self.moves = None
+        self.operations = None
+        self.virtuals = None
         self.hi = False
         self.position = False
         self.frame = False  # `position` is that of the frame reached last
@@ -27,32 +33,43 @@ class Reports:
         self.end = False
         self.go = False
         # the reason of a hard stop, -1 for none
-        self.hard_stop = m.HARD_STOP_FAULT if controller.hal.watchdog.caused_reset else -1
+        self.hard_stop = m.HARD_STOP_FAULT if hal.watchdog.caused_reset else -1
         self.was_moving = False
-        self.period_ms = controller.rig.report_ms
+        self.period_ms = rig.report_ms
         self.sent_at = 0  # when positions were, ms
+
+    def join(self, moves, virtuals):
+        """Hand over what is reported about, which needs a Reports itself."""
+        self.moves = moves
+        self.operations = moves.operations
+        self.virtuals = virtuals
+
+    def tell_positions(self):
+        """Have positions sent: somebody has set one."""
+        self.position = True
+
+    def tell_fault(self):
+        """Have the host told of an internal fault."""
+        self.hard_stop = m.HARD_STOP_FAULT
 
     def nobody_listens(self):
         """The port is closed: drop all but what stopped the motors, which the next host gets."""
         self.hi = self.position = self.frame = self.virtual = self.end = self.go = False
 
-    def send(self):
-        """Send what is due, as far as there is room (field notes 1.3 and 4.6)."""
-        controller = self.controller
+    def send(self, now, listened):
+        """Send what is due, as far as there is room (field notes 1.3 and 4.6).
+
+        now: ms. listened: whether a host has the port open.
+        """
         writer = self.writer
-        moving = stepper.moving(controller.header) != 0
+        moving = stepper.moving(self.header) != 0
         if moving:
-            if elapsed(controller.now, self.sent_at) >= self.period_ms:
+            if elapsed(now, self.sent_at) >= self.period_ms:
                 self.position = True
         elif self.was_moving:
             self.position = True
         self.was_moving = moving
-        operations = controller.operations
-        if operations.rt_end_due:
-            operations.rt_end_due = False
-            self.position = self.end = True
-        listened = controller.was_open
-        controller.io.report(listened)
+        self.io.report(listened)
         if not listened:
             self.nobody_listens()
             return
@@ -63,12 +80,12 @@ class Reports:
             writer.u8(self.hard_stop)
             if writer.end():
                 self.hard_stop = -1
-        virtuals = controller.virtuals
+        virtuals = self.virtuals
         if self.virtual and (not virtuals.configured or virtuals.send_positions(None)):
             self.virtual = False  # field note 9.8
         if self.position and self.send_positions(None, self.frame):
             self.position = self.frame = False
-            self.sent_at = controller.now
+            self.sent_at = now
             self.virtual = virtuals.configured  # in the next pass, as they take some computing
         if self.go:
             writer.begin(m.MSG_RT_GO, None)
@@ -84,20 +101,19 @@ class Reports:
 
         reader: of the request, or None. Returns whether there was room.
         """
-        controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_HI, reader)
-        writer.text(controller.rig.name, m.DeviceInfo.major)  # up to the next field
+        writer.text(self.rig.name, m.DeviceInfo.major)  # up to the next field
         writer.u8(VERSION[0])
         writer.u8(VERSION[1])
         writer.u8(VERSION[2])
-        writer.u8(controller.count)
-        writer.u16(controller.io.lights.count)
-        writer.u8(controller.io.gio.outputs.count)
-        writer.u8(controller.io.gio.inputs.count)
-        writer.u8(len(controller.rig.limits))
-        writer.u32(controller.moves.upload_frames)
-        writer.u32(CAPABILITIES | controller.virtuals.capabilities)
+        writer.u8(self.axes.count)
+        writer.u16(self.io.lights.count)
+        writer.u8(self.io.gio.outputs.count)
+        writer.u8(self.io.gio.inputs.count)
+        writer.u8(len(self.rig.limits))
+        writer.u32(self.moves.upload_frames)
+        writer.u32(CAPABILITIES | self.virtuals.capabilities)
         writer.u16(m.PROTOCOL_VERSION)
         return writer.end()
 
@@ -107,9 +123,8 @@ class Reports:
         reader: of the request, or None. frame: those of the frame reached last (field note 4.6).
         Returns whether there was room.
         """
-        controller = self.controller
         writer = self.writer
         writer.begin(m.MSG_MOTOR_GET_POSITION, reader)
-        writer.u32(controller.operations.sample_move_time(frame))
-        writer.put_i32s_from(controller.axes.reported, 0, controller.count)
+        writer.u32(self.operations.sample_move_time(frame))
+        writer.put_i32s_from(self.axes.reported, 0, self.axes.count)
         return writer.end()

@@ -188,7 +188,7 @@ class Runner:
             self.task = self._traceback_task
             return
         try:
-            if (self._news or controller.stops.unreported) and not controller.reports.was_moving:
+            if (self._news or controller.faults.unreported) and not controller.reports.was_moving:
                 self._tell()
         except KeyboardInterrupt:
             self._struck = True  # the REPL's port was full, and what was to be told is cut short
@@ -234,14 +234,14 @@ class Runner:
         Not on the protocol's port, and not while motors move, as the REPL's host may keep the board
         waiting.
         """
-        stops = self._controller.stops
-        unreported = stops.unreported
-        stops.unreported = 0
+        faults = self._controller.faults  # type: ignore[union-attr]
+        unreported = faults.unreported
+        faults.unreported = 0
         for bit, text in FAULTS:
             if unreported & bit:
                 print("framestep: ", text, outcome(bit), sep="")
         self._news = False
-        exceeded = self._controller.operations.player.exceeded  # type: ignore[union-attr]
+        exceeded = self._controller.operations.exceeded  # type: ignore[union-attr]
         if unreported & UNREPORTED and exceeded[WHAT] == EXCEEDED_MEMORY:
             print(
                 "framestep: the upload does not fit into memory; bytes needed and free:",

@@ -22,129 +22,166 @@ TOLD_HOMING = const(0x400)  # of `unreported`: homing has something to tell
 SECOND_STOP_MS = const(1000)  # field note 4.4
 
 
+class FaultLog:
+    """Why motors were stopped, FAULT_ bits: `fault` until a motor is sent somewhere again,
+    `unreported` until the REPL has been told; that one has what else it is to be told, too."""
+
+    def __init__(self):
+        self.fault = 0
+        self.unreported = 0
+
+    def note(self, fault, unreported):
+        """Note why the motors are stopped, and what the REPL is to be told."""
+        self.fault |= fault
+        self.unreported |= unreported
+
+    def clear(self):
+        """Motors are sent somewhere: what stopped them is over."""
+        self.fault = 0
+
+
 class Stops:
     """Stops motors and outputs, and keeps the reason.
 
-    controller: for what is stopped. `fault` is why the motors were stopped (FAULT_ bits), until a
-    motor is sent somewhere again; `unreported` is the same until the REPL has been told.
+    broken: the rig file has a mistake. homing may be None. faults: a FaultLog.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.fault = 0
-        self.unreported = 0
+    def __init__(
+        self,
+        hal,
+        rig,
+        port,
+        reader,
+        writer,
+        axes,
+        safety,
+        io,
+        gate,
+        moves,
+        virtuals,
+        homing,
+        reports,
+        faults,
+        broken,
+    ):
+        self.hal = hal
+        self.rig = rig
+        self.port = port
+        self.reader = reader
+        self.writer = writer
+        self.axes = axes
+        self.safety = safety
+        self.io = io
+        self.gate = gate
+        self.operations = moves.operations
+        self.run_outputs = moves.run_outputs
+        self.virtuals = virtuals
+        self.homing = homing
+        self.reports = reports
+        self.faults = faults
+        self.broken = broken
+        self.header = hal.kernel.state
+        self.positions = axes.positions
         self.stop_all_at = -1  # when the last STOP_ALL came, ms
 
     def allow_motion(self):
         """Whether any motor may be moved."""
-        controller = self.controller
-        return not controller.broken and not controller.safety.tripped and self.check_pins()
+        return not self.broken and not self.safety.tripped and self.check_pins()
 
     def stop_everything(self):
         """Ramp all motors down and set all outputs to their safe levels."""
-        controller = self.controller
-        controller.io.safe()
-        controller.operations.stop()
-        controller.run_outputs.abort()
-        controller.virtuals.halt()
-        controller.axes.stop()
-        controller.motors.switch_off(controller.axes.released)
+        self.io.safe()
+        self.operations.stop()
+        self.run_outputs.abort()
+        self.virtuals.halt()
+        self.axes.stop()
+        self.gate.switch_off(self.axes.released)
 
     def crash_stop(self):
         """After an exception in a pass: stop_everything(), and tell the host at once (note 8.4)."""
         self.stop_everything()
-        controller = self.controller
-        writer = controller.writer
+        writer = self.writer
         writer.begin(m.MSG_MOTOR_HARD_STOP, None)
         writer.u8(m.HARD_STOP_FAULT)
         writer.end()
-        controller.port.send(writer)
+        self.port.send(writer)
 
     def fault_stop(self):
         """After an internal fault: stop_everything(), and tell the host soon (field note 8.4)."""
         self.stop_everything()
-        controller = self.controller
-        controller.motors.jogging = 0
-        self.end_homing()
-        controller.reports.hard_stop = m.HARD_STOP_FAULT
-
-    def _note_fault(self, fault):
-        """Note why the motors are stopped. fault: FAULT_ bits."""
-        self.fault |= fault
-        self.unreported |= fault
+        self.gate.stop_jogging()
+        self._end_homing()
+        self.reports.tell_fault()
 
     def on_host_lost(self):
         """The host has closed the port or does not read: all ramp down (field note 1.11)."""
-        controller = self.controller
-        virtuals = controller.virtuals
-        ready = controller.hal.ready()
-        controller.operations.host_lost(ready, virtuals.engaged)
+        virtuals = self.virtuals
+        ready = self.hal.ready()
+        self.operations.host_lost(ready, virtuals.engaged)
         if ready:
             virtuals.stop()
-            controller.axes.stop(1, virtuals.engaged, True)
+            self.axes.stop(1, virtuals.engaged, True)
         else:
             virtuals.halt()  # no motor may turn round on the way to rest
-            controller.axes.stop()
-        controller.io.safe()
-        controller.run_outputs.abort()
-        controller.motors.jogging = 0
-        self.end_homing()
-        controller.reports.nobody_listens()
+            self.axes.stop()
+        self.io.safe()
+        self.run_outputs.abort()
+        self.gate.stop_jogging()
+        self._end_homing()
+        self.reports.nobody_listens()
 
     def on_stop_input(self):
         """A stop input has become active: hard-stop what it is for (field note 8.4)."""
-        controller = self.controller
-        axes = controller.axes
-        virtuals = controller.virtuals
-        operations = controller.operations
-        factor = controller.rig.hard_stop_factor
-        if controller.safety.tripped:
-            if controller.rig.estop_cuts_power:
-                controller.positions.power_cut(axes.moving_bits())
-            self._note_fault(FAULT_ESTOP)
-            controller.motors.jogging = 0
-            self.end_homing()
+        axes = self.axes
+        virtuals = self.virtuals
+        operations = self.operations
+        factor = self.rig.hard_stop_factor
+        if self.safety.tripped:
+            if self.rig.estop_cuts_power:
+                self.positions.power_cut(axes.moving_bits())
+            self._note(FAULT_ESTOP)
+            self.gate.stop_jogging()
+            self._end_homing()
             operations.stop(factor)
             virtuals.halt(factor)
             axes.stop(factor)
-            controller.motors.switch_off(controller.axes.released)
-            controller.io.safe()
-            controller.run_outputs.abort()
+            self.gate.switch_off(axes.released)
+            self.io.safe()
+            self.run_outputs.abort()
             return
-        bits = controller.safety.motors_at_limit()
-        if controller.motors.homing:
-            bits = controller.homing.take_limit(bits)
+        bits = self.safety.motors_at_limit()
+        if self.gate.homing:
+            bits = self.homing.take_limit(bits)
         if bits:
-            self._note_fault(FAULT_LIMIT)
-        controller.motors.jogging &= ~bits
+            self._note(FAULT_LIMIT)
+        self.gate.stop_jogging(bits)
         if virtuals.engaged & bits:
             virtuals.halt()
-        for motor in range(controller.count):
+        for motor in range(self.axes.count):
             if (bits >> motor) & 1:
                 if operations.takes(motor):
                     operations.stop(spared=virtuals.engaged)
-                axes[motor].stop(controller.hal, factor)
+                axes[motor].stop(self.hal, factor)
 
-    def end_homing(self, bits=-1):
-        """Homing is over if any of these motors is homed: they are about to be stopped."""
-        controller = self.controller
-        if controller.motors.homing & bits:
-            controller.motors.homing = 0
-            controller.homing.release()
+    def _note(self, fault):
+        self.faults.note(fault, fault)
+
+    def _end_homing(self):
+        if self.homing:
+            self.homing.end()
 
     def on_fault(self, lost):
         """The kernel has found a fault, or the engine has lost commands of the motors `lost`."""
-        controller = self.controller
-        header = controller.header
-        self._note_fault(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
+        header = self.header
+        self._note(header[stepper.FAULTS] | (FAULT_LOST if lost else 0))
         header[stepper.FAULTS] = 0
-        for motor in range(controller.count):
-            block = controller.axes[motor].block
+        for motor in range(self.axes.count):
+            block = self.axes[motor].block
             if block[stepper.FAULT] & stepper.FAULT_LATE:
                 lost |= 1 << motor  # its pulses broke off in motion, so it may have slipped
             block[stepper.FAULT] = 0
         if lost:
-            controller.positions.set_lost(lost, STEPS)
+            self.positions.set_lost(lost, STEPS)
         self.fault_stop()
 
     def on_driver_failure(self, bits):
@@ -152,12 +189,12 @@ class Stops:
 
         Those that were on have lost their positions, and everything comes to rest.
         """
-        motors = self.controller.motors
-        bits &= motors.powered
+        gate = self.gate
+        bits &= gate.powered
         if bits:
-            motors.switch_off(bits)
-            self.controller.positions.set_lost(bits, DRIVER)
-            self._note_fault(FAULT_DRIVER)
+            gate.switch_off(bits)
+            self.positions.set_lost(bits, DRIVER)
+            self._note(FAULT_DRIVER)
             self.fault_stop()
 
     def check_pins(self):
@@ -166,12 +203,12 @@ class Stops:
         If a program on the REPL has changed some, the HAL takes them back, everything stops, and
         motors that may have missed pulses have lost their positions.
         """
-        hal = self.controller.hal
+        hal = self.hal
         lost = hal.reclaim()
         if lost < 0:
             return hal.ready()
-        self.controller.positions.set_lost(lost, STEPS)
-        self._note_fault(FAULT_TAKEN)
+        self.positions.set_lost(lost, STEPS)
+        self._note(FAULT_TAKEN)
         self.fault_stop()
         return False
 
@@ -181,22 +218,21 @@ class Stops:
         Within SECOND_STOP_MS of another one, or while JOG_ALL comes to rest on a frame, it is the
         hard stop (field notes 4.4 and 6.10). Returns OK.
         """
-        controller = self.controller
-        operations = controller.operations
-        virtuals = controller.virtuals
-        now = controller.now
+        operations = self.operations
+        virtuals = self.virtuals
+        now = self.reader.now
         hard = operations.stopping_on_frame
         if self.stop_all_at >= 0 and elapsed(now, self.stop_all_at) <= SECOND_STOP_MS:
             hard = True
-        factor = controller.rig.hard_stop_factor if hard else 1
+        factor = self.rig.hard_stop_factor if hard else 1
         self.stop_all_at = now
-        controller.motors.jogging = 0
-        self.end_homing()
+        self.gate.stop_jogging()
+        self._end_homing()
         landing = operations.stop(factor, not hard, True, spared=virtuals.engaged)
         if hard:
             virtuals.halt(factor)
         else:
             virtuals.stop()
             landing |= virtuals.engaged
-        controller.axes.stop(factor, landing, not hard)
+        self.axes.stop(factor, landing, not hard)
         return m.OK

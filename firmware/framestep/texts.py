@@ -138,8 +138,8 @@ def positions(controller):
 
     One more line if some position is lost.
     """
-    found = controller.positions
     axes = controller.axes
+    found = axes.positions
     axes.choose_sample()
     lines = []
     for motor in range(found.count):

@@ -96,7 +96,7 @@ def test_home(session):
 def test_stop(session):
     """Within the fast approach, with soft limits that do not count as the position is lost."""
     session.board.emulator.repl().exec(
-        "import framestep.boot as b; b.controller.positions.put(0, 0, 0)"
+        "import framestep.boot as b; b.controller.axes.positions.put(0, 0, 0)"
     )
     rail = Rail(session, -2000)
     session.accept(p.MotorSetLimits(1, 1, 900, 1, 5000), p.Home(b"\1"))
@@ -111,7 +111,7 @@ def test_stop(session):
 def lost(session):
     """As after power-up: the position is lost, without soft limits."""
     session.board.emulator.repl().exec(
-        "import framestep.boot as b; b.controller.positions.put(0, 0, 0)"
+        "import framestep.boot as b; b.controller.axes.positions.put(0, 0, 0)"
     )
     session.accept(p.MotorSetLimits(1, 0, 0, 0, 0))
     session.forget()

@@ -142,7 +142,7 @@ class Stops(Part):
                 self.fail(
                     "fault",
                     "HARD_STOP 100 without a reason "
-                    f"(fault {self.trial.board.controller.stops.fault:#x})",
+                    f"(fault {self.trial.board.controller.faults.fault:#x})",
                 )
             for motor in self.motors:
                 motor.jerky = True

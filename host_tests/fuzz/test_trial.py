@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from framestep.controller import Controller
+from framestep.gate import Gate
 from framestep.hal.host import HostPort, PulseModel
 from framestep.io.requests import Io
 from framestep.motors.axis import Axis
@@ -212,9 +213,9 @@ def ends_twice(monkeypatch):
 
     send = Reports.send
 
-    def again(self):
-        send(self)
-        port = self.controller.port
+    def again(self, now, listened):
+        send(self, now, listened)
+        port = self.operations.axes.hal.port
         if getattr(port, "twice", False) and not self.end:
             port.twice = False
             self.end = True
@@ -233,7 +234,7 @@ def false_fault(monkeypatch):
     stop_all = Stops.stop_all
 
     def wrong(self):
-        self.controller.reports.hard_stop = m.HARD_STOP_FAULT
+        self.reports.hard_stop = m.HARD_STOP_FAULT
         return stop_all(self)
 
     monkeypatch.setattr(Stops, "stop_all", wrong)
@@ -265,7 +266,7 @@ def outputs_left_on(monkeypatch):
 
 
 def estop_ignored(monkeypatch):
-    monkeypatch.setattr(Motors, "may_move", lambda self, motor: m.OK)
+    monkeypatch.setattr(Gate, "may_move", lambda self, motor: m.OK)
 
 
 def couple_apart(monkeypatch):
@@ -314,13 +315,13 @@ def stop_ignored(monkeypatch):
 
 
 def jogs_forgotten(monkeypatch):
-    original = Motors.motors_sent
+    original = Gate.send
 
     def wrong(self, bits):
         self.jogging = 0
         original(self, bits)
 
-    monkeypatch.setattr(Motors, "motors_sent", wrong)
+    monkeypatch.setattr(Gate, "send", wrong)
 
 
 def begins_in_motion(monkeypatch):

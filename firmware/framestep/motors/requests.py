@@ -18,30 +18,33 @@ _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
 
 class Motors:
-    """Carries out requests about single motors, and knows which of them may move.
+    """Carries out requests about single motors.
 
-    controller: for what is shared with other requests.
+    gate: a Gate. moves, virtuals, homing: what has motors to itself; homing may be None.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.hal = controller.hal
-        self.rig = controller.rig
-        self.reader = controller.reader
-        self.writer = controller.writer
-        self.axes = controller.axes
-        self.count = self.axes.count
-        self.flags = array("i", [m.MOTOR_ENABLED] * self.count)  # MOTOR_ bits, set by CONFIGURE
+    def __init__(
+        self, hal, rig, reader, writer, axes, gate, safety, moves, virtuals, homing, reports
+    ):
+        self.hal = hal
+        self.rig = rig
+        self.reader = reader
+        self.writer = writer
+        self.axes = axes
+        self.gate = gate
+        self.safety = safety
+        self.moves = moves
+        self.operations = moves.operations
+        self.virtuals = virtuals
+        self.homing = homing
+        self.reports = reports
+        self.count = axes.count
         # steps/s that a motor's pulses allow
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
         self.fastest = array(
             "i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks]
         )
-        # bits of motors
-        self.powered = 0  # whose driver is on
-        self.jogging = 0
-        self.homing = 0  # that are being homed, or wait for it (homing.py)
         self.heard_at = array("i", [0] * self.count)  # when the last JOG came, ms
         self.words = array("i", [0] * 2)  # of the request: a target, or two limits
         for i in range(self.count):
@@ -57,94 +60,6 @@ class Motors:
             m.MSG_MOTOR_SET_LIMITS: self._set_limits,
             m.MSG_EXCEEDED: self._exceeded,
         }
-
-    # ---------------------------------------------------------------- which motors may move
-
-    def enabled(self, motor):
-        """Whether a motor may be moved: it and its partner are enabled, and it follows no other.
-
-        Two coupled motors move one load. While one has no power, the other must not pull at it.
-        """
-        axis = self.axes[motor]
-        if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
-            return False
-        return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
-
-    def may_move(self, motor):
-        """OK, or the code that says why the motor may not be moved on its own now."""
-        controller = self.controller
-        if not controller.stops.allow_motion():
-            return m.ERR_GENERAL
-        virtuals = controller.virtuals
-        operations = controller.operations
-        if operations.running and operations.takes(motor) or (self.homing >> motor) & 1:
-            return m.ERR_MOVING  # field note 4.9
-        if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
-            return m.ERR_MOVING
-        if not self.enabled(motor):
-            return m.ERR_GENERAL
-        return m.OK if self._drivers_work(1 << motor) else m.ERR_GENERAL
-
-    def may_move_all(self):
-        """OK, or the code that says why no operation may move motors now.
-
-        It may not while the driver of any enabled motor does not work: without that motor it would
-        be another move.
-        """
-        if not self.controller.stops.allow_motion() or not self._drivers_work(
-            self._bits(m.MOTOR_ENABLED)
-        ):
-            return m.ERR_GENERAL
-        return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
-
-    def motors_sent(self, bits):
-        """Motors of these bits have been sent somewhere by an operation or a virtual axis."""
-        self.jogging &= ~bits  # other motors go on jogging until their time is over
-        self.switch_on(bits)
-
-    def _drivers_work(self, bits):
-        """Whether the drivers of these motors and of their partners work."""
-        drivers = self.controller.drivers
-        return not drivers or self._coupled(bits) & ~drivers.ready == 0
-
-    def switch_on(self, bits):
-        """Switch on the drivers of those of these motors that are enabled: they are about to
-        move."""
-        self.controller.stops.fault = 0
-        bits = self._coupled(bits) & self._bits(m.MOTOR_ENABLED) & ~self.powered
-        if self.controller.drivers:
-            bits &= self.controller.drivers.ready
-        if bits:
-            self.powered |= bits
-            for motor in range(self.count):
-                if (bits >> motor) & 1:
-                    self.hal.enable(motor, True)
-
-    def switch_off(self, bits):
-        """Switch off the drivers of these motors."""
-        self.powered &= ~bits
-        for motor in range(self.count):
-            if (bits >> motor) & 1:
-                self.hal.enable(motor, False)
-
-    def _coupled(self, bits):
-        """The motors of these bits and their partners."""
-        for motor in range(self.count - 1):
-            if (bits >> motor) & 1 and self.axes[motor].partner:
-                bits |= 2 << motor
-        return bits
-
-    def _leading(self, motor):
-        """The motor that this one follows, or itself."""
-        return motor - 1 if self.axes[motor].leader else motor
-
-    def _bits(self, flag):
-        """The motors that have a flag set, one bit each."""
-        bits = 0
-        for motor in range(self.count):
-            if self.flags[motor] & flag:
-                bits |= 1 << motor
-        return bits
 
     # ---------------------------------------------------------------- moves, jogs, stops
 
@@ -166,7 +81,7 @@ class Motors:
         if code != m.OK or self.rig.dword_acks:
             return code
         writer = self.writer
-        virtuals = self.controller.virtuals
+        virtuals = self.virtuals
         writer.begin(m.MSG_MOTOR_MOVE, self.reader)
         moving = self.axes[motor].moving or virtuals.engaged and virtuals.moves_camera(motor)
         writer.u8(1 if moving else 0)
@@ -175,21 +90,20 @@ class Motors:
 
     def move(self, motor):
         """Send a motor to words[0]. Returns a code; nothing moves unless it is OK."""
-        code = self.may_move(motor)
+        code = self.gate.may_move(motor)
         if code != m.OK:
             return code
-        controller = self.controller
         axis = self.axes[motor]
         side = axis.outside(self.words, 0)
         if side:
             return m.ERR_SOFT_UP if side > 0 else m.ERR_SOFT_LOW
-        code = controller.safety.limit_blocking(motor, self.words, 0)
+        code = self.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code
-        self.jogging &= ~(1 << motor)
-        if controller.virtuals.moves_camera(motor):
-            return controller.virtuals.move_keeping_aim(motor, self.words, 0)
-        self.switch_on(1 << motor)
+        self.gate.stop_jogging(1 << motor)
+        if self.virtuals.moves_camera(motor):
+            return self.virtuals.move_keeping_aim(motor, self.words, 0)
+        self.gate.switch_on(1 << motor)
         axis.move_to(self.hal, self.words, 0)
         return m.OK
 
@@ -204,38 +118,35 @@ class Motors:
 
     def jog(self, motor, speed):
         """Jog a motor toward words[0], at most to its soft limit. speed: 1 … 10000. As move()."""
-        code = self.may_move(motor)
+        code = self.gate.may_move(motor)
         if code != m.OK:
             return code
-        controller = self.controller
         axis = self.axes[motor]
         axis.clamp(self.words, 0)
-        code = controller.safety.limit_blocking(motor, self.words, 0)
+        code = self.safety.limit_blocking(motor, self.words, 0)
         if code != m.OK:
             return code
         bit = 1 << motor
-        if controller.virtuals.moves_camera(motor):
-            return controller.virtuals.move_keeping_aim(motor, self.words, 0, speed)
-        self.heard_at[motor] = controller.now
-        if not self.jogging & bit or not axis.heads_for(self.words, 0, speed):
-            self.jogging |= bit
-            self.switch_on(bit)
+        if self.virtuals.moves_camera(motor):
+            return self.virtuals.move_keeping_aim(motor, self.words, 0, speed)
+        self.heard_at[motor] = self.reader.now
+        if not self.gate.jogging & bit or not axis.heads_for(self.words, 0, speed):
+            self.gate.begin_jog(bit)
             axis.move_to(self.hal, self.words, 0, speed)
         return m.OK
 
-    def end_jogs(self):
-        """Stop motors whose JOG has not been repeated in time (field note 4.2)."""
+    def end_jogs(self, now):
+        """Stop motors whose JOG has not been repeated in time (field note 4.2). now: ms."""
         limit = self.rig.jog_timeout_ms
-        now = self.controller.now
         for motor in range(self.count):
             bit = 1 << motor
-            if self.jogging & bit:
+            if self.gate.jogging & bit:
                 axis = self.axes[motor]
                 if not axis.moving:
-                    self.jogging &= ~bit
+                    self.gate.stop_jogging(bit)
                 elif limit and elapsed(now, self.heard_at[motor]) >= limit:
                     axis.stop(self.hal, 1, True)
-                    self.jogging &= ~bit
+                    self.gate.stop_jogging(bit)
 
     def _stop(self):
         """MSG_MOTOR_STOP (spec; field notes 1.8 and 6.11).
@@ -245,16 +156,16 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        controller = self.controller
-        motor = self._leading(motor)
-        self.jogging &= ~(1 << motor)
-        controller.stops.end_homing(1 << motor)
-        engaged = controller.virtuals.engaged
-        taken = controller.operations.busy and controller.operations.takes(motor)
+        motor = self.gate.leading(motor)
+        self.gate.stop_jogging(1 << motor)
+        if self.homing:
+            self.homing.end(1 << motor)
+        engaged = self.virtuals.engaged
+        taken = self.operations.busy and self.operations.takes(motor)
         if taken:
-            controller.operations.stop(land=True, spared=engaged)
+            self.operations.stop(land=True, spared=engaged)
         if (engaged >> motor) & 1:
-            controller.virtuals.stop()
+            self.virtuals.stop()
         elif not taken:
             self.axes[motor].stop(self.hal, 1, True)
         return m.OK
@@ -266,18 +177,16 @@ class Motors:
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
-        controller = self.controller
         axis = self.axes[motor]
-        engaged = controller.operations.engaged | controller.virtuals.engaged | self.homing
-        if axis.moving or (engaged >> self._leading(motor)) & 1:
+        if axis.moving or (self.gate.taken >> self.gate.leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
         self.reader.copy_i32_to(m.MotorResetPosition.position, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
         self.axes.positions.set_known(motor)
         self.axes.position_was_set(motor)
-        controller.operations.settings_changed()
-        controller.reports.position = True
+        self.operations.settings_changed()
+        self.reports.tell_positions()
         return m.OK
 
     def _configure(self):
@@ -286,13 +195,12 @@ class Motors:
         flags = self.reader.u8(m.MotorConfigure.flags)
         if motor < 0:
             return m.ERR_RANGE
-        controller = self.controller
         axis = self.axes[motor]
         enabled = flags & m.MOTOR_ENABLED
-        coupling = (flags ^ self.flags[motor]) & _COUPLING
-        if flags != self.flags[motor]:
-            engaged = self._coupled(controller.operations.engaged | self.homing)
-            virtual = self._coupled(controller.virtuals.engaged)
+        coupling = (flags ^ self.gate.flags[motor]) & _COUPLING
+        if flags != self.gate.flags[motor]:
+            engaged = self.gate.coupled(self.operations.engaged | self.gate.homing)
+            virtual = self.gate.coupled(self.virtuals.engaged)
             if coupling:
                 engaged |= engaged >> 1  # the next motor is concerned as well
                 virtual |= virtual >> 1
@@ -306,16 +214,15 @@ class Motors:
             code = self._couple(motor, flags & _COUPLING)
             if code != m.OK:
                 return code
-        self.flags[motor] = flags
-        controller.moves.shoot.blurred = self._bits(m.MOTOR_BLUR)
+        self.gate.flags[motor] = flags
         bit = 1 << motor
         if enabled:
-            self.switch_on(bit)
+            self.gate.switch_on(bit)
         else:
-            self.switch_off(bit)
+            self.gate.switch_off(bit)
             self.axes.positions.driver_off(motor)
-        self._update_excluded()
-        controller.operations.settings_changed()
+        self.moves.set_motors(self.gate.with_flag(m.MOTOR_BLUR), self.gate.excluded())
+        self.operations.settings_changed()
         return m.OK
 
     def _couple(self, motor, flags):
@@ -336,17 +243,6 @@ class Motors:
             return m.ERR_RANGE  # no chains
         return m.OK
 
-    def _update_excluded(self):
-        """Say which motors take no part in uploaded moves.
-
-        They are disabled or under live control, follow another, or have a disabled partner.
-        """
-        bits = 0
-        for motor in range(self.count):
-            if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
-                bits |= 1 << motor
-        self.controller.operations.player.excluded = bits
-
     def _set_speed(self):
         """MSG_MOTOR_SET_SPEED, in steps/s and steps/s².
 
@@ -360,34 +256,33 @@ class Motors:
         if acceleration < 0:
             acceleration = ACCELERATION_LIMIT
         self.axes.set_speed(motor, velocity, acceleration)
-        self.controller.operations.settings_changed()
-        self.controller.virtuals.changed(self._leading(motor))
+        self.operations.settings_changed()
+        self.virtuals.changed(self.gate.leading(motor))
         return m.OK
 
     def _set_limits(self):
         """MSG_MOTOR_SET_LIMITS: soft limits and limit switches (field notes 3.3 and 4.3)."""
         reader = self.reader
-        controller = self.controller
         motor = self._motor()
         hw_set = reader.u8(m.MotorSetLimits.limit_set)
         lower_enable = reader.u8(m.MotorSetLimits.lower_enable)
         upper_enable = reader.u8(m.MotorSetLimits.upper_enable)
         switches = hw_set & m.HW_SET_MASK
-        if motor < 0 or lower_enable > 1 or upper_enable > 1 or not controller.safety.has(switches):
+        if motor < 0 or lower_enable > 1 or upper_enable > 1 or not self.safety.has(switches):
             return m.ERR_RANGE
-        if (self.homing >> self._leading(motor)) & 1:
+        if (self.gate.homing >> self.gate.leading(motor)) & 1:
             return m.ERR_MOVING  # field note 4.9
         reader.copy_i32_to(m.MotorSetLimits.lower, self.words, 0)
         reader.copy_i32_to(m.MotorSetLimits.upper, self.words, 1)
         if not self.axes[motor].set_limits(lower_enable != 0, upper_enable != 0, self.words, 0):
             return m.ERR_RANGE
-        if controller.homing:
-            controller.homing.let_go()
-        controller.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
-        controller.operations.settings_changed()
-        motor = self._leading(motor)
-        controller.virtuals.changed(motor)
-        if not ((controller.operations.playing | controller.virtuals.engaged) >> motor) & 1:
+        if self.homing:
+            self.homing.let_go()
+        self.safety.assign(motor, switches, hw_set & m.HW_SET_SWAP)
+        self.operations.settings_changed()
+        motor = self.gate.leading(motor)
+        self.virtuals.changed(motor)
+        if not ((self.operations.playing | self.virtuals.engaged) >> motor) & 1:
             self.axes[motor].keep_to_limits(self.hal)
         return m.OK
 
@@ -398,7 +293,7 @@ class Motors:
         for the one of the request: m.Exceeded, field by field.
         """
         writer = self.writer
-        exceeded = self.controller.operations.player.exceeded
+        exceeded = self.operations.exceeded
         motor = self.reader.u8(m.GetExceeded.motor) - 1 if self.reader.length else exceeded[MOTOR]
         if motor < 0 or motor >= self.count:
             return m.ERR_RANGE
@@ -407,7 +302,7 @@ class Motors:
         writer.u8(exceeded[MOTOR] + 1 if exceeded[WHAT] else 0)
         writer.put_i32s_from(exceeded, FRAME, 2)  # and BY
         axis = self.axes[motor]
-        safety = self.controller.safety
+        safety = self.safety
         writer.u8(motor + 1)
         writer.u32(axis.own_velocity)
         writer.u32(axis.own_acceleration)
@@ -417,7 +312,7 @@ class Motors:
             bits |= m.SET_LOWER
         if axis.upper_enabled:
             bits |= m.SET_UPPER
-        if self.flags[motor] & m.MOTOR_ENABLED:
+        if self.gate.flags[motor] & m.MOTOR_ENABLED:
             bits |= m.SET_ENABLED
         if axis.leader:
             bits |= m.SET_FOLLOWS

@@ -28,18 +28,22 @@ _RUN_FLAGS = const(m.RUN_PING_PONG | m.RUN_LOOP | m.RUN_VIDEO | m.RUN_STILLS)
 class Moves:
     """The uploaded move and all that plays it.
 
-    controller: for what requests of other parts share.
+    gate: a Gate. faults: a FaultLog. acknowledge(code): answers a request before it is carried out.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.reader = controller.reader
-        axes = controller.axes
+    def __init__(self, hal, reader, axes, safety, io, gate, faults, acknowledge):
+        self.hal = hal
+        self.reader = reader
+        self.gate = gate
+        self.faults = faults
+        self.acknowledge = acknowledge
+        self.axes = axes
         self.levels = LightLevels()
         self.triggers = Triggers()
         self.store = UploadStore(axes.count)
-        self.operations = OperationRunner(axes, self.store, controller.safety)
-        self.run_outputs = RunOutputs(axes, controller.io, self.levels, self.triggers)
+        self.operations = OperationRunner(axes, self.store, safety)
+        self.player = self.operations.player
+        self.run_outputs = RunOutputs(axes, io, self.levels, self.triggers)
         self.run = RunMove(self.operations, self.run_outputs)
         self.shoot = ShootFrame(self.operations, self.run_outputs)
         self.jog = JogAll(self.operations)
@@ -57,12 +61,12 @@ class Moves:
             m.MSG_RT_STOP_LOOP: self._stop_loop,
             m.MSG_RT_JOG_ALL: self._jog_all,
         }
-        if controller.io.lights.count:
+        if io.lights.count:
             self.handlers[m.MSG_RT_UPLOAD_MOVE_DMX] = self._dmx
 
     def take_memory(self):
         """The last thing at boot: positions, light levels and triggers share the memory left."""
-        self.store.allocate(self.controller.hal.upload_bytes)
+        self.store.allocate(self.hal.upload_bytes)
         self.levels.allocate(self.store)
         self.triggers.allocate(self.store)
 
@@ -71,6 +75,11 @@ class Moves:
         """How many frames fit if all motors have data."""
         return self.store.capacity_frames(self.store.motors)
 
+    def set_motors(self, blurred, excluded):
+        """Set which motors move in SHOOT_FRAME, and which take no part in uploaded moves: bits."""
+        self.shoot.blurred = blurred
+        self.player.excluded = excluded
+
     def poll(self):
         """Every few milliseconds: do what is due and plan a piece.
 
@@ -78,7 +87,7 @@ class Moves:
         """
         if self.run_outputs.busy:
             self.run_outputs.poll()
-        if self.operations.state == READY and self.controller.virtuals.engaged:
+        if self.operations.state == READY and self.gate.virtual:
             return False  # its motors are not at rest, whether they move or not
         return self.operations.poll()
 
@@ -97,14 +106,14 @@ class Moves:
             self.levels.begin(frames)
             self.triggers.begin(frames)
             self.operations.drop_prepared()
-            self.operations.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
+            self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _axis(self):
         """MSG_RT_UPLOAD_MOVE_AXIS (field note 5.3); the start index has a bit: last section."""
         reader = self.reader
         number = reader.u8(m.RtUploadMoveAxis.motor)
-        if number < 1 or number > self.operations.axes.count:
+        if number < 1 or number > self.axes.count:
             return m.ERR_RANGE
         if self.operations.running:
             return m.ERR_MOVING
@@ -165,13 +174,13 @@ class Moves:
         The motors go there; lights and triggers are set as they are there.
         """
         frame = self.reader.i32(m.RtPositionFrame.frame)
-        code = self.controller.motors.may_move_all()
-        if code == m.OK and (self.operations.running or self.controller.virtuals.engaged):
+        code = self.gate.may_move_all()
+        if code == m.OK and (self.operations.running or self.gate.virtual):
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.operations.send_to_frame(frame, self.positions)
         if code == m.OK:
-            self.controller.motors.motors_sent(self.operations.player.motors())
+            self.gate.send(self.player.motors())
             self.run_outputs.show_frame(frame - self.store.start)
         return code
 
@@ -212,7 +221,7 @@ class Moves:
             closed,
         )
         if code == m.OK:
-            self.controller.motors.motors_sent(self.run.bits)
+            self.gate.send(self.run.bits)
         return self._report_exceeded(code)
 
     def _exceeded(self, code):
@@ -220,7 +229,7 @@ class Moves:
         (field note 5.7). Returns `code`."""
         words = self.store.words
         if words[ASKED]:
-            exceeded = self.operations.player.exceeded
+            exceeded = self.operations.exceeded
             if exceeded[WHAT] != m.EXCEEDED_MEMORY:
                 exceeded[WHAT] = m.EXCEEDED_MEMORY
                 self._report_exceeded(code)
@@ -235,8 +244,8 @@ class Moves:
 
         Returns `code`.
         """
-        if self.operations.player.exceeded[WHAT]:
-            self.controller.stops.unreported |= UNREPORTED
+        if self.operations.exceeded[WHAT]:
+            self.faults.note(0, UNREPORTED)
         return code
 
     def _shoot_frame(self):
@@ -256,7 +265,7 @@ class Moves:
                 listed,
             )
         if code == m.OK:
-            self.controller.motors.motors_sent(self.shoot.bits)
+            self.gate.send(self.shoot.bits)
         return self._report_exceeded(code)
 
     def _shoot_frame2(self):
@@ -273,7 +282,7 @@ class Moves:
                 listed,
             )
         if code == m.OK:
-            self.controller.motors.motors_sent(self.shoot.bits)
+            self.gate.send(self.shoot.bits)
         return self._report_exceeded(code)
 
     def _listed(self, offset, backward):
@@ -289,7 +298,7 @@ class Moves:
         bits = 0
         while offset < reader.length:
             number = reader.u8(offset + m.BlurMotor.motor)
-            if number < 1 or number > self.operations.axes.count:
+            if number < 1 or number > self.axes.count:
                 return -1
             bits |= 1 << (number - 1)
             reader.copy_i32_to(offset + m.BlurMotor.position_a, first, number - 1)
@@ -299,31 +308,23 @@ class Moves:
 
     def _may_begin(self):
         """OK if an operation may be prepared; else the code that says why not (field note 6.1)."""
-        code = self.controller.motors.may_move_all()
+        code = self.gate.may_move_all()
         if code == m.OK:
-            if (
-                self.operations.running
-                or self.operations.axes.moving
-                or self.controller.virtuals.engaged
-            ):
+            if self.operations.running or self.axes.moving or self.gate.virtual:
                 return m.ERR_MOVING
-            self.operations.player.exceeded[WHAT] = m.EXCEEDED_NOTHING
+            self.operations.exceeded[WHAT] = m.EXCEEDED_NOTHING
         return code
 
     def _may_go(self):
         """OK if the operation that waits may start; otherwise the code that says why not."""
-        code = self.controller.motors.may_move_all()
-        if code == m.OK:
-            code = self.operations.may_go()
-        if code == m.OK and self.operations.operation.bits & self.controller.virtuals.engaged:
-            code = m.ERR_NOT_IN_POSITION  # they are about to leave
-        return code
+        code = self.gate.may_move_all()
+        return self.operations.may_go(self.gate.virtual) if code == m.OK else code
 
     def _go(self):
         """MSG_RT_GO. Acknowledged first, then the motion starts (field note 6.3)."""
         code = self._may_go()
         if code == m.OK:
-            self.controller.acknowledge(m.OK)
+            self.acknowledge(m.OK)
             self.operations.start()
             return 0
         return code
@@ -349,13 +350,13 @@ class Moves:
 
     def _jog_all(self):
         """MSG_RT_JOG_ALL (field note 6.10)."""
-        code = self.controller.motors.may_move_all()
-        if code == m.OK and not self.operations.running and self.controller.virtuals.engaged:
+        code = self.gate.may_move_all()
+        if code == m.OK and not self.operations.running and self.gate.virtual:
             code = m.ERR_MOVING
         if code == m.OK:
             code = self.jog.prepare(
                 self.reader.u30(m.RtJogAll.fps_milli), self.reader.i32(m.RtJogAll.destination)
             )
         if code == m.OK:
-            self.controller.motors.motors_sent(self.jog.bits)
+            self.gate.send(self.jog.bits)
         return self._report_exceeded(code)

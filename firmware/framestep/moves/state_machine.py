@@ -79,6 +79,7 @@ class OperationRunner:
         self.store = store
         self.safety = safety
         self.player = UploadPlayer(axes, store)
+        self.exceeded = self.player.exceeded  # what the last move asked too much of
         self.state = IDLE
         self.operation = Operation(self)
         self.start_positions = None  # by motor: where the operation begins
@@ -215,9 +216,9 @@ class OperationRunner:
         self.host_gone = False
         self.rt_end_due = False
 
-    def may_go(self):
+    def may_go(self, virtual=0):
         """OK if an operation waits and all motors stand where it begins; else the code that says
-        why not."""
+        why not. virtual: bits of motors in a virtual motion, which are about to leave."""
         state = self.state
         if state != READY:
             if state == POSITIONING and not self.starts_by_itself:
@@ -228,8 +229,9 @@ class OperationRunner:
         code = self._recheck(True)
         if code == OK:
             code = find_switch_ahead(self.player, self.safety, self.operation)
-        if code == OK and not stand_at(
-            self.axes, self.operation.bits, self.start_positions, self.directions
+        bits = self.operation.bits
+        if code == OK and (
+            bits & virtual or not stand_at(self.axes, bits, self.start_positions, self.directions)
         ):
             code = ERR_NOT_IN_POSITION
         return code

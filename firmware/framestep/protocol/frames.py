@@ -111,6 +111,7 @@ class FrameReader:
         self.head = 0
         self.payload = HEADER_BYTES
         self.waiting = 0
+        self.now = 0  # when the pass began that reads, ms; the caller sets it
 
     @micropython.viper
     def feed(self, source, start: int, count: int) -> int:
@@ -179,6 +180,7 @@ class FrameReader:
         self._state[_NEXT] = 0
         self._state[_FILL] = 0
         self.waiting = 0
+        self.now = 0  # when the pass began that reads, ms; the caller sets it
 
     @micropython.viper
     def u8(self, i: int) -> int:

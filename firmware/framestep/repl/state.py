@@ -20,10 +20,10 @@ def _report():
     )
     lines += (
         texts.conditions(controller.condition())
-        + texts.faults(controller.stops.fault)
+        + texts.faults(controller.faults.fault)
         + texts.positions(controller)
     )
-    exceeded = controller.operations.player.exceeded
+    exceeded = controller.operations.exceeded
     lines += texts.exceeded(
         exceeded[WHAT], exceeded[MOTOR] + 1, exceeded[FRAME], exceeded[BY], exceeded[ROOM]
     )

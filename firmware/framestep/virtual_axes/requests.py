@@ -98,13 +98,14 @@ def read_configuration(reader, kind, motors, configuration):
 
 
 class Virtuals(VirtualAxes):
-    """The virtual axes, with the messages about them. controller: see VirtualAxes."""
+    """The virtual axes, with the messages about them. For the rest see VirtualAxes."""
 
-    def __init__(self, controller):
-        VirtualAxes.__init__(self, controller)
-        self.reader = controller.reader
-        self.writer = controller.writer
-        self.capabilities = controller.rig.virtuals
+    def __init__(self, rig, reader, writer, axes, safety, operations, gate, reports):
+        VirtualAxes.__init__(self, rig, axes, safety, operations, gate)
+        self.reader = reader
+        self.writer = writer
+        self.reports = reports
+        self.capabilities = rig.virtuals
         self.types = _geometries(self.capabilities, self.r)
         self.configuration = Configuration()
         self.word = array("i", [0] * 2)
@@ -148,7 +149,7 @@ class Virtuals(VirtualAxes):
                 bits |= 1 << (motor - 1)
         if bits & busy:
             return m.ERR_MOVING
-        if not self.usable(bits):
+        if not self.gate.all_enabled(bits):
             return m.ERR_RANGE
         for motor in range(self.axes.count):
             self.axes[motor].position_to(line.present, motor)
@@ -156,7 +157,7 @@ class Virtuals(VirtualAxes):
         if code:
             return code
         line.adopt(rig)
-        self.controller.reports.position = True
+        self.reports.tell_positions()
         return m.OK
 
     # ---------------------------------------------------------------- positions

@@ -20,15 +20,16 @@ _CARRIERS = const(3)  # axes that carry pan and tilt
 class VirtualAxes:
     """The line that the camera moves along, and the move or jog along it.
 
-    controller: for the motors, operations and settings that it shares with other requests.
+    operations: of uploaded moves. gate: a Gate.
     """
 
-    def __init__(self, controller):
-        self.controller = controller
-        self.operations = controller.operations
-        self.axes = controller.axes
+    def __init__(self, rig, axes, safety, operations, gate):
+        self.rig = rig
+        self.operations = operations
+        self.axes = axes
+        self.gate = gate
         self.r = array("i", [0] * REGISTERS)
-        self.line = Line(self.axes, controller.safety, self.r)
+        self.line = Line(axes, safety, self.r)
         self.survey = Survey(self.line)
         self.move = LinearMove(self.line, self.survey)
         self.jogs = Jogs(self)
@@ -46,7 +47,7 @@ class VirtualAxes:
 
     def poll(self, now):
         """One pass; now: ms, as in clock.py. Whether there may be more to plan at once."""
-        return self.jogs.poll(now, self.controller.rig.jog_timeout_ms)
+        return self.jogs.poll(now, self.rig.jog_timeout_ms)
 
     def stop(self):
         """Slow down along the line."""
@@ -72,28 +73,21 @@ class VirtualAxes:
         line = self.line
         if not self.configured:
             return ERR_GENERAL
-        code = self.controller.motors.may_move_all()
+        code = self.gate.may_move_all()
         if code != OK:
             return code
         if self.operations.engaged & line.bits:
             return ERR_MOVING
-        if not self.usable(line.bits):
+        if not self.gate.all_enabled(line.bits):
             return ERR_GENERAL
         if not self.move.state and self.axes.moving_bits() & line.bits:
             return ERR_MOVING
         return OK
 
-    def usable(self, bits):
-        """Whether all motors of these bits are enabled, and led by no other."""
-        for motor in range(self.axes.count):
-            if (bits >> motor) & 1 and not self.controller.motors.enabled(motor):
-                return False
-        return True
-
     def set_out(self, number, ahead=None):
         """Set out along the line begun; number: its virtual axis or 0; ahead: of a jog."""
         self.moved = number
-        self.controller.motors.motors_sent(self.line.bits)
+        self.gate.send(self.line.bits)
         self.move.begin(ahead)
 
     def head_for(self, to, number):

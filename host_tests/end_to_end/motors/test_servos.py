@@ -128,7 +128,7 @@ def test_position_cannot_be_set():
 
 def test_it_is_always_known():
     session = simulated(rig())
-    positions = session.board._board.controller.positions
+    positions = session.board._board.controller.axes.positions
     assert positions.states[0] == LOST
     enable(session, flags=0)
     assert (positions.states[1], positions.reasons[1]) == (KNOWN, SERVO)

@@ -51,9 +51,9 @@ class Rig:
 
     def unreported(self):
         """Whether the REPL is to be told; then it has been."""
-        stops = self.board._board.controller.stops
-        found = stops.unreported & UNREPORTED
-        stops.unreported &= ~UNREPORTED
+        faults = self.board._board.controller.faults
+        found = faults.unreported & UNREPORTED
+        faults.unreported &= ~UNREPORTED
         return bool(found)
 
 

@@ -93,13 +93,13 @@ class View:
         lines = [
             f"{self.board.now_ns * 1e-9:.1f} s: {host if plugged else 'the cable is out'}; {does}"
         ]
-        lines += texts.conditions(controller.condition()) + texts.faults(controller.stops.fault)
+        lines += texts.conditions(controller.condition()) + texts.faults(controller.faults.fault)
         return "\n".join(lines)
 
     def _motors(self) -> Table:
         controller = self.board.controller
         controller.axes.choose_sample()
-        found = controller.positions
+        found = controller.axes.positions
         shown = Table("motor", box=None, padding=(0, 2))
         shown.add_column("position", justify="right", min_width=11)
         shown.add_column("steps/s", justify="right", min_width=9)

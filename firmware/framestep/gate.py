@@ -1,0 +1,171 @@
+"""Which motors may move, what has them, and whether their drivers are on."""
+
+from array import array
+
+from framestep.protocol import messages as m
+
+
+class Gate:
+    """Says which motors may move, and switches their drivers on before they do.
+
+    `flags` has the MOTOR_ bits of CONFIGURE, by motor. These have a bit for each motor: `powered`,
+    whose driver is on; `jogging`; `homing`, which are being homed or wait for it. faults: a
+    FaultLog, which is cleared when motors are sent somewhere. join() comes before the first pass.
+    Nothing allocates after construction.
+    """
+
+    def __init__(self, hal, axes, drivers, faults):
+        self.hal = hal
+        self.axes = axes
+        self.drivers = drivers
+        self.faults = faults
+        self.flags = array("i", [m.MOTOR_ENABLED] * axes.count)
+        self.powered = 0
+        self.jogging = 0
+        self.homing = 0
+        self.stops = None
+        self.operations = None
+        self.virtuals = None
+
+    def join(self, stops, operations, virtuals):
+        """Hand over what may have motors or hold them, each of which needs a gate itself."""
+        self.stops = stops
+        self.operations = operations
+        self.virtuals = virtuals
+
+    # ---------------------------------------------------------------- what has them
+
+    @property
+    def virtual(self):
+        """Bits of the motors in a virtual motion."""
+        return self.virtuals.engaged
+
+    @property
+    def taken(self):
+        """Bits of the motors that an operation, a virtual motion or homing has."""
+        return self.operations.engaged | self.virtuals.engaged | self.homing
+
+    # ---------------------------------------------------------------- which may move
+
+    def allow_motion(self):
+        """Whether any motor may be moved."""
+        return self.stops.allow_motion()
+
+    def enabled(self, motor):
+        """Whether a motor may be moved: it and its partner are enabled, and it follows no other.
+
+        Two coupled motors move one load. While one has no power, the other must not pull at it.
+        """
+        axis = self.axes[motor]
+        if axis.leader or not self.flags[motor] & m.MOTOR_ENABLED:
+            return False
+        return not axis.partner or self.flags[motor + 1] & m.MOTOR_ENABLED != 0
+
+    def all_enabled(self, bits):
+        """Whether all motors of these bits are enabled()."""
+        for motor in range(self.axes.count):
+            if (bits >> motor) & 1 and not self.enabled(motor):
+                return False
+        return True
+
+    def may_move(self, motor):
+        """OK, or the code that says why the motor may not be moved on its own now."""
+        if not self.stops.allow_motion():
+            return m.ERR_GENERAL
+        virtuals = self.virtuals
+        operations = self.operations
+        if operations.running and operations.takes(motor) or (self.homing >> motor) & 1:
+            return m.ERR_MOVING  # field note 4.9
+        if (virtuals.engaged >> motor) & 1 and not virtuals.moves_camera(motor):
+            return m.ERR_MOVING
+        if not self.enabled(motor):
+            return m.ERR_GENERAL
+        return m.OK if self._drivers_work(1 << motor) else m.ERR_GENERAL
+
+    def may_move_all(self):
+        """OK, or the code that says why no operation may move motors now.
+
+        It may not while the driver of any enabled motor does not work: without that motor it would
+        be another move.
+        """
+        if not self.stops.allow_motion() or not self._drivers_work(self.with_flag(m.MOTOR_ENABLED)):
+            return m.ERR_GENERAL
+        return m.ERR_MOVING if self.homing else m.OK  # field note 4.9
+
+    def _drivers_work(self, bits):
+        """Whether the drivers of these motors and of their partners work."""
+        drivers = self.drivers
+        return not drivers or self.coupled(bits) & ~drivers.ready == 0
+
+    # ---------------------------------------------------------------- they are about to move
+
+    def send(self, bits):
+        """Let an operation or a virtual axis send these motors somewhere."""
+        self.stop_jogging(bits)  # other motors go on jogging until their time is over
+        self.switch_on(bits)
+
+    def begin_jog(self, bit):
+        """Let a motor be jogged."""
+        self.jogging |= bit
+        self.switch_on(bit)
+
+    def stop_jogging(self, bits=-1):
+        """These motors are no longer jogged."""
+        self.jogging &= ~bits
+
+    def set_homing(self, bits):
+        """Set which motors are homed, one after the other."""
+        self.stop_jogging(bits)
+        self.homing = bits
+
+    def switch_on(self, bits):
+        """Switch on the drivers of those of these motors that are enabled: they are about to
+        move."""
+        self.faults.clear()
+        bits = self.coupled(bits) & self.with_flag(m.MOTOR_ENABLED) & ~self.powered
+        if self.drivers:
+            bits &= self.drivers.ready
+        if bits:
+            self.powered |= bits
+            for motor in range(self.axes.count):
+                if (bits >> motor) & 1:
+                    self.hal.enable(motor, True)
+
+    def switch_off(self, bits):
+        """Switch off the drivers of these motors."""
+        self.powered &= ~bits
+        for motor in range(self.axes.count):
+            if (bits >> motor) & 1:
+                self.hal.enable(motor, False)
+
+    # ---------------------------------------------------------------- bits of motors
+
+    def coupled(self, bits):
+        """The motors of these bits and their partners."""
+        for motor in range(self.axes.count - 1):
+            if (bits >> motor) & 1 and self.axes[motor].partner:
+                bits |= 2 << motor
+        return bits
+
+    def leading(self, motor):
+        """The motor that this one follows, or itself."""
+        return motor - 1 if self.axes[motor].leader else motor
+
+    def with_flag(self, flag):
+        """The motors that have a flag set, one bit each."""
+        bits = 0
+        for motor in range(self.axes.count):
+            if self.flags[motor] & flag:
+                bits |= 1 << motor
+        return bits
+
+    def excluded(self):
+        """The motors that take no part in uploaded moves, one bit each.
+
+        They are disabled or under live control, follow another, or have a disabled partner.
+        """
+        bits = 0
+        for motor in range(self.axes.count):
+            if not self.enabled(motor) or self.flags[motor] & m.MOTOR_LIVE:
+                bits |= 1 << motor
+        return bits
