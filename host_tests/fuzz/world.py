@@ -5,8 +5,8 @@ without that nothing deep is reached. And it is not: any message with any payloa
 state. All is drawn from one `random.Random`.
 
 Each of its subjects is a file of its own: rigs.py, host.py (the port and the clock), and what a
-host does: singles.py, uploads.py, operations.py, virtuals.py, bursts.py, surroundings.py,
-anyhow.py.
+host does: single_motors.py, uploads.py, operations.py, virtuals.py, bursts.py, outside.py,
+any_message.py.
 """
 
 from random import Random

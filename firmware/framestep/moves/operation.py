@@ -1,4 +1,4 @@
-"""What a run, an exposure or a jog of all motors is to the state machine in operations.py."""
+"""What a run, an exposure or a jog of all motors is to the state machine in state_machine.py."""
 
 from framestep.base.results import OK
 

@@ -2,7 +2,7 @@
 
 The controller merges `handlers` into its own table. A handler returns the code to acknowledge with,
 or 0 where it has answered itself. Payloads are taken apart here and nowhere else in moves. What a
-request means is decided in operations.py and by the operations. Nothing allocates after
+request means is decided in state_machine.py and by the operations. Nothing allocates after
 construction.
 """
 

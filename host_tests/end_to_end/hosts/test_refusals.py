@@ -30,8 +30,8 @@ def prepared(dialect="spec"):
 
 # ---- lengths -------------------------------------------------------------------------------------
 
-# Of the notes' table, by number. VIRT_CONFIG has a form for each type (test_virtual_moves.py), and
-# framestep's own take any length.
+# Of the notes' table, by number. VIRT_CONFIG has a form for each type
+# (../virtual_axes/test_moves.py), and framestep's own take any length.
 LENGTHS = {
     row.number: row
     for row in table().values()

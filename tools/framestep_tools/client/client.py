@@ -148,8 +148,8 @@ class Client:
 
     @classmethod
     def open(cls, url: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> "Self":
-        """Open a device path or socket://host:port; NoPort, PortBusy (opening.py) where that cannot
-        be."""
+        """Open a device path or socket://host:port; NoPort, PortBusy (open_port.py) where that
+        cannot be."""
         return cls(open_port(url, timeout_s), timeout_s, url)
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""How positions are written into the memory of an upload store, whose form is in upload_chunks.py.
+"""How positions are written into the memory of an upload store, whose form is in chunks.py.
 
 Positions become changes of the steps per frame, in as few bits as a chunk allows. The kernels work
-on the same two blocks, and have the same parameters, as those of upload_chunks.py.
+on the same two blocks, and have the same parameters, as those of chunks.py.
 """
 
 from framestep.base.native import CPYTHON, micropython, ptr8, ptr16, ptr32

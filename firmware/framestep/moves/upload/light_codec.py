@@ -1,4 +1,4 @@
-"""How the light levels of a channel are kept in units of an upload store's pool (upload_chunks.py).
+"""How the light levels of a channel are kept in units of an upload store's pool (chunks.py).
 
 A channel is a chain of units, sorted by frame. A unit, 17 half words:
 
@@ -19,7 +19,7 @@ Levels count modulo 256, so a change from 255 to 0 is one of 1. A frame behind a
 and before the next unit has not been sent: it has the level before it. A unit holds no more than
 what the next one leaves it: what lies behind the next one's first frame is void.
 
-`words` and `memory` are those of upload_chunks.py; the levels of a section are bytes of `words`
+`words` and `memory` are those of chunks.py; the levels of a section are bytes of `words`
 from SCRATCH on, `own` is the block of LightLevels.
 """
 

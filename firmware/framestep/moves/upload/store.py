@@ -1,7 +1,7 @@
 """The uploaded move: a position for every frame of every motor, in one block of memory.
 
 A motor gets a region of that memory when its first section comes; motors without data take none.
-How positions are kept in a region: upload_chunks.py; how they are written: upload_codec.py.
+How positions are kept in a region: chunks.py; how they are written: codec.py.
 
 What fits. A frame costs 1.08 bytes a motor while the steps per frame change by at most 127 from one
 frame to the next, and 1.34 up to 511. All frames of capacity_frames() fit if no motor's steps per
@@ -134,7 +134,7 @@ class UploadStore:
 
     @property
     def words(self):
-        """The counters and buffers of that memory (upload_chunks.py)."""
+        """The counters and buffers of that memory (chunks.py)."""
         return self._words
 
     def begin(self, start, end):

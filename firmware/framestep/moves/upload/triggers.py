@@ -1,7 +1,7 @@
 """The uploaded triggers of a move: which outputs are on at which frame.
 
 Triggers are bits, in units of the pool that an upload's positions take theirs from
-(upload_chunks.py): for each bit of VALUES a unit has 224 frames, or none where it is off in all of
+(chunks.py): for each bit of VALUES a unit has 224 frames, or none where it is off in all of
 them. So a trigger on every frame costs 0.15 bytes a frame for each output. A unit, 17 half words:
 
     link | block, of 224 frames | number of the bit | 14 half words, the first frame lowest
