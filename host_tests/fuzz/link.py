@@ -78,6 +78,7 @@ class Link(Part):
         self.since: dict[int, int] = {}  # when that place came, ms
         # places in the stream where a frame may begin that has not all come
         self.begun: list[int] = []
+        self.sound_to = 0  # where the last sound frame ends in it
 
     def sent(self, data):
         """Find the sound frames in the stream, wherever they begin."""
@@ -100,7 +101,10 @@ class Link(Part):
         left = []
         for at in begun:
             since = self.since.setdefault(at, self.ms)
-            got = self._sound(stream, at, self.ms - since > SLOW_MS)
+            # One that begins in a sound frame, which a damaged one may be by chance, is no frame
+            inside = at < self.sound_to
+            got = self._sound(stream, at, inside or self.ms - since > SLOW_MS)
+            self.sound_to = max(self.sound_to, at + got)
             if got == 0:
                 left.append(at)
         self.trial.garbage = self.trial.passes
@@ -110,10 +114,12 @@ class Link(Part):
         if not left and not stream.endswith(b"D"):
             stream.clear()
             self.since.clear()
+            self.sound_to = 0
         elif len(stream) > 20_000:
             stream.clear()
             left.clear()
             self.since.clear()
+            self.sound_to = 0
 
     def _sound(self, stream, at, slow=False):
         """How many bytes the sound frame there has; 0 if more must come, -1 if there is none."""

@@ -228,6 +228,8 @@ class Replies(Part):
     def _moved(self, request, payload):
         motor = self.motors[request.motor]
         motor.let_go_by = None
+        if request.sent <= self.trial.stops.told_at:  # carried out after that stop
+            self.trial.stops.set_off()
         if (
             request.kind == m.MSG_MOTOR_JOG
             and self.rig.jog_timeout_ms

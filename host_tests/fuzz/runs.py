@@ -74,11 +74,16 @@ class Runs(Part):
             motor.reach(self._place(motor, number))
             self.goes_to(motor, request.order, self._place(motor, number))
             self.led(motor)
+        # One that is still being stopped ends with RT_END; whether it is over before this request
+        # or after it, nobody can say.
+        self.lost = self.lost or (self.prepared and self.trial.stops.stopping)
         self.prepared = False
 
     def _run_move(self, request, payload):
         fps, start, end, pre, post = request.words("IiiII")
-        flags = struct.unpack_from("<H", request.payload, 29)[0] if len(request.payload) > 29 else 0
+        flags = (
+            struct.unpack_from("<H", request.payload, 29)[0] if len(request.payload) >= 31 else 0
+        )
         fps /= 1000
         self.run = {
             "fps": fps,
@@ -131,6 +136,8 @@ class Runs(Part):
         self.going["order"] = request.order if request else self.trial.counts["requests"]
         if run is None:
             return
+        for motor in run["motors"] if run["shot"] else self._takers():
+            motor.let_go_by = None
         if run["shot"]:
             self.going["whole"] = False
             self.going["motors"] = run["motors"]

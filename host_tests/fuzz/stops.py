@@ -30,6 +30,7 @@ class Stops(Part):
         self.pressed = False  # since the last HARD_STOP 0
         self.struck = 0  # when a limit switch was touched last
         self.safe_at: int | None = None  # when all outputs have their safe level
+        self.told_at = LONG_AGO  # when a HARD_STOP came last
         self.lit = LONG_AGO  # when one was asked for last
         self.enabling: list[tuple[int, int]] = []  # (ms, motor) of drivers switched on
 
@@ -63,6 +64,11 @@ class Stops(Part):
         elif self.held_since is not None:
             self.held_since = None
             self.let_go = self.ms
+
+    @property
+    def stopping(self):
+        """Whether something that stops everything has come and not all may stand yet."""
+        return self.asked > 0 or self.ms - self.told_at < self.longest_ms()
 
     def safe_ms(self):
         """How long outputs have to get to their safe levels: a video camera is stopped by a pulse
@@ -136,6 +142,7 @@ class Stops(Part):
     def told(self, payload):
         """A HARD_STOP has come: with a reason."""
         reason = payload[0]
+        self.told_at = self.ms
         self.trial.anything_may_stop()
         if reason == m.HARD_STOP_FAULT:
             if self.ms > self.reason:

@@ -278,8 +278,11 @@ class Trial:
             self.stops.stood_by = self.ms
             for motor in self.motors:
                 motor.rest(self.ms)
-        if self.stops.safe_at is not None and self.ms >= self.stops.safe_at and passing:
-            self.stops.safe()
+        if self.stops.safe_at is not None:
+            if not passing:  # the passes after that have as much time as any
+                self.stops.safe_at = max(self.stops.safe_at, self.ms + self.stops.safe_ms())
+            elif self.ms >= self.stops.safe_at:
+                self.stops.safe()
         for motor in self.motors:
             if len(motor.edges) > FLUSH_EDGES and not (
                 self.runs.going and self.ms - self.runs.going["ms"] < 30_000
