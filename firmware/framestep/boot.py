@@ -55,7 +55,7 @@ class Settings:
 
 
 def forget(*names):
-    """Give back the memory of modules: name those of a package before the package."""
+    """Unload modules to free their memory. List a package after its modules."""
     for name in names:
         if sys.modules.pop(name, None):
             package, last = name.rsplit(".", 1)

@@ -1,7 +1,7 @@
 """What the commands of framestep.repl share.
 
-The commands are loaded for each call anew, as memory is scarce. All is done between two passes of
-the main loop, so a pass never finds anything half done.
+Each call loads its command's code, because memory is scarce. A command runs between two passes of
+the main loop, so a pass never sees anything half done.
 """
 
 from framestep import boot

@@ -33,6 +33,6 @@ _ASKED = sorted(
 # a host may send: a type that is not here is unknown (field note 1.7).
 SIZES = {cls.TYPE: (cls.LEAST, cls.ENTRY) for cls in _ASKED}
 
-# Those that leave alone what a prepared run has planned before GO, and motors waiting that have yet
-# to set out after it
+# Requests that neither discard the plan of a run that waits for GO, nor send off motors that have
+# yet to return to a frame after one
 KEEPS_PLAN = tuple(cls.TYPE for cls in _ASKED if cls.KEEPS_PLAN)

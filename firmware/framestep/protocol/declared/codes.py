@@ -19,8 +19,7 @@ PROTOCOL_VERSION = const(2)
 
 MSG_FLAG_ACK = const(0x8000)
 
-# -- Response codes (spec: MSG_FLAG_ACK); those that are results of the core have their numbers
-# there
+# -- Response codes (spec: MSG_FLAG_ACK). base/results.py numbers those that the core returns
 
 OK = const(results.OK)
 ERR_CHECKSUM = const(0x0011)

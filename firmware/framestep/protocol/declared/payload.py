@@ -85,9 +85,9 @@ class Payload:
     """The data section of one message, or a record in one."""
 
     TYPE: ClassVar[int]  # the message's number
-    SIZE: ClassVar[int]  # bytes of all fields but one that repeats,
-    LEAST: ClassVar[int]  # of those that cannot be left out,
-    ENTRY: ClassVar[int]  # of an entry of what repeats; 0 where nothing does
+    SIZE: ClassVar[int]  # bytes of all fields without the repeated one
+    LEAST: ClassVar[int]  # bytes of the mandatory fields
+    ENTRY: ClassVar[int]  # bytes of one repeated entry; 0 if nothing repeats
 
     def __init_subclass__(cls, number: int | None = None) -> None:
         super().__init_subclass__()
@@ -96,7 +96,7 @@ class Payload:
             cls.TYPE = number
         cls.SIZE = cls.LEAST = cls.ENTRY = 0
         if len(layout(cls)) < len(fields(cls)):
-            cls.ENTRY = 1  # what comes after the fields with a code may have any length
+            cls.ENTRY = 1  # any number of bytes may follow the declared fields
         for name, code, optional in layout(cls):
             setattr(cls, name, cls.SIZE)  # an instance has its own value under that name
             if isinstance(code, type):
