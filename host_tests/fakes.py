@@ -10,14 +10,16 @@ from array import array
 from itertools import pairwise
 
 from framestep.base.native import addressof, as_word
+from framestep.motors import samples
 from framestep.motors.axes import Axes
 from framestep.motors.axis import Axis
+from framestep.motors.backlash import make_backlash
 from framestep.motors.feeder import MIRRORED, WORK_WORDS
 from framestep.motors.positions import Positions
 from framestep.moves.state_machine import OperationRunner
 from framestep.moves.upload.store import EMPTY, READY
 from framestep.protocol.messages import OK
-from framestep.pulse import samples, stepper
+from framestep.pulse import stepper
 from host_tests.motion.engine import Bench
 
 STEPS_PER_S = 4194  # of the kernel's velocity, to rough
@@ -28,15 +30,13 @@ class Motor:
 
     partner = leader = None
     reversed = 0
-    backlash = 0
 
     def __init__(self):
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
         self.work = array("i", [0] * WORK_WORDS)
         self.block[stepper.WORK] = as_word(addressof(self.work))
-        self.load_position = array("i", [0])
+        self.backlash = make_backlash(self.block)
 
-    refresh = Axis.refresh
     position_to = Axis.position_to
 
     def couple(self, partner):

@@ -12,12 +12,12 @@ from framestep.io.safety import Safety
 from framestep.io.watchdog import CHECK_MS, Watchdog
 from framestep.motors.axes import Axes
 from framestep.motors.requests import Motors
+from framestep.motors.samples import sample
 from framestep.moves.requests import Moves
 from framestep.moves.state_machine import ENDING, LEAVING, POSITIONING, READY, RUNNING
 from framestep.protocol import messages as m
 from framestep.protocol.frames import DAMAGED, NOTHING, FrameReader, FrameWriter
 from framestep.pulse import stepper
-from framestep.pulse.samples import sample
 from framestep.reports import Reports
 from framestep.stops import FaultLog, Stops
 

@@ -14,7 +14,7 @@ from framestep_tools.payloads import GetCondition, Hi, MotorMove
 BACKLASH = "framestep/motors/backlash.mpy"
 TICK = "framestep/pulse/tick.mpy"
 STEP = 2  # the pin of motor 1
-UP = "if load_position > planned[_LOAD_POSITION]:\n        planned[_OFFSET] = "
+MOTOR = "        w[_MOTOR] = step + offset\n"
 RAM, RAM_SIZE = 0x20000000, 256 * 1024
 CODE_OF_A_FUNCTION = 12
 
@@ -51,7 +51,7 @@ def on_board(ident, modules):
 
 def seven_more(more=""):
     """backlash.py that makes seven steps more going up."""
-    return {BACKLASH: edited(BACKLASH, more, UP + "0", UP + "7")}
+    return {BACKLASH: edited(BACKLASH, more, MOTOR, MOTOR.replace("step", "7 + step"))}
 
 
 def pulses(emu):

@@ -18,9 +18,9 @@ from micropython import heap_lock, heap_unlock
 from framestep.hal.esp32.chain import Chain
 from framestep.hal.stream import Stream
 from framestep.motors.axes import Axes
+from framestep.motors.samples import sample
 from framestep.pulse.engine import CYCLES
 from framestep.pulse.kernel import StepKernel
-from framestep.pulse.samples import sample
 from framestep.pulse.stepper import FAULT, MODE, POSITION, TICKS
 
 SETUP = 640  # cycles: 5 µs

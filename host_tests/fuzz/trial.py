@@ -33,6 +33,7 @@ import traceback
 from collections import Counter
 
 from framestep.io.watchdog import HOST_UNREAD_MS
+from framestep.motors.backlash import LOAD
 from framestep.protocol import messages as m
 from host_tests import int32
 from host_tests.script import Script
@@ -90,7 +91,7 @@ class Trial:
         self.replies = Replies(self)
         for motor in self.motors:
             # as remembered
-            motor.at = motor.load = self.board.controller.axes[motor.index].load_position[0]
+            motor.at = motor.load = self.board.controller.axes[motor.index].backlash[LOAD]
             motor.stands(0)
         if self.stops.estop_pin is not None:
             self.stops.estop(self.hal.levels() >> self.stops.estop_pin & 1)

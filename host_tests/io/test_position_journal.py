@@ -12,6 +12,7 @@ from framestep.hal.host import HostFlash, HostHal
 from framestep.hal.host_board import HostBoard
 from framestep.io.position_journal import SLOT_BYTES, STILL_MS, PositionJournal, checksum
 from framestep.io.restore import restore
+from framestep.motors.backlash import BACKLASH, LOAD
 from framestep.motors.positions import (
     BEFORE,
     BROKEN_OFF,
@@ -96,7 +97,7 @@ class PoweredUp:
         """The host gives the motors these places."""
         for motor, place in enumerate(places):
             self.positions.set_known(motor)
-            self.axes[motor].load_position[0] = self.axes[motor].block[stepper.POSITION] = place
+            self.axes[motor].backlash[LOAD] = self.axes[motor].block[stepper.POSITION] = place
 
     def move(self, *places):
         """The motors go there."""
@@ -108,8 +109,8 @@ class PoweredUp:
     def state(self):
         """((places), (state and reason of each))"""
         for axis in self.axes:
-            axis.refresh()
-        places = tuple(axis.load_position[0] for axis in self.axes)
+            axis.backlash.refresh()
+        places = tuple(axis.backlash[LOAD] for axis in self.axes)
         return places, tuple(zip(self.positions.states, self.positions.reasons, strict=True))
 
 
@@ -162,12 +163,12 @@ def test_lost_ones_stay_lost():
 def test_the_play_of_the_gears_is_kept():
     flash = HostFlash()
     powered = PoweredUp(flash)
-    powered.axes[1].backlash = 20
+    powered.axes[1].backlash[BACKLASH] = 20
     powered.put(0, 100, 0)
     powered.axes[1].block[stepper.POSITION] = 92  # the load stands where it was
     powered.poll()
     again = PoweredUp(flash)
-    again.axes[1].backlash = 20
+    again.axes[1].backlash[BACKLASH] = 20
     assert again.state == kept(0, 100, 0)
     assert again.axes[1].block[stepper.POSITION] == 92
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from framestep.motors import backlash as b
+from framestep.motors.samples import sample
 from framestep.moves.path import path_check
 from framestep.pulse import stepper
-from framestep.pulse.samples import sample
 from host_tests.motors.test_axes import HIGHEST, LOWEST, Rig, word
 
 STEPS = 30
@@ -29,64 +29,51 @@ def gear(load, motor, backlash):
     return min(max(load, motor), motor + backlash)
 
 
-class Planned:
-    """A motor's plan: it is at load position 0, with its backlash taken up for a motion up."""
+class Gear:
+    """A motor whose load is at `load`, and a plan that begins there."""
 
-    def __init__(self, backlash=STEPS, load=0):
-        self.planned = array("i", [load, 0, backlash])
-        self.limits = array("i", [0] * 4)
+    def __init__(self, backlash=STEPS, load=0, motor=None):
+        self.block = array("i", [0] * stepper.BLOCK_WORDS)
+        self.block[stepper.POSITION] = load if motor is None else motor
+        self.backlash = b.make_backlash(self.block)
+        self.backlash[b.BACKLASH], self.backlash[b.LOAD] = backlash, load
+        self.backlash.plan_from(self.backlash, b.LOAD)
 
     @property
     def motor(self):
-        return self.limits[b.PHYSICAL]
+        return self.backlash[b.MOTOR]
 
     @property
     def offset(self):
-        return self.planned[b.OFFSET]
+        return self.backlash[b.OFFSET]
 
     @property
     def load(self):
-        return self.planned[b.LOAD_POSITION]
+        return self.backlash[b.PLANNED_LOAD]
 
     def turn_to(self, target, part=0):
-        b.motor_step(self.planned, self.limits, word(target), 1, part)
+        self.backlash.turn_to(word(target), 1, part)
         return self.motor
 
     def coast_to(self, target, part=0):
-        b.same_side(self.planned, self.limits, word(target), 1, part)
+        self.backlash.coast_to(word(target), 1, part)
         return self.motor
 
     def take_up(self, direction):
-        b.take_up(self.planned, self.limits, direction)
+        self.backlash.take_up(direction)
         return self.motor
 
     def cut(self, motor, part):
         found = array("i", [7, 0])
         at = array("i", [0] * stepper.AT_WORDS)
         at[stepper.AT_STEP], at[stepper.AT_PART] = motor, part
-        return b.replan_from(self.planned, at, found, 1), found[1]
-
-
-class Driven:
-    """A motor that has gone somewhere, and its load."""
-
-    def __init__(self, backlash=STEPS, load=0, motor=0):
-        self.backlash = backlash
-        self.words = array("i", [load])
-        self.block = array("i", [0] * stepper.BLOCK_WORDS)
-        self.block[stepper.POSITION] = motor
+        return self.backlash.plan_from_cut(at, found, 1), found[1]
 
     def go(self, motor):
+        """Where the load is after the motor has gone there."""
         self.block[stepper.POSITION] = motor
-        b.drag(self.words, self.block, self.backlash)
-        return self.words[0]
-
-    def taken_up(self, direction):
-        return b.taken_up(self.words, self.block, self.backlash, direction)
-
-    @property
-    def offset(self):
-        return b.offset(self.words, self.block)
+        self.backlash.refresh()
+        return self.backlash[b.LOAD]
 
 
 # ------------------------------------------------------------------------------ turning
@@ -104,13 +91,13 @@ class Driven:
     ],
 )
 def test_the_motor_takes_up_the_backlash_where_the_load_turns(targets, motor):
-    plan = Planned()
+    plan = Gear()
     assert [plan.turn_to(target) for target in targets] == motor
 
 
 @given(steps, positions)
 def test_the_load_comes_to_each_target(backlash, targets):
-    plan, load = Planned(backlash), 0
+    plan, load = Gear(backlash), 0
     for target in targets:
         load = gear(load, plan.turn_to(target), backlash)
         assert load == target == plan.load
@@ -121,7 +108,7 @@ def test_the_load_comes_to_each_target(backlash, targets):
 @given(steps)
 def test_at_the_ends_of_the_range(backlash):
     lowest = LOWEST + backlash
-    plan = Planned(backlash, HIGHEST)
+    plan = Gear(backlash, HIGHEST)
     assert plan.turn_to(lowest) == LOWEST
     assert plan.turn_to(HIGHEST) == HIGHEST
 
@@ -131,7 +118,7 @@ def test_at_the_ends_of_the_range(backlash):
 )
 def test_the_nearest_step_decides_in_which_direction_a_target_lies(part, offset, load):
     """From above, where half a step more than -1 is 0; the motor goes to the whole step."""
-    plan = Planned(load=5)
+    plan = Gear(load=5)
     assert plan.turn_to(-1, part) == -1 + offset
     assert (plan.offset, plan.load) == (offset, load)
     assert plan.turn_to(load - 1, HALF) == load - 1 - STEPS, "half a step below it: it is there"
@@ -139,7 +126,7 @@ def test_the_nearest_step_decides_in_which_direction_a_target_lies(part, offset,
 
 
 def test_a_ramp_leaves_the_backlash_as_it_is():
-    plan = Planned()
+    plan = Gear()
     assert [plan.coast_to(-10), plan.coast_to(10)] == [-10, 10]
     assert [plan.turn_to(5), plan.coast_to(10), plan.coast_to(0)] == [-25, -20, -30]
     assert plan.turn_to(2) == 2, "which ends where the next target turns the load"
@@ -149,15 +136,15 @@ def test_a_ramp_leaves_the_backlash_as_it_is():
 
 @pytest.mark.parametrize("direction, motor", [(UP, 4), (EITHER, -26), (DOWN, -26)])
 def test_backlash_is_taken_up_for_a_direction_without_moving_the_load(direction, motor):
-    plan = Planned(load=5)
+    plan = Gear(load=5)
     load = gear(5, plan.turn_to(4), STEPS)
     assert plan.take_up(direction) == motor
     assert gear(load, motor, STEPS) == plan.load == 4
-    assert Planned(load=5).take_up(DOWN) == 5 - STEPS
+    assert Gear(load=5).take_up(DOWN) == 5 - STEPS
 
 
 def test_a_plan_goes_on_from_where_the_motor_is_cut_off():
-    plan = Planned()
+    plan = Gear()
     plan.turn_to(-10)
     assert plan.cut(-35, HALF) == (HALF, -5)
     assert plan.load == -4
@@ -170,17 +157,17 @@ def test_a_plan_goes_on_from_where_the_motor_is_cut_off():
 
 @given(steps, positions)
 def test_the_load_is_dragged(backlash, motor):
-    driven, load = Driven(backlash), 0
+    driven, load = Gear(backlash), 0
     for position in motor:
         load = gear(load, position, backlash)
         assert driven.go(position) == load
-        assert driven.offset == position - load
+        assert driven.backlash.offset() == position - load
 
 
 def test_the_load_is_dragged_at_the_ends_of_the_range():
-    driven = Driven(10_000, load=LOWEST + 10_000, motor=LOWEST)
+    driven = Gear(10_000, load=LOWEST + 10_000, motor=LOWEST)
     assert driven.go(LOWEST + 1) == LOWEST + 10_000
-    driven = Driven(10_000, load=HIGHEST, motor=HIGHEST)
+    driven = Gear(10_000, load=HIGHEST, motor=HIGHEST)
     assert driven.go(HIGHEST - 10_001) == HIGHEST - 1
 
 
@@ -189,12 +176,12 @@ def test_the_load_is_dragged_at_the_ends_of_the_range():
     [(0, {UP, EITHER}), (-1, {EITHER}), (-STEPS, {DOWN, EITHER}), (1 - STEPS, {EITHER})],
 )
 def test_for_which_directions_it_is_taken_up(motor, directions):
-    driven = Driven(motor=motor)
-    assert {way for way in (UP, EITHER, DOWN) if driven.taken_up(way)} == directions
+    driven = Gear(motor=motor)
+    assert {way for way in (UP, EITHER, DOWN) if driven.backlash.taken_up(way)} == directions
 
 
 def test_without_backlash_it_is_taken_up_for_any_direction():
-    assert all(Driven(0).taken_up(way) for way in (UP, EITHER, DOWN))
+    assert all(Gear(0).backlash.taken_up(way) for way in (UP, EITHER, DOWN))
 
 
 # ------------------------------------------------------------------------------ all who share it
@@ -243,11 +230,11 @@ def test_an_axis_moves_its_load(moves):
 
 def test_which_way_an_axis_heads():
     rig, axis = with_backlash(0)
-    assert axis.heading() == EITHER
+    assert axis.backlash.heading() == EITHER
     rig, axis = with_backlash()
     for target, heading in ((-5, DOWN), (-3, UP)):
         axis.move_to(rig.bench, word(target), 1)
-        assert axis.heading() == heading
+        assert axis.backlash.heading() == heading
         meet(rig, axis)
 
 
@@ -284,7 +271,7 @@ def test_the_check_counts_the_steps_that_the_motor_makes(backlash, frames, order
     words[path_check.LOWEST], words[path_check.HIGHEST] = LOWEST, HIGHEST
     words[path_check.BACKLASH] = backlash
     words[path_check.OFFSET] = -backlash if direction < 0 else 0
-    plan = Planned(backlash, frames[0])
+    plan = Gear(backlash, frames[0])
     plan.take_up(direction)
     motor, taken = [plan.take_up(direction)], [False]
     for frame in frames[1:]:

@@ -7,6 +7,7 @@ from array import array
 from framestep.io.position_journal import STILL_MS, PositionJournal
 from framestep.io.restore import restore
 from framestep.motion.reals import copy_word
+from framestep.motors.backlash import LOAD, make_backlash
 from framestep.motors.positions import Positions
 from framestep.pulse import stepper
 
@@ -64,11 +65,8 @@ class Flash:
 
 class Motor:
     def __init__(self):
-        self.load_position = array("i", [0])
         self.block = array("i", [0] * stepper.BLOCK_WORDS)
-
-    def refresh(self):
-        copy_word(self.load_position, 0, self.block, stepper.POSITION)
+        self.backlash = make_backlash(self.block)
 
 
 class Motors:
@@ -88,16 +86,16 @@ def replay(say):
         motors = Motors()
         journal = PositionJournal(flash, motors)
         restore(journal)
-        say(
-            f"{[motor.load_position[0] for motor in motors.motors]} "
-            f"{bytes(motors.positions.states)}"
-        )
+        say(f"{[motor.backlash[LOAD] for motor in motors.motors]} {bytes(motors.positions.states)}")
         now = 2**30 - 100
         flash.lock(True)
         for i in range(8):
             if i != turn:
                 motors.positions.set_known(i)
                 copy_word(motors[i].block, stepper.POSITION, places, (i + turn) & 7)
+                copy_word(
+                    motors[i].backlash, LOAD, places, (i + turn) & 7
+                )  # as a motion there does
         for _ in range(STILL_MS + 3):
             now = now + 1 if now < 0x3FFFFFFF else 0
             journal.poll(now, False)

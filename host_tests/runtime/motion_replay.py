@@ -76,7 +76,7 @@ class Rig:
             axis = self.axes[i]
             write(self.kernel.blocks[i])
             write(axis.cubic)
-            write(axis.load_position)
+            write(axis.backlash)
             write(self.fifos[i])
 
 

@@ -18,9 +18,9 @@ from array import array
 
 from framestep.hal.stream import Stream
 from framestep.motors.axes import Axes
+from framestep.motors.samples import sample
 from framestep.pulse.engine import CYCLES, WORDS
 from framestep.pulse.kernel import StepKernel
-from framestep.pulse.samples import sample
 from framestep.pulse.stepper import FAULT, MODE, POSITION
 
 try:

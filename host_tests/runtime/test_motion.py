@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from framestep.motion import segments
+from framestep.motors import backlash
 from framestep.pulse import stepper
 from host_tests.runtime import motion_replay
 
@@ -21,9 +22,10 @@ BLOCK_ADDRESSES = [
     stepper.QUEUE,
     stepper.WORK,
     stepper.PHASES,
-    stepper.LOAD_POSITION,
+    stepper.BACKLASH,
+    stepper.BLOCK_WORDS + segments.CUBIC_WORDS + backlash.BLOCK,
 ]
-MOTOR_WORDS = stepper.BLOCK_WORDS + segments.CUBIC_WORDS + 1 + 1
+MOTOR_WORDS = stepper.BLOCK_WORDS + segments.CUBIC_WORDS + backlash.WORDS + 1
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
 
 

@@ -22,6 +22,7 @@ from array import array
 from framestep.base.clock import elapsed
 from framestep.base.native import const, micropython, ptr8, ptr32
 from framestep.motion.reals import copy_word
+from framestep.motors.backlash import LOAD
 from framestep.motors.positions import LOST
 from framestep.pulse import stepper
 
@@ -33,8 +34,8 @@ PAGE_BYTES = const(256)
 NUMBER = const(0)  # counts up from record to record
 FORM = const(1)  # LAYOUT and the number of motors
 LOST_ONES = const(2)  # motors whose position was lost, one bit each
-LOAD_POSITIONS = const(3)  # where the loads are (motors/axis.py)
-STEPS = const(15)  # where the motors are: the difference is the play that is taken up
+LOAD_POSITIONS = const(3)  # where the loads are
+STEPS = const(15)  # where the motors are: the difference is the offset
 CHECK = const(30)  # CRC-32 of the words before it
 MARK = const(31)  # -1 while the record is true
 _WORDS = const(32)
@@ -168,8 +169,8 @@ class PositionJournal:
         record[FORM] = LAYOUT + axes.count
         for motor in range(axes.count):
             axis = axes[motor]
-            axis.refresh()
-            copy_word(record, LOAD_POSITIONS + motor, axis.load_position, 0)
+            axis.backlash.refresh()
+            copy_word(record, LOAD_POSITIONS + motor, axis.backlash, LOAD)
             copy_word(record, STEPS + motor, axis.block, stepper.POSITION)
             if self.positions.states[motor] == LOST:
                 record[LOST_ONES] |= 1 << motor

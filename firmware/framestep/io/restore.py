@@ -13,6 +13,7 @@ from framestep.io.position_journal import (
     checksum,
 )
 from framestep.motion.reals import copy_word, equal_words
+from framestep.motors.backlash import LOAD
 from framestep.motors.positions import BEFORE, BROKEN_OFF, HELD, LOST, RESTORED
 from framestep.pulse import stepper
 
@@ -43,7 +44,7 @@ def restore(journal):
     moved = record[MARK] != -1
     for motor in range(axes.count):
         axis = axes[motor]
-        copy_word(axis.load_position, 0, record, LOAD_POSITIONS + motor)
+        copy_word(axis.backlash, LOAD, record, LOAD_POSITIONS + motor)
         copy_word(axis.block, stepper.POSITION, record, STEPS + motor)
         if moved:
             journal.positions.put(motor, LOST, BROKEN_OFF)

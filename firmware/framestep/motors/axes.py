@@ -5,10 +5,11 @@ from array import array
 from framestep.base.clock import after
 from framestep.base.native import const
 from framestep.motors.axis import MOST_SEGMENTS, Axis
+from framestep.motors.backlash import BACKLASH
 from framestep.motors.feeder import ALL_BITS, coupled, neediest
 from framestep.motors.positions import Positions
+from framestep.motors.samples import ALARM, choose, make_samples, renumber
 from framestep.pulse import stepper
-from framestep.pulse.samples import ALARM, choose, make_samples, renumber
 
 AHEAD = const(11)  # segments to keep queued
 LOW = const(5)  # the queue of a moving motor with fewer is filled in any pass
@@ -70,7 +71,7 @@ class Axes:
     def set_backlash(self, motor, steps):
         """As Axis.set_backlash()."""
         self[motor].set_backlash(steps)
-        self.with_backlash = [axis for axis in self.axes if axis.backlash]
+        self.with_backlash = [axis.backlash for axis in self.axes if axis.backlash[BACKLASH]]
 
     def feed(self, urgent=False):
         """Fill the queue of the motor with the fewest segments, if it has fewer than AHEAD.
@@ -98,8 +99,8 @@ class Axes:
             tail = axis.block[stepper.WRITE_INDEX]
             axis.feed(min((found & 31) + AHEAD, MOST_SEGMENTS))
             left -= ((axis.block[stepper.WRITE_INDEX] - tail) & ALL_BITS) + _CALL
-        for axis in self.with_backlash:
-            axis.refresh()
+        for backlash in self.with_backlash:
+            backlash.refresh()
         bits = stepper.awaiting_target(self.kernel.state)
         if not bits:
             return more
@@ -128,7 +129,7 @@ class Axes:
 
     def position_was_set(self, motor):
         """The position of a motor at rest has been set."""
-        renumber(self.samples, motor, self.axes[motor].load_position)
+        renumber(self.samples, motor, self.axes[motor].backlash)
 
     def moving_bits(self):
         """The motors that move, one bit each."""

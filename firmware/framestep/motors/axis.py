@@ -12,8 +12,8 @@ from framestep.base.native import addressof, as_word, const
 from framestep.motion import ramps, reals, segments
 from framestep.motion.phases import DURATION_WORDS, Phases, scratch
 from framestep.motion.reals import add_words, order_words
-from framestep.motors import backlash, bounds, feeder, splice
-from framestep.motors.backlash import motor_step, offset, replan_from, same_side, take_up
+from framestep.motors import bounds, feeder, splice
+from framestep.motors.backlash import BACKLASH, LOAD, MOTOR, PLANNED_LOAD, TARGET
 from framestep.motors.motor import (
     ACCELERATION_LIMIT,
     MAX_ACCELERATION,
@@ -38,9 +38,6 @@ MOTION_VELOCITY = const(6)  # greatest of the motion under way, which has a spee
 MOTION_ACCELERATION = const(8)
 _X = const(12)
 _Y = const(14)
-
-# Words of `limits`, after bounds.LOWER and bounds.UPPER
-TARGET = const(2)
 
 _UNLIMITED = const(0x3FFFFFFF)
 
@@ -73,7 +70,7 @@ class Axis(Motor):
             scratch,
         )
         self.speed = 0  # of the motion under way, in ten-thousandths
-        self.direction = 0  # the direction for which the play is to be taken up at TARGET
+        self.direction = 0  # the direction for which the backlash is to be taken up at TARGET
         self.stopping_smoothly = False  # a stop within the jerk limit is under way
 
     # ---------------------------------------------------------------- state
@@ -83,19 +80,13 @@ class Axis(Motor):
         """Whether the kernel ramps it down."""
         return self.block[stepper.MODE] & stepper.STOP != 0
 
-    def heading(self):
-        """The direction for which the play is taken up where the phases end; 0 without play."""
-        if not self.backlash:
-            return 0
-        return -1 if self.planned[backlash.OFFSET] else 1
-
     def heads_for(self, target, i, speed):
         """Whether the motion under way is the one that move_to() would plan."""
         return (
             self.speed == speed
             and not self.rates_outdated
             and (self.block[stepper.PLANNED] & stepper.PLAN_SEGMENTS or self._follows_plan())
-            and order_words(target, i, self.limits, TARGET) == 0
+            and order_words(target, i, self.backlash, TARGET) == 0
         )
 
     def _follows_plan(self):
@@ -110,9 +101,9 @@ class Axis(Motor):
             not self.stands
             and not self.stopping
             and not self.stopping_smoothly
-            and self.outside(self.limits, TARGET)
+            and self.outside(self.backlash, TARGET)
         ):
-            self.move_to(hal, self.limits, TARGET, self.speed, self.direction)
+            self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
         """Drop what was planned and make the cubic the state from which a new plan starts.
@@ -137,9 +128,8 @@ class Axis(Motor):
         ] = 0
         block[stepper.PLANNED] = 0
         self.stopping_smoothly = False
-        self.refresh()
-        reals.copy_word(self.planned, backlash.LOAD_POSITION, self.load_position, 0)
-        self.planned[backlash.OFFSET] = offset(self.load_position, block)
+        self.backlash.refresh()
+        self.backlash.plan_from(self.backlash, LOAD)
         return True
 
     def _cut(self, hal, ticks):
@@ -153,8 +143,8 @@ class Axis(Motor):
         """Move to the position target[i]. Returns whether anything moves, from the next tick on.
 
         speed: of velocity and acceleration, in ten-thousandths. direction: that of what comes
-        next; the motor comes to rest with its play taken up for it, if need be by a second motion
-        (see stands_on()).
+        next; the motor comes to rest with its backlash taken up for it, if need be by a second
+        motion (see stands_on()).
 
         A motor that moves bends to the new target, and stops first where it must turn (field note
         4.8). A target out of bounds is brought within them, see clamp(): they may have become
@@ -174,8 +164,9 @@ class Axis(Motor):
                 self.rates_outdated = True
             else:
                 reals.copy(r, MOTION_ACCELERATION, _Y)
-        reals.copy_word(self.limits, TARGET, target, i)
-        self.clamp(self.limits, TARGET)
+        backlash = self.backlash
+        reals.copy_word(backlash, TARGET, target, i)
+        self.clamp(backlash, TARGET)
         self.direction = direction
         # The kernel's stops have no jerk limit, so a plan that has one cannot begin within one.
         smooth = reals.sign(r, MAX_JERK) > 0
@@ -188,16 +179,16 @@ class Axis(Motor):
         ):
             self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() goes on from there
             return True
-        if reals.equal_words(self.limits, TARGET, self.planned, backlash.LOAD_POSITION):
-            take_up(self.planned, self.limits, direction)
+        if reals.equal_words(backlash, TARGET, backlash, PLANNED_LOAD):
+            backlash.take_up(direction)
         else:
-            motor_step(self.planned, self.limits, self.limits, TARGET, 0)
-        self.block[stepper.PLANNED] = stepper.PLAN_TARGET if self.backlash else 0
+            backlash.turn_to(backlash, TARGET, 0)
+        self.block[stepper.PLANNED] = stepper.PLAN_TARGET if backlash[BACKLASH] else 0
         planned = ramps.plan(
             self.phases,
             self.cubic,
-            self.limits,
-            backlash.PHYSICAL,
+            backlash,
+            MOTOR,
             r,
             MOTION_VELOCITY,
             MOTION_ACCELERATION,
@@ -207,8 +198,8 @@ class Axis(Motor):
             if not ramps.plan_stop(
                 self.phases,
                 self.cubic,
-                self.limits,
-                backlash.PHYSICAL,
+                backlash,
+                MOTOR,
                 r,
                 MAX_ACCELERATION,
                 MAX_JERK,
@@ -229,20 +220,19 @@ class Axis(Motor):
     def append_phase(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the position targets[i]: see Phases.aim().
 
-        The play is taken up on the way if the phase turns the motion.
+        The backlash is taken up on the way if the phase turns the motion.
         """
-        motor_step(self.planned, self.limits, targets, i, part)
-        self.phases.aim(duration, start, end, numbers, self.limits, backlash.PHYSICAL, part)
+        self.backlash.turn_to(targets, i, part)
+        self.phases.aim(duration, start, end, numbers, self.backlash, MOTOR, part)
 
     def append_coasting_phase(self, duration, start, end, numbers, positions, i, part=0, beyond=0):
-        """As append_phase(), but leave the play as it is: for ramps and virtual motion.
+        """As append_phase(), but leave the backlash as it is: for ramps and virtual motion.
 
-        If the phase turns the motion, the load lags by the play. beyond: Q16 of a step farther,
+        If the phase turns the motion, the load stays behind. beyond: Q16 of a step farther,
         without which the motor stands on the same position.
         """
-        same_side(self.planned, self.limits, positions, i, part)
-        limits = self.limits
-        self.phases.aim(duration, start, end, numbers, limits, backlash.PHYSICAL, part + beyond)
+        self.backlash.coast_to(positions, i, part)
+        self.phases.aim(duration, start, end, numbers, self.backlash, MOTOR, part + beyond)
 
     def resume_from_cut(self, positions, i):
         """After splice.cut(): further phases follow from there.
@@ -256,9 +246,8 @@ class Axis(Motor):
         work[feeder.LEFT] = work[feeder.PART] = work[feeder.AIMED] = work[feeder.MARKED] = 0
         work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS | stepper.PLAN_TIMED
-        self.refresh()
-        self.planned[backlash.OFFSET] = offset(self.load_position, self.block)
-        reals.copy_word(self.planned, backlash.LOAD_POSITION, positions, i)
+        self.backlash.refresh()
+        self.backlash.plan_from(positions, i)
 
     def resume_at_phase_end(self, positions, i):
         """After splice.cut_at(): append_coasting_phase() adds further phases from there.
@@ -272,20 +261,20 @@ class Axis(Motor):
         splice.dropped(self.block, self.knot)
         work[feeder.AIMED] = work[feeder.MORE] = 1
         self.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
-        return replan_from(self.planned, self.knot, positions, i)
+        return self.backlash.plan_from_cut(self.knot, positions, i)
 
     def set_more_to_come(self, more):
         """Say whether phases will be appended; if not, the motion ends with the last one."""
         self.work[feeder.MORE] = 1 if more else 0
 
     def resume_target(self, hal):
-        """At rest: go on to the target, if the motor is not there, and take up the play there.
+        """At rest: go on to the target, if the motor is not there, and take up the backlash there.
 
-        It is not there after a stop on the way to it, or after turning round with play.
+        It is not there after a stop on the way to it, or after turning round with backlash.
         """
         self.block[stepper.PLANNED] = 0
-        if not self._is_on(self.limits, TARGET, self.direction):
-            self.move_to(hal, self.limits, TARGET, self.speed or FULL_SPEED, self.direction)
+        if not self._is_on(self.backlash, TARGET, self.direction):
+            self.move_to(hal, self.backlash, TARGET, self.speed or FULL_SPEED, self.direction)
 
     def start(self, hal):
         """Let the kernel take the queue from the next tick on."""
@@ -373,7 +362,7 @@ class Axis(Motor):
             self.block[stepper.PLANNED] = 0
             return True  # it is about to come to rest
         if not ramps.plan_stop(
-            self.phases, self.cubic, self.limits, backlash.PHYSICAL, r, MAX_ACCELERATION, MAX_JERK
+            self.phases, self.cubic, self.backlash, MOTOR, r, MAX_ACCELERATION, MAX_JERK
         ):
             return False
         self.stopping_smoothly = True

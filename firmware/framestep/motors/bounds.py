@@ -8,36 +8,39 @@ from array import array
 from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
+from framestep.motors.backlash import BACKLASH
 
-# Words of an axis' `limits` and `bounds`, in steps of the load
+# Words of a motor's `bounds`, in steps of the load
 LOWER = const(0)
 UPPER = const(1)
-# of `bounds` alone; not 0: the path may not turn beyond its frames, as where taking up the backlash
-# would move the load
+# not 0: the path may not turn beyond its frames, as where taking up the backlash would move the
+# load
 EXACT = const(2)
-BOUNDS_WORDS = const(3)
+SOFT_LOWER = const(3)  # soft limits, as set
+SOFT_UPPER = const(4)
+BOUNDS_WORDS = const(5)
 
 ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
 
 
 def update(axis):
-    """Set an axis' `bounds`: the lowest and the highest position of the load, and if there is play.
+    """Set an axis' `bounds`: the load's lowest and highest position, and whether it has backlash.
 
     They are the enabled soft limits and the ends of the range of positions, of a servo its own; at
-    the lower end there must be room for the motor's play. For coupled motors the partner's bounds
-    count as well.
+    the lower end there must be room for the motor's backlash. For coupled motors the partner's
+    bounds count as well.
     """
     bounds = axis.bounds
-    _own(axis, bounds)
+    _own(axis)
     partner = axis.partner
-    bounds[EXACT] = axis.backlash
+    bounds[EXACT] = axis.backlash[BACKLASH]
     if not partner:
         return
-    bounds[EXACT] |= partner.backlash
-    # The partner's motor goes from its lower bound less its play up to its upper bound.
+    bounds[EXACT] |= partner.backlash[BACKLASH]
+    # The partner's motor goes from its lower bound less its backlash up to its upper bound.
     word = axis.word
-    _own(partner, partner.bounds, 1)  # as its play is rounded, it may end a step farther
-    word[2] = partner.backlash
+    _own(partner, 1)  # as its backlash is rounded, it may end a step farther
+    word[2] = partner.backlash[BACKLASH]
     add_words(word, 0, partner.bounds, LOWER, word, 2, 1)
     reals.copy_word(word, 1, partner.bounds, UPPER)
     low = 0
@@ -48,7 +51,7 @@ def update(axis):
     else:
         add_words(word, 0, word, 0, axis.base, 0, 1)
         add_words(word, 1, word, 1, axis.base, 0, 1)
-    word[2] = axis.backlash
+    word[2] = axis.backlash[BACKLASH]
     add_words(word, low, word, low, word, 2, 0)
     if order_words(word, low, bounds, LOWER) > 0:
         reals.copy_word(bounds, LOWER, word, low)
@@ -56,13 +59,14 @@ def update(axis):
         reals.copy_word(bounds, UPPER, word, 1 - low)
 
 
-def _own(axis, bounds, margin=0):
-    """Set LOWER and UPPER of `bounds` to what the axis on its own allows."""
+def _own(axis, margin=0):
+    """Set LOWER and UPPER of its `bounds` to what the axis on its own allows."""
+    bounds = axis.bounds
     word = axis.word
-    word[2] = axis.backlash + margin
+    word[2] = axis.backlash[BACKLASH] + margin
     add_words(bounds, LOWER, axis.ends, 0, word, 2, 0)
     reals.copy_word(bounds, UPPER, axis.ends, 1)
-    if axis.lower_enabled and order_words(axis.limits, LOWER, bounds, LOWER) > 0:
-        reals.copy_word(bounds, LOWER, axis.limits, LOWER)
-    if axis.upper_enabled and order_words(axis.limits, UPPER, bounds, UPPER) < 0:
-        reals.copy_word(bounds, UPPER, axis.limits, UPPER)
+    if axis.lower_enabled and order_words(bounds, SOFT_LOWER, bounds, LOWER) > 0:
+        reals.copy_word(bounds, LOWER, bounds, SOFT_LOWER)
+    if axis.upper_enabled and order_words(bounds, SOFT_UPPER, bounds, UPPER) < 0:
+        reals.copy_word(bounds, UPPER, bounds, SOFT_UPPER)

@@ -8,11 +8,11 @@ heap. Nothing allocates after construction.
 
 from array import array
 
-from framestep.base.native import addressof, as_word, const
+from framestep.base.native import const
 from framestep.motion import reals
 from framestep.motion.reals import add_words, order_words
-from framestep.motors import backlash, bounds
-from framestep.motors.backlash import drag, offset, taken_up
+from framestep.motors import bounds
+from framestep.motors.backlash import BACKLASH, LOAD, make_backlash
 from framestep.pulse import stepper
 
 TICKS_PER_SECOND = const(1000)
@@ -49,22 +49,17 @@ class Motor:
     def __init__(self, block):
         self.block = block
         self.numbers = array("i", [0] * 16)
-        self.limits = array("i", [0] * 4)  # soft limits, and words of backlash.py and axis.py
         self.lower_enabled = False
         self.upper_enabled = False
         self.ends = bounds.ENDS  # of the range of positions
-        self.bounds = array("i", [0] * 3)  # how far the load may go: see motors/bounds.py
+        self.bounds = array("i", [0] * bounds.BOUNDS_WORDS)  # how far the load may go
         self.own_velocity = 0  # as set_speed() has set it, steps/s
         self.own_acceleration = 0  # steps/s²
         self.own_jerk = 0  # 1000 steps/s³
         self.velocity = 0  # in force: no more than a coupled motor can do as well
         self.acceleration = 0
         self.rates_outdated = True  # numbers derived from these settings are to be computed anew
-        self.backlash = 0  # steps of play that the motor takes up before the load moves
-        # where the load is, counting all that has been queued to the engine
-        self.load_position = array("i", [0])
-        self.block[stepper.LOAD_POSITION] = as_word(addressof(self.load_position))
-        self.planned = array("i", [0] * 3)  # where the phases lead to: see motors/backlash.py
+        self.backlash = make_backlash(block)  # with where the load is
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
         self.reversed = 0  # 1: the partner turns in the opposite sense
@@ -146,8 +141,8 @@ class Motor:
         """
         if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
             return False
-        reals.copy_word(self.limits, bounds.LOWER, source, i)
-        reals.copy_word(self.limits, bounds.UPPER, source, i + 1)
+        reals.copy_word(self.bounds, bounds.SOFT_LOWER, source, i)
+        reals.copy_word(self.bounds, bounds.SOFT_UPPER, source, i + 1)
         self.lower_enabled = lower_enabled
         self.upper_enabled = upper_enabled
         bounds.update(self.leader or self)
@@ -159,11 +154,9 @@ class Motor:
         bounds.update(self)
 
     def set_backlash(self, steps):
-        """Set the play in steps, 0 … 10000. Only at rest."""
-        self.backlash = steps
-        self.planned[backlash.BACKLASH] = steps
+        """Set the backlash in steps, 0 … 10000. Only at rest."""
+        self.backlash[BACKLASH] = steps
         bounds.update(self)
-        self.block[stepper.BACKLASH] = steps
 
     # ---------------------------------------------------------------- limits
 
@@ -175,23 +168,23 @@ class Motor:
             reals.copy_word(target, i, self.bounds, end)
             if (
                 self.outside(target, i)
-                or order_words(self.load_position, 0, self.bounds, end) == side
+                or order_words(self.backlash, LOAD, self.bounds, end) == side
             ):
-                reals.copy_word(target, i, self.load_position, 0)
+                reals.copy_word(target, i, self.backlash, LOAD)
 
     def outside(self, target, i):
         """Whether target[i] is out of bounds: 1 above, -1 below, 0 not.
 
         A motor that is past a bound already may move toward the allowed range (field note 4.3).
         """
-        self.refresh()
+        self.backlash.refresh()
         # both ends: limits of coupled motors may leave no room at all
         side = 1
         while side >= -1:
             end = 1 if side > 0 else 0
             if order_words(target, i, self.bounds, end) == side and (
-                order_words(self.load_position, 0, self.bounds, end) != side
-                or order_words(target, i, self.load_position, 0) == side
+                order_words(self.backlash, LOAD, self.bounds, end) != side
+                or order_words(target, i, self.backlash, LOAD) == side
             ):
                 return side
             side -= 2
@@ -223,24 +216,24 @@ class Motor:
 
     def position_to(self, target, i):
         """target[i] = the position of the load, in steps."""
-        self.refresh()
-        reals.copy_word(target, i, self.load_position, 0)
+        self.backlash.refresh()
+        reals.copy_word(target, i, self.backlash, LOAD)
 
     def set_position(self, source, i):
         """Make source[i] the position of the load. Only at rest.
 
-        False, and nothing has changed, if the motor's own position, which is off by the play, would
-        lie outside the range of positions, or differ from the coupled motor's by more than an int32
-        holds. Nor can that of a servo be another than it is: the servo would have to move.
+        False, and nothing has changed, if the motor's own position, which differs by the offset,
+        would lie outside the range of positions, or differ from the coupled motor's by more than an
+        int32 holds. Nor can that of a servo be another than it is: the servo would have to move.
         """
-        self.refresh()
+        self.backlash.refresh()
         if self.ends is not bounds.ENDS:
-            return reals.equal_words(self.load_position, 0, source, i) != 0
+            return reals.equal_words(self.backlash, LOAD, source, i) != 0
         word = self.word
-        word[2] = self.backlash
+        word[2] = self.backlash[BACKLASH]
         if not add_words(word, 1, source, i, word, 2, 1):
             return False
-        word[2] = offset(self.load_position, self.block)
+        word[2] = self.backlash.offset()
         add_words(word, 1, source, i, word, 2, 0)
         leader = self.leader or self
         if leader.partner:
@@ -255,22 +248,17 @@ class Motor:
                 return False
             reals.copy_word(leader.base, 0, word, 0)
         reals.copy_word(self.block, stepper.POSITION, word, 1)
-        reals.copy_word(self.load_position, 0, source, i)
+        reals.copy_word(self.backlash, LOAD, source, i)
         bounds.update(leader)
         return True
 
-    def refresh(self):
-        """Bring `load_position` up to date: before it is read, and often enough to see each
-        turn."""
-        drag(self.load_position, self.block, self.backlash)
-
     def stands_on(self, source, i, direction=0):
-        """Whether it stands on source[i] with its play taken up for a motion in that direction."""
+        """Whether it stands on source[i], backlash taken up for a motion in that direction."""
         return not self.moving and self._is_on(source, i, direction)
 
     def _is_on(self, source, i, direction):
-        self.refresh()
+        self.backlash.refresh()
         return (
-            reals.equal_words(self.load_position, 0, source, i) != 0
-            and taken_up(self.load_position, self.block, self.backlash, direction) != 0
+            reals.equal_words(self.backlash, LOAD, source, i) != 0
+            and self.backlash.taken_up(direction) != 0
         )

@@ -10,6 +10,7 @@ from framestep.base.clock import elapsed
 from framestep.base.native import const
 from framestep.base.results import FRAME, MOTOR, ROOM, WHAT
 from framestep.motors.axis import FULL_SPEED
+from framestep.motors.bounds import SOFT_LOWER
 from framestep.motors.motor import ACCELERATION_LIMIT, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.protocol import messages as m
 from framestep.pulse import stepper
@@ -306,7 +307,7 @@ class Motors:
         writer.u8(motor + 1)
         writer.u32(axis.own_velocity)
         writer.u32(axis.own_acceleration)
-        writer.put_i32s_from(axis.limits, 0, 2)
+        writer.put_i32s_from(axis.bounds, SOFT_LOWER, 2)
         bits = safety.active_limits(motor) * m.SET_AT_UPPER  # and SET_AT_LOWER, the next bit
         if axis.lower_enabled:
             bits |= m.SET_LOWER

@@ -186,7 +186,7 @@ class JogAll(Operation):
             directions[motor] = 0
             if (bits >> motor) & 1:
                 directions[motor] = (
-                    player.axes[motor].heading()
+                    player.axes[motor].backlash.heading()
                     if going
                     else player.first_direction(motor, at, step, frames)
                 )

@@ -10,7 +10,7 @@ from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motion.segments import G1, WHOLE, velocity
 from framestep.motors.axis import FIRST_TICKS, MOST_SEGMENTS
-from framestep.motors.backlash import PHYSICAL, motor_step
+from framestep.motors.backlash import MOTOR
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.moves.jog_phases import INDEX
 from framestep.moves.path import registers
@@ -152,7 +152,7 @@ def land_from(jog, ticks):
                 if (jog.bits >> motor) & 1:
                     # by way of that frame, where it may turn
                     jog.store.position(motor, end, player.position, 0)
-                    motor_step(axes[motor].planned, axes[motor].limits, player.position, 0, 0)
+                    axes[motor].backlash.turn_to(player.position, 0, 0)
             end += step
             more -= 1
             compute(0, 0, r, _ONE_MORE_FRAME)
@@ -188,8 +188,8 @@ def _stay_before(jog, end):
             if not reals.sign(r, own):
                 continue
             jog.store.position(motor, end, player.position, 0)
-            motor_step(axis.planned, axis.limits, player.position, 0, 0)
-            reals.put_difference(r, X, axis.limits, PHYSICAL, axis.cubic, WHOLE)
+            axis.backlash.turn_to(player.position, 0, 0)
+            reals.put_difference(r, X, axis.backlash, MOTOR, axis.cubic, WHOLE)
             reals.copy(r, Q, own)
             compute(0, 0, r, _BEFORE_OVERSHOOT)
 
@@ -232,12 +232,12 @@ def hurry_time(jog, end, cut):
         if (jog.bits >> motor) & 1:
             axis = player.axes[motor]
             own = SPEEDS + 2 * motor
-            reals.copy_word(player.values, 0, axis.limits, PHYSICAL)
+            reals.copy_word(player.values, 0, axis.backlash, MOTOR)
             if cut:
                 reals.copy_word(player.values, 0, axis.cubic, WHOLE)
             jog.store.position(motor, end, player.position, 0)
-            motor_step(axis.planned, axis.limits, player.position, 0, 0)
-            reals.put_difference(r, X, axis.limits, PHYSICAL, player.values, 0)
+            axis.backlash.turn_to(player.position, 0, 0)
+            reals.put_difference(r, X, axis.backlash, MOTOR, player.values, 0)
             turns = reals.sign(r, X) * reals.sign(r, own) < 0
             reals.fetch(r, P, axis.numbers, MAX_VELOCITY)
             reals.fetch(r, Q, axis.numbers, MAX_ACCELERATION)

@@ -20,6 +20,7 @@ from framestep.base.results import (
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors.backlash import BACKLASH
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.frame_clock import MICROSECONDS
 from framestep.moves.operation import Operation
@@ -238,7 +239,7 @@ class PreparedRun(Operation):
         r = player.numbers
         for motor in range(player.count):
             directions[motor] = 0
-            if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash:
+            if (plan.bits >> motor) & 1 and plan.frames and player.axes[motor].backlash[BACKLASH]:
                 player.velocity(X, motor, index, step)
                 directions[motor] = reals.sign(r, X) or player.first_direction(
                     motor, index, step, plan.frames + 1

@@ -90,13 +90,11 @@ PLANNED = const(27)
 # addresses of what the queue is filled from, see motors/axis.py; nothing to the tick either
 WORK = const(28)
 PHASES = const(29)
-# address of the load's place and its play to the motor (motors/axis.py): for sample()
-LOAD_POSITION = const(30)
-BACKLASH = const(31)
+BACKLASH = const(30)  # address of the motor's Backlash, for motors/samples.py
 # 1: a setting waits until the motor is at rest (Motor.set_speed); until it is in force, the motor
 # counts as moving, so that nothing begins before that
-PENDING = const(32)
-BLOCK_WORDS = const(33)
+PENDING = const(31)
+BLOCK_WORDS = const(32)
 
 PLAN_SEGMENTS = const(1)  # segments remain to be queued
 PLAN_TARGET = const(2)  # a target that must be met

@@ -156,7 +156,7 @@ class LinearMove:
         self.state = MOVING
 
     def _settle(self):
-        """At rest at the end of the line: a motor that has turned under way is behind by its play.
+        """At the end of the line: the load of a motor that has turned on the way has stayed behind.
 
         It follows now. Whether there was such a motor.
         """

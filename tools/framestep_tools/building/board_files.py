@@ -32,7 +32,8 @@ _FLAGS = ("-O2",)
 _KEPT_TREES = 20
 _KEPT_RESULTS = 40
 _NATIVE = "framestep/base/native.py"
-_CLOCK = "framestep/base/clock.py"  # its functions are put where they are called
+# their functions are put where they are called
+_INLINED = ("framestep/base/clock.py", "framestep/motors/backlash_rules.py")
 _HOST_ONLY = {
     "framestep/hal/host.py",
     "framestep/hal/host_board.py",
@@ -40,7 +41,7 @@ _HOST_ONLY = {
     "framestep/base/native_cpython.py",
     "framestep/pulse/engine.py",  # constants alone, as
     "framestep/base/results.py",
-    _CLOCK,
+    *_INLINED,
     "framestep/moves/path/registers.py",
     "framestep/virtual_axes/registers.py",
 }
@@ -226,7 +227,10 @@ def folded(
             for name in names:
                 del texts[name]
     given = {"framestep.protocol.messages": declared.fields(), **given}
-    return {name: text.encode() for name, text in inline(fold(texts, hide, given), _CLOCK).items()}
+    texts = fold(texts, hide, given)
+    for name in _INLINED:
+        texts = inline(texts, name)
+    return {name: text.encode() for name, text in texts.items()}
 
 
 @_remembered

@@ -2,9 +2,10 @@
 board.
 
 A call costs a board ten times what a sum does, and a function a name and 50 bytes of memory. So the
-functions of framestep/base/clock.py, each of them a single `return`, are for the reader alone.
+functions of some modules, each of them a single `return`, are for the reader alone.
 
-Each parameter stands in the expression once: so what a call gives is computed once, as in a call.
+Where the expression has a parameter more than once, or in one of its cases only, a call has to give
+a name, a number or a word of an array for it: nothing that does something when it is computed.
 Lines stay where they are, so that tracebacks are right.
 """
 
@@ -19,6 +20,13 @@ from .constants import Edits, FoldError, shorten
 class _Function:
     parameters: tuple[str, ...]
     result: ast.expr
+    once: bool  # each parameter is computed once, as in a call
+
+    def fits(self, arguments: list[ast.expr]) -> bool:
+        """Whether a call with these can be replaced."""
+        return len(arguments) == len(self.parameters) and (
+            self.once or not any(isinstance(n, ast.Call) for a in arguments for n in ast.walk(a))
+        )
 
     def call(self, arguments: list[str]) -> str:
         """The expression with these in the place of the parameters."""
@@ -67,12 +75,14 @@ def _functions(path: str, text: str) -> dict[str, _Function]:
                     for n in ast.walk(result)
                     if isinstance(n, ast.Name) and n.id not in constants
                 ]
-                if sorted(used) != sorted(parameters):
+                if set(used) != set(parameters):
                     raise FoldError(
                         f"{path}, line {node.lineno}: "
-                        f"{name} has to use each parameter once, nothing else"
+                        f"{name} has to use its parameters, nothing else"
                     )
-                functions[name] = _Function(parameters, Number().visit(result))
+                cases = any(isinstance(n, ast.IfExp | ast.BoolOp) for n in ast.walk(result))
+                once = not cases and len(used) == len(parameters)
+                functions[name] = _Function(parameters, Number().visit(result), once)
     return functions
 
 
@@ -96,6 +106,7 @@ def _inlined(path: str, text: str, source: str, functions: Mapping[str, _Functio
         if isinstance(left, ast.Name) and left.id in here:
             raise FoldError(
                 f"{path}, line {left.lineno}: {left.id} has to be called, with all arguments"
+                ", none of which calls anything if it stands more than once"
             )
     return text
 
@@ -115,7 +126,7 @@ def _innermost(
                     for n in ast.walk(argument)
                     if isinstance(n, ast.Name)
                 }
-                if len(arguments) == len(function.parameters) and not inner & here.keys():
+                if function.fits(arguments) and not inner & here.keys():
                     found.append((node, function))
     return found
 

@@ -27,6 +27,7 @@ from framestep.base.results import (
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
+from framestep.motors.backlash import BACKLASH
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves.path import path, path_check, registers
@@ -162,7 +163,7 @@ class MoveCheck:
         step: 1 played forward, -1 backward. 0 if the load does not move, or if the motor has no
         backlash, so that it does not matter; always: find it for such a motor, too.
         """
-        if not always and not self.axes.axes[motor].backlash:
+        if not always and not self.axes.axes[motor].backlash[BACKLASH]:
             return 0
         found = 0
         while not found and count > 1:
@@ -208,13 +209,13 @@ class MoveCheck:
             words[path_check.SHARPEST] = 0
             words[path_check.SEEN] = 0
             words[path_check.FASTEST_AT] = 0
-            words[path_check.BACKLASH] = axis.backlash
-            words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+            words[path_check.BACKLASH] = axis.backlash[BACKLASH]
+            words[path_check.OFFSET] = axis.backlash.offset_for(directions[motor])
             words[path_check.TAKEN] = 0
             reals.copy_word(words, path_check.LOWEST, axis.bounds, LOWER)
             reals.copy_word(words, path_check.HIGHEST, axis.bounds, UPPER)
             # without backlash the direction makes no difference, and forward is faster to read
-            order = step if axis.backlash else 1
+            order = step if axis.backlash[BACKLASH] else 1
             at = begin if order == step else begin + step * (count - 1)
             first = at
             done = 0
@@ -307,7 +308,7 @@ class MoveCheck:
         axis = self.axes[motor]
         store = self.store
         lowered = 0
-        words[path_check.OFFSET] = -axis.backlash if directions[motor] < 0 else 0
+        words[path_check.OFFSET] = axis.backlash.offset_for(directions[motor])
         self._allow_bends(axis, ramp)
         rests = 0 if going else 1
         while True:

@@ -6,6 +6,7 @@ move_check.py, which calls them with what a motor allows.
 """
 
 from framestep.base.native import const, micropython, ptr32
+from framestep.motors.backlash_rules import turned
 from framestep.moves.path.path import slope
 
 # Words of a check: the frame before, how many there have been, and what the motor allows
@@ -20,7 +21,7 @@ BACKLASH = const(7)  # steps of backlash
 FASTEST_AT = const(8)
 OFFSET = const(9)  # from the load's position to the motor's
 RAMP = const(10)  # see bends()
-# 1: from the frame before the last one to the last one the motor has taken up its play
+# not 0: from the frame before the last one to the last one the motor has taken up its backlash
 TAKEN = const(11)
 # a change that the kernel's numbers still hold; STEEPEST where more than that is refused
 HARDEST = const(12)
@@ -51,7 +52,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     For TOO_HIGH and on, SEEN is the frame and FOUND what was too much there.
 
     order: 1 where they are played from the first to the last, -1 the other way round. OFFSET is 0
-    at the first one, or -BACKLASH if the play has been taken up for a motion down. Where its motion
+    at the first one, or -BACKLASH if it has been taken up for a motion down. Where its motion
     turns, the motor takes it up.
 
     The frame in which it does so begins or ends with next to no velocity. So its cubic is faster
@@ -65,7 +66,8 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
         step = words[BEFORE + 1]
     fastest = words[FASTEST]
     steepest = words[STEEPEST]
-    play = words[BACKLASH]
+    backlash = words[BACKLASH]
+    offset = words[OFFSET]
     taken = words[TAKEN]
     too_fast = words[FASTEST_AT]
     i = 0
@@ -93,17 +95,12 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
                 return TOO_FAST
             step = p - last
             before = taken
-            if play:
+            if backlash:
                 # the motor's own steps
-                taken = 0
-                if step > 0 and words[OFFSET]:
-                    taken = 1
-                    step += play
-                    words[OFFSET] = 0
-                elif step < 0 and words[OFFSET] == 0:
-                    taken = 1
-                    step -= play
-                    words[OFFSET] = 0 - play
+                taken = 0 - offset
+                offset = turned(offset, backlash, last, p)
+                taken += offset
+                step += taken
             most = step
             if most < 0:
                 most = 0 - most
@@ -146,6 +143,7 @@ def check(words: ptr32, values: ptr32, count: int, order: int) -> int:
     words[BEFORE] = last
     words[BEFORE + 1] = step
     words[SEEN] = seen
+    words[OFFSET] = offset
     words[TAKEN] = taken
     words[FASTEST] = fastest
     words[FASTEST_AT] = too_fast
@@ -179,7 +177,7 @@ def bends(
     own = ptr32(words)
     v = ptr32(values)
     w = ptr32(window)
-    play = own[BACKLASH]
+    backlash = own[BACKLASH]
     if begin == 0:
         begin = 1
     while begin < count:
@@ -187,15 +185,14 @@ def bends(
         if order < 0:
             k = count + 1 - begin
         begin += 1
-        step = v[k + 0] - v[k - order]
-        if play:
+        p = v[k + 0]
+        earlier = v[k - order]
+        step = p - earlier
+        if backlash:
             # the motor's own steps
-            if step > 0:
-                step -= own[OFFSET]
-                own[OFFSET] = 0
-            elif step < 0:
-                step -= play + own[OFFSET]
-                own[OFFSET] = 0 - play
+            step -= own[OFFSET]
+            own[OFFSET] = turned(own[OFFSET], backlash, earlier, p)
+            step += own[OFFSET]
         # A slope is no farther from a step beside it than one and a half times the most that steps
         # change around it.
         low = k
@@ -219,7 +216,14 @@ def bends(
         most = gathered + 3 * most
         gathered += 5 * (most - gathered) // 3
         worked = 0
-        if play or rests & 1 and begin == 2 or rests & 2 and begin == count or gathered > 0x100000:
+        if (
+            backlash
+            or rests & 1
+            and begin == 2
+            or rests & 2
+            and begin == count
+            or gathered > 0x100000
+        ):
             worked = 1
         while True:
             if worked:

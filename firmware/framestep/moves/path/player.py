@@ -10,7 +10,7 @@ from framestep.motion import phases, reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.motion.phases import put_aim
-from framestep.motors.backlash import PHYSICAL, motor_step
+from framestep.motors.backlash import MOTOR
 from framestep.motors.motor import MAX_ACCELERATION
 from framestep.moves.path import path, registers
 from framestep.moves.path.move_check import HALF, MoveCheck
@@ -78,9 +78,9 @@ def _hop(
             velocity(r, X, window, axis.bounds, before, after, scale, own + TOPS - SPEEDS)
             if beside > 2:
                 part = ptr32(window)[path.PART]
-            limits = axis.limits
-            motor_step(axis.planned, limits, position, 0, 0)
-            put_aim(axis.phases.words, r, duration, own, X, limits, PHYSICAL, part)
+            backlash = axis.backlash
+            backlash.turn_to(position, 0, 0)
+            put_aim(axis.phases.words, r, duration, own, X, backlash, MOTOR, part)
             ptr32(r)[own] = ptr32(r)[X]
             ptr32(r)[own + 1] = ptr32(r)[X + 1]
         bits >>= 1

@@ -9,17 +9,10 @@ from array import array
 
 from framestep.base.clock import WRAP, elapsed, reached
 from framestep.base.native import const, micropython, ptr32
+from framestep.motors.backlash import BACKLASH, LOAD
+from framestep.motors.backlash_rules import dragged
 from framestep.pulse import engine
-from framestep.pulse.stepper import (
-    BACKLASH,
-    BEHIND,
-    FIRST,
-    LOAD_POSITION,
-    MODE,
-    NEXT,
-    POSITION,
-    TICKS,
-)
+from framestep.pulse import stepper as sw
 
 # Words of what make_samples() makes: rows of a tick and a position for each motor
 _NEWEST = const(0)  # where the newest row is
@@ -50,32 +43,32 @@ def sample(m: ptr32, out: ptr32) -> int:
     """
     h = m
     i = out[_NEWEST]
-    if out[i + 0] != h[TICKS]:
+    if out[i + 0] != h[sw.TICKS]:
         i += out[_ROW]
         if i == out[_END]:
             i = _ROWS
         out[_NEWEST] = i
-        tick = h[TICKS] - 1
-        while tick != h[TICKS]:  # once more where a tick came in between
-            tick = h[TICKS]
+        tick = h[sw.TICKS] - 1
+        while tick != h[sw.TICKS]:  # once more where a tick came in between
+            tick = h[sw.TICKS]
             k = i
             out[k] = tick
-            a = h[FIRST]
+            a = h[sw.FIRST]
             while a:
                 m = ptr32(a)
-                a = m[NEXT]
+                a = m[sw.NEXT]
                 k += 1
-                load_position = ptr32(m[LOAD_POSITION])
-                position = m[POSITION]
-                if load_position[0] < position:
-                    load_position[0] = position
-                elif load_position[0] - position > m[BACKLASH]:
-                    load_position[0] = position + m[BACKLASH]
-                out[k] = load_position[0]
+                motor = m[sw.POSITION]
+                m = ptr32(m[sw.BACKLASH])
+                load = m[LOAD]
+                backlash = m[BACKLASH]
+                load = dragged(load, backlash, motor)
+                m[LOAD] = load
+                out[k] = load
     if out[ALARM] >= 0:
         tick = out[i + 0]
         if engine.RING:  # ticks are done in batches, so the pins are farther behind
-            tick += engine.LEAD - h[BEHIND]
+            tick += engine.LEAD - h[sw.BEHIND]
         if reached(tick, out[ALARM] + 1):
             return 1
     return 0
@@ -89,21 +82,21 @@ def choose(header, words, reported: ptr32) -> int:
     """
     h = ptr32(header)
     running = 0
-    a = h[FIRST]
+    a = h[sw.FIRST]
     while a:
         m = ptr32(a)
-        a = m[NEXT]
-        running |= m[MODE]
+        a = m[sw.NEXT]
+        running |= m[sw.MODE]
     if running == 0:
         sample(header, words)  # the last pulses are out
     out = ptr32(words)
     i = out[_NEWEST]
-    tick = (h[TICKS] - h[BEHIND] - 1) & WRAP
+    tick = (h[sw.TICKS] - h[sw.BEHIND] - 1) & WRAP
     while running:
-        age = elapsed(h[TICKS], out[i + 0])
+        age = elapsed(h[sw.TICKS], out[i + 0])
         if age > _STALE:
             i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
-        elif age <= h[BEHIND]:
+        elif age <= h[sw.BEHIND]:
             if i == _ROWS:
                 i = out[_END]
             i -= out[_ROW]
@@ -118,9 +111,9 @@ def choose(header, words, reported: ptr32) -> int:
 
 
 @micropython.viper
-def renumber(words: ptr32, motor: int, load_position: ptr32):
+def renumber(words: ptr32, motor: int, backlash: ptr32):
     """A motor at rest has been given another position: that is what it was in the samples kept."""
     i = _ROWS + 1 + motor
     while i < words[_END]:
-        words[i] = load_position[0]
+        words[i] = backlash[LOAD]
         i += words[_ROW]
