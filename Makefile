@@ -110,6 +110,7 @@ format: setup ## bring the source into ruff's form
 plots: setup ## draw the pictures in docs again
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_interpolation
 	@"$(PYTHON_VENV)" -m framestep_tools.documents.plot_virtuals
+	@"$(PYTHON_VENV)" -m framestep_tools.documents.rig_picture
 
 bench: setup node micropython ## measure the firmware on the emulated board beside its goals (build/bench.json); ARGS=--explain
 	@"$(PYTHON_VENV)" -m framestep_tools.bench $(ARGS)

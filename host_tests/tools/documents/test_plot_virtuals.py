@@ -2,6 +2,7 @@
 
 import pytest
 
+from framestep_tools.documents import rig_picture
 from framestep_tools.documents.plot_virtuals import DOCS, FILES, draw
 
 
@@ -11,4 +12,10 @@ def test_drawing_is_up_to_date(kind, tmp_path):
     drawn = (tmp_path / "drawn.svg").read_text()
     assert drawn == (DOCS / FILES[kind]).read_text(), (
         f"docs/{FILES[kind]} is not what the source makes: run `make plots`"
+    )
+
+
+def test_the_rig_in_readme_is_up_to_date():
+    assert rig_picture.drawing() == (DOCS / "rig.svg").read_text(), (
+        "docs/rig.svg is not what the source makes: run `make plots`"
     )
