@@ -87,7 +87,7 @@ test-emulator: setup node micropython ## the emulator itself
 test-console: setup node micropython chromium ## the page of `framestep console` in a real browser
 	@$(PYTEST) host_tests/console $(ARGS)
 
-console-pictures: setup chromium ## draw each view of the console for the documents (docs/console)
+console-pictures: setup chromium ## draw each view of the console for the documents (docs/use/console)
 	@"$(PYTHON_VENV)" -m host_tests.console.pictures
 
 fuzz: setup ## random sessions held to what may never happen: SECONDS=60, SEED=7, ARGS="--minutes 15 --replay", or BOARD=emulator; what fails is kept as a script in build/fuzz

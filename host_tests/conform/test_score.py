@@ -60,7 +60,7 @@ def test_each_check_is_named_once_and_rests_on_something():
     checks = every_check()
     names = [(check.subject, check.name) for check in checks]
     assert len(set(names)) == len(names)
-    notes = (ROOT / "docs" / "protocol-notes.md").read_text()
+    notes = (ROOT / "docs/internals/protocol-notes.md").read_text()
     for check in checks:
         assert check.source
         for number in re.findall(r"note (\d+\.\d+)", check.source):

@@ -13,7 +13,7 @@ from framestep_tools.move.move_file import CAMERA_MOVE
 from host_tests.console.conftest import FLAGS, Stage, browser_program
 from host_tests.console.looking import go_to, log, wait_connected, wait_rest
 
-FOLDER = ROOT / "docs" / "console"
+FOLDER = ROOT / "docs/use/console"
 DRAWING = Path(__file__).with_name("drawing.js")
 RIG = {
     "name": "crane",

@@ -58,7 +58,7 @@ REPORTS = [
     VirtPositions(1, -2, 3, -4, 5, -6),
     VirtPositions(1, 2, 3, 4, 5, 6, 1, -7, 8, 9),
 ]
-VECTORS = [  # docs/protocol-notes.md, 10
+VECTORS = [  # docs/internals/protocol-notes.md, 10
     "44 46 01 00 00 00 01 00 00 00 44 2F",
     "44 46 01 00 00 00 31 80 02 00 10 00 9C 14",
     "44 46 78 56 34 12 01 02 05 00 02 A0 86 01 00 DA 53",

@@ -1,7 +1,7 @@
 """What is answered to each message in each state of the real-time operations: the table that
-docs/realtime.md shows.
+docs/internals/realtime.md shows.
 
-python -m host_tests.end_to_end.realtime_answers > docs/realtime.md
+python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md
 """
 
 from framestep_tools import payloads as p
@@ -156,7 +156,7 @@ def expected(state):
 
 
 def page():
-    """docs/realtime.md."""
+    """docs/internals/realtime.md."""
     lines = ["# Real-time operations: states and answers", ""]
     lines += [
         "This page is made by `host_tests/end_to_end/realtime_answers.py`; "

@@ -276,8 +276,8 @@ def test_power_cuts_at_any_time(steps):
 
 
 def test_wear():
-    """The figures of docs/safety.md: the blocks take turns, and one erasure serves all slots of a
-    block."""
+    """Wear as docs/use/safety.md states it: blocks take turns, and one erasure serves all slots of
+    a block."""
     flash = HostFlash(4, 4096 - 256)
     powered = PoweredUp(flash)
     powered.put(0, 0, 0)

@@ -1,12 +1,13 @@
-"""Numbers and lengths of the messages as the table in 2 of docs/protocol-notes.md has them: written
-from the specification, apart from the declaration, and what it is held to."""
+"""Numbers and lengths of the messages, read from the table in docs/internals/protocol-notes.md, 2.
+
+The table was written from the specification; the declaration is checked against it."""
 
 import re
 from dataclasses import dataclass
 
 from framestep_tools.building.board_files import ROOT
 
-NOTES = ROOT / "docs" / "protocol-notes.md"
+NOTES = ROOT / "docs/internals/protocol-notes.md"
 _ROW = re.compile(r"^\| ([A-Z_0-9]+)[^|]*\| (0x[0-9A-F]{4}) \|([^|]*)\|([^|]*)\|$", re.MULTILINE)
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 from framestep_tools.building.board_files import ROOT
 
@@ -60,12 +61,13 @@ def test_a_message_of_the_recipe_is_answered(tmp_path):
         shutil.copytree(
             ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__")
         )
-    (tmp_path / "docs").mkdir()
-    shutil.copy(ROOT / "docs/protocol-notes.md", tmp_path / "docs")
+    notes = Path("docs/internals/protocol-notes.md")
+    (tmp_path / notes).parent.mkdir(parents=True)
+    shutil.copy(ROOT / notes, tmp_path / notes)
     row, declaration, handler = blocks()
     line, _, method = handler.partition("\n\n")
     core = tmp_path / "firmware/framestep"
-    insert(tmp_path / "docs/protocol-notes.md", "| HOME (framestep's own)", row)
+    insert(tmp_path / notes, "| HOME (framestep's own)", row)
     insert(core / "protocol/declared/general.py", "MSG_MOTOR_MOVE = ", f"{declaration}\n\n")
     insert(core / "motors/requests.py", "            m.MSG_MOTOR_JOG: ", f"            {line}\n")
     insert(

@@ -1,5 +1,5 @@
-"""Every chip of boards/chips.json has what docs/new-chip.md asks for. What is forgotten fails here,
-with what to do."""
+"""Every chip of boards/chips.json has what docs/internals/new-chip.md asks for. Each failure says
+what to add."""
 
 import ast
 

@@ -133,7 +133,7 @@ def test_help(app, capsys):
 
 
 def test_every_exit_status_is_documented():
-    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/use/troubleshooting.md").read_text(encoding="utf-8")
     listed = "".join(f"| {number} | {text} |\n" for number, text in STATUSES.items())
     assert page.endswith(listed), "the table at the end is errors.STATUSES"
 

@@ -1,4 +1,4 @@
-"""The chips that boards have: boards/chips.json, which docs/new-chip.md explains."""
+"""The chips that boards have: boards/chips.json, which docs/internals/new-chip.md explains."""
 
 import json
 from dataclasses import dataclass, fields
@@ -32,7 +32,9 @@ def chips() -> dict[str, Chip]:
     names = {field.name for field in fields(Chip)}
     for key, entry in entries.items():
         if missing := sorted(names - entry.keys()):
-            raise ToolError(f"{FILE.name}: {key} needs {', '.join(missing)}; see docs/new-chip.md")
+            raise ToolError(
+                f"{FILE.name}: {key} needs {', '.join(missing)}; see docs/internals/new-chip.md"
+            )
         if unknown := sorted(entry.keys() - names):
             raise ToolError(f"{FILE.name}: {key} has {', '.join(unknown)}, which means nothing")
     return {key: Chip(**entry) for key, entry in entries.items()}

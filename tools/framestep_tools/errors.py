@@ -8,7 +8,7 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-# Exit statuses of a command; docs/troubleshooting.md has the same list
+# Exit statuses of a command; docs/use/troubleshooting.md has the same list
 DONE = 0
 FAILED = 1
 USAGE = 2

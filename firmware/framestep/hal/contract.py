@@ -1,4 +1,4 @@
-"""What framestep needs of a chip: the classes of a HAL. docs/new-chip.md says how to write one.
+"""Classes that a HAL has to provide. docs/internals/new-chip.md says how to write one.
 
 This module is not put on a board, so a HAL does not inherit from it.
 host_tests/hal/test_contract.py checks that every HAL has these names and parameters, and that

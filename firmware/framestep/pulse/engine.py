@@ -1,9 +1,9 @@
 """What the tick and the planner have to know of the engine that turns commands into edges.
 
 This is the engine of the RP2040 and RP2350, a PIO state machine for each motor (hal/rp2/pulses.py).
-A chip with another engine has a module with the same names, which the build puts in this one's
-place: see boards/chips.json and docs/new-chip.md. The build folds imported constants and drops the
-branches of the tick that are for another kind of engine, so both cost nothing.
+A chip with another engine has a module with the same names, and the build replaces this one by it:
+see boards/chips.json and docs/internals/new-chip.md. The build folds imported constants and drops
+the branches of the tick for other engines, so neither costs anything.
 
 A command is a 32-bit word with the fields below: the direction, how many pulses, the gap before
 each, how wide they are. The engine executes one after the other on its own clock. With n pulses,

@@ -48,7 +48,7 @@ SETTINGS = {
     "meter_on": (str, ("high", "low"), None, "high", "",
         "level of the meter output while it is on"),
     "remember_positions": (bool, None, None, False, "",
-        "keeps positions at rest over a power cut (docs/safety.md)"),
+        "keeps positions at rest over a power cut (docs/use/safety.md)"),
     "watchdog": (bool, None, None, True, "",
         "starts the board again if the firmware hangs while a motor moves"),
     "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
@@ -71,9 +71,9 @@ MOTOR_SETTINGS = {
     "driver": (dict, None, None, None, "",
         "how to set up a TMC2209 over its UART; without it the driver is left alone"),
     "home": (dict, None, None, None, "",
-        "how to home the motor (docs/homing.md); without it it cannot be homed"),
+        "how to home the motor (docs/use/homing.md); without it it cannot be homed"),
     "servo": (dict, None, None, None, "",
-        "a hobby servo in the place of a step motor (docs/servos.md)"),
+        "a hobby servo in the place of a step motor (docs/use/servos.md)"),
 }
 
 DRIVER_SETTINGS = {

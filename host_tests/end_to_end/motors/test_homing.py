@@ -582,7 +582,7 @@ def test_command_that_fails(framestep):
 def test_refusals_of_the_command(framestep):
     session, _ = rails(rig=THREE)
     assert framestep(session, "home 2", REFUSED) == (
-        "framestep: HOME was refused: motor 2: not each has `home` in the rig file (docs/homing.md)"
+        "framestep: HOME was refused: the rig file has no `home` for motor 2 (docs/use/homing.md)"
     )
     assert framestep(session, "home 9", REFUSED) == (
         "framestep: HOME was refused: there is no motor 9, the device has motors 1 to 8"
@@ -595,7 +595,7 @@ def test_refusals_of_the_command(framestep):
         "as the position is known"
     )
     assert framestep(simulated(), "home", REFUSED) == (
-        "framestep: HOME was refused: no motor has `home` in the rig file (docs/homing.md), "
+        "framestep: HOME was refused: no motor has `home` in the rig file (docs/use/homing.md), "
         "or the firmware is older"
     )
 

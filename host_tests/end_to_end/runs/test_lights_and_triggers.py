@@ -76,8 +76,8 @@ def test_lights_in_a_loop(flags):
 
 
 def test_no_room_for_more(monkeypatch):
-    """Positions, lights and triggers share one memory (docs/realtime.md): what goes beyond it is
-    refused, whichever it is, the upload is kept, and played."""
+    """Positions, lights and triggers share one memory (docs/internals/realtime.md). Whichever
+    exceeds it is refused; what was uploaded before is kept and plays."""
     units = 37  # that one motor's 25 frames leave of the least that eight motors need
     monkeypatch.setattr(host, "UPLOAD_BYTES", 2 * (69 + 17 * units))
     session = rig()

@@ -179,7 +179,7 @@ def test_every_message_is_in_the_table():
     assert not missing, (
         "add a line to ANSWERS in realtime_answers.py, what is answered in each of its STATES, "
         f"for {missing}; then "
-        "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
+        "run python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md"
     )
     for _, request, answers in realtime_answers.ANSWERS:
         given, wanted = len(answers.split()), len(realtime_answers.STATES)
@@ -187,10 +187,10 @@ def test_every_message_is_in_the_table():
 
 
 def test_page():
-    """docs/realtime.md is what the table says."""
-    page = (ROOT / "docs" / "realtime.md").read_text()
+    """docs/internals/realtime.md is what the table says."""
+    page = (ROOT / "docs/internals/realtime.md").read_text()
     assert page == realtime_answers.page(), (
-        "run python -m host_tests.end_to_end.realtime_answers > docs/realtime.md"
+        "run python -m host_tests.end_to_end.realtime_answers > docs/internals/realtime.md"
     )
 
 

@@ -3,19 +3,19 @@
 import pytest
 
 from framestep_tools.documents import rig_picture
-from framestep_tools.documents.plot_virtuals import DOCS, FILES, draw
+from framestep_tools.documents.plot_virtuals import FILES, FOLDER, draw
 
 
 @pytest.mark.parametrize("kind", FILES)
 def test_drawing_is_up_to_date(kind, tmp_path):
     draw(kind, tmp_path / "drawn.svg")
     drawn = (tmp_path / "drawn.svg").read_text()
-    assert drawn == (DOCS / FILES[kind]).read_text(), (
-        f"docs/{FILES[kind]} is not what the source makes: run `make plots`"
+    assert drawn == (FOLDER / FILES[kind]).read_text(), (
+        f"docs/use/{FILES[kind]} is not what the source makes: run `make plots`"
     )
 
 
 def test_the_rig_in_readme_is_up_to_date():
-    assert rig_picture.drawing() == (DOCS / "rig.svg").read_text(), (
+    assert rig_picture.drawing() == rig_picture.PICTURE.read_text(), (
         "docs/rig.svg is not what the source makes: run `make plots`"
     )

@@ -1,5 +1,4 @@
-"""docs/protocol-notes.md: every number that is cited exists, and the frames that it shows are what
-is sent."""
+"""docs/internals/protocol-notes.md: every cited number exists, and the frames in it are valid."""
 
 import itertools
 import re
@@ -83,10 +82,13 @@ def test_frame_vectors():
 def test_every_message_is_in_the_table():
     told = table()
     missing = sorted(set(TYPE_NAMES.values()) - told.keys())
-    assert not missing, f"add a row to the table in 2 of docs/protocol-notes.md: {missing}"
+    assert not missing, (
+        f"add a row to the table in 2 of docs/internals/protocol-notes.md: {missing}"
+    )
     gone = sorted(told.keys() - set(TYPE_NAMES.values()))
     assert not gone, (
-        f"not in framestep.protocol.declared, so take out of 2 of docs/protocol-notes.md: {gone}"
+        "not in framestep.protocol.declared, so remove them from the table in 2 of "
+        f"docs/internals/protocol-notes.md: {gone}"
     )
 
 

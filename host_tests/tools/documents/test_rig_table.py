@@ -1,4 +1,4 @@
-"""The table of docs/rig-file.md and the schema are those that the code makes."""
+"""The table of docs/use/rig-file.md and the schema are those that the code makes."""
 
 import json
 
@@ -22,7 +22,7 @@ def test_a_changed_setting_shows(monkeypatch):
 
 
 def test_schema_is_up_to_date(capsys):
-    file = ROOT / "docs" / "rig.schema.json"
+    file = ROOT / "docs/use/rig.schema.json"
     assert file.read_text(encoding="utf-8") == rig_schema.text(), (
         "run python -m framestep_tools.documents.rig_schema"
     )

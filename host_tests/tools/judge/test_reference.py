@@ -109,6 +109,6 @@ def test_the_picture_is_up_to_date(tmp_path):
     draw(MOVE, tmp_path / "again.svg")
     drawn = (tmp_path / "again.svg").read_text()
     assert drawn == PICTURE.read_text(), (
-        "docs/interpolation.svg is not what the source makes: run `make plots`"
+        "docs/internals/interpolation.svg is not what the source makes: run `make plots`"
     )
     assert len(drawn) < 250_000

@@ -126,7 +126,7 @@ def test_every_figure_is_known_of_the_emulated_boards_and_explained():
         dmx = "dmx" in board_data(name)
         figures = {f.key for f in FIGURES if dmx or not f.key.startswith("dmx")}
         assert set(boards[name].figures) == figures
-    page = (ROOT / "docs/hardware-reports.md").read_text()
+    page = (ROOT / "docs/use/hardware-reports.md").read_text()
     assert [f.key for f in FIGURES if f"`{f.key}`" not in page] == []
 
 

@@ -154,7 +154,7 @@ _HEAD = """\
 
 def commented(content: str) -> str:
     """A rig file's text with every setting that there is in comments around it."""
-    lines = ["", "// All settings (docs/rig-file.md):", "//"]
+    lines = ["", "// All settings (docs/use/rig-file.md):", "//"]
     tables = (
         ("", settings.SETTINGS),
         ('of "motors": [{…}, {…}], an object for each motor', settings.MOTOR_SETTINGS),

@@ -101,7 +101,7 @@ def explain(client: Client, error: RequestRefused) -> RequestRefused:
 
 def _why(client: Client, request: Payload, code: Ack) -> str | None:
     if isinstance(request, Home) and code == Ack.ERR_UNSUPPORTED:
-        return "no motor has `home` in the rig file (docs/homing.md), or the firmware is older"
+        return "no motor has `home` in the rig file (docs/use/homing.md), or the firmware is older"
     if code in (Ack.ERR_UNSUPPORTED, Ack.ERR_CHECKSUM):
         return None
     info = client.info or client.greet()
@@ -242,7 +242,9 @@ def _set_limits(client: Client, request: MotorSetLimits) -> str:
 
 def _home(client: Client, request: Home, code: Ack) -> str | None:
     if code == Ack.ERR_RANGE:
-        return f"{_named(_motors(request))}: not each has `home` in the rig file (docs/homing.md)"
+        motors = _motors(request)
+        which = ("one of " if len(motors) > 1 else "") + _named(motors)
+        return f"the rig file has no `home` for {which} (docs/use/homing.md)"
     side = {Ack.ERR_SOFT_UP: "upper", Ack.ERR_SOFT_LOW: "lower"}.get(code)
     return side and (
         f"the position of a home switch is past the {side} soft limit of its motor ({_LIMITS}); "

@@ -68,7 +68,7 @@ def prove(
         say_json(found.as_json())
     else:
         report.show(found)
-        print(f"{paths[1]} is a report to attach to an issue: docs/hardware-reports.md")
+        print(f"{paths[1]} is a report to attach to an issue: docs/use/hardware-reports.md")
     if found.complaints:
         raise ToolError(f"{len(found.complaints)} things are not as they should be")
 

@@ -1,4 +1,4 @@
-"""How smooth the motion between frames is: docs/interpolation.svg, made by `make plots`.
+"""How smooth the motion between frames is: docs/internals/interpolation.svg, made by `make plots`.
 
 For each motor of the demo's move velocity and acceleration of framestep's cubics (reference.py,
 whose velocities at frames are the firmware's own) against the straight lines of dmc-lite, the
@@ -25,7 +25,7 @@ from ..judge.judge import frame_times_ns
 from ..judge.reference import Reference
 from ..move.move_file import CAMERA_MOVE, Move, read_move
 
-PICTURE = ROOT / "docs" / "interpolation.svg"
+PICTURE = ROOT / "docs/internals/interpolation.svg"
 FPS_MILLI = 24_000
 LINEAR_GRID_S = 0.02
 CLOSE_UP_S = 0.4

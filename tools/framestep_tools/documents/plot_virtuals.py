@@ -1,4 +1,4 @@
-"""Drawings of the virtual axes' rigs: docs/virtual-*.svg, made by `make plots`.
+"""Drawings of the virtual axes' rigs: docs/use/virtual-*.svg, made by `make plots`.
 
 Every line is where virtual_reference.py puts it for the pose in POSES: signs and lengths are those
 that the tests hold the firmware to. Left from above, in the middle from the side, right the camera
@@ -28,7 +28,7 @@ from ..judge.virtual_reference import (
 )
 from .plot_interpolation import _short
 
-DOCS = ROOT / "docs"
+FOLDER = ROOT / "docs/use"
 FILES = {
     BOOM_SWING_TRACK: "virtual-boom-swing-track.svg",
     SWING_PAN: "virtual-swing-pan.svg",
@@ -357,7 +357,7 @@ app = Command("plot_virtuals")
 
 
 @app.command()
-def main(folder: Annotated[Path, typer.Option(help="where to", metavar="FOLDER")] = DOCS) -> int:
+def main(folder: Annotated[Path, typer.Option(help="where to", metavar="FOLDER")] = FOLDER) -> int:
     """Draw the rigs of the virtual axes."""
     for kind, name in FILES.items():
         draw(kind, folder / name)

@@ -7,7 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..move.move_file import CAMERA_MOVE, read_move
+from ..paths import ROOT
 
+PICTURE = ROOT / "docs/rig.svg"
 WIDTH, HEIGHT = 860, 400
 SECONDS = 10
 FRAMES_A_KEY = 6  # between two positions that the drawing goes through
@@ -112,9 +114,7 @@ def curves(steps: dict[str, np.ndarray]) -> str:
 
 def main() -> None:
     """Write docs/rig.svg."""
-    from ..paths import ROOT
-
-    (ROOT / "docs" / "rig.svg").write_text(drawing())
+    PICTURE.write_text(drawing())
 
 
 if __name__ == "__main__":

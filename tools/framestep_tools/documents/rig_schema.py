@@ -1,7 +1,7 @@
 """The rig file as a JSON Schema, for editors: made from the table that the board reads the file by
 (framestep.rig).
 
-python -m framestep_tools.documents.rig_schema          put it into docs/rig.schema.json
+python -m framestep_tools.documents.rig_schema          put it into docs/use/rig.schema.json
 """
 
 import json
@@ -82,4 +82,4 @@ def text() -> str:
 if __name__ == "__main__":
     from ..building.board_files import ROOT
 
-    (ROOT / "docs" / "rig.schema.json").write_text(text(), encoding="utf-8")
+    (ROOT / "docs/use/rig.schema.json").write_text(text(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The table of the rig file's settings in docs/rig-file.md, made from the code that reads the file.
+"""Make the tables of settings in docs/use/rig-file.md from the code that reads the rig file.
 
 python -m framestep_tools.documents.rig_table          put it there
 """
@@ -9,7 +9,7 @@ from framestep.rig import homes, servos, settings
 
 from ..building.board_files import ROOT
 
-PAGE = ROOT / "docs" / "rig-file.md"
+PAGE = ROOT / "docs/use/rig-file.md"
 BEGIN = "<!-- rig table: made by python -m framestep_tools.documents.rig_table -->\n"
 END = "<!-- end of rig table -->"
 

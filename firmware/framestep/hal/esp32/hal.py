@@ -1,5 +1,5 @@
 """ESP32: motors behind 74HC595 fed by I2S, ticks in batches from the main loop, the protocol on the
-UART of the REPL. Nothing of this has been tried on hardware: docs/esp32.md.
+UART of the REPL. Nothing of this has been tried on hardware: docs/internals/esp32.md.
 
 Pins up to LAST_PIN are the chip's own, for inputs. Output n of the chain is pin CHAIN + n: steps,
 directions, enable lines, camera and general outputs. All of these change with their tick, which is

@@ -1,4 +1,4 @@
-// Where a rig's arm and camera are, for drawing: the formulas of docs/virtual-axes.md. World: X to the
+// Where a rig's arm and camera are, for drawing: the formulas of docs/internals/virtual-axes.md. World: X to the
 // right, Y up, Z backward; the camera at rest looks along −Z. Angles are in degrees.
 
 import { M } from "./protocol.js";

@@ -1,4 +1,4 @@
-// VIRT_CONFIG: each type of rig has a layout of its own (docs/protocol-notes.md, 9.2 and 9.3).
+// VIRT_CONFIG: each type of rig has a layout of its own (docs/internals/protocol-notes.md, 9.2 and 9.3).
 
 import { TYPES } from "./kinematics.js";
 import { M } from "./protocol.js";
