@@ -8,8 +8,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from framestep.base import results
 from framestep.motion import reals
 from framestep.moves.path import move_check as module
+from framestep.moves.path import registers
 from framestep.moves.path.path import FROM_REST, MOST
 from framestep.moves.path.registers import OWN
 from framestep.protocol import messages as m
@@ -32,7 +34,7 @@ def check(player, fps, frames=None, begin=0, step=1, ways=WAY_UP, **more):
 
 def exceeded(player):
     told = player.exceeded
-    return {word: told[getattr(module, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
+    return {word: told[getattr(results, word)] for word in ("WHAT", "MOTOR", "FRAME", "BY")}
 
 
 def place(value):
@@ -262,9 +264,9 @@ def test_with_a_ramp_the_rate_is_what_the_steepest_frame_allows(velocity, step):
     assert check(player, 24, begin=begin, step=step, ramp=4) == m.OK
     assert player.rate == pytest.approx(min(24_000, velocity * 10), rel=0.03)
     if player.rate < 24_000:
-        assert player.exceeded[module.WHAT] == m.EXCEEDED_SLOWED
-        assert player.exceeded[module.BY] == player.rate
-        assert abs(player.exceeded[module.FRAME] - 35) <= 4
+        assert player.exceeded[results.WHAT] == m.EXCEEDED_SLOWED
+        assert player.exceeded[results.BY] == player.rate
+        assert abs(player.exceeded[results.FRAME] - 35) <= 4
 
 
 @given(
@@ -299,7 +301,7 @@ def test_no_rate_is_less_than_a_frame_in_a_thousand_seconds():
     assert check(player_of([0, 6_000], velocity=10), 24, ramp=4) == m.OK
     player = player_of([0, 10_010], velocity=10)
     assert check(player, 24, ramp=4) == m.ERR_RANGE
-    assert player.exceeded[module.WHAT] == m.EXCEEDED_BOARD
+    assert player.exceeded[results.WHAT] == m.EXCEEDED_BOARD
 
 
 # ------------------------------------------------------- ramps to and from a frame (field note 6.2)
@@ -354,7 +356,7 @@ def test_without_velocity_a_roll_goes_nowhere():
 def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
     player = player_of([0, 0])
     places = place(10)
-    register(player, module.X, by)
+    register(player, registers.X, by)
     assert player.shift_by_x(places, 0, backward)
     assert places[0] == 10 + moved
 
@@ -363,6 +365,6 @@ def test_a_shift_is_rounded_to_the_nearest_step(by, backward, moved):
 def test_a_shift_past_the_range_of_positions_changes_nothing(begin, by):
     player = player_of([0, 0])
     places = place(begin)
-    register(player, module.X, by)
+    register(player, registers.X, by)
     assert not player.shift_by_x(places, 0, False)
     assert places[0] == begin

@@ -12,23 +12,7 @@ first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
 """
 
 from framestep.base.native import const, micropython, ptr32
-from framestep.pulse.stepper import (
-    AT_PART,
-    AT_STEP,
-    ONE,
-    QUEUE,
-    SEG_ACCEL,
-    SEG_BRIDGE,
-    SEG_FRACTION,
-    SEG_JERK,
-    SEG_SPAN,
-    SEG_TICKS,
-    SEG_VELOCITY,
-    SEG_WHOLE,
-    SEGMENTS,
-    WHOLE_SPAN,
-    WRITE_INDEX,
-)
+from framestep.pulse import stepper as sw
 
 # Words of a cubic
 WHOLE = const(0)  # whole steps
@@ -42,7 +26,7 @@ LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
 _STEEP = const(0x4000)  # Q16: a quarter of a step per tick²
-_SLOTS = const(SEGMENTS - 1)
+_SLOTS = const(sw.SEGMENTS - 1)
 _MASK = const(0x3FFFFFFF)
 
 
@@ -106,22 +90,22 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
 @micropython.viper
 def cut(cubic: ptr32, block: ptr32, ticks: int):
     """Queue the next `ticks` (1 to 32) of a cubic as a segment. There must be room for it."""
-    q = ptr32(block[QUEUE])
-    k = (block[WRITE_INDEX] & _SLOTS) << 3
+    q = ptr32(block[sw.QUEUE])
+    k = (block[sw.WRITE_INDEX] & _SLOTS) << 3
     # G1 + G2 + G3 in Q22: their high words to Q22, and what their low words carry
     low = (cubic[G1 + 1] >> 3) + (cubic[G2 + 1] >> 3) + (cubic[G3] << 15 & 0x7FFFFFF)
     high = cubic[G1] + cubic[G2] + (cubic[G3] >> 12)
-    q[k + SEG_TICKS] = ticks
-    q[k + SEG_WHOLE] = cubic[WHOLE]
-    q[k + SEG_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
-    q[k + SEG_VELOCITY] = (high << 6) + (low >> 21)
+    q[k + sw.SEG_TICKS] = ticks
+    q[k + sw.SEG_WHOLE] = cubic[WHOLE]
+    q[k + sw.SEG_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
+    q[k + sw.SEG_VELOCITY] = (high << 6) + (low >> 21)
     jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
     # the kernel rounds the acceleration down from Q27 to Q22: half a unit makes up for it
-    q[k + SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
-    q[k + SEG_JERK] = jerk
-    q[k + SEG_BRIDGE] = 0
-    q[k + SEG_SPAN] = block[WHOLE_SPAN]
-    block[WRITE_INDEX] = (block[WRITE_INDEX] + 1) & _MASK
+    q[k + sw.SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
+    q[k + sw.SEG_JERK] = jerk
+    q[k + sw.SEG_BRIDGE] = 0
+    q[k + sw.SEG_SPAN] = block[sw.WHOLE_SPAN]
+    block[sw.WRITE_INDEX] = (block[sw.WRITE_INDEX] + 1) & _MASK
 
 
 # Words of what mark() and knot() remember of a tick that two phases share
@@ -148,8 +132,8 @@ def knot(state: ptr32, at: ptr32, part: int):
     """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is at the
     place `at` (AT_ words) exactly."""
     state[OPEN_SHARE] = part
-    state[OPEN_STEP] = at[AT_STEP]
-    state[OPEN_PART] = at[AT_PART]
+    state[OPEN_STEP] = at[sw.AT_STEP]
+    state[OPEN_PART] = at[sw.AT_PART]
 
 
 @micropython.viper
@@ -167,22 +151,22 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     of the tick, and the segment that follows begins a little behind: no step is lost, since that is
     less than the two steps that the kernel bears.
     """
-    q = ptr32(block[QUEUE])
-    k = (block[WRITE_INDEX] & _SLOTS) << 3
-    q[k + SEG_TICKS] = 1
-    q[k + SEG_WHOLE] = state[OPEN_WHOLE]
-    q[k + SEG_FRACTION] = state[OPEN_FRACTION]
-    q[k + SEG_VELOCITY] = (
+    q = ptr32(block[sw.QUEUE])
+    k = (block[sw.WRITE_INDEX] & _SLOTS) << 3
+    q[k + sw.SEG_TICKS] = 1
+    q[k + sw.SEG_WHOLE] = state[OPEN_WHOLE]
+    q[k + sw.SEG_FRACTION] = state[OPEN_FRACTION]
+    q[k + sw.SEG_VELOCITY] = (
         ((cubic[WHOLE] - state[OPEN_WHOLE]) << 22)
         + (cubic[P] << 6)
         + (cubic[P + 1] >> 24)
         - state[OPEN_FRACTION]
     )
     # the mean of the accelerations before and after
-    q[k + SEG_ACCEL] = state[OPEN_ACCEL] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
-    q[k + SEG_JERK] = 0
-    q[k + SEG_BRIDGE] = 1
-    q[k + SEG_SPAN] = block[WHOLE_SPAN]
+    q[k + sw.SEG_ACCEL] = state[OPEN_ACCEL] + (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
+    q[k + sw.SEG_JERK] = 0
+    q[k + sw.SEG_BRIDGE] = 1
+    q[k + sw.SEG_SPAN] = block[sw.WHOLE_SPAN]
     turns = 0
     share = state[OPEN_SHARE]
     step = state[OPEN_STEP]
@@ -197,14 +181,14 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                 if state[OPEN_WHOLE] > step or (state[OPEN_WHOLE] == step and state[OPEN_FRACTION]):
                     turns = share
     if turns == 0 and share >> 23 and (_MASK - share) >> 23:
-        d = q[k + SEG_VELOCITY]
+        d = q[k + sw.SEG_VELOCITY]
         if (d + _SLOW) >> 26 == 0 and (step - state[OPEN_WHOLE] + 16) >> 5 == 0:
             # p(x) = d·x - a·x·(1 - x)/2: the a with which p(share) is there
             x = share >> 17
             e = ((d >> 11) * x >> 2) + ((d & 0x7FF) * x >> 13)
             e = e - ((step - state[OPEN_WHOLE]) << 22)
             e = e + state[OPEN_FRACTION] - (state[OPEN_PART] << 6)
-            if (e + ONE // 2) >> 22 == 0:
+            if (e + sw.ONE // 2) >> 22 == 0:
                 x = x * (8192 - x) >> 14
                 d = d >> 6
                 e = e << 6
@@ -214,13 +198,15 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                 if state[OPEN_PART] == 0 and (half > d + d or half + d + d < 0):
                     turns = share  # far beyond the tick's ends, or at rest for a part of it
                 elif (half + _STEEP) >> 15 == 0:
-                    q[k + SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
+                    q[k + sw.SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
     if turns:
-        q[k + SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]
+        q[k + sw.SEG_VELOCITY] = ((step - state[OPEN_WHOLE]) << 22) - state[OPEN_FRACTION]
         part = turns
     if turns or (cubic[G1] == 0 and cubic[G1 + 1] == 0):
-        q[k + SEG_SPAN] = ((part >> 16) * block[WHOLE_SPAN] >> 14) + 1  # the kernel divides by it
-    block[WRITE_INDEX] = (block[WRITE_INDEX] + 1) & _MASK
+        q[k + sw.SEG_SPAN] = (
+            (part >> 16) * block[sw.WHOLE_SPAN] >> 14
+        ) + 1  # the kernel divides by it
+    block[sw.WRITE_INDEX] = (block[sw.WRITE_INDEX] + 1) & _MASK
 
 
 @micropython.viper
@@ -231,15 +217,15 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
     sum. The kernel makes the same of both, tick by tick and bit by bit: so the two are never a step
     apart, whatever stops them.
     """
-    q = ptr32(block[QUEUE])
-    k = ((block[WRITE_INDEX] - 1) & _SLOTS) << 3
-    p = ptr32(other[QUEUE])
-    j = (other[WRITE_INDEX] & _SLOTS) << 3
-    whole = q[k + SEG_WHOLE]
-    part = q[k + SEG_FRACTION]
-    v = q[k + SEG_VELOCITY]
-    a = q[k + SEG_ACCEL]
-    jerk = q[k + SEG_JERK]
+    q = ptr32(block[sw.QUEUE])
+    k = ((block[sw.WRITE_INDEX] - 1) & _SLOTS) << 3
+    p = ptr32(other[sw.QUEUE])
+    j = (other[sw.WRITE_INDEX] & _SLOTS) << 3
+    whole = q[k + sw.SEG_WHOLE]
+    part = q[k + sw.SEG_FRACTION]
+    v = q[k + sw.SEG_VELOCITY]
+    a = q[k + sw.SEG_ACCEL]
+    jerk = q[k + sw.SEG_JERK]
     if opposite:
         whole = base[0] - whole
         if part:
@@ -251,15 +237,15 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
         a = 31 - a
     else:
         whole = base[0] + whole
-    p[j + SEG_TICKS] = q[k + SEG_TICKS]
-    p[j + SEG_WHOLE] = whole
-    p[j + SEG_FRACTION] = part
-    p[j + SEG_VELOCITY] = v
-    p[j + SEG_ACCEL] = a
-    p[j + SEG_JERK] = jerk
-    p[j + SEG_BRIDGE] = q[k + SEG_BRIDGE]
-    p[j + SEG_SPAN] = q[k + SEG_SPAN]
-    other[WRITE_INDEX] = (other[WRITE_INDEX] + 1) & _MASK
+    p[j + sw.SEG_TICKS] = q[k + sw.SEG_TICKS]
+    p[j + sw.SEG_WHOLE] = whole
+    p[j + sw.SEG_FRACTION] = part
+    p[j + sw.SEG_VELOCITY] = v
+    p[j + sw.SEG_ACCEL] = a
+    p[j + sw.SEG_JERK] = jerk
+    p[j + sw.SEG_BRIDGE] = q[k + sw.SEG_BRIDGE]
+    p[j + sw.SEG_SPAN] = q[k + sw.SEG_SPAN]
+    other[sw.WRITE_INDEX] = (other[sw.WRITE_INDEX] + 1) & _MASK
 
 
 @micropython.viper

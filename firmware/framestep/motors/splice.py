@@ -9,35 +9,7 @@ from framestep.base.clock import HALF, WIDE_WRAP, elapsed
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion import segments
 from framestep.motors.feeder import CUT
-from framestep.pulse.stepper import (
-    ACCEL,
-    AT_PART,
-    AT_STEP,
-    DECEL,
-    FIRST,
-    FRACTION,
-    JERK,
-    LEFT,
-    MODE,
-    NEXT,
-    POSITION,
-    QUEUE,
-    READ_INDEX,
-    RUN,
-    SEG_ACCEL,
-    SEG_BRIDGE,
-    SEG_FRACTION,
-    SEG_JERK,
-    SEG_VELOCITY,
-    SEG_WHOLE,
-    SEGMENTS,
-    START,
-    STOP,
-    TICKS,
-    VELOCITY,
-    WORK,
-    WRITE_INDEX,
-)
+from framestep.pulse import stepper as sw
 
 # Words of a motor's `work`, from CUT on: a state before the cut
 _WHOLE = const(CUT)  # steps
@@ -62,21 +34,21 @@ def queued(m: ptr32, bits: int, most: int) -> int:
     while bits:
         if bits & 1:
             ticks = 0
-            if m[MODE] == RUN:
-                head = m[READ_INDEX]
-                ticks = m[LEFT]
-                while head != m[READ_INDEX]:  # a tick has just taken a segment
-                    head = m[READ_INDEX]
-                    ticks = m[LEFT]
-                q = ptr32(m[QUEUE])
-                while ticks < most and head != m[WRITE_INDEX]:
-                    ticks += q[(head & (SEGMENTS - 1)) << 3]
+            if m[sw.MODE] == sw.RUN:
+                head = m[sw.READ_INDEX]
+                ticks = m[sw.LEFT]
+                while head != m[sw.READ_INDEX]:  # a tick has just taken a segment
+                    head = m[sw.READ_INDEX]
+                    ticks = m[sw.LEFT]
+                q = ptr32(m[sw.QUEUE])
+                while ticks < most and head != m[sw.WRITE_INDEX]:
+                    ticks += q[(head & (sw.SEGMENTS - 1)) << 3]
                     head = (head + 1) & WIDE_WRAP
             if ticks < most:
                 most = ticks
         bits >>= 1
         if bits:
-            a = m[NEXT]
+            a = m[sw.NEXT]
             m = ptr32(a)
     return most
 
@@ -94,16 +66,16 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
     found = TOO_SOON
     while bits:
         if bits & 1:
-            out = ptr32(m[WORK])
-            q = ptr32(m[QUEUE])
-            head = m[READ_INDEX]
-            done = m[LEFT]
+            out = ptr32(m[sw.WORK])
+            q = ptr32(m[sw.QUEUE])
+            head = m[sw.READ_INDEX]
+            done = m[sw.LEFT]
             k = -1  # the segment in the queue that the cut lies in
             left = ticks
-            if m[MODE] & STOP:
+            if m[sw.MODE] & sw.STOP:
                 # Carry on with the same deceleration as a segment
-                v = m[VELOCITY]
-                a = m[DECEL]
+                v = m[sw.VELOCITY]
+                a = m[sw.DECEL]
                 if v < 0:
                     done = (0 - v) // a
                 else:
@@ -111,53 +83,53 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                     a = 0 - a
                 if done >= ticks:
                     done = ticks
-                    m[LEFT] = ticks
-                    m[VELOCITY] = v + a
-                    m[ACCEL] = a << 5
-                    m[JERK] = 0
-                    m[MODE] = RUN | (m[MODE] & START)
-                    m[READ_INDEX] = head = m[WRITE_INDEX]
-            elif m[MODE] & RUN == 0:
+                    m[sw.LEFT] = ticks
+                    m[sw.VELOCITY] = v + a
+                    m[sw.ACCEL] = a << 5
+                    m[sw.JERK] = 0
+                    m[sw.MODE] = sw.RUN | (m[sw.MODE] & sw.START)
+                    m[sw.READ_INDEX] = head = m[sw.WRITE_INDEX]
+            elif m[sw.MODE] & sw.RUN == 0:
                 done = left = 0
             elif done < ticks:
-                while done < ticks and head != m[WRITE_INDEX]:
-                    k = (head & (SEGMENTS - 1)) << 3
+                while done < ticks and head != m[sw.WRITE_INDEX]:
+                    k = (head & (sw.SEGMENTS - 1)) << 3
                     head = (head + 1) & WIDE_WRAP
                     done += q[k]
                 if done >= ticks:
                     left = q[k] + ticks - done
                     q[k] = left
                     done = ticks
-                    bridge = q[k + SEG_BRIDGE]
-                    while bridge and head != m[WRITE_INDEX]:
+                    bridge = q[k + sw.SEG_BRIDGE]
+                    while bridge and head != m[sw.WRITE_INDEX]:
                         # The velocity at the end of a bridge is that at the start of what follows
                         # it. Between two bridges nothing tells it: on to the end of the second.
-                        k = (head & (SEGMENTS - 1)) << 3
-                        left = bridge = q[k + SEG_BRIDGE]
+                        k = (head & (sw.SEGMENTS - 1)) << 3
+                        left = bridge = q[k + sw.SEG_BRIDGE]
                         done += bridge
                         head = (head + bridge) & WIDE_WRAP
             else:
                 done = ticks
-                m[LEFT] = ticks
+                m[sw.LEFT] = ticks
             if done < left:
                 done = TOO_SOON
             else:
-                m[WRITE_INDEX] = head
+                m[sw.WRITE_INDEX] = head
                 out[_TICKS] = left
                 if k < 0:
-                    out[_WHOLE] = m[POSITION]
-                    out[_FRACTION] = m[FRACTION]
-                    out[_VELOCITY] = m[VELOCITY]
-                    out[_ACCEL] = m[ACCEL]
-                    out[_JERK] = m[JERK]
+                    out[_WHOLE] = m[sw.POSITION]
+                    out[_FRACTION] = m[sw.FRACTION]
+                    out[_VELOCITY] = m[sw.VELOCITY]
+                    out[_ACCEL] = m[sw.ACCEL]
+                    out[_JERK] = m[sw.JERK]
                     if done == 0:
                         out[_FRACTION] = out[_VELOCITY] = out[_ACCEL] = out[_JERK] = 0
                 else:
-                    out[_WHOLE] = q[k + SEG_WHOLE]
-                    out[_FRACTION] = q[k + SEG_FRACTION]
-                    out[_VELOCITY] = q[k + SEG_VELOCITY]
-                    out[_ACCEL] = q[k + SEG_ACCEL]
-                    out[_JERK] = q[k + SEG_JERK]
+                    out[_WHOLE] = q[k + sw.SEG_WHOLE]
+                    out[_FRACTION] = q[k + sw.SEG_FRACTION]
+                    out[_VELOCITY] = q[k + sw.SEG_VELOCITY]
+                    out[_ACCEL] = q[k + sw.SEG_ACCEL]
+                    out[_JERK] = q[k + sw.SEG_JERK]
             if found == TOO_SOON:
                 if done < 0:
                     return TOO_SOON
@@ -166,7 +138,7 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                 found = UNEVEN
         bits >>= 1
         if bits:
-            a = m[NEXT]
+            a = m[sw.NEXT]
             m = ptr32(a)
     return found
 
@@ -210,28 +182,28 @@ def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
     Return whether they are dropped: each motor has such a segment, and the tick is `least` ticks
     ahead. dropped() tells where they began. To be called with interrupts off. m: the header.
     """
-    ticks = elapsed(tick, m[TICKS])
+    ticks = elapsed(tick, m[sw.TICKS])
     if ticks < least or ticks >= HALF:
         return 0
-    first = m[FIRST]
+    first = m[sw.FIRST]
     put = 0
     while put < 2:
         todo = bits
         a = first
         while todo:
             m = ptr32(a)
-            a = m[NEXT]
+            a = m[sw.NEXT]
             if todo & 1:
-                n = ticks - m[LEFT]
-                head = m[READ_INDEX]
-                q = ptr32(m[QUEUE])
-                while n > 0 and head != m[WRITE_INDEX]:
-                    n -= q[(head & (SEGMENTS - 1)) << 3]
+                n = ticks - m[sw.LEFT]
+                head = m[sw.READ_INDEX]
+                q = ptr32(m[sw.QUEUE])
+                while n > 0 and head != m[sw.WRITE_INDEX]:
+                    n -= q[(head & (sw.SEGMENTS - 1)) << 3]
                     head = (head + 1) & WIDE_WRAP
-                if n or head == m[WRITE_INDEX] or m[MODE] & (RUN | STOP) != RUN:
+                if n or head == m[sw.WRITE_INDEX] or m[sw.MODE] & (sw.RUN | sw.STOP) != sw.RUN:
                     return 0
                 if put:
-                    m[WRITE_INDEX] = head
+                    m[sw.WRITE_INDEX] = head
             todo >>= 1
         put += 1
     return 1
@@ -240,7 +212,7 @@ def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
 @micropython.viper
 def dropped(m: ptr32, at: ptr32):
     """at: where the first segment that cut_at() has dropped began, in AT_ words. m: the block."""
-    q = ptr32(m[QUEUE])
-    k = (m[WRITE_INDEX] & (SEGMENTS - 1)) << 3
-    at[AT_STEP] = q[k + SEG_WHOLE]
-    at[AT_PART] = q[k + SEG_FRACTION] >> 6
+    q = ptr32(m[sw.QUEUE])
+    k = (m[sw.WRITE_INDEX] & (sw.SEGMENTS - 1)) << 3
+    at[sw.AT_STEP] = q[k + sw.SEG_WHOLE]
+    at[sw.AT_PART] = q[k + sw.SEG_FRACTION] >> 6

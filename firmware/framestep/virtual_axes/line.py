@@ -15,25 +15,6 @@ from framestep.motion.formula import formula
 from framestep.motion.reals import combine, multiply, order_words
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.kinematics import aim
-from framestep.virtual_axes.registers import (
-    AIMED_PAN,
-    AIMED_TILT,
-    AXES,
-    BASE,
-    DIRECTION,
-    DIRECTION_PAN,
-    DIRECTION_TILT,
-    JOINT,
-    LAST_END,
-    NEAR_PAN,
-    PAN_OFFSET,
-    POSE,
-    TILT_OFFSET,
-    V_PAN,
-    ZERO,
-    S,
-    X,
-)
 
 ROW = const(12)  # words of `rows` with the positions of all motors: step and Q16 fraction of each
 SURVEY = const(192)  # the first of three rows of the survey, after those of 16 knots
@@ -116,7 +97,7 @@ def _allow_start(bounds: ptr32, rows: ptr32, a: int, motor: ptr32):
     """Note in `bounds` how far positions of a row, within a step of the motors, lie past them."""
     k = 0
     i = 0
-    while i < AXES:
+    while i < registers.AXES:
         if motor[i + 0]:
             if (rows[a + 0] >> 2) - (bounds[k + HIGH] >> 2) > -2:
                 d = ((rows[a + 0] - bounds[k + HIGH]) << 16) + rows[a + 1]
@@ -167,11 +148,11 @@ class Line:
         self.r = r
         self.rig = None  # the Kinematics configured
         self.bits = 0  # motors of the rig
-        self.motor = array("i", [0] * AXES)  # of each axis of the rig, from 1; 0 for none
+        self.motor = array("i", [0] * registers.AXES)  # of each axis of the rig, from 1; 0 for none
         self.rows = array("i", [0] * (SURVEY + 3 * ROW))
-        self.bounds = array("i", [0] * (4 * AXES))
+        self.bounds = array("i", [0] * (4 * registers.AXES))
         self.present = array("i", [0] * axes.count)  # steps of all motors where the line begins
-        self.rest = array("i", [0] * AXES)  # steps in which the last line has ended
+        self.rest = array("i", [0] * registers.AXES)  # steps in which the last line has ended
         self.rested = False
         self.aiming = False  # pan and tilt follow the aim point
         self.by_joint = False  # the line is one of JOINTs
@@ -182,7 +163,7 @@ class Line:
         self.rested = False
         self.aiming = False
         self.bits = 0
-        for i in range(AXES):
+        for i in range(registers.AXES):
             self.motor[i] = rig.motor[i] if rig else 0
             if self.motor[i]:
                 self.bits |= 1 << (self.motor[i] - 1)
@@ -206,19 +187,19 @@ class Line:
         r = self.r
         if self._is_where_line_ended():
             # so that rounding to steps does not add up from line to line
-            for k in range(0, 2 * AXES, 2):
-                reals.copy(r, POSE + k, LAST_END + k)
+            for k in range(0, 2 * registers.AXES, 2):
+                reals.copy(r, registers.POSE + k, registers.LAST_END + k)
         self.by_joint = by_joint
-        base = JOINT if by_joint else POSE
-        for k in range(0, 2 * AXES, 2):
-            reals.copy(r, BASE + k, base + k)
-            reals.put(r, DIRECTION + k, 0, 0)
+        base = registers.JOINT if by_joint else registers.POSE
+        for k in range(0, 2 * registers.AXES, 2):
+            reals.copy(r, registers.BASE + k, base + k)
+            reals.put(r, registers.DIRECTION + k, 0, 0)
         self._set_bounds()
         # what the rig says of this pose must be where it stands: there may be two ways to take it
-        code = self.positions_at(ZERO, SURVEY)
+        code = self.positions_at(registers.ZERO, SURVEY)
         if code:
             return code
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0 and not _within_a_step(self.rows, SURVEY + 2 * i, self.present, motor):
                 return results.ERR_RANGE
@@ -231,20 +212,22 @@ class Line:
         code = self.locate()
         if code:
             return code
-        reals.put(self.r, PAN_OFFSET, 0, 0)
-        reals.put(self.r, TILT_OFFSET, 0, 0)
+        reals.put(self.r, registers.PAN_OFFSET, 0, 0)
+        reals.put(self.r, registers.TILT_OFFSET, 0, 0)
         return self._take_aim()
 
     def _take_aim(self):
         """AIMED_PAN and AIMED_TILT for the pose located, and the offsets from there. A code."""
         r = self.r
-        reals.copy(r, NEAR_PAN, V_PAN)
+        reals.copy(r, registers.NEAR_PAN, registers.V_PAN)
         code = aim.direction(r)
         if code:
             return code
-        reals.copy(r, AIMED_PAN, DIRECTION_PAN)
-        reals.copy(r, AIMED_TILT, DIRECTION_TILT)
-        reals.copy(r, NEAR_PAN, AIMED_PAN)  # on a line it never turns by half a turn
+        reals.copy(r, registers.AIMED_PAN, registers.DIRECTION_PAN)
+        reals.copy(r, registers.AIMED_TILT, registers.DIRECTION_TILT)
+        reals.copy(
+            r, registers.NEAR_PAN, registers.AIMED_PAN
+        )  # on a line it never turns by half a turn
         compute(0, 0, r, _KEEP_PAN)
         compute(0, 0, r, _KEEP_TILT)
         compute(0, 0, r, _AS_AIMED)
@@ -254,8 +237,15 @@ class Line:
         """Remember the pose at S, where the line has ended."""
         if self.aiming or self.by_joint:
             return
-        along(self.r, LAST_END, BASE, DIRECTION, S, X)
-        for i in range(AXES):
+        along(
+            self.r,
+            registers.LAST_END,
+            registers.BASE,
+            registers.DIRECTION,
+            registers.S,
+            registers.X,
+        )
+        for i in range(registers.AXES):
             if self.motor[i]:
                 self.axes[self.motor[i] - 1].position_to(self.rest, i)
         self.rested = True
@@ -268,7 +258,7 @@ class Line:
         """Whether the motors present are where the last line has left them."""
         if self.aiming or not self.rested:
             return False
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0 and not reals.equal_words(self.rest, i, self.present, motor):
                 return False
@@ -279,7 +269,7 @@ class Line:
     def _set_bounds(self):
         """A motor may not pass its soft limits, nor go on where it stands in a limit switch."""
         bounds = self.bounds
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor < 0:
                 continue
@@ -301,7 +291,7 @@ class Line:
     def limits_narrowed(self, motor):
         """Whether soft limits of a motor (from 0) now leave less room than the line counts on."""
         bounds = self.axes[motor].bounds
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self.motor[i] == motor + 1:
                 if order_words(bounds, 0, self.bounds, 4 * i + LOW) > 0:
                     return True
@@ -329,10 +319,10 @@ class Line:
         rig = self.rig
         r = self.r
         if self.by_joint:
-            along(r, JOINT, BASE, DIRECTION, s, X)
+            along(r, registers.JOINT, registers.BASE, registers.DIRECTION, s, registers.X)
             code = self._aim_joints()
         else:
-            along(r, POSE, BASE, DIRECTION, s, X)
+            along(r, registers.POSE, registers.BASE, registers.DIRECTION, s, registers.X)
             code = self._aim_pose() if self.aiming else 0
             if not code:
                 code = rig.inverse()

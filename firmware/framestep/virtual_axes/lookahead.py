@@ -16,23 +16,6 @@ from framestep.motion.formula import formula
 from framestep.motors.axis import SPEED_FLOOR
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import ROW, SURVEY
-from framestep.virtual_axes.registers import (
-    AXES,
-    CELL_A,
-    CELL_END,
-    CELL_LENGTH,
-    CELL_V,
-    END,
-    ENTRY_V2,
-    EXIT_V2,
-    FASTEST,
-    HALF_CELL,
-    MAX_A,
-    MAX_V,
-    REACH_S,
-    SAMPLE,
-    S,
-)
 from framestep.virtual_axes.survey import SMOOTH
 
 CELLS = const(8)  # ahead of the point
@@ -147,8 +130,8 @@ class LookAhead:
         self.closed = False
         survey.clear_greatest()
         # how fast the motors go here, from a first cell of a 16th of a unit
-        reals.put(r, END, 0, 0)
-        reals.put(r, HALF_CELL, 1, -5)
+        reals.put(r, registers.END, 0, 0)
+        reals.put(r, registers.HALF_CELL, 1, -5)
         self.level = 0
         while True:
             code = self._probe()
@@ -160,10 +143,10 @@ class LookAhead:
         survey.take_directions(rows[0], rows[1], rows[2], True)
         survey.set_point_limits(self.share)
         fastest = 1
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if survey.motor[i] and survey.curve[2 * i] > fastest:
                 fastest = survey.curve[2 * i]
-        reals.put(r, FASTEST, fastest, 0)
+        reals.put(r, registers.FASTEST, fastest, 0)
         compute(0, 0, r, _FIRST_LENGTH)
         compute(0, 0, r, _LENGTHEN)
         compute(0, 0, r, _FIRST_HALF_CELL)
@@ -174,9 +157,9 @@ class LookAhead:
     def _sample(self, halves, row):
         """SAMPLE, and the positions of the motors there: 1 or 2 half cells beyond END. A code."""
         r = self.r
-        reals.double(r, SAMPLE, HALF_CELL, halves - 1 - self.level)
-        reals.add(r, SAMPLE, END, SAMPLE)
-        return self.line.positions_at(SAMPLE, row)
+        reals.double(r, registers.SAMPLE, registers.HALF_CELL, halves - 1 - self.level)
+        reals.add(r, registers.SAMPLE, registers.END, registers.SAMPLE)
+        return self.line.positions_at(registers.SAMPLE, row)
 
     def _probe(self):
         """Measure the cell after END. 0 or a code."""
@@ -222,17 +205,17 @@ class LookAhead:
         survey = self.survey
         r = self.r
         survey.set_point_limits(self.share)
-        reals.double(r, CELL_LENGTH, HALF_CELL, 1 - self.level)
+        reals.double(r, registers.CELL_LENGTH, registers.HALF_CELL, 1 - self.level)
         compute(0, 0, r, _CELL_ENDS)
         cells = self.cells
         k = _CELL * ((self.head + self.count) % _RING)
         self.behind = min(self.behind, _RING - 1 - self.count)
-        reals.fetch(cells, k + _END, r, SAMPLE)
-        reals.fetch(cells, k + _V, r, MAX_V)
-        reals.fetch(cells, k + _A, r, MAX_A)
-        reals.fetch(cells, k + _LENGTH, r, CELL_LENGTH)
+        reals.fetch(cells, k + _END, r, registers.SAMPLE)
+        reals.fetch(cells, k + _V, r, registers.MAX_V)
+        reals.fetch(cells, k + _A, r, registers.MAX_A)
+        reals.fetch(cells, k + _LENGTH, r, registers.CELL_LENGTH)
         cells[k + _SPAN] = survey.span
-        reals.copy(r, END, SAMPLE)
+        reals.copy(r, registers.END, registers.SAMPLE)
         rows = self.rows
         rows[0], rows[2] = rows[2], rows[0]
         if self.level:
@@ -241,7 +224,7 @@ class LookAhead:
         # away from where it is slow cells get longer
         compute(0, 0, r, _LENGTHEN)
         if compute(0, 0, r, _DOUBLE_CELL):
-            for i in range(AXES):
+            for i in range(registers.AXES):
                 survey.greatest[i] = min(survey.greatest[i], _LARGE) * 2
 
     def _compute_exits(self):
@@ -249,15 +232,15 @@ class LookAhead:
         survey."""
         r = self.r
         cells = self.cells
-        reals.put(r, ENTRY_V2, 0, 0)
+        reals.put(r, registers.ENTRY_V2, 0, 0)
         i = self.count - 1
         while i >= 0:
             k = _CELL * ((self.head + i) % _RING)
-            reals.fetch(r, CELL_V, cells, k + _V)
-            reals.fetch(r, CELL_A, cells, k + _A)
-            reals.fetch(r, CELL_LENGTH, cells, k + _LENGTH)
+            reals.fetch(r, registers.CELL_V, cells, k + _V)
+            reals.fetch(r, registers.CELL_A, cells, k + _A)
+            reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
             compute(0, 0, r, _LEAVE_CELL)
-            reals.fetch(cells, k + _EXIT, r, EXIT_V2)
+            reals.fetch(cells, k + _EXIT, r, registers.EXIT_V2)
             i -= 1
 
     def back(self):
@@ -267,16 +250,16 @@ class LookAhead:
         self.closed = True
         while self.behind:
             k = _CELL * ((self.head - 1) % _RING)
-            reals.fetch(r, CELL_END, cells, k + _END)
-            if reals.compare(r, CELL_END, S) <= 0:
+            reals.fetch(r, registers.CELL_END, cells, k + _END)
+            if reals.compare(r, registers.CELL_END, registers.S) <= 0:
                 return True
             self.head = (self.head - 1) % _RING
             self.count += 1
             self.behind -= 1
         # the first of those remembered
         k = _CELL * self.head
-        reals.fetch(r, CELL_END, cells, k + _END)
-        reals.fetch(r, CELL_LENGTH, cells, k + _LENGTH)
+        reals.fetch(r, registers.CELL_END, cells, k + _END)
+        reals.fetch(r, registers.CELL_LENGTH, cells, k + _LENGTH)
         return bool(compute(0, 0, r, _IS_WITHIN))
 
     def load_limits(self):
@@ -286,8 +269,8 @@ class LookAhead:
         if not self.count:
             return False
         while self.count > 1:
-            reals.fetch(r, CELL_END, cells, _CELL * self.head + _END)
-            if reals.compare(r, CELL_END, S) > 0:
+            reals.fetch(r, registers.CELL_END, cells, _CELL * self.head + _END)
+            if reals.compare(r, registers.CELL_END, registers.S) > 0:
                 break
             self.head = (self.head + 1) % _RING
             self.count -= 1
@@ -296,15 +279,15 @@ class LookAhead:
         compute(0, 0, r, _NO_LIMIT)
         for i in range(self.count):
             k = _CELL * ((self.head + i) % _RING)
-            reals.fetch(r, CELL_END, cells, k + _END)
-            reals.fetch(r, CELL_V, cells, k + _V)
-            reals.fetch(r, CELL_A, cells, k + _A)
-            reals.fetch(r, EXIT_V2, cells, k + _EXIT)
+            reals.fetch(r, registers.CELL_END, cells, k + _END)
+            reals.fetch(r, registers.CELL_V, cells, k + _V)
+            reals.fetch(r, registers.CELL_A, cells, k + _A)
+            reals.fetch(r, registers.EXIT_V2, cells, k + _EXIT)
             compute(0, 0, r, _LIMIT)
             span = min(span, cells[k + _SPAN])
             if i == 0:
                 compute(0, 0, r, _REACH)
-            if reals.compare(r, CELL_END, REACH_S) > 0:
+            if reals.compare(r, registers.CELL_END, registers.REACH_S) > 0:
                 break
         self.survey.span = span
         return True

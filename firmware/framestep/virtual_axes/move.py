@@ -31,23 +31,6 @@ from framestep.virtual_axes.point import (
     set_advance,
     velocity,
 )
-from framestep.virtual_axes.registers import (
-    AFTER_RATE,
-    AXES,
-    BEFORE_RATE,
-    FROM_V,
-    PHASE_TICKS,
-    S_AFTER,
-    S_BEFORE,
-    S_HERE,
-    TICKS,
-    TO_V,
-    V_HERE,
-    ZERO,
-    S,
-    V,
-    X,
-)
 
 # States
 IDLE = const(0)
@@ -98,7 +81,7 @@ class LinearMove:
         self.marks = array("i", [0] * (4 * _KNOTS))
         self.times = array("i", [0] * _KNOTS)  # ticks from the start of the motion to each knot
         # of each motor's path at the last knot queued (point.py)
-        self.advances = array("i", [0] * AXES)
+        self.advances = array("i", [0] * registers.AXES)
         self.word = array("i", [0] * 2)
         self.knot = 0  # the last knot at which the motors' positions are known
         self.queued = 0  # the last one that a phase leads to
@@ -120,7 +103,7 @@ class LinearMove:
         self.ahead = ahead
         self.state = TAKING_UP
         directions = self.survey.directions
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, directions[i]):
                 self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
@@ -130,8 +113,8 @@ class LinearMove:
         hal = self.axes.hal
         line = self.line
         r = self.r
-        line.positions_at(ZERO, 0)
-        for i in range(AXES):
+        line.positions_at(registers.ZERO, 0)
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
                 axis = self.axes[motor]
@@ -139,9 +122,9 @@ class LinearMove:
                 axis.set_more_to_come(True)
                 axis.block[stepper.PLANNED] = stepper.PLAN_SEGMENTS
                 set_advance(self.advances, i, line.present, motor, 0, self.rows, 2 * i)
-                reals.fetch(self.speeds, 2 * i, r, ZERO)
-        reals.put(r, S, 0, 0)
-        reals.put(r, V, 0, 0)
+                reals.fetch(self.speeds, 2 * i, r, registers.ZERO)
+        reals.put(r, registers.S, 0, 0)
+        reals.put(r, registers.V, 0, 0)
         self._note(0)
         self.times[0] = 0
         self.knot = 0
@@ -161,7 +144,7 @@ class LinearMove:
         It follows now. Whether there was such a motor.
         """
         row = ROW * (self.knot % _KNOTS)
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
                 nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
@@ -186,7 +169,7 @@ class LinearMove:
     def halt(self, factor=1):
         """Let each motor ramp down by itself, `factor` times as steeply as it is set to."""
         if self.state:
-            for i in range(AXES):
+            for i in range(registers.AXES):
                 if self.motor[i]:
                     self.axes[self.motor[i] - 1].stop(self.axes.hal, factor)
             self.state = HALTED
@@ -250,8 +233,8 @@ class LinearMove:
     def _note(self, knot):
         """Remember s and velocity of a knot."""
         k = 4 * (knot % _KNOTS)
-        reals.fetch(self.marks, k, self.r, S)
-        reals.fetch(self.marks, k + 2, self.r, V)
+        reals.fetch(self.marks, k, self.r, registers.S)
+        reals.fetch(self.marks, k + 2, self.r, registers.V)
 
     def _plan(self):
         """Place the next knot, or queue the phases to the one before it. False: the survey of a jog
@@ -263,15 +246,15 @@ class LinearMove:
         r = self.r
         if self.queued < knot - 1:
             self._queue(knot - 1)
-        elif self.queued < knot and reals.sign(r, V) == 0:
+        elif self.queued < knot and reals.sign(r, registers.V) == 0:
             self._finish(knot)
         elif advance(r, self.survey, self.ahead, self.stopping):
             knot += 1
-            if self.line.positions_at(S, ROW * (knot % _KNOTS)):
+            if self.line.positions_at(registers.S, ROW * (knot % _KNOTS)):
                 self.halt()  # the survey has said that it can be reached
                 return True
             self._note(knot)
-            ticks = reals.floor(r, TICKS, HALF)
+            ticks = reals.floor(r, registers.TICKS, HALF)
             self.times[knot % _KNOTS] = after(self.times[(knot - 1) % _KNOTS], ticks)
             self.knot = knot
         else:
@@ -286,26 +269,36 @@ class LinearMove:
         before = (knot - 1) % _KNOTS
         here = knot % _KNOTS
         ahead = (knot + 1) % _KNOTS
-        reals.fetch(r, S_BEFORE, marks, 4 * before)
-        reals.fetch(r, S_HERE, marks, 4 * here)
-        reals.fetch(r, S_AFTER, marks, 4 * ahead)
-        reals.fetch(r, V_HERE, marks, 4 * here + 2)
+        reals.fetch(r, registers.S_BEFORE, marks, 4 * before)
+        reals.fetch(r, registers.S_HERE, marks, 4 * here)
+        reals.fetch(r, registers.S_AFTER, marks, 4 * ahead)
+        reals.fetch(r, registers.V_HERE, marks, 4 * here + 2)
         compute(0, 0, r, _RATES)
-        reals.put(r, PHASE_TICKS, elapsed(self.times[here], self.times[before]), 0)
+        reals.put(r, registers.PHASE_TICKS, elapsed(self.times[here], self.times[before]), 0)
         a = ROW * before
         b = ROW * here
         c = ROW * ahead
         word = self.word
         speeds = self.speeds
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i]
             if motor:
-                velocity(r, TO_V, rows, a, b, c, BEFORE_RATE, AFTER_RATE, X)
+                velocity(
+                    r,
+                    registers.TO_V,
+                    rows,
+                    a,
+                    b,
+                    c,
+                    registers.BEFORE_RATE,
+                    registers.AFTER_RATE,
+                    registers.X,
+                )
                 part = next_step(word, rows, a, b, c, self.advances, i, self.line.bounds)
-                reals.fetch(r, FROM_V, speeds, a)
-                reals.fetch(speeds, b, r, TO_V)
+                reals.fetch(r, registers.FROM_V, speeds, a)
+                reals.fetch(speeds, b, r, registers.TO_V)
                 self.axes[motor - 1].append_coasting_phase(
-                    PHASE_TICKS, FROM_V, TO_V, r, word, 0, part
+                    registers.PHASE_TICKS, registers.FROM_V, registers.TO_V, r, word, 0, part
                 )
             a += 2
             b += 2
@@ -320,14 +313,16 @@ class LinearMove:
         word = self.word
         a = ROW * ((knot - 1) % _KNOTS)
         b = ROW * (knot % _KNOTS)
-        for i in range(AXES):
+        for i in range(registers.AXES):
             motor = self.motor[i] - 1
             if motor >= 0:
                 axis = self.axes[motor]
-                reals.fetch(r, FROM_V, self.speeds, a)
+                reals.fetch(r, registers.FROM_V, self.speeds, a)
                 part = next_step(word, rows, a, b, b, self.advances, i, line.bounds)
                 part = last_step(word, part, rows, b, line.present, motor, self.advances[i] > 0)
-                axis.append_coasting_phase(TICKS, FROM_V, ZERO, r, word, 0, part)
+                axis.append_coasting_phase(
+                    registers.TICKS, registers.FROM_V, registers.ZERO, r, word, 0, part
+                )
                 axis.set_more_to_come(False)
             a += 2
             b += 2
@@ -340,7 +335,7 @@ class LinearMove:
         """Forget what is planned from the first knot on that is far enough ahead. False: there is
         none."""
         axes = self.axes
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self.motor[i]:
                 axes[self.motor[i] - 1].feed()
         last = self.knot - 1 if self.closed else self.queued
@@ -361,10 +356,10 @@ class LinearMove:
             if not drop:
                 return False
         r = self.r
-        reals.fetch(r, S, self.marks, 4 * (knot % _KNOTS))
-        reals.fetch(r, V, self.marks, 4 * (knot % _KNOTS) + 2)
+        reals.fetch(r, registers.S, self.marks, 4 * (knot % _KNOTS))
+        reals.fetch(r, registers.V, self.marks, 4 * (knot % _KNOTS) + 2)
         if drop:
-            for i in range(AXES):
+            for i in range(registers.AXES):
                 if self.motor[i]:
                     row = ROW * (knot % _KNOTS) + 2 * i
                     part = axes[self.motor[i] - 1].resume_at_phase_end(self.word, 0)

@@ -19,21 +19,6 @@ from framestep.motion.formula import formula
 from framestep.motors.motor import MAX_ACCELERATION, MAX_VELOCITY
 from framestep.virtual_axes import registers
 from framestep.virtual_axes.line import CODE_HIGH, CODE_LOW, HIGH, LOW, ROW, SURVEY
-from framestep.virtual_axes.registers import (
-    AXES,
-    BEND,
-    END,
-    HALF_CELL,
-    MAX_A,
-    MAX_V,
-    MOTOR_A,
-    MOTOR_V,
-    NEXT_V,
-    SAMPLE,
-    SHARE,
-    SLOPE,
-    TO_END,
-)
 
 SPAN = const(32)  # ticks from knot to knot, at most: one segment
 
@@ -98,7 +83,7 @@ def _inside(rows: ptr32, a: int, b: int, c: int, bounds: ptr32, motor: ptr32) ->
     """
     k = 0
     i = 0
-    while i < AXES:
+    while i < registers.AXES:
         if motor[i + 0]:
             d = ((rows[b + 0] - rows[a + 0]) << 4) + ((rows[b + 1] - rows[a + 1]) >> 12)
             e = ((rows[c + 0] - rows[b + 0]) << 4) + ((rows[c + 1] - rows[b + 1]) >> 12)
@@ -139,7 +124,7 @@ def _measure(
     turn = 0
     while turn < 2:
         i = 0
-        while i < AXES:
+        while i < registers.AXES:
             if motor[i + 0]:
                 k = 2 * i
                 x = rows[a + k]
@@ -231,16 +216,16 @@ class Survey:
         self.axes = line.axes
         self.motor = line.motor
         self.rows = line.rows
-        self.curve = array("i", [0] * (2 * AXES))
-        self.greatest = array("i", [0] * AXES)
-        self.directions = array("i", [0] * AXES)  # in which each motor begins to move
+        self.curve = array("i", [0] * (2 * registers.AXES))
+        self.greatest = array("i", [0] * registers.AXES)
+        self.directions = array("i", [0] * registers.AXES)  # in which each motor begins to move
         self.span = SPAN  # ticks from knot to knot
 
     def check_line(self):
         """Whether the motors can follow the line from 0 to END: a code. If so MAX_V and MAX_A are
         set."""
         r = self.r
-        reals.double(r, HALF_CELL, END, -4)
+        reals.double(r, registers.HALF_CELL, registers.END, -4)
         self.clear()
         self.clear_greatest()
         a = SURVEY
@@ -283,20 +268,20 @@ class Survey:
     def _sample(self, part, row):
         """The positions of the motors at a part of the line in 8192nds. A code."""
         r = self.r
-        reals.put(r, SAMPLE, part, -13)
-        reals.multiply(r, SAMPLE, SAMPLE, END)
-        return self.line.positions_at(SAMPLE, row)
+        reals.put(r, registers.SAMPLE, part, -13)
+        reals.multiply(r, registers.SAMPLE, registers.SAMPLE, registers.END)
+        return self.line.positions_at(registers.SAMPLE, row)
 
     # ---------------------------------------------------------------- cells; a, b, c: their rows
 
     def clear(self):
         """Forget the slopes and bends of the cells measured."""
-        for i in range(2 * AXES):
+        for i in range(2 * registers.AXES):
             self.curve[i] = 0
 
     def clear_greatest(self):
         """Forget the slopes by which bends are judged."""
-        for i in range(AXES):
+        for i in range(registers.AXES):
             self.greatest[i] = 0
 
     def measure(self, a, b, c, level):
@@ -316,7 +301,7 @@ class Survey:
 
         One that does not move until a later cell has no way yet.
         """
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if first:
                 self.directions[i] = 0
             if not self.directions[i]:
@@ -332,27 +317,27 @@ class Survey:
             return False
         r = self.r
         numbers = self.axes[motor].numbers
-        reals.put(r, SLOPE, self.curve[2 * i], -_SIXTEENTHS)
-        reals.put(r, BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
-        reals.fetch(r, MOTOR_V, numbers, MAX_VELOCITY)
-        reals.fetch(r, MOTOR_A, numbers, MAX_ACCELERATION)
+        reals.put(r, registers.SLOPE, self.curve[2 * i], -_SIXTEENTHS)
+        reals.put(r, registers.BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
+        reals.fetch(r, registers.MOTOR_V, numbers, MAX_VELOCITY)
+        reals.fetch(r, registers.MOTOR_A, numbers, MAX_ACCELERATION)
         return True
 
     def set_point_limits(self, share):
         """MAX_V, MAX_A and `span` from `curve`: with `share` ten-thousandths of what the motors can
         do."""
         r = self.r
-        reals.put(r, SHARE, share, 0)
+        reals.put(r, registers.SHARE, share, 0)
         compute(0, 0, r, _NO_LIMIT)
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(0, 0, r, _LIMIT_V)
         compute(0, 0, r, _LIMIT_V_IN_BENDS)
         self.span = SPAN
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self.motor[i] and self.curve[2 * i + 1]:
                 self._smoothen(i)
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self._load_motor(i):
                 compute(0, 0, r, _LIMIT_A)
         compute(0, 0, r, _IN_UNITS)
@@ -360,8 +345,8 @@ class Survey:
     def _smoothen(self, i):
         """Lower `span`, and if need be MAX_V, until a cubic is as good as the path of axis i."""
         r = self.r
-        reals.put(r, BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
-        reals.put(r, SLOPE, self.greatest[i], -_SIXTEENTHS)
+        reals.put(r, registers.BEND, self.curve[2 * i + 1], -_SIXTEENTHS)
+        reals.put(r, registers.SLOPE, self.greatest[i], -_SIXTEENTHS)
         compute(0, 0, r, _THIRD)
         while not compute(0, 0, r, _IS_SMOOTH):
             self.span = SPAN // 2
@@ -374,10 +359,10 @@ class Survey:
         knot on."""
         r = self.r
         span = self.span
-        reals.copy(r, NEXT_V, MAX_V)
-        reals.copy(r, TO_END, MAX_A)
+        reals.copy(r, registers.NEXT_V, registers.MAX_V)
+        reals.copy(r, registers.TO_END, registers.MAX_A)
         self.set_point_limits(10000)
-        reals.copy(r, MAX_A, TO_END)  # it has to slow down first
+        reals.copy(r, registers.MAX_A, registers.TO_END)  # it has to slow down first
         self.span = min(span, self.span)
-        if reals.compare(r, NEXT_V, MAX_V) < 0:
-            reals.copy(r, MAX_V, NEXT_V)
+        if reals.compare(r, registers.NEXT_V, registers.MAX_V) < 0:
+            reals.copy(r, registers.MAX_V, registers.NEXT_V)

@@ -5,25 +5,8 @@ Registers of real numbers live in `numbers` (registers.py). Nothing allocates af
 
 from array import array
 
+from framestep.base import results
 from framestep.base.native import const
-from framestep.base.results import (
-    BY,
-    ERR_RANGE,
-    ERR_SOFT_LOW,
-    ERR_SOFT_UP,
-    EXCEEDED_ACCELERATION,
-    EXCEEDED_BOARD,
-    EXCEEDED_LOWER,
-    EXCEEDED_NOTHING,
-    EXCEEDED_SLOWED,
-    EXCEEDED_UPPER,
-    EXCEEDED_VELOCITY,
-    EXCEEDED_WORDS,
-    FRAME,
-    MOTOR,
-    OK,
-    WHAT,
-)
 from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
@@ -31,23 +14,6 @@ from framestep.motors.backlash import BACKLASH
 from framestep.motors.bounds import LOWER, UPPER
 from framestep.motors.motor import MAX_VELOCITY, TICKS_PER_SECOND, VELOCITY_LIMIT
 from framestep.moves.path import path, path_check, registers
-from framestep.moves.path.registers import (
-    BENT,
-    FPS,
-    GATHERED,
-    RAMP_RATE,
-    REGISTERS,
-    SCALE,
-    STEPS,
-    THOUSAND,
-    TOP_ACCELERATION,
-    TOP_CHANGE,
-    TOP_PULSED,
-    TOP_VELOCITY,
-    TOPS,
-    ZERO,
-    X,
-)
 from framestep.pulse import stepper
 
 FASTEST_FPS = const(200000)  # thousandths of a frame per second: a frame of 5 ms
@@ -126,7 +92,7 @@ class MoveCheck:
         self.store = store
         self.count = axes.count
         self.excluded = 0  # bits of motors that take no part: disabled, under live control
-        self.numbers = array("i", [0] * REGISTERS)
+        self.numbers = array("i", [0] * registers.REGISTERS)
         self.window = array("i", [0] * path.WINDOW_WORDS)  # MOST is that of a run, but for short
         self.window[path.MOST] = path.MONOTONE
         self.view = self.window  # of a run, and what makes its velocities: others where it
@@ -138,9 +104,9 @@ class MoveCheck:
         self.position = array("i", [0])
         self.strict = False  # setting `strict_moves`
         # what the last move checked asked too much of
-        self.exceeded = array("i", [0] * EXCEEDED_WORDS)
-        reals.put(self.numbers, THOUSAND, 1000, 0)
-        reals.put(self.numbers, ZERO, 0, 0)
+        self.exceeded = array("i", [0] * results.EXCEEDED_WORDS)
+        reals.put(self.numbers, registers.THOUSAND, 1000, 0)
+        reals.put(self.numbers, registers.ZERO, 0, 0)
 
     def motors(self):
         """Bits of the motors that take part in this upload (field notes 3.1 and 5.4)."""
@@ -153,7 +119,7 @@ class MoveCheck:
     def set_frame_rate(self, fps_milli):
         """Set SCALE = 1 / (12 · ticks of a frame). fps_milli: thousandths of a frame per second."""
         r = self.numbers
-        reals.put(r, SCALE, fps_milli, 0)
+        reals.put(r, registers.SCALE, fps_milli, 0)
         compute(0, 0, r, _SCALE)
 
     def first_direction(self, motor, index, step, count, always=False):
@@ -190,7 +156,7 @@ class MoveCheck:
         frames as well; `rate` is the rate at which all motors can follow, at most the one asked
         for.
         """
-        self.exceeded[WHAT] = EXCEEDED_NOTHING
+        self.exceeded[results.WHAT] = results.EXCEEDED_NOTHING
         self.rate = fps_milli
         if ramp and count == 2 and not going:
             self.rate = min(fps_milli, 1000)  # from rest to rest
@@ -200,7 +166,7 @@ class MoveCheck:
             if not (bits >> motor) & 1:
                 continue
             axis = self.axes[motor]
-            reals.fetch(self.numbers, TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
+            reals.fetch(self.numbers, registers.TOPS + 2 * motor, axis.numbers, MAX_VELOCITY)
             if ramp:
                 words[path_check.FASTEST] = _FARTHEST
                 words[path_check.STEEPEST] = words[path_check.HARDEST] = 0x3FFFFFFF
@@ -234,17 +200,25 @@ class MoveCheck:
                             first + order * words[path_check.SEEN],
                             words[path_check.FOUND],
                         )
-                        return ERR_RANGE
+                        return results.ERR_RANGE
                     high = found == path_check.TOO_HIGH
                     self.blame(
-                        EXCEEDED_UPPER if high else EXCEEDED_LOWER,
+                        results.EXCEEDED_UPPER if high else results.EXCEEDED_LOWER,
                         motor,
                         first + order * words[path_check.SEEN],
-                        OK,
+                        results.OK,
                     )
                     if high:
-                        return ERR_SOFT_UP if axis.upper_enabled or axis.partner else ERR_RANGE
-                    return ERR_SOFT_LOW if axis.lower_enabled or axis.partner else ERR_RANGE
+                        return (
+                            results.ERR_SOFT_UP
+                            if axis.upper_enabled or axis.partner
+                            else results.ERR_RANGE
+                        )
+                    return (
+                        results.ERR_SOFT_LOW
+                        if axis.lower_enabled or axis.partner
+                        else results.ERR_RANGE
+                    )
                 done += batch
             if words[path_check.FASTEST_AT]:
                 self._exceeded(
@@ -253,13 +227,13 @@ class MoveCheck:
                     first + order * words[path_check.FASTEST_AT],
                     words[path_check.FASTEST],
                 )
-                return ERR_RANGE
+                return results.ERR_RANGE
             if ramp:
                 self.window[path.MOST] = path.FROM_REST
                 fits = self._slow_down(motor, begin, count, step, directions, ramp, going)
                 self.window[path.MOST] = path.MONOTONE
                 if not fits:
-                    return ERR_RANGE
+                    return results.ERR_RANGE
             if words[path_check.SHARPEST]:
                 self._exceeded(
                     path_check.FITS,
@@ -267,7 +241,7 @@ class MoveCheck:
                     first + order * words[path_check.SHARPEST_AT],
                     words[path_check.SHARPEST],
                 )
-        return OK
+        return results.OK
 
     def _allow(self, axis, fps_milli):
         """Put into `words` what a motor's limits allow from frame to frame, in steps.
@@ -283,20 +257,20 @@ class MoveCheck:
             VELOCITY_LIMIT,
             TICKS_PER_SECOND * kernel[stepper.CYCLES] // axis.block[stepper.SHORTEST],
         )
-        reals.put(r, FPS, fps_milli, 0)
-        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
-        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
-        reals.put(r, TOP_CHANGE, HARDEST, 0)
-        reals.put(r, TOP_PULSED, pulsed, 0)
+        reals.put(r, registers.FPS, fps_milli, 0)
+        reals.put(r, registers.TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, registers.TOP_CHANGE, HARDEST, 0)
+        reals.put(r, registers.TOP_PULSED, pulsed, 0)
         compute(0, 0, r, _FROM_FRAME_TO_FRAME)
-        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF) + 1
-        words[path_check.HARDEST] = reals.floor(r, TOP_CHANGE, HALF) + 2
+        words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF) + 1
+        words[path_check.HARDEST] = reals.floor(r, registers.TOP_CHANGE, HALF) + 2
         words[path_check.STEEPEST] = min(
-            reals.floor(r, TOP_ACCELERATION, HALF) + 2, words[path_check.HARDEST]
+            reals.floor(r, registers.TOP_ACCELERATION, HALF) + 2, words[path_check.HARDEST]
         )
         if self.strict:
             words[path_check.HARDEST] = words[path_check.STEEPEST]
-        words[path_check.PULSED] = reals.floor(r, TOP_PULSED, HALF) + 2
+        words[path_check.PULSED] = reals.floor(r, registers.TOP_PULSED, HALF) + 2
 
     def _slow_down(self, motor, begin, count, step, directions, ramp, going):
         """Lower `rate` until a motor can follow the curve through frames that check() has let pass.
@@ -335,17 +309,17 @@ class MoveCheck:
                 if not done:
                     break
                 exceeded = self.exceeded
-                exceeded[WHAT] = EXCEEDED_SLOWED
-                exceeded[MOTOR] = motor
-                exceeded[FRAME] = store.start + begin + step * (done - 1)
-                exceeded[BY] = self._lower(axis, ramp)
+                exceeded[results.WHAT] = results.EXCEEDED_SLOWED
+                exceeded[results.MOTOR] = motor
+                exceeded[results.FRAME] = store.start + begin + step * (done - 1)
+                exceeded[results.BY] = self._lower(axis, ramp)
                 lowered += 1
                 if lowered > _EXACT:
-                    exceeded[BY] = min(exceeded[BY], self.rate - (self.rate >> 5))
-                if exceeded[BY] < 1:
-                    exceeded[WHAT] = EXCEEDED_BOARD
+                    exceeded[results.BY] = min(exceeded[results.BY], self.rate - (self.rate >> 5))
+                if exceeded[results.BY] < 1:
+                    exceeded[results.WHAT] = results.EXCEEDED_BOARD
                     return False
-                self.rate = exceeded[BY]
+                self.rate = exceeded[results.BY]
                 self._allow_bends(axis, ramp)
             if batch == count:
                 return True
@@ -359,15 +333,15 @@ class MoveCheck:
         words = self.words
         fine = self.rate >= _FINE
         words[path_check.FINE] = 1 if fine else 0
-        reals.put(r, FPS, self.rate, 0)
-        reals.put(r, TOP_VELOCITY, axis.velocity, 0)
-        reals.put(r, TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
-        reals.put(r, RAMP_RATE, ramp, 18 if fine else 15)
+        reals.put(r, registers.FPS, self.rate, 0)
+        reals.put(r, registers.TOP_VELOCITY, axis.velocity, 0)
+        reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 8 if fine else 0)
+        reals.put(r, registers.RAMP_RATE, ramp, 18 if fine else 15)
         compute(0, 0, r, _BENDS_ALLOWED)
-        words[path_check.FASTEST] = reals.floor(r, TOP_VELOCITY, HALF)
-        words[path_check.STEEPEST] = reals.floor(r, TOP_ACCELERATION, HALF)
+        words[path_check.FASTEST] = reals.floor(r, registers.TOP_VELOCITY, HALF)
+        words[path_check.STEEPEST] = reals.floor(r, registers.TOP_ACCELERATION, HALF)
         # within a frame no more than the rate itself is gathered
-        words[path_check.RAMP] = reals.floor(r, RAMP_RATE, 1 << (17 if fine else 14))
+        words[path_check.RAMP] = reals.floor(r, registers.RAMP_RATE, 1 << (17 if fine else 14))
 
     def _lower(self, axis, ramp):
         """The highest rate, or 0, at which the motor can follow what bends() has found."""
@@ -375,36 +349,36 @@ class MoveCheck:
         words = self.words
         rate = self.rate
         if words[path_check.FOUND] > 0:
-            reals.put(r, TOP_VELOCITY, axis.velocity, 0)
-            reals.put(r, STEPS, words[path_check.FOUND], 0)
+            reals.put(r, registers.TOP_VELOCITY, axis.velocity, 0)
+            reals.put(r, registers.STEPS, words[path_check.FOUND], 0)
             compute(0, 0, r, _RATE_FOR_VELOCITY)
-            rate = min(rate, reals.floor(r, X, HALF))
-        reals.put(r, TOP_ACCELERATION, axis.acceleration, 0)
-        reals.put(r, RAMP_RATE, ramp, 0)
-        reals.put(r, BENT, words[path_check.BENT], 0)
-        reals.put(r, GATHERED, words[path_check.GATHERED], 0)
+            rate = min(rate, reals.floor(r, registers.X, HALF))
+        reals.put(r, registers.TOP_ACCELERATION, axis.acceleration, 0)
+        reals.put(r, registers.RAMP_RATE, ramp, 0)
+        reals.put(r, registers.BENT, words[path_check.BENT], 0)
+        reals.put(r, registers.GATHERED, words[path_check.GATHERED], 0)
         if not compute(0, 0, r, _HALF_FOR_RAMP):
             return rate
-        if reals.sign(r, TOP_ACCELERATION) >= 0:
-            if not reals.sign(r, BENT):
+        if reals.sign(r, registers.TOP_ACCELERATION) >= 0:
+            if not reals.sign(r, registers.BENT):
                 return rate
             compute(0, 0, r, _REST_FOR_BEND)
         compute(0, 0, r, _RATE_FOR_ACCELERATION)
-        return min(rate, reals.floor(r, X, HALF))
+        return min(rate, reals.floor(r, registers.X, HALF))
 
     def blame(self, what, motor, index, code):
         """Keep for `exceeded` at which motor and frame something is refused; the code."""
         exceeded = self.exceeded
-        exceeded[WHAT] = what
-        exceeded[MOTOR] = motor
-        exceeded[FRAME] = self.store.start + index
-        exceeded[BY] = 0
+        exceeded[results.WHAT] = what
+        exceeded[results.MOTOR] = motor
+        exceeded[results.FRAME] = self.store.start + index
+        exceeded[results.BY] = 0
         return code
 
     def note_excess(self, limit):
         """BY = what the size of X, steps/s or steps/s², has above a limit. X is lost."""
         compute(0, 0, self.numbers, _ROUNDED_UP)
-        self.exceeded[BY] = max(-reals.floor(self.numbers, X, HALF) - limit, 1)
+        self.exceeded[results.BY] = max(-reals.floor(self.numbers, registers.X, HALF) - limit, 1)
 
     def _exceeded(self, found, motor, index, amount):
         """Note in `exceeded` what check() has found at a frame. FPS: frames per second, from
@@ -413,22 +387,24 @@ class MoveCheck:
         r = self.numbers
         axis = self.axes[motor]
         steep = found == path_check.FITS or found == path_check.TOO_STEEP
-        reals.put(r, X, amount, 0)
-        reals.multiply(r, X, X, FPS)
+        reals.put(r, registers.X, amount, 0)
+        reals.multiply(r, registers.X, registers.X, registers.FPS)
         if steep:
-            reals.multiply(r, X, X, FPS)
-        amount = reals.floor(r, X, HALF)
+            reals.multiply(r, registers.X, registers.X, registers.FPS)
+        amount = reals.floor(r, registers.X, HALF)
         if (
             found == path_check.FITS
-            and exceeded[WHAT] == EXCEEDED_ACCELERATION
-            and amount - axis.acceleration <= exceeded[BY]
+            and exceeded[results.WHAT] == results.EXCEEDED_ACCELERATION
+            and amount - axis.acceleration <= exceeded[results.BY]
         ):
             return  # another motor's corner is sharper
-        exceeded[MOTOR] = motor
-        exceeded[FRAME] = self.store.start + index
+        exceeded[results.MOTOR] = motor
+        exceeded[results.FRAME] = self.store.start + index
         if found == path_check.TOO_HARD:
-            exceeded[WHAT] = EXCEEDED_BOARD
-            exceeded[BY] = 0
+            exceeded[results.WHAT] = results.EXCEEDED_BOARD
+            exceeded[results.BY] = 0
         else:
-            exceeded[WHAT] = EXCEEDED_ACCELERATION if steep else EXCEEDED_VELOCITY
-            exceeded[BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)
+            exceeded[results.WHAT] = (
+                results.EXCEEDED_ACCELERATION if steep else results.EXCEEDED_VELOCITY
+            )
+            exceeded[results.BY] = max(amount - (axis.acceleration if steep else axis.velocity), 1)

@@ -5,28 +5,8 @@ on the same two blocks, and have the same parameters, as those of chunks.py.
 """
 
 from framestep.base.native import CPYTHON, micropython, ptr8, ptr16, ptr32
-from framestep.moves.upload.chunks import (
-    BASE,
-    BEFORE_LAST,
-    CHUNK,
-    CHUNK_FRAMES,
-    CODES,
-    FRAMES,
-    LAST,
-    LINK,
-    NOT_SENT,
-    REGION,
-    SECTION,
-    SENT_END,
-    TRYING,
-    UNBROKEN,
-    VALUES,
-    VELOCITY,
-    fill,
-    pack,
-    set_units,
-    unpack,
-)
+from framestep.moves.upload import chunks
+from framestep.moves.upload.chunks import fill, pack, set_units, unpack
 
 if CPYTHON:
 
@@ -86,13 +66,13 @@ def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> i
     """
     half = ptr16(memory)
     word = ptr32(words)
-    word[SECTION - 2] = word[motor + BEFORE_LAST]
-    word[SECTION - 1] = word[motor + LAST]
-    i = SECTION
+    word[chunks.SECTION - 2] = word[motor + chunks.BEFORE_LAST]
+    word[chunks.SECTION - 1] = word[motor + chunks.LAST]
+    i = chunks.SECTION
     while at < stop:
-        chunk = word[motor + REGION] + (at >> 7) * CHUNK
+        chunk = word[motor + chunks.REGION] + (at >> 7) * chunks.CHUNK
         within = at & 127
-        end = i + CHUNK_FRAMES - within
+        end = i + chunks.CHUNK_FRAMES - within
         if end > i + stop - at:
             end = i + stop - at
         at += end - i
@@ -111,23 +91,23 @@ def append(i: int, end: int, memory, words, motor: int, at: int, stop: int) -> i
         if ((value ^ (value >> 31)) >> 28) | ((velocity ^ (velocity >> 31)) >> 20):
             return 0
         if within < 2:
-            half[chunk + BASE] = (value - velocity) & 0xFFFF
-            half[chunk + BASE + 1] = ((value - velocity) >> 16) & 0xFFFF
-            half[chunk + VELOCITY] = velocity & 0xFFFF
-            half[chunk + VELOCITY + 1] = (velocity >> 16) & 0xFFFF
-            half[chunk + LINK] = 0
-            half[chunk + CODES] = 0
+            half[chunk + chunks.BASE] = (value - velocity) & 0xFFFF
+            half[chunk + chunks.BASE + 1] = ((value - velocity) >> 16) & 0xFFFF
+            half[chunk + chunks.VELOCITY] = velocity & 0xFFFF
+            half[chunk + chunks.VELOCITY + 1] = (velocity >> 16) & 0xFFFF
+            half[chunk + chunks.LINK] = 0
+            half[chunk + chunks.CODES] = 0
             within = 2
             i += 2
             if i > end:
                 i = end
-        if half[chunk + LINK]:
+        if half[chunk + chunks.LINK]:
             return 0
-        if int(_changes(words, i, memory, 2 * (chunk + CODES) + within, end - i)):
+        if int(_changes(words, i, memory, 2 * (chunk + chunks.CODES) + within, end - i)):
             return 0
         i = end
-    word[motor + LAST] = word[i - 1]
-    word[motor + BEFORE_LAST] = word[i - 2]
+    word[motor + chunks.LAST] = word[i - 1]
+    word[motor + chunks.BEFORE_LAST] = word[i - 2]
     return 1
 
 
@@ -138,8 +118,8 @@ def _encode(i: int, code: int, memory, words, chunk: int):
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
-    end = VALUES + CHUNK_FRAMES
-    i = VALUES
+    end = chunks.VALUES + chunks.CHUNK_FRAMES
+    i = chunks.VALUES
     while i < end and word[i] == unsent:
         i += 1
     base = 0
@@ -156,7 +136,7 @@ def _encode(i: int, code: int, memory, words, chunk: int):
     velocity = first
     far = 0
     most = 0
-    i = VALUES
+    i = chunks.VALUES
     while i < end:
         code = word[i]
         if code != unsent:
@@ -174,15 +154,15 @@ def _encode(i: int, code: int, memory, words, chunk: int):
     while bits < 31 and most >> bits:
         bits += 2
     set_units(memory, words, chunk, (bits - 7) >> 1)
-    if word[TRYING]:
+    if word[chunks.TRYING]:
         return
-    half[chunk + BASE] = base & 0xFFFF
-    half[chunk + BASE + 1] = (base >> 16) & 0xFFFF
-    half[chunk + VELOCITY] = first & 0xFFFF
-    half[chunk + VELOCITY + 1] = (first >> 16) & 0xFFFF
+    half[chunk + chunks.BASE] = base & 0xFFFF
+    half[chunk + chunks.BASE + 1] = (base >> 16) & 0xFFFF
+    half[chunk + chunks.VELOCITY] = first & 0xFFFF
+    half[chunk + chunks.VELOCITY + 1] = (first >> 16) & 0xFFFF
     plane = ptr8(memory)
-    to = 2 * (chunk + CODES)
-    i = VALUES
+    to = 2 * (chunk + chunks.CODES)
+    i = chunks.VALUES
     while i < end:
         code = word[i]
         if code == unsent:
@@ -196,7 +176,7 @@ def _encode(i: int, code: int, memory, words, chunk: int):
         word[i] = code >> 8
         to += 1
         i += 1
-    pack(0, 0, memory, words, chunk, 0, VALUES, CHUNK_FRAMES)
+    pack(0, 0, memory, words, chunk, 0, chunks.VALUES, chunks.CHUNK_FRAMES)
 
 
 @micropython.viper
@@ -204,36 +184,36 @@ def write(i: int, to: int, memory, words, motor: int, index: int, count: int, en
     """Store the `count` positions of SECTION from `index` on, the last one up to `end`."""
     word = ptr32(words)
     stop = index + count
-    last = SECTION + count - 1
-    past = word[motor + SENT_END]
+    last = chunks.SECTION + count - 1
+    past = word[motor + chunks.SENT_END]
     at = (index if index < past else past) & -128
     while at < end:
-        chunk = word[motor + REGION] + (at >> 7) * CHUNK
-        behind = at + CHUNK_FRAMES
+        chunk = word[motor + chunks.REGION] + (at >> 7) * chunks.CHUNK
+        behind = at + chunks.CHUNK_FRAMES
         if at >= past:
-            ptr16(memory)[chunk + LINK] = 0
+            ptr16(memory)[chunk + chunks.LINK] = 0
         if at >= stop:  # from here on the motor is still
             fill(memory, words, chunk, last, 0)
         elif at >= past and behind <= index:
-            fill(memory, words, chunk, last, NOT_SENT)
+            fill(memory, words, chunk, last, chunks.NOT_SENT)
         else:
             if index > at or end < behind:
                 unpack(memory, words, motor, at)
-            i = SECTION
-            to = VALUES + index - at
+            i = chunks.SECTION
+            to = chunks.VALUES + index - at
             if index < at:
                 i += at - index
-                to = VALUES
+                to = chunks.VALUES
             stretch = to + last + 1 - i
-            if stretch > VALUES + CHUNK_FRAMES:
-                stretch = VALUES + CHUNK_FRAMES
+            if stretch > chunks.VALUES + chunks.CHUNK_FRAMES:
+                stretch = chunks.VALUES + chunks.CHUNK_FRAMES
             while to < stretch:
                 word[to] = word[i + 0]
                 i += 1
                 to += 1
-            stretch = VALUES + end - at
-            if stretch > VALUES + CHUNK_FRAMES:
-                stretch = VALUES + CHUNK_FRAMES
+            stretch = chunks.VALUES + end - at
+            if stretch > chunks.VALUES + chunks.CHUNK_FRAMES:
+                stretch = chunks.VALUES + chunks.CHUNK_FRAMES
             while to < stretch:
                 word[to] = word[last]
                 to += 1
@@ -246,8 +226,8 @@ def has_lowest(i: int, lowest: int, words: ptr32, count: int) -> int:
     """Whether -2^31, which stands for a frame not sent, is in SECTION."""
     lowest = -1
     lowest <<= 31
-    i = SECTION + count
-    while i > SECTION:
+    i = chunks.SECTION + count
+    while i > chunks.SECTION:
         i -= 1
         if words[i + 0] == lowest:
             return 1
@@ -260,33 +240,35 @@ def fill_gaps(memory, words, motor: int):
     word = ptr32(words)
     unsent = -1
     unsent <<= 31
-    past = word[motor + SENT_END]
+    past = word[motor + chunks.SENT_END]
     begin = 0
-    if word[motor + UNBROKEN] > 0:
-        begin = (word[motor + UNBROKEN] - 1) & -128
+    if word[motor + chunks.UNBROKEN] > 0:
+        begin = (word[motor + chunks.UNBROKEN] - 1) & -128
     value = unsent
     at = begin
     while value == unsent:
         unpack(memory, words, motor, at)
-        i = VALUES
-        while i < VALUES + CHUNK_FRAMES and value == unsent:
+        i = chunks.VALUES
+        while i < chunks.VALUES + chunks.CHUNK_FRAMES and value == unsent:
             value = word[i]
             i += 1
-        at += CHUNK_FRAMES
+        at += chunks.CHUNK_FRAMES
     at = begin
-    while at < word[FRAMES]:
-        chunk = word[motor + REGION] + (at >> 7) * CHUNK
+    while at < word[chunks.FRAMES]:
+        chunk = word[motor + chunks.REGION] + (at >> 7) * chunks.CHUNK
         if at >= past:
-            word[SECTION] = value
-            ptr16(memory)[chunk + LINK] = 0
-            fill(memory, words, chunk, SECTION, 0)
+            word[chunks.SECTION] = value
+            ptr16(memory)[chunk + chunks.LINK] = 0
+            fill(memory, words, chunk, chunks.SECTION, 0)
         else:
             unpack(memory, words, motor, at)
             gaps = 0
-            end = VALUES + CHUNK_FRAMES  # or that of the upload: what lies behind takes no units
-            if word[FRAMES] - at < CHUNK_FRAMES:
-                end = VALUES + word[FRAMES] - at
-            i = VALUES
+            end = (
+                chunks.VALUES + chunks.CHUNK_FRAMES
+            )  # or that of the upload: what lies behind takes no units
+            if word[chunks.FRAMES] - at < chunks.CHUNK_FRAMES:
+                end = chunks.VALUES + word[chunks.FRAMES] - at
+            i = chunks.VALUES
             while i < end:
                 if word[i] == unsent:
                     word[i] = value
@@ -296,4 +278,4 @@ def fill_gaps(memory, words, motor: int):
                 i += 1
             if gaps:
                 _encode(0, 0, memory, words, chunk)
-        at += CHUNK_FRAMES
+        at += chunks.CHUNK_FRAMES

@@ -18,38 +18,8 @@ from array import array
 from framestep.base.copying import copy_dwords
 from framestep.base.native import CPYTHON, const, micropython, ptr32
 from framestep.base.results import ERR_GENERAL, ERR_RANGE, OK
-from framestep.moves.upload.chunks import (
-    ASKED,
-    BEFORE_LAST,
-    BOTTOM,
-    CHUNK,
-    CHUNK_FRAMES,
-    CURSOR,
-    FRAMES,
-    FREE,
-    FREE_COUNT,
-    LAST,
-    LEFT,
-    MOST_POSITIONS,
-    MOST_UNITS,
-    MOTORS,
-    NEEDED,
-    PEAK,
-    RECORD_WORDS,
-    RECORDS,
-    REGION,
-    SECTION,
-    SENT_END,
-    SIZE,
-    STATE,
-    TRYING,
-    UNBROKEN,
-    UNIT,
-    USED,
-    fits,
-    read,
-    room,
-)
+from framestep.moves.upload import chunks
+from framestep.moves.upload.chunks import fits, read, room
 from framestep.moves.upload.codec import append, fill_gaps, has_lowest, write
 
 # States
@@ -60,12 +30,12 @@ READY = const(2)
 # ± (field note 5.3): MOVE TIME, a thousand times it, is a small integer
 FARTHEST_FRAME = const(1000000)
 # half words that the capacity counts for a chunk: its own and a unit
-_PER_CHUNK = const(CHUNK + UNIT)
+_PER_CHUNK = const(chunks.CHUNK + chunks.UNIT)
 
 
 def bytes_for(motors, frames):
     """The memory that makes UploadStore.capacity_frames(motors) at least `frames`."""
-    return 2 * motors * _PER_CHUNK * ((frames + CHUNK_FRAMES - 1) // CHUNK_FRAMES)
+    return 2 * motors * _PER_CHUNK * ((frames + chunks.CHUNK_FRAMES - 1) // chunks.CHUNK_FRAMES)
 
 
 class UploadStore:
@@ -80,8 +50,8 @@ class UploadStore:
         self.motors = motors
         self._limit = 0
         self._memory = None
-        self._words = array("i", [0] * (RECORDS + RECORD_WORDS * motors))
-        self._words[MOTORS] = motors
+        self._words = array("i", [0] * (chunks.RECORDS + chunks.RECORD_WORDS * motors))
+        self._words[chunks.MOTORS] = motors
         self.clear()
         if memory_bytes:
             self.allocate(memory_bytes)
@@ -91,7 +61,7 @@ class UploadStore:
 
         Allocates one block.
         """
-        self._words[SIZE] = memory_bytes // 2
+        self._words[chunks.SIZE] = memory_bytes // 2
         self._limit = self.capacity_frames(self.motors)
         if self._limit < 1:
             raise ValueError(
@@ -108,7 +78,7 @@ class UploadStore:
 
     def capacity_frames(self, motors):
         """Frames that fit for this many motors if no steps per frame change by more than 511."""
-        return self._words[SIZE] // (motors * _PER_CHUNK) * CHUNK_FRAMES
+        return self._words[chunks.SIZE] // (motors * _PER_CHUNK) * chunks.CHUNK_FRAMES
 
     def clear(self):
         """Forget the upload."""
@@ -116,16 +86,16 @@ class UploadStore:
         self.start = 0
         self.end = 0
         words = self._words
-        words[BOTTOM] = 0
-        words[USED] = 0
-        words[FREE] = 0
-        words[FREE_COUNT] = 0
-        words[TRYING] = 0
-        words[ASKED] = 0
-        words[FRAMES] = 0
-        words[STATE] = EMPTY
-        for motor in range(RECORDS, len(words), RECORD_WORDS):
-            words[motor + REGION] = -1
+        words[chunks.BOTTOM] = 0
+        words[chunks.USED] = 0
+        words[chunks.FREE] = 0
+        words[chunks.FREE_COUNT] = 0
+        words[chunks.TRYING] = 0
+        words[chunks.ASKED] = 0
+        words[chunks.FRAMES] = 0
+        words[chunks.STATE] = EMPTY
+        for motor in range(chunks.RECORDS, len(words), chunks.RECORD_WORDS):
+            words[motor + chunks.REGION] = -1
 
     @property
     def memory(self):
@@ -151,8 +121,8 @@ class UploadStore:
         self.state = LOADING
         self.start = start
         self.end = end
-        self._words[FRAMES] = end - start + 1
-        self._words[STATE] = LOADING
+        self._words[chunks.FRAMES] = end - start + 1
+        self._words[chunks.STATE] = LOADING
         return OK
 
     @micropython.viper
@@ -169,66 +139,66 @@ class UploadStore:
         memory = self._memory
         words = self._words
         word = ptr32(words)
-        frames = word[FRAMES]
-        if word[STATE] != LOADING:
+        frames = word[chunks.FRAMES]
+        if word[chunks.STATE] != LOADING:
             return int(ERR_GENERAL)
-        if motor < 0 or motor >= word[MOTORS] or index < 0 or index >= frames:
+        if motor < 0 or motor >= word[chunks.MOTORS] or index < 0 or index >= frames:
             return int(ERR_RANGE)
         if count > frames - index:
             count = frames - index
-        if count < 0 or count > MOST_POSITIONS:
+        if count < 0 or count > chunks.MOST_POSITIONS:
             return int(ERR_RANGE)
         if count == 0:
             return int(ERR_RANGE) if last else int(OK)
-        copy_dwords(words, buffer, SECTION, at, count)
-        motor = RECORDS + motor * RECORD_WORDS
-        bottom = word[BOTTOM]
-        fresh = word[motor + REGION] < 0
+        copy_dwords(words, buffer, chunks.SECTION, at, count)
+        motor = chunks.RECORDS + motor * chunks.RECORD_WORDS
+        bottom = word[chunks.BOTTOM]
+        fresh = word[motor + chunks.REGION] < 0
         if fresh:
-            size = ((frames + CHUNK_FRAMES - 1) >> 7) * CHUNK
-            end = word[SIZE] - word[USED] * UNIT
+            size = ((frames + chunks.CHUNK_FRAMES - 1) >> 7) * chunks.CHUNK
+            end = word[chunks.SIZE] - word[chunks.USED] * chunks.UNIT
             if bottom + size > end:
-                word[ASKED] = 2 * size
-                word[LEFT] = 2 * (end - bottom)
+                word[chunks.ASKED] = 2 * size
+                word[chunks.LEFT] = 2 * (end - bottom)
                 return int(ERR_RANGE)
-            word[BOTTOM] = bottom + size
-            word[motor + REGION] = bottom
-            word[motor + UNBROKEN] = 0
-            word[motor + SENT_END] = 0
-            word[motor + LAST] = 0
-            word[motor + BEFORE_LAST] = 0
-        past = word[motor + SENT_END]
+            word[chunks.BOTTOM] = bottom + size
+            word[motor + chunks.REGION] = bottom
+            word[motor + chunks.UNBROKEN] = 0
+            word[motor + chunks.SENT_END] = 0
+            word[motor + chunks.LAST] = 0
+            word[motor + chunks.BEFORE_LAST] = 0
+        past = word[motor + chunks.SENT_END]
         stop = index + count
         end = frames if last else stop
-        if index == past and index == word[motor + UNBROKEN] and end == stop:
+        if index == past and index == word[motor + chunks.UNBROKEN] and end == stop:
             if int(append(0, 0, memory, words, motor, index, stop)):
-                word[motor + UNBROKEN] = stop
-                word[motor + SENT_END] = stop
+                word[motor + chunks.UNBROKEN] = stop
+                word[motor + chunks.SENT_END] = stop
                 return int(OK)
         good = 0
         if int(has_lowest(0, 0, words, count)) == 0:
             good = 1
-            if int(room(words)) < (((stop - 1) >> 7) - (index >> 7) + 2) * MOST_UNITS:
-                word[TRYING] = 1
-                word[NEEDED] = 0
-                word[PEAK] = 0
+            if int(room(words)) < (((stop - 1) >> 7) - (index >> 7) + 2) * chunks.MOST_UNITS:
+                word[chunks.TRYING] = 1
+                word[chunks.NEEDED] = 0
+                word[chunks.PEAK] = 0
                 write(0, 0, memory, words, motor, index, count, end)
-                word[TRYING] = 0
-                good = int(fits(words, word[PEAK]))
+                word[chunks.TRYING] = 0
+                good = int(fits(words, word[chunks.PEAK]))
         if good == 0:
             if fresh:
-                word[BOTTOM] = bottom
-                word[motor + REGION] = -1
+                word[chunks.BOTTOM] = bottom
+                word[motor + chunks.REGION] = -1
             return int(ERR_RANGE)
         write(0, 0, memory, words, motor, index, count, end)
         if end > past:
             past = end
-            word[motor + SENT_END] = end
-        if index <= word[motor + UNBROKEN] and end > word[motor + UNBROKEN]:
-            word[motor + UNBROKEN] = end
-        word[motor + CURSOR] = -1
-        read(0, 0, memory, words, motor, past - 2, 2, words, motor + BEFORE_LAST)
-        word[motor + CURSOR] = -1
+            word[motor + chunks.SENT_END] = end
+        if index <= word[motor + chunks.UNBROKEN] and end > word[motor + chunks.UNBROKEN]:
+            word[motor + chunks.UNBROKEN] = end
+        word[motor + chunks.CURSOR] = -1
+        read(0, 0, memory, words, motor, past - 2, 2, words, motor + chunks.BEFORE_LAST)
+        word[motor + chunks.CURSOR] = -1
         return int(OK)
 
     def finish(self):
@@ -242,25 +212,28 @@ class UploadStore:
             return ERR_GENERAL
         if self.state == LOADING:
             words = self._words
-            words[NEEDED] = 0
-            words[PEAK] = 0
+            words[chunks.NEEDED] = 0
+            words[chunks.PEAK] = 0
             # the first time only to find out whether it fits
             for trying in (1, 0):
-                words[TRYING] = trying
-                for motor in range(RECORDS, len(words), RECORD_WORDS):
-                    if words[motor + REGION] >= 0 and words[motor + UNBROKEN] < words[FRAMES]:
+                words[chunks.TRYING] = trying
+                for motor in range(chunks.RECORDS, len(words), chunks.RECORD_WORDS):
+                    if (
+                        words[motor + chunks.REGION] >= 0
+                        and words[motor + chunks.UNBROKEN] < words[chunks.FRAMES]
+                    ):
                         fill_gaps(self._memory, words, motor)
-                    words[motor + CURSOR] = -1
-                if trying and not fits(words, words[PEAK]):
-                    words[TRYING] = 0
+                    words[motor + chunks.CURSOR] = -1
+                if trying and not fits(words, words[chunks.PEAK]):
+                    words[chunks.TRYING] = 0
                     return ERR_RANGE
-            words[STATE] = READY
+            words[chunks.STATE] = READY
             self.state = READY
         return OK
 
     def has(self, motor):
         """Whether the motor has uploaded positions."""
-        return self._words[RECORDS + motor * RECORD_WORDS + REGION] >= 0
+        return self._words[chunks.RECORDS + motor * chunks.RECORD_WORDS + chunks.REGION] >= 0
 
     def position(self, motor, index, words, at):
         """Put the motor's position at frame `index` into words[at]; see positions()."""
@@ -275,8 +248,8 @@ class UploadStore:
         """
         own = self._words
         word = ptr32(own)
-        motor = RECORDS + motor * RECORD_WORDS
-        if word[motor + REGION] < 0 or word[STATE] != READY:
+        motor = chunks.RECORDS + motor * chunks.RECORD_WORDS
+        if word[motor + chunks.REGION] < 0 or word[chunks.STATE] != READY:
             return False
         read(0, 0, self._memory, own, motor, index, count, words, at)
         return True

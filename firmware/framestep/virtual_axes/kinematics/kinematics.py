@@ -21,22 +21,6 @@ from framestep.motion import reals
 from framestep.motion.compute import compute
 from framestep.motion.formula import formula
 from framestep.virtual_axes import registers
-from framestep.virtual_axes.registers import (
-    AXES,
-    EXTENSION,
-    FIRST_POSE,
-    HOME,
-    JOINT,
-    LENGTH,
-    NODAL_RIGHT,
-    OFFSET,
-    PER_UNIT,
-    POSE,
-    SAFE,
-    STEPS,
-    X,
-    Y,
-)
 
 _SLACK = const(-12)  # how far off an axis without a motor may be: 2^-12 units
 
@@ -226,14 +210,14 @@ def camera_axis(r, axis, to):
     axis: 0 X to its right, 1 Y up, 2 Z backward from where it looks (field note 9.6).
     """
     for i in range(0, 6, 2):
-        reals.put(r, OFFSET + i, 0, 0)
-    reals.put(r, OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
+        reals.put(r, registers.OFFSET + i, 0, 0)
+    reals.put(r, registers.OFFSET + 2 * axis, -1 if axis == 2 else 1, 0)
     compute(0, 0, r, _TURN)
-    reals.copy(r, to, OFFSET + 4)
-    reals.copy(r, to + 2, OFFSET)
-    reals.copy(r, to + 4, OFFSET + 2)
+    reals.copy(r, to, registers.OFFSET + 4)
+    reals.copy(r, to + 2, registers.OFFSET)
+    reals.copy(r, to + 4, registers.OFFSET + 2)
     for i in range(0, 6, 2):
-        reals.put(r, OFFSET + i, 0, 0)
+        reals.put(r, registers.OFFSET + i, 0, 0)
 
 
 class Configuration:
@@ -246,9 +230,9 @@ class Configuration:
     """
 
     def __init__(self):
-        self.motors = array("i", [0] * AXES)
-        self.steps_per_unit = array("i", [0] * AXES)
-        self.positions = array("i", [0] * AXES)
+        self.motors = array("i", [0] * registers.AXES)
+        self.steps_per_unit = array("i", [0] * registers.AXES)
+        self.positions = array("i", [0] * registers.AXES)
         self.lengths = array("i", [0] * 6)
         self.table = None
         self.table_at = -1
@@ -279,10 +263,10 @@ class Kinematics:
     def __init__(self, r, other=None):
         """other: one of another type, with which this one shares its arrays."""
         self.r = r
-        self.motor = other.motor if other else bytearray(AXES)
-        self.start = other.start if other else array("i", [0] * AXES)
+        self.motor = other.motor if other else bytearray(registers.AXES)
+        self.start = other.start if other else array("i", [0] * registers.AXES)
         # at VIRT_CONFIG, times 100000
-        self.host_pose = other.host_pose if other else array("i", [0] * AXES)
+        self.host_pose = other.host_pose if other else array("i", [0] * registers.AXES)
         self._absent = False  # an axis has no motor
         self._offset = False  # there is a nodal offset
 
@@ -298,24 +282,24 @@ class Kinematics:
             return ERR_RANGE
         r = self.r
         lengths = configuration.lengths
-        for i in range(AXES):
+        for i in range(registers.AXES):
             self.motor[i] = configuration.motors[i]
-            self.load(PER_UNIT + 2 * i, configuration.steps_per_unit, i)
+            self.load(registers.PER_UNIT + 2 * i, configuration.steps_per_unit, i)
             # a number of the pose is told by the axis in whose steps a jog of it is (field note
             # 9.2)
             if self.main[i + 1]:
                 reals.copy_word(self.host_pose, i, configuration.positions, self.main[i + 1] - 1)
             else:
                 self.host_pose[i] = 0
-            reals.put(r, OFFSET + 2 * i, 0, 0)
-        self.load(LENGTH, lengths, 0)
-        self.load(EXTENSION, lengths, 1)
+            reals.put(r, registers.OFFSET + 2 * i, 0, 0)
+        self.load(registers.LENGTH, lengths, 0)
+        self.load(registers.EXTENSION, lengths, 1)
         self._offset = False
         for i in range(3):
-            self.load(NODAL_RIGHT + 2 * i, lengths, 2 + i)
-            if reals.sign(r, NODAL_RIGHT + 2 * i):
+            self.load(registers.NODAL_RIGHT + 2 * i, lengths, 2 + i)
+            if reals.sign(r, registers.NODAL_RIGHT + 2 * i):
                 self._offset = True
-        self.load(SAFE, lengths, 5)
+        self.load(registers.SAFE, lengths, 5)
         self._adopt(configuration)
         self._begin(present)
         return 0
@@ -332,15 +316,15 @@ class Kinematics:
         """r[to] = words[i] / 1000"""
         r = self.r
         reals.put_difference(r, to, words, i, _word, 1)
-        reals.put(r, X, 1000, 0)
-        reals.divide(r, to, to, X)
+        reals.put(r, registers.X, 1000, 0)
+        reals.divide(r, to, to, registers.X)
 
     def _begin(self, present):
         """HOME and `start` of all axes, and FIRST_POSE."""
         r = self.r
         self._absent = False
-        for i in range(AXES):
-            home = HOME + 2 * i
+        for i in range(registers.AXES):
+            home = registers.HOME + 2 * i
             reals.put(r, home, 0, 0)
             self.start[i] = 0
             motor = self.motor[i]
@@ -349,39 +333,39 @@ class Kinematics:
                 continue
             if not (self.straight >> i) & 1:
                 self.joint(i, present, motor - 1)  # counted from step 0
-                reals.copy(r, X, JOINT + 2 * i)
+                reals.copy(r, registers.X, registers.JOINT + 2 * i)
                 compute(0, 0, r, _WITHOUT_TURNS)
-                reals.copy(r, home, X)
+                reals.copy(r, home, registers.X)
             reals.copy_word(self.start, i, present, motor - 1)
         self.locate(present)
-        for k in range(0, 2 * AXES, 2):
-            reals.copy(r, FIRST_POSE + k, POSE + k)
+        for k in range(0, 2 * registers.AXES, 2):
+            reals.copy(r, registers.FIRST_POSE + k, registers.POSE + k)
 
     # ---------------------------------------------------------------- the host's coordinates
 
     def to_host(self, out, j, i):
         """out[j] = number i of POSE as the host counts it, times 100000, held within 32 bits."""
         r = self.r
-        reals.copy(r, X, POSE + 2 * i)
-        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        reals.copy(r, registers.X, registers.POSE + 2 * i)
+        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
         compute(0, 0, r, _TO_HOST)
-        _sum_to_word(out, j, r, X, self.host_pose, i)
+        _sum_to_word(out, j, r, registers.X, self.host_pose, i)
 
     def from_host(self, to, i, source, j):
         """r[to] = number i of POSE for what the host calls source[j] / 100000."""
         r = self.r
-        reals.put_difference(r, X, source, j, self.host_pose, i)
-        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        reals.put_difference(r, registers.X, source, j, self.host_pose, i)
+        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
         compute(0, 0, r, _FROM_HOST)
-        reals.copy(r, to, X)
+        reals.copy(r, to, registers.X)
 
     def host_offset(self, to, i):
         """r[to] = what the host counts less POSE, of number i."""
         r = self.r
-        reals.put_difference(r, X, self.host_pose, i, _word, 1)
-        reals.copy(r, Y, FIRST_POSE + 2 * i)
+        reals.put_difference(r, registers.X, self.host_pose, i, _word, 1)
+        reals.copy(r, registers.Y, registers.FIRST_POSE + 2 * i)
         compute(0, 0, r, _HOST_OFFSET)
-        reals.copy(r, to, X)
+        reals.copy(r, to, registers.X)
 
     # ---------------------------------------------------------------- steps
 
@@ -392,7 +376,7 @@ class Kinematics:
         """
         r = self.r
         compute(0, 0, r, _STEPS)
-        if not to_steps(r, STEPS, self.start, 0, out, j, AXES):
+        if not to_steps(r, registers.STEPS, self.start, 0, out, j, registers.AXES):
             return ERR_RANGE
         return self._correct(out, j)
 
@@ -403,9 +387,9 @@ class Kinematics:
     def joint(self, i, steps, j):
         """JOINT of axis i from the step steps[j]. A code."""
         r = self.r
-        reals.put_difference(r, X, steps, j, self.start, i)
-        reals.divide(r, X, X, PER_UNIT + 2 * i)
-        reals.add(r, JOINT + 2 * i, HOME + 2 * i, X)
+        reals.put_difference(r, registers.X, steps, j, self.start, i)
+        reals.divide(r, registers.X, registers.X, registers.PER_UNIT + 2 * i)
+        reals.add(r, registers.JOINT + 2 * i, registers.HOME + 2 * i, registers.X)
         return 0
 
     def locate(self, present):
@@ -415,11 +399,11 @@ class Kinematics:
         A code. With ERR_RANGE the numbers are there, but the rig is not where inverse() leads to.
         """
         code = 0
-        for i in range(AXES):
+        for i in range(registers.AXES):
             if self.motor[i]:
                 code |= self.joint(i, present, self.motor[i] - 1)
             else:
-                reals.copy(self.r, JOINT + 2 * i, HOME + 2 * i)
+                reals.copy(self.r, registers.JOINT + 2 * i, registers.HOME + 2 * i)
         self._choose_side()
         return code | self.forward()
 
@@ -436,12 +420,12 @@ class Kinematics:
         if not compute(0, 0, r, self._inverse):
             return ERR_RANGE
         if self._absent:
-            for i in range(AXES):
+            for i in range(registers.AXES):
                 if self.motor[i] == 0:
-                    reals.subtract(r, X, JOINT + 2 * i, HOME + 2 * i)
-                    if reals.sign(r, X) and r[X + 1] + 30 > _SLACK:
+                    reals.subtract(r, registers.X, registers.JOINT + 2 * i, registers.HOME + 2 * i)
+                    if reals.sign(r, registers.X) and r[registers.X + 1] + 30 > _SLACK:
                         return ERR_RANGE
-                    reals.copy(r, JOINT + 2 * i, HOME + 2 * i)
+                    reals.copy(r, registers.JOINT + 2 * i, registers.HOME + 2 * i)
         return 0
 
     def forward(self):
