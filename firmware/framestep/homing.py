@@ -12,7 +12,7 @@ from array import array
 
 from framestep.base.clock import elapsed
 from framestep.base.native import const
-from framestep.io.safety import ACTIVE, LOWER, MOTOR_WORDS, MOTORS, UPPER_PIN
+from framestep.io.safety import LOWER
 from framestep.motion import reals
 from framestep.motors.axis import MOTION_ACCELERATION, MOTION_VELOCITY
 from framestep.motors.bounds import update as update_bounds
@@ -189,7 +189,7 @@ class Homing:
             self._judge()
 
     def _active(self):
-        return self.safety.words[ACTIVE] & self.pin != 0
+        return self.safety.is_active(self.pin)
 
     def _next(self):
         """Begin with the next motor, if there is one."""
@@ -204,9 +204,8 @@ class Homing:
         upward = self.home["toward"] == "high"
         self.away = 1 if upward else 0
         self.pin = self.safety.sets[self.home["limit"] - 1][0 if upward else 1]
-        at = self._pin_word()
-        self.pins = self.safety.words[at]
-        self.safety.words[at] |= self.pin
+        self.pins = self.safety.limit_pins(self.motor, self.away)
+        self.safety.set_limit_pins(self.motor, self.away, self.pins | self.pin)
         self.limits = 0
         if not (self.known >> self.motor) & 1:
             self._suspend_limits()
@@ -332,13 +331,9 @@ class Homing:
         """After release(): the limit switches are those of SET_LIMITS again."""
         if self.phase == _ENDED:
             self.phase = _NONE
-            self.safety.words[self._pin_word()] = self.pins
+            self.safety.set_limit_pins(self.motor, self.away, self.pins)
 
     # ---------------------------------------------------------------- limits
-
-    def _pin_word(self):
-        """Which word of Safety has the limit switch at this end of the motor."""
-        return MOTORS + self.motor * MOTOR_WORDS + UPPER_PIN + 1 - self.away
 
     def _suspend_limits(self):
         """Soft limits do not count: the motor's number says nothing about where it is."""
@@ -372,7 +367,7 @@ class Homing:
             safety = self.safety
             end = self.motor if self.away else self.motor + LOWER
             both = own | (own << LOWER)
-            others = safety.words[ACTIVE] & self.pins & ~self.pin
+            others = safety.is_active(self.pins & ~self.pin)
             if safety.at_limit & both == 1 << end and not others:
                 safety.reported(end)
                 bits &= ~own

@@ -38,11 +38,11 @@ _SINCE = const(4)  # when _SEEN changed
 CAUGHT = const(5)  # switches that an interrupt has found active
 _AT_LIMIT = const(6)  # motors that it has stopped at a limit, as _approaching() returns them
 _COUNT = const(7)  # motors; for each of them three words follow:
-MOTORS = const(8)
+_MOTORS = const(8)
 _BLOCK = const(0)  # address of its state block
-UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
+_UPPER_PIN = const(1)  # of the limit switch at its upper end, or 0
 _LOWER_PIN = const(2)
-MOTOR_WORDS = const(3)
+_MOTOR_WORDS = const(3)
 
 _MOVES = const(RUN | STOP)  # modes
 
@@ -73,20 +73,20 @@ def _approaching(w: ptr32, active: int) -> int:
     """
     bits = 0
     i = 0
-    at = MOTORS
+    at = _MOTORS
     while i < w[_COUNT]:
-        if (w[at + UPPER_PIN] | w[at + _LOWER_PIN]) & active:
+        if (w[at + _UPPER_PIN] | w[at + _LOWER_PIN]) & active:
             block = ptr32(w[at + _BLOCK])
             if block[MODE] & _MOVES:
                 # Velocity and pulses both: the end of a motion away may tremble within a step.
                 v = block[VELOCITY]
                 if v > _STANDSTILL:
-                    if w[at + UPPER_PIN] & active and block[DOWN] == 0:
+                    if w[at + _UPPER_PIN] & active and block[DOWN] == 0:
                         bits |= 1 << i
                 elif v < 0 - _STANDSTILL:
                     if w[at + _LOWER_PIN] & active and block[DOWN]:
                         bits |= 1 << (i + LOWER)
-        at += MOTOR_WORDS
+        at += _MOTOR_WORDS
         i += 1
     return bits
 
@@ -94,10 +94,10 @@ def _approaching(w: ptr32, active: int) -> int:
 @micropython.viper
 def _ends(w: ptr32, motor: int) -> int:
     """The active limits of a motor: 1 the upper one, 2 the lower one."""
-    at = MOTORS + motor * MOTOR_WORDS
+    at = _MOTORS + motor * _MOTOR_WORDS
     active = w[ACTIVE]
     ends = 0
-    if w[at + UPPER_PIN] & active:
+    if w[at + _UPPER_PIN] & active:
         ends = 1
     if w[at + _LOWER_PIN] & active:
         ends |= 2
@@ -121,10 +121,10 @@ class Safety:
         self.hal = hal
         self.axes = axes
         self.factor = rig.hard_stop_factor
-        self.words = words = array("i", [0] * (MOTORS + MOTOR_WORDS * axes.count))
+        self.words = words = array("i", [0] * (_MOTORS + _MOTOR_WORDS * axes.count))
         words[_COUNT] = axes.count
         for i in range(axes.count):
-            words[MOTORS + i * MOTOR_WORDS] = as_word(addressof(axes[i].block))
+            words[_MOTORS + i * _MOTOR_WORDS] = as_word(addressof(axes[i].block))
         self.block = axes[0].block  # it leads to the others
         self.sets = [
             (
@@ -161,7 +161,7 @@ class Safety:
         """The limit sets whose switch at an end is active, one bit each. end: 0 upper, 1 lower."""
         bits = 0
         for i in range(len(self.sets)):
-            if self.sets[i][end] & self.words[ACTIVE]:
+            if self.is_active(self.sets[i][end]):
                 bits |= 1 << i
         return bits
 
@@ -177,9 +177,20 @@ class Safety:
             high, low = self.sets[number - 1]
             if swapped:
                 high, low = low, high
-        at = MOTORS + motor * MOTOR_WORDS
-        self.words[at + UPPER_PIN] = high
-        self.words[at + _LOWER_PIN] = low
+        self.set_limit_pins(motor, 1, high)
+        self.set_limit_pins(motor, 0, low)
+
+    def limit_pins(self, motor, upper):
+        """Return the pins of the limit switches at one end of a motor. upper: 1 or 0."""
+        return self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper]
+
+    def set_limit_pins(self, motor, upper, pins):
+        """Take these pins for the limit switches at one end of a motor. upper: 1 or 0."""
+        self.words[_MOTORS + motor * _MOTOR_WORDS + _LOWER_PIN - upper] = pins
+
+    def is_active(self, pins):
+        """Return whether a switch at one of these pins is active."""
+        return self.words[ACTIVE] & pins != 0
 
     def limit_blocking(self, motor, target, i):
         """Whether an active limit keeps a motor (from 0) from going to target[i].
