@@ -1,5 +1,5 @@
-"""Why motors were stopped, as text. Always loaded: what prints it may neither import nor
-allocate."""
+"""Why motors were stopped, as text. Always loaded, as it is printed where nothing may be imported
+or allocated."""
 
 from framestep.pulse.stepper import FAULT_DRY, FAULT_LATE, FAULT_PIN
 from framestep.stops import FAULT_DRIVER, FAULT_ESTOP, FAULT_LIMIT, FAULT_LOST, FAULT_TAKEN
@@ -19,5 +19,5 @@ _ONE = "; its motor was ramped down"
 
 
 def outcome(bit):
-    """The end of a fault's line: what it has led to."""
+    """Return the end of a fault's line: what the fault led to."""
     return _ONE if bit == FAULT_LIMIT else _ALL

@@ -1,4 +1,4 @@
-"""Copies bytes and words fast: by words where source and target allow it. Nothing allocates."""
+"""Fast copies of bytes and words, by words where the alignment allows it. Nothing allocates."""
 
 from array import array
 
@@ -7,30 +7,30 @@ from framestep.base.native import CPYTHON, micropython, ptr8, ptr16, ptr32
 if CPYTHON:
 
     def copy_bytes(to, to_at, source, at, count):
-        """Copy `count` bytes from source[at] on to to[to_at] on; in one buffer only towards its
-        front."""
+        """Copy `count` bytes from source[at] on to to[to_at] on. Within one buffer it copies only
+        toward the front."""
         to[to_at : to_at + count] = source[at : at + count]
 
     def copy_dwords(words, source, index, at, count):
-        """Copy the `count` little-endian DWORDs from source[at] on, which may begin at any byte, to
-        words[index] on."""
+        """Copy `count` little-endian DWORDs from source[at] on to words[index] on. `at` need not
+        be aligned."""
         words[index : index + count] = array("i", bytes(source[at : at + 4 * count]))
 
     def move_words(to, at, count, words):
-        """Move `count` words within an array('i'), from words[at] on to words[to] on; the places
-        may overlap."""
+        """Move `count` words within an array('i'), from words[at] on to words[to] on. The two
+        ranges may overlap."""
         words[to : to + count] = words[at : at + count]
 
     def move_halves(to, at, count, halves):
-        """The same for half words."""
+        """Move `count` half words; otherwise like move_words()."""
         halves[to : to + count] = halves[at : at + count]
 
 else:
 
     @micropython.viper
     def copy_bytes(to: ptr8, to_at: int, source: ptr8, at: int, count: int):
-        # The two registers that viper has for locals on ARM hold the two places: `to` is the one,
-        # `to_at` the other.
+        # On ARM, viper keeps two locals in registers. Use them for the two addresses: `to` and
+        # `to_at`.
         to = ptr8(int(to) + to_at)
         to_at = int(source) + at
         if count >= 16:
@@ -74,8 +74,8 @@ else:
 
     @micropython.viper
     def copy_dwords(words: ptr32, source: ptr8, index: int, at: int, count: int):
-        # Viper keeps the first two parameters in registers on ARM: here the two addresses.
-        # However the source is aligned, whole words are read as far as there are any.
+        # On ARM, viper keeps the first two parameters in registers: use them for the addresses.
+        # For any alignment of the source, most reads are whole words.
         words = ptr32(int(words) + (index << 2))
         at += int(source)
         source = ptr8(at & -4)
@@ -125,7 +125,7 @@ else:
 
     @micropython.viper
     def move_words(to: int, at: int, count: int, words: ptr32):
-        # As above: the first two parameters become addresses.
+        # As above, the first two parameters become addresses.
         if to < at:
             to = int(words) + (to << 2)
             at = int(words) + (at << 2)

@@ -1,20 +1,19 @@
 """One source for the kernels on every runtime.
 
 On MicroPython `@micropython.viper` compiles a function to machine code and `ptr8/16/32` are casts
-that the compiler knows. On CPython the same source runs as plain Python: the decorators hand the
-function back, and a pointer is the array itself or, for an address, the array registered under it.
+that the compiler knows. On CPython the same source runs as plain Python: the decorators return the
+function unchanged. A pointer is the array itself or, for an address, the array registered under it.
 
-Rules for a kernel, so that the runtimes agree number by number:
+Rules for a kernel, so that all runtimes compute the same numbers:
 
-* every value fits 32 bits signed, but for what `& mask` cuts off at once; a product that does not
-  is split by the caller. A line in which a sum may come round ends in `# wraps`.
-  host_tests.int32 holds tests to this;
-* memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one;
-  a cast to ptr8 gives the bytes of any;
-* a pointer to a part of an array is made with `addressof(array)` kept in a state word.
+* Every value fits 32 bits signed, unless `& mask` cuts it at once. The caller splits a product that
+  does not fit. A line in which a sum may wrap ends in `# wraps`. host_tests.int32 checks this.
+* Memory is `array('i')` (ptr32), `array('h')` (ptr16) or `bytearray` (ptr8), never a slice of one.
+  A cast to ptr8 gives the bytes of any of them.
+* A pointer into an array is made from `addressof(array)`, which a state word keeps.
 """
 
-# ruff: noqa: F401 - what is imported here is imported from here
+# ruff: noqa: F401 - other modules import these names from here
 
 try:
     import micropython
@@ -22,11 +21,11 @@ try:
     from uctypes import addressof
 
     CPYTHON = False
-    # Names the viper compiler replaces; bound here so that the import below works everywhere.
+    # The viper compiler replaces these names; binding them makes `from native import ptr32` work.
     ptr8 = ptr16 = ptr32 = None
 
     def as_word(address):
-        """An address as the signed 32-bit number that fits a state word."""
+        """Return an address as the signed 32-bit number that fits a state word."""
         return address - 0x1_0000_0000 if address & 0x8000_0000 else address
 
 except ImportError:

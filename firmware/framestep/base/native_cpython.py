@@ -1,10 +1,10 @@
-"""What framestep.base.native has on CPython. Not put on boards."""
+"""CPython's version of what framestep.base.native exports. Not put on boards."""
 
 from array import array
 
 
 class micropython:
-    """Stands for MicroPython's module: its decorators change nothing here."""
+    """Stand-in for MicroPython's module: its decorators return the function unchanged."""
 
     @staticmethod
     def viper(function):
@@ -19,13 +19,13 @@ def const(value):
     return value
 
 
-_memory = {}  # address -> what lies there
-_addresses = {}  # id of an array -> its address; arrays stay alive in _memory
+_memory = {}  # address -> the object at that address
+_addresses = {}  # id of an object -> its address; _memory keeps the objects alive
 _next = [0x1000_0000]
 
 
 def addressof(memory):
-    """Give an array an address that a pointer cast finds it under; the same each time."""
+    """Return the address at which a pointer cast finds `memory`; the same on each call."""
     address = _addresses.get(id(memory))
     if address is None:
         address = _next[0]
@@ -35,14 +35,14 @@ def addressof(memory):
     return address
 
 
-map_device = addressof  # anything with __getitem__ and __setitem__ may lie at an address
+map_device = addressof  # anything with __getitem__ and __setitem__ can have an address
 
 
 def forget():
-    """Give back the memory of what nobody but the table of addresses holds any more.
+    """Free the memory to which only the table of addresses still refers.
 
-    For programs that make many controllers one after the other. Devices must be held by whoever
-    mapped them.
+    For programs that make many controllers one after the other. Whoever mapped a device must hold
+    a reference to it.
     """
     import gc
     import sys
@@ -50,7 +50,7 @@ def forget():
 
     kept = {}
     for address, memory in _memory.items():
-        # bytearrays know no weak references, and refer to nothing themselves
+        # A bytearray allows no weak references, and refers to no other object.
         kept[address] = memory if memory.__class__ is bytearray else weakref.ref(memory)
     _memory.clear()
     memory = None

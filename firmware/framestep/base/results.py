@@ -1,7 +1,7 @@
-"""The result of a request or of a move: OK, or why not. All layers may use it.
+"""Results of a request or a move: OK or an error. All layers may use them.
 
-The numbers are the protocol's response codes, which takes them from here, so that no table is
-needed to answer.
+The numbers are the protocol's response codes. The protocol imports them from here, so answers need
+no table.
 """
 
 from framestep.base.native import const
@@ -19,22 +19,22 @@ ERR_SOFT_LOW = const(0x0021)
 ERR_HARD_UP = const(0x0022)
 ERR_HARD_LOW = const(0x0023)
 
-# What the last move has asked too much of: words of `exceeded` (moves/path/move_check.py)
+# The limit that the last move exceeded: words of `exceeded` (moves/path/move_check.py)
 WHAT = const(0)  # EXCEEDED_
 MOTOR = const(1)
 FRAME = const(2)  # scene frame
 # excess in steps/s or steps/s²; SLOWED: the rate used, thousandths of a frame per second
-BY = const(3)  # MEMORY: the bytes that what was refused needs
+BY = const(3)  # MEMORY: the bytes needed
 ROOM = const(4)  # MEMORY: the bytes that were free
 EXCEEDED_WORDS = const(5)
 
 EXCEEDED_NOTHING = const(0)
 EXCEEDED_VELOCITY = const(1)  # refused
 EXCEEDED_ACCELERATION = const(2)  # refused with `strict_moves` only
-EXCEEDED_BOARD = const(3)  # refused: more than the board can make
-EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than was asked for
-EXCEEDED_UPPER = const(5)  # refused, as all that follow: past the upper soft limit,
+EXCEEDED_BOARD = const(3)  # refused: beyond what the board can make
+EXCEEDED_SLOWED = const(4)  # JOG_ALL goes slower than requested
+EXCEEDED_UPPER = const(5)  # refused, like all below: beyond the upper soft limit,
 EXCEEDED_LOWER = const(6)  # the lower one,
 EXCEEDED_PREROLL = const(7)  # a limit or the acceleration in the pre-roll,
 EXCEEDED_POSTROLL = const(8)  # in the post-roll
-EXCEEDED_MEMORY = const(9)  # refused: what is uploaded does not fit
+EXCEEDED_MEMORY = const(9)  # refused: the upload does not fit

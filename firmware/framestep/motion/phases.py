@@ -1,10 +1,10 @@
-"""Phases: what a motor has ahead of it, as stretches of motion with one cubic each.
+"""Phases: the motion ahead of a motor, in stretches of one cubic each.
 
 The duration of a phase is a real number of ticks and need not end on a tick. Kinds:
 
-    RAMP    G2 and G3 given (half the acceleration, a sixth of the jerk); ends where that leads
+    RAMP    G2 and G3 given (half the acceleration, a sixth of the jerk); ends where they lead
     AIM     the cubic that reaches a given place at a given velocity when the phase ends
-    ONWARD  what is left of an AIM phase: a long one is taken in pieces, each aimed anew
+    ONWARD  the remainder of an AIM phase: a long one is cut into pieces, each aimed again
 
 Time in ticks of 1 ms, position in steps. Nothing allocates.
 """
@@ -23,10 +23,10 @@ TARGET = const(1)  # AIM: the step
 DURATION = const(2)
 START = const(4)  # velocity at the start
 SECOND = const(6)  # RAMP: G2. AIM: velocity at the end
-THIRD = const(8)  # RAMP: G3. AIM: in its first word what the place is beyond the step, Q16
+THIRD = const(8)  # RAMP: G3. AIM: fraction of a step beyond TARGET (Q16), in the first word
 PHASE_WORDS = const(10)
 PHASES = const(16)  # in the ring of a motor, a power of 2
-READ_INDEX = const(160)  # words behind them: the first one to come, where the next one goes
+READ_INDEX = const(160)  # words behind the ring: index of the next phase to read, and to write
 WRITE_INDEX = const(161)
 
 RAMP = const(0)
@@ -34,14 +34,14 @@ AIM = const(1)
 ONWARD = const(2)
 
 RING_MASK = const(15)
-_PIECE = const(256)  # ticks of an AIM phase that rounding leaves within a ten-thousandth of a step
+_PIECE = const(256)  # ticks; rounding errs by less than a ten-thousandth of a step within them
 
 # Words of a duration
 WHOLE_TICKS = const(0)
 REST = const(1)  # Q30 of a tick
 DURATION_WORDS = const(2)
 
-# What load() has done with a phase; 0: taken a part of it
+# Result of load(); 0: it took a part of the phase
 _TOOK = const(1)
 _TOOK_AIM = const(2)
 
@@ -55,28 +55,28 @@ _Y = const(10)
 _Z = const(12)
 _W = const(14)
 ZERO = const(16)
-PLANNER = const(18)  # the first of the planner's own
+PLANNER = const(18)  # the planner's registers begin here
 
 scratch = array("i", [0] * 68)
 
 
 class Phases:
-    """The phases that lie ahead of one motor, a ring."""
+    """Ring of the phases that lie ahead of one motor."""
 
     def __init__(self):
         self.words = array("i", [0] * (PHASES * PHASE_WORDS + 2))
 
     def clear(self):
-        """Forget all of them."""
+        """Drop all phases."""
         self.words[READ_INDEX] = self.words[WRITE_INDEX] = 0
 
     def count(self):
-        """Phases ahead."""
+        """Return the number of phases ahead."""
         return (self.words[WRITE_INDEX] - self.words[READ_INDEX]) & RING_MASK
 
     def append(self, kind, duration, start, second, third, down):
-        """Append a phase made of scratch registers; velocities and accelerations change sign if
-        down: planned for the opposite direction."""
+        """Append a phase from registers of `scratch`. down: negate velocities and accelerations, as
+        the phase was planned for the opposite direction."""
         words = self.words
         at = words[WRITE_INDEX] * PHASE_WORDS
         words[at + KIND] = kind
@@ -100,7 +100,7 @@ class Phases:
 def put_aim(
     words: ptr32, r: ptr32, duration: int, start: int, end: int, targets, i: int, part: int
 ):
-    """Phases.aim() for the words of the phases."""
+    """Append an AIM phase to the words of a Phases; see Phases.aim()."""
     at = words[WRITE_INDEX] * PHASE_WORDS
     words[WRITE_INDEX] = (words[WRITE_INDEX] + 1) & RING_MASK
     words[at + KIND] = AIM
@@ -116,11 +116,10 @@ def put_aim(
 
 @micropython.viper
 def load(words, at: int, cubic, whole, knot, r) -> int:
-    """Take the phase at words[at]: set the cubic, whose position stays.
+    """Take the phase at words[at]: set the cubic's coefficients, not its position.
 
-    whole: becomes its duration (WHOLE_TICKS, REST). knot: becomes where an AIM phase leads to
-    (AT_STEP, AT_PART). r: `scratch`. _TOOK, _TOOK_AIM, or 0 where a part of the phase
-    is left.
+    whole: becomes its duration (WHOLE_TICKS, REST). knot: becomes the place where an AIM phase ends
+    (AT_STEP, AT_PART). r: `scratch`. Returns _TOOK, _TOOK_AIM, or 0 if a part of the phase remains.
     """
     w = ptr32(words)
     out = ptr32(whole)
@@ -136,8 +135,8 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
         return _TOOK
     ptr32(knot)[AT_STEP] = w[at + TARGET]
     ptr32(knot)[AT_PART] = w[at + THIRD]
-    # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T². Not as a
-    # formula: this is done for each motor and frame, and the functions lie in RAM.
+    # Cubic Hermite: G2 = (3·mean - 2·start - end)/T, G3 = (start + end - 2·mean)/T². Not written as
+    # a formula: this runs for each motor and frame, and these functions are in RAM.
     s = ptr32(r)
     s[_T] = w[at + DURATION]
     s[_T + 1] = w[at + DURATION + 1]
@@ -146,7 +145,7 @@ def load(words, at: int, cubic, whole, knot, r) -> int:
     s[_C] = w[at + SECOND]
     s[_C + 1] = w[at + SECOND + 1]
     if out[WHOLE_TICKS] == 0:
-        # Within a tick there is nothing to bend; where it ends is up to what follows.
+        # Too short to bend; the phase that follows corrects where it ends.
         combine(r, _X, _C, _V, 1)
         divide(r, _X, _X, _T)
         double(r, _X, _X, -1)

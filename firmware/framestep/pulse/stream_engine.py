@@ -1,9 +1,8 @@
-"""What pulse/engine.py is for PIO, for an engine that is a stream of words in memory:
-hal/stream.py.
+"""Constants of an engine that is a stream of words in memory, see hal/stream.py.
 
-The build puts this in that one's place for chips with such an engine. Its clock has 128 cycles a
-microsecond, and each word lasts 512 of them: 4 µs, 250 words a tick. It has no time of its own
-between commands, so most overheads are 0.
+For chips with such an engine the build puts this module in the place of pulse/engine.py. Its clock
+has 128 cycles per microsecond. A word lasts 512 of them, 4 µs, so a tick has 250 words. Commands
+follow one another without a pause, so most overheads are 0.
 """
 
 from framestep.base.native import const
@@ -23,7 +22,7 @@ LONGEST_WAIT = const(200000)
 PERIOD_CYCLES = const(0)
 HIGH_CYCLES = const(512)
 WIDTH_CYCLES = const(512)
-# the direction changes with a word, so the time to the next edge is rounded up to words
+# The direction changes at a word, so the time to the next edge is rounded up to words.
 TURN_CYCLES = const(511)
 SPARE_CYCLES = const(16)
 
@@ -37,7 +36,7 @@ BATCH = const(48)
 
 RING = const(1)
 
-# Of this engine alone
+# Only for this engine
 CYCLES = const(128000)  # in a tick
 WORD_BITS = const(9)  # log2 of the cycles that a word lasts
 WORDS = const(250)  # in a tick

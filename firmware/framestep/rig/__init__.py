@@ -1,7 +1,7 @@
 """The user's rig file, rig.json, and the settings in force.
 
-A file counts as a whole or not at all: with a mistake in it all settings stay at their defaults.
-Runs once at boot, and on a computer to check a file. Allocates.
+A file with a mistake is ignored as a whole: all settings then stay at their defaults. This runs
+once at boot, and on a computer to check a file. Allocates.
 """
 
 from framestep.rig.pins import assign, fitted
@@ -19,14 +19,14 @@ from framestep.rig.settings import (
 class Rig:
     """The settings in force.
 
-    motor(i) has those of motor i (from 0) as a dictionary. `outputs`, `inputs` and `limits` are
-    lists of dictionaries, with the board's pins unless the file has others. `board` is the board's
-    data for these settings, see fitted(). `drivers` is None, or a list of the registers of each
-    motor's TMC2209, with None for a motor without one.
+    motor(i) returns the settings of motor i (from 0) as a dictionary. `outputs`, `inputs` and
+    `limits` are lists of dictionaries; without an entry in the file they have the board's pins.
+    `board` is the board's data for these settings, see fitted(). `drivers` is None, or a list of
+    each motor's TMC2209 registers, with None for a motor without a driver.
     """
 
     def __init__(self, found=None, board=None):
-        """found: what the file holds (parsed JSON). board: the board's data. RigError for a
+        """found: the file's content (parsed JSON). board: the board's data. Raises RigError for a
         mistake."""
         settings = read(SETTINGS, {} if found is None else found, "")
         self.motors = read_list(MOTOR_SETTINGS, settings["motors"], "motors")
@@ -36,7 +36,7 @@ class Rig:
         servos = self._read_servos()
         self.drivers = self._read_drivers() if driven else None
         self.limits, self.outputs, self.inputs = assign(settings, self.board, servos)
-        self.servos = 0  # the motors that are servos, one bit each
+        self.servos = 0  # one bit for each motor that is a servo
         for i, pin in servos:
             self.servos |= 1 << i
             if "step" in self.board:
@@ -77,7 +77,7 @@ class Rig:
             )
 
     def _read_servos(self):
-        """Read the motors that are servos: a list of (motor from 0, pin)."""
+        """Return a list of (motor from 0, pin) of the motors that are servos."""
         if not [motor for motor in self.motors if motor["servo"] is not None]:
             return []
         from framestep.rig import servos
@@ -85,7 +85,7 @@ class Rig:
         return servos.read_servos(self)
 
     def _read_drivers(self):
-        """The registers of each motor's driver (io/tmc2209_setup.py), None for a motor without."""
+        """Return each motor's driver registers (io/tmc2209_setup.py), None without a driver."""
         from framestep.io import tmc2209_setup
 
         found = []
@@ -121,7 +121,7 @@ class Rig:
         return found
 
     def _read_homes(self):
-        """Read how motors are homed. Returns whether there is one that can be."""
+        """Read how motors are homed. Return whether any motor can be."""
         if [motor for motor in self.motors if motor["home"] is not None]:
             from framestep.rig.homes import read_homes
 
@@ -140,12 +140,12 @@ class Rig:
         return found
 
     def motor(self, i):
-        """The settings of motor i (from 0), or the defaults. Allocates."""
+        """Return the settings of motor i (from 0), or the defaults. Allocates."""
         return self.motors[i] if i < len(self.motors) else read(MOTOR_SETTINGS, {}, "")
 
 
 def load(path="/rig.json", board=None):
-    """Read a rig file. Returns (Rig, None), or (Rig with defaults, text of the mistake)."""
+    """Read a rig file. Return (Rig, None), or (Rig with defaults, text of the mistake)."""
     import json
 
     try:

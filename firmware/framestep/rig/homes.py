@@ -1,42 +1,41 @@
-"""How the rig file says that motors are homed. Loaded to read it, where a motor has `home`;
-allocates."""
+"""The `home` settings of the rig file. Loaded only if a motor has `home`. Allocates."""
 
 from framestep.base.native import const
 from framestep.motors.motor import DEFAULT_ACCELERATION, DEFAULT_VELOCITY
 from framestep.rig.settings import NO_PIN, RigError, read
 
 # fmt: off
-# as the tables of settings.py
+# same columns as the tables of settings.py
 HOME_SETTINGS = {
     "limit": (int, 1, 12, None, "",
-        "the limit switch set (of `limits`) that has the home switch"),
+        "number of the limit switch set (in `limits`) that contains the home switch"),
     "toward": (str, ("low", "high"), None, "low", "",
-        "the end at which it is: where positions become lower or higher"),
+        "the end at which the switch is: that of lower or of higher positions"),
     "position": (int, -1000000000, 1000000000, 0, "steps",
         "the motor's position where the switch is found"),
     "speed": (int, 10, 500000, 1000, "steps/s",
-        "toward the switch and off it; never more than the motor is set to"),
+        "velocity toward the switch and off it; never more than the motor's setting"),
     "slow_speed": (int, 10, 500000, 100, "steps/s", "toward it for the second time"),
     "back_off": (int, 1, 1000000, 200, "steps",
-        "from the switch back to where it is open for sure"),
+        "distance from the switch back to where it is surely open"),
     "travel": (int, 1, 100000000, None, "steps",
-        "how far to look for it at most: a little more than the whole way of the axis"),
+        "longest distance of the search: a little more than the length of the axis"),
     "stall": (int, 0, 255, 0, "",
         "StallGuard threshold of the motor's TMC2209, whose DIAG is the switch; 0: a real switch"),
     "order": (int, 0, 12, 0, "",
-        "where several motors are homed, those with lower numbers come first"),
+        "motors with lower numbers are homed first"),
 }
 # fmt: on
 
 
-_SEEN_MS = const(2)  # from the switch to the tick that slows the motor down, at the latest
+_SEEN_MS = const(2)  # longest time from the switch to the tick that slows the motor down
 
 
 def read_homes(motors, limits, drivers, hard_stop_factor):
-    """Read each motor's `home`. Returns Rig.drivers, with StallGuard set up where it is wanted.
+    """Read each motor's `home`. Return Rig.drivers, with StallGuard set up for motors that use it.
 
-    motors: dictionaries of MOTOR_SETTINGS, in which `home` is put anew with all its keys. limits:
-    Rig.limits. drivers: Rig.drivers, or None. RigError for a mistake.
+    motors: dictionaries of MOTOR_SETTINGS; each `home` is replaced by one with all keys. limits:
+    Rig.limits. drivers: Rig.drivers, or None. Raises RigError for a mistake.
     """
     for i, motor in enumerate(motors):
         if motor["home"] is not None:
@@ -85,8 +84,8 @@ def _read(found, where, limits, hard_stop_factor):
 
 
 def least_back_off(speed, hard_stop_factor):
-    """More steps than a motor runs on behind its switch, at the velocity and acceleration that it
-    has at power-up: where the switch was found is known to within these."""
+    """Return the least `back_off`: more steps than a motor runs on behind its switch at the
+    velocity and acceleration of power-up. The switch's position is known to within these."""
     speed = min(speed, DEFAULT_VELOCITY)
     run_on = speed * speed // (2 * DEFAULT_ACCELERATION * hard_stop_factor)
     return run_on + speed * _SEEN_MS // 1000 + 1

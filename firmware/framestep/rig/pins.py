@@ -1,4 +1,4 @@
-"""Which pins a board has for a rig file's settings, and what each is for. Allocates."""
+"""Pins that a board has for a rig file's settings, and their use. Allocates."""
 
 from framestep.rig.settings import (
     INPUT_SETTINGS,
@@ -10,26 +10,27 @@ from framestep.rig.settings import (
     read_list,
 )
 
-# keys of a board's data whose pins are in use whatever the rig file says
+# keys of a board's data whose pins are in use with any rig file
 _BOARD_PINS = (
     "step", "dir", "enable", "estop", "shutter", "meter", "led", "rgb", "jumper", "flash", "uart"
 )  # fmt: skip
-# Of a board with a chain of shift registers: its outputs, and the chip's own pins, for inputs
+# On a board with a chain of shift registers: its outputs, and the chip's own pins, for inputs
 _CHAIN = (64, 93)
 _OWN = (0, 39)
 
 
 def _pins(value):
-    """The pins in an entry of a board's data, which is a pin, a list, or a serial line."""
+    """Return the pins in an entry of a board's data: a pin, a list, or a serial line."""
     if isinstance(value, dict):
         return [value["tx"], value["rx"]]
     return value if isinstance(value, list) else [value]
 
 
 def fitted(board, count=0, drivers=False):
-    """The board's data for `count` motors (0: all), with or without `drivers` on their serial line.
+    """Return the board's data for `count` motors (0: all), with or without `drivers` on their
+    serial line.
 
-    Entries of `freed` and `with_drivers` count if no motor in use has their pins.
+    Entries of `freed` and `with_drivers` apply if no motor in use has their pins.
     """
     board = dict(board)
     freed = board.pop("freed", {})
@@ -53,7 +54,7 @@ def fitted(board, count=0, drivers=False):
 
 
 def _board_pins(board, dmx):
-    """{pin: what it is for on this board}."""
+    """Return {pin: its use on this board}."""
     taken = {}
     for key in _BOARD_PINS:
         pins = board.get(key, [])
@@ -72,9 +73,9 @@ def _board_pins(board, dmx):
 def assign(settings, board, servos=()):
     """Assign pins to limits, outputs and inputs. Each pin can be used once.
 
-    settings: of the whole file. board: the board's data, see fitted(). servos: (motor from 0, pin)
-    of those that are servos. Returns (limits, outputs, inputs), each a list of dictionaries.
-    RigError for a mistake.
+    settings: the whole file's. board: the board's data, see fitted(). servos: (motor from 0, pin)
+    of each servo. Return (limits, outputs, inputs), each a list of dictionaries. Raises RigError
+    for a mistake.
     """
     taken = _board_pins(board, settings["dmx"])
 

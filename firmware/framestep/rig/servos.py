@@ -1,21 +1,21 @@
-"""The motors of a rig file that are servos: their settings, and what these must keep to.
+"""Settings of motors that are servos, and the rules for them.
 
-Loaded for a rig file that has one. Allocates.
+Loaded only if the rig file has a servo. Allocates.
 """
 
 from framestep.rig.settings import NO_PIN, RigError, read
 
 # fmt: off
 SERVO_SETTINGS = {
-    "pin": (int, -1, 29, -1, "", "of the servo's signal; -1: the motor's step pin"),
+    "pin": (int, -1, 29, -1, "", "pin of the servo's signal; -1: the motor's step pin"),
     "low_us": (float, 500.0, 2500.0, 1000.0, "µs", "the shortest pulse, at the position `low`"),
     "high_us": (float, 500.0, 2500.0, 2000.0, "µs", "the longest pulse, at the position `high`"),
-    "low": (int, -30000, 0, -1000, "steps", "the lowest position; 0 must lie between both"),
+    "low": (int, -30000, 0, -1000, "steps", "the lowest position; 0 must be within the range"),
     "high": (int, 0, 30000, 1000, "steps", "the highest position"),
     "rate_hz": (int, 40, 333, 50, "Hz",
         "how often a pulse comes; its period is rounded down to whole milliseconds"),
     "at_start": (str, ("off", "on"), None, "off", "",
-        "pulses from power-up on; off: once the motor is to move, or the host enables it"),
+        "pulses from power-up on; off: once the motor has to move, or the host enables it"),
     "on_stop": (str, ("hold", "release"), None, "hold", "",
         "at the E-stop or a fault: hold the position, or end the pulses at once"),
 }
@@ -23,9 +23,9 @@ SERVO_SETTINGS = {
 
 
 def read_servos(rig):
-    """Read the motors that are servos: a list of (motor from 0, pin).
+    """Read the motors that are servos. Return a list of (motor from 0, pin).
 
-    In the board's data their step and direction pins become NO_PIN: they are free.
+    In the board's data their step and direction pins become NO_PIN, as they are free then.
     """
     found = []
     for i, motor in enumerate(rig.motors):

@@ -1,48 +1,47 @@
-"""Every setting of the rig file, rig.json, with its type, range, default and meaning in one table.
+"""Every setting of the rig file, rig.json: type, range, default and meaning, in one table.
 
-The text of an error has the key, what was found and what is allowed. Allocates.
+Error texts name the key, the value found and what is allowed. Allocates.
 """
 
 # fmt: off
 # name: (type, lowest or choices, highest or length, default, unit, meaning)
 SETTINGS = {
     "name": (str, 1, 32, "framestep", "bytes of UTF-8",
-        "what Dragonframe shows as the device's name"),
+        "the device's name in Dragonframe"),
     "dialect": (str, ("spec", "dmc-lite"), None, "spec", "",
         "form of the answers: as specified, or as dmc-lite sends"),
     "ports": (int, 1, 2, 2, "",
-        "2: the protocol has a USB port of its own, 1: it shares the one of the REPL"),
+        "2: the protocol has a USB port of its own, 1: it shares the REPL's"),
     "jog_timeout_ms": (int, 0, 60000, 500, "ms",
-        "a jog ends when no further one comes for so long; 0: never"),
+        "a jog ends if it is not repeated within this time; 0: never"),
     "hard_stop_factor": (int, 1, 16, 4, "", "how many times as steeply a hard stop decelerates"),
     "go_input": (int, 0, 16, 0, "",
-        "number of the general input that gives GO when it comes on; 0: none"),
+        "number of the general input that gives GO when it goes on; 0: none"),
     "home_input": (int, 0, 16, 0, "",
-        "number of the general input that homes motors that are not known when it comes on; 0: "
-        "none"),
+        "number of the general input that homes all motors of unknown position when it goes on; "
+        "0: none"),
     "strict_moves": (bool, None, None, False, "",
-        "refuses moves whose corners ask for more than a motor's acceleration; without it "
-        "they are played as uploaded"),
+        "refuses moves that exceed a motor's acceleration at corners; otherwise they are played "
+        "as uploaded"),
     "smoothing": (bool, None, None, False, "",
-        "takes the unrest of rounding to whole steps out of runs: at a frame's time the motor "
-        "stands on the uploaded position as without it, but the step that leads there comes "
-        "earlier"),
+        "smooths out the ripple of runs that comes from rounding to whole steps; positions at "
+        "the frames do not change, but a step onto a frame comes a little earlier"),
     "report_ms": (int, 20, 1000, 100, "ms", "how often positions are sent while something moves"),
     "motor_count": (int, 0, 12, 0, "",
-        "how many motors; the others' pins are free then. 0: all that the board has"),
+        "how many motors; the other motors' pins become free. 0: all that the board has"),
     "virtuals": (int, 0, 124, 124, "",
         "virtual axes, a sum: 4 boom-swing-track, 8 swing-pan, 16 Y-swing-track, 32 "
         "X-Y-Z, 64 aim; 0 saves memory"),
     "motors": (list, 0, 12, [], "", "settings of motor 1, 2, …"),
     "outputs": (list, 0, 16, None, "",
-        "general outputs 1, 2, …; without it those of the board, on its page"),
+        "general outputs 1, 2, …; by default the board's, see its page"),
     "inputs": (list, 0, 16, None, "",
-        "general inputs 1, 2, …; without it those of the board, on its page"),
+        "general inputs 1, 2, …; by default the board's, see its page"),
     "limits": (list, 0, 12, [], "", "limit switch sets 1, 2, … that SET_LIMITS assigns to motors"),
     "estop": (str, ("none", "nc", "no"), None, "none", "",
-        "stop button between its pin and ground: normally closed, open"),
+        "E-stop button between its pin and ground: normally closed or open"),
     "estop_cuts_power": (bool, None, None, False, "",
-        "the stop button also cuts the motors' power: they lose positions"),
+        "the E-stop button also cuts the motors' power, so they lose their positions"),
     "shutter_on": (str, ("high", "low"), None, "high", "",
         "level of the shutter output while it is on"),
     "meter_on": (str, ("high", "low"), None, "high", "",
@@ -50,7 +49,7 @@ SETTINGS = {
     "remember_positions": (bool, None, None, False, "",
         "keeps positions at rest over a power cut (docs/use/safety.md)"),
     "watchdog": (bool, None, None, True, "",
-        "starts the board again if the firmware hangs while a motor moves"),
+        "restarts the board if the firmware hangs while a motor moves"),
     "dmx": (bool, None, None, True, "", "sends DMX; false frees its pins"),
     "dmx_break_us": (int, 92, 1000, 176, "µs", "length of the break before each DMX frame"),
     "dmx_mark_us": (int, 12, 1000, 20, "µs", "length of the mark after break"),
@@ -65,37 +64,36 @@ MOTOR_SETTINGS = {
     "enable_high": (bool, None, None, False, "",
         "the driver is on while its enable pin is high, not low"),
     "backlash": (int, 0, 10000, 0, "steps",
-        "play of the gears, taken up where the motion turns; positions stay those of the "
-        "load"),
+        "of the gears, in motor steps; taken up where the motion turns. Positions remain the "
+        "load's"),
     "jerk": (int, 0, 1000000, 0, "· 1000 steps/s³", "limit of the jerk; 0: none, plain trapezoids"),
     "driver": (dict, None, None, None, "",
-        "how to set up a TMC2209 over its UART; without it the driver is left alone"),
+        "how to set up a TMC2209 over its UART; by default the driver is left alone"),
     "home": (dict, None, None, None, "",
-        "how to home the motor (docs/use/homing.md); without it it cannot be homed"),
+        "how to home the motor (docs/use/homing.md); by default it cannot be homed"),
     "servo": (dict, None, None, None, "",
-        "a hobby servo in the place of a step motor (docs/use/servos.md)"),
+        "a hobby servo in the place of a stepper motor (docs/use/servos.md)"),
 }
 
 DRIVER_SETTINGS = {
     "run_ma": (int, 10, 2000, None, "mA",
-        "current in motion, root mean square; rounded down to 1/32 of what is possible"),
+        "current in motion, root mean square; rounded down to 1/32 of the maximum"),
     "hold_percent": (int, 0, 100, 50, "%",
-        "current at rest, of that in motion; 0: none, the motor turns freely"),
+        "current at rest, as part of the current in motion; 0: none, the motor turns freely"),
     "hold_delay_ms": (int, 50, 5500, 500, "ms", "from rest to the lower current"),
     "microsteps": (int, (1, 2, 4, 8, 16, 32, 64, 128, 256), None, 16, "", "steps for a full step"),
-    "interpolate": (bool, None, None, True, "", "the driver makes 256 microsteps of these"),
+    "interpolate": (bool, None, None, True, "", "the driver turns them into 256 microsteps"),
     "mode": (str, ("stealth", "spread"), None, "stealth", "",
         "StealthChop, silent, or SpreadCycle, stronger when fast"),
-    "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors beside the driver"),
+    "sense_mohm": (int, 50, 1000, 110, "mΩ", "the sense resistors next to the driver"),
     "pin": (int, -1, 47, -1, "",
-        "of the driver's UART where each driver has its own; -1: as the board's page has "
-        "it"),
+        "pin of the driver's UART if each driver has its own; -1: as on the board's page"),
 }
 
 NO_PIN = -1
 
 OUTPUT_SETTINGS = {
-    "pin": (int, 0, 93, None, "", "number of the pin; of an ESP32's shift registers 64 and up"),
+    "pin": (int, 0, 93, None, "", "number of the pin; an ESP32's shift registers: 64 and up"),
     "on": (str, ("high", "low"), None, "high", "", "level of the pin while the output is on"),
     "safe": (str, ("off", "on", "hold"), None, "off", "",
         "at a fault, an E-stop or a lost host; at boot hold means off"),
@@ -123,7 +121,7 @@ class RigError(ValueError):
 
 
 def allowed(kind, low, high, unit):
-    """What a setting may be, as text. The arguments: as in its table."""
+    """Return what a setting may be, as text. The arguments are the columns of its table."""
     if isinstance(low, tuple):
         return "one of " + ", ".join(
             '"%s"' % choice if kind is str else str(choice) for choice in low
@@ -141,7 +139,7 @@ def allowed(kind, low, high, unit):
 
 
 def fits(value, kind, low, high):
-    """Whether a setting may have a value."""
+    """Return whether a setting may have a value."""
     if isinstance(low, tuple):
         return isinstance(value, kind) and not isinstance(value, bool) and value in low
     if kind is dict:
@@ -158,10 +156,10 @@ def fits(value, kind, low, high):
 
 
 def read(settings, found, where):
-    """The settings of one object of the file, as a dictionary with all keys of a table.
+    """Return the settings of one object of the file, as a dictionary with all keys of a table.
 
-    settings: the table. found: what the file has. where: the place, for error texts, with a dot at
-    its end. RigError for a mistake.
+    settings: the table. found: the object in the file. where: its path, for error texts, with a dot
+    at its end. Raises RigError for a mistake.
     """
     if not isinstance(found, dict):
         raise RigError("%s: found %r, allowed is an object {…}" % (where or "rig.json", found))
@@ -190,5 +188,5 @@ def read(settings, found, where):
 
 
 def read_list(settings, found, where):
-    """The same for each object of a list."""
+    """Return a list with the settings of each object of a list; like read()."""
     return [read(settings, item, "%s[%d]." % (where, i + 1)) for i, item in enumerate(found)]
