@@ -85,15 +85,13 @@ def limit_forgotten(monkeypatch):
 
 def play_in_the_ramp(monkeypatch):
     """The play is taken up within the first phase of a run, at whatever speed that takes."""
-    move_to, stands_on = Axis.move_to, Axis.stands_on
+    move_to, rests_on = Axis.move_to, Axis.rests_on
     monkeypatch.setattr(
         Axis,
         "move_to",
         lambda self, hal, target, i, speed=10000, way=0: move_to(self, hal, target, i, speed),
     )
-    monkeypatch.setattr(
-        Axis, "stands_on", lambda self, source, i, way=0: stands_on(self, source, i)
-    )
+    monkeypatch.setattr(Axis, "rests_on", lambda self, source, i, way=0: rests_on(self, source, i))
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_the_fewest_operations():
         ("D = A ** 2", 1, "not an expression of a formula"),
         ("D = A % B", 1, "not an expression of a formula"),
         ("D = A / 0", 1, "divided by 0"),
-        ("D = 1 / 3", 1, "cannot be told exactly"),
+        ("D = 1 / 3", 1, "has no exact binary form"),
         ("D = 0.1", 1, "more than 16 digits in binary"),
         ("D = 100003", 1, "more than 16 digits in binary"),
         ("D = 2 ** 200 * A", 1, "2 to the power of 200"),

@@ -283,7 +283,7 @@ def test_a_lower_acceleration_set_in_motion():
     rig.move_to(0, 100)
     rig.run(50)
     rig.axes.set_speed(0, 5000, 3000)
-    while not axis.stands:
+    while not axis.at_rest:
         rig.axes.apply_pending()
         assert axis.acceleration == 20_000
         rig.run(1)

@@ -218,7 +218,7 @@ def test_an_axis_moves_its_load(moves):
         meet(rig, axis)
         motor = axis.block[stepper.POSITION]
         assert loads(axis) == target
-        assert axis.stands_on(word(target), 1, direction)
+        assert axis.rests_on(word(target), 1, direction)
         assert motor == {UP: target, DOWN: target - STEPS}.get(direction, motor)
         if not direction and target != load:
             assert motor == (target if target > load else target - STEPS)
@@ -244,7 +244,7 @@ def test_setting_the_position_leaves_the_backlash_as_it_is():
     meet(rig, axis)
     assert axis.set_position(word(100), 1)
     assert (loads(axis), axis.block[stepper.POSITION]) == (100, 70)
-    assert axis.stands_on(word(100), 1, DOWN)
+    assert axis.rests_on(word(100), 1, DOWN)
     assert not axis.set_position(word(LOWEST + STEPS - 1), 1), "the motor has no room below it"
     assert axis.set_position(word(LOWEST + STEPS), 1)
 

@@ -1,14 +1,14 @@
-"""Works through formulas: lists of operations on registers of `reals`, in one call of a kernel.
+"""Interpreter of formulas: lists of operations on registers of `reals`, in one call of a kernel.
 
 A call from Python costs some 18 microseconds on an RP2040, the operation itself one or two. So a
 formula is compiled from its text (formula.py, on the computer that builds the firmware) to bytes,
-four for each operation: what, the register of the result, the registers of two operands. SCALE and
-NUMBER have four bytes more. Angles are degrees. Sine and cosine are right to 2^-28, angles to 4e-7
+four for each operation: operation, register of the result, registers of two operands. SCALE and
+NUMBER have four bytes more. Angles are degrees. Sine and cosine are exact to 2^-28, angles to 4e-7
 degrees. Nothing allocates.
 
-Results are, bit by bit, those of the functions in `reals`. The arithmetic is here once more because
-a call of each of those from here would take longer than the operation itself, and `reals` has to do
-single ones for kernels that run from RAM.
+Results equal those of the functions in `reals` bit by bit. The arithmetic is here a second time
+because a call of those functions would take longer than the operation itself. `reals` still has to
+provide single operations for kernels that run from RAM.
 """
 
 from array import array
@@ -18,7 +18,7 @@ from framestep.base.native import const, micropython, ptr8, ptr32
 END = const(0)
 ADD = const(1)  # to = a + b
 SUBTRACT = const(2)  # to = a - b
-ABOVE = const(3)  # unless a > b the formula ends here, and compute() returns 0
+ABOVE = const(3)  # if not a > b, the formula ends and compute() returns 0
 NOT_ABOVE = const(4)  # the same if a > b
 LESSER = const(5)  # to = the lesser of a and b
 GREATER = const(6)  # to = the greater of a and b
@@ -26,18 +26,18 @@ MULTIPLY = const(7)  # to = a · b
 DIVIDE = const(8)  # to = a / b, b not 0
 ROOT = const(9)  # to = √a, 0 for a negative number
 NEGATE = const(10)  # to = -a
-SCALE = const(11)  # to = a · 2^(c - 128), c in the byte that follows; three bytes are unused
-# to = c · 2^(d - 128), c in the two bytes that follow, d in the third; one is unused
+SCALE = const(11)  # to = a · 2^(c - 128), c in the next byte; three bytes are unused
+# to = c · 2^(d - 128), c in the next two bytes, d in the third; one is unused
 NUMBER = const(12)
-FLOOR = const(13)  # to = the greatest whole number that is not above a
+FLOOR = const(13)  # to = the greatest integer not above a
 COPY = const(14)  # to = a
 ANGLE = const(15)  # to = the angle of the point (x b, y a), -180 to 180; 0 if both are 0
 SINES = const(16)  # to, b = sine and cosine of a, |a| < 2^27
 
 _BIAS = const(128)  # of exponents in a formula
 
-# Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six do for 45
-# degrees); then, from _ARCS on, the arc tangents of k / 16 in degrees, Q24
+# Taylor coefficients of sin(x) / x and of cos(x) in powers of x², Q30, last first (six suffice for
+# 45 degrees); from _ARCS on the arc tangents of k / 16 in degrees, Q24
 _ARCS = const(12)
 _TABLES = array(
     "i",
@@ -64,7 +64,7 @@ _TABLES = array(
 def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
     """r[to] = the angle of the point (x r[b], y r[a]), whose mantissas are n and m.
 
-    Apart, since a function in flash has to fit a page.
+    A function of its own, since a function in flash has to fit a page.
     """
     shift = r[b + 1] - r[a + 1]
     s = m >> 31
@@ -94,7 +94,7 @@ def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
         low = low + low
         m = m + m
         shift -= 1
-    # the nearest sixteenth k, and u = (low - k) / (1 + low · k), whose arc tangent is the rest
+    # arctan(low) = arctan(k) + arctan(u): k the nearest sixteenth, u = (low - k) / (1 + low · k)
     k = (low + 0x2000000) >> 26
     m = low - (k << 26)
     f = m >> 31
@@ -141,10 +141,10 @@ def _angle(m: int, n: int, r: ptr32, to: int, a: int, b: int):
 
 @micropython.viper
 def compute(m: int, n: int, registers, formula: ptr8) -> int:
-    """Work through a formula; 1, or 0 where an ABOVE or NOT_ABOVE does not hold: the rest is not
-    computed then.
+    """Execute a formula. Returns 1, or 0 if an ABOVE or NOT_ABOVE does not hold: the rest is then
+    not computed.
 
-    m: where in `formula` it begins, 0. Both m and n are parameters because viper keeps the first
+    m: index in `formula` at which to begin, 0. m and n are parameters because viper keeps the first
     two in registers on ARM; n may be anything.
     """
     r = ptr32(registers)
@@ -191,7 +191,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                     if m > 0:
                         return 0
                     continue
-                # by rounding a difference below 0 may be 0, one above 0 is not
+                # rounding can turn a difference below 0 into 0, but not one above 0
                 if what == GREATER:
                     m = 1 - m
                 if m > 0:
@@ -215,7 +215,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
             if m < n:
                 m = m + m
                 e -= 1
-            # 1 <= m / n < 2: 30 binary digits of it, and the one that rounds
+            # 1 <= m / n < 2: find 30 binary digits, and one more to round
             low = 0
             k = 30
             while k:
@@ -236,7 +236,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                     m = m >> 1
                     e += 1
                 e = (e >> 1) - 15
-                # digit by digit the upper half: 2^14 <= n < 2^15, and m what is left
+                # upper half, digit by digit: 2^14 <= n < 2^15; m becomes the remainder
                 n = 0
                 bit = 0x10000000
                 while bit:
@@ -246,7 +246,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                     else:
                         n = n >> 1
                     bit = bit >> 2
-                # the lower half: what is left, by twice the upper
+                # lower half: the remainder divided by twice the upper half
                 m = m << 14
                 low = 0
                 f = n << 15
@@ -260,7 +260,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                 if m + m >= n:
                     low += 1
                 m = (n << 15) + low
-                # the square of the lower half, which the division has left out
+                # the square of the lower half, which the division left out
                 if low * low >> 15 >= n:
                     m -= 1
         elif what == NEGATE:
@@ -332,8 +332,7 @@ def compute(m: int, n: int, registers, formula: ptr8) -> int:
                 k += 1
             m = shift >> 15
             m = m * high + ((m * low + (shift & 0x7FFF) * high + 0x4000) >> 15)
-            # sine and cosine of the whole angle by its quarter: m and e, e and -m, -m and -e, -e
-            # and m
+            # sine and cosine of the whole angle, by quarter: (m, e), (e, -m), (-m, -e), (-e, m)
             m = (m ^ f) - f
             if quarters & 1:
                 f = m

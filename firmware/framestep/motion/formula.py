@@ -1,4 +1,4 @@
-"""Compiles formulas from text to what `compute` works through. Runs on CPython alone.
+"""Compiler of formulas, from text to the bytes that `compute` executes. Runs on CPython only.
 
     SWING_IN = formula(registers, '''
         cosine = sqrt((REACH - WRIST_EW) * (REACH + WRIST_EW))
@@ -6,21 +6,21 @@
         SWING = angle(WRIST_EW, cosine) * SIDE + TURNS
     ''')
 
-The build for a board puts the bytes in the place of the call (framestep_tools.building.constants);
-on CPython they are made when the module is imported. Names in capitals are registers: constants of
-the module given; JOINT[2] is the second number after JOINT. Names in small letters are the
-formula's own, and are kept in free registers, those from SCRATCH to SCRATCH_END. A line is one of
+The build for a board replaces the call by the bytes (framestep_tools.building.constants). On
+CPython they are made when the module is imported. Names in capitals are registers: constants of the
+given module; JOINT[2] is the second number after JOINT. Names in small letters are the formula's
+own variables, which are kept in free registers, from SCRATCH to SCRATCH_END. A line is one of
 
     name = expression
     a, b = sincos(x)
-    assert a > b            or >=, <, <=: where it does not hold the formula ends, compute() returns
-                            0
-    ...                     the last line of a formula that another one follows, added to it
+    assert a > b            or >=, <, <=: if it does not hold, the formula ends and compute()
+                            returns 0
+    ...                     last line of a formula to which another one is appended
 
 An expression has + - * /, numbers, sqrt(x), floor(x), min(a, b), max(a, b) and angle(y, x) in
-degrees. Operations are done from left to right, as Python would, each rounded as those of `reals`
-are; 2 * x, x / 4 and the like are exact and cheap. A register that an expression reads is changed
-by its last operation alone.
+degrees. Operations are done from left to right, as in Python, each rounded like those of `reals`;
+2 * x, x / 4 and the like are exact and cheap. A register that an expression reads is changed only
+by the expression's last operation.
 """
 
 import ast
@@ -42,7 +42,7 @@ _FUNCTIONS = {  # name: operation, number of operands
     "max": (kernel.GREATER, 2),
     "angle": (kernel.ANGLE, 2),
 }
-_CONDITIONS = {  # operation, and whether its operands change places
+_CONDITIONS = {  # operation, and whether its operands are swapped
     ast.Gt: (kernel.ABOVE, False),
     ast.GtE: (kernel.NOT_ABOVE, True),
     ast.Lt: (kernel.ABOVE, True),
@@ -62,13 +62,13 @@ class FormulaError(Exception):
 
 
 def formula(names, text):
-    """The bytes of a formula; names: the module, or a dict, that has its registers. FormulaError
-    says what is wrong."""
+    """Return the bytes of a formula. names: the module, or a dict, that has its registers. Raises
+    FormulaError."""
     return _Formula(names if isinstance(names, dict) else vars(names)).compile(text)
 
 
 def _literal(node):
-    """The value of numbers and what is calculated from them, or None."""
+    """Return the value of a number or of an expression of numbers, or None."""
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         return Fraction(node.value)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -87,7 +87,7 @@ def _literal(node):
 
 
 def _power(value):
-    """The n of a value that is 2^n, or None."""
+    """Return n if the value is 2^n, else None."""
     if value is None or value <= 0 or (value.numerator & (value.numerator - 1)):
         return None
     if value.denominator & (value.denominator - 1):
@@ -99,8 +99,8 @@ class _Formula:
     def __init__(self, names):
         self.names = names
         self.code = []
-        self.own = {}  # names of the formula's own: their registers
-        self.used = set()  # of those, which have been read
+        self.own = {}  # the formula's own names: (register, line)
+        self.used = set()  # own names that have been read
         self.free = []
         if "SCRATCH" in names:
             self.free = list(range(names["SCRATCH"], names["SCRATCH_END"], 2))
@@ -143,12 +143,12 @@ class _Formula:
         free = list(self.free)
         mentioned = self._known(target) in self._registers(value)
         to = self._target(target)
-        # a register that the expression reads is changed by its last operation alone
+        # A register that the expression reads is changed only by the last operation.
         self._into(value, to, self._take(value) if mentioned and not self._is_simple(value) else to)
         self.free = [r for r in free if r != to]
 
     def _is_simple(self, node):
-        """Whether all its operands are registers, so that no other one is needed on the way."""
+        """Return whether all operands are registers, so that no other register is needed."""
         if isinstance(node, ast.BinOp):
             parts = [node.left, node.right]
         elif isinstance(node, ast.UnaryOp):
@@ -195,7 +195,7 @@ class _Formula:
     # ------------------------------------------------------------ registers
 
     def _known(self, node):
-        """The register of a name or name[i], or None where it has none yet."""
+        """Return the register of a name or name[i], or None if it has none yet."""
         index = 0
         base = node
         if isinstance(node, ast.Subscript):
@@ -241,7 +241,7 @@ class _Formula:
         return register
 
     def _registers(self, node):
-        """All registers that an expression reads."""
+        """Return all registers that an expression reads."""
         if isinstance(node, (ast.Name, ast.Subscript)):
             return {self._read(node)}
         if isinstance(node, ast.Call):
@@ -256,7 +256,7 @@ class _Formula:
         self.code += (what, to, a, b)
 
     def _value(self, node):
-        """The register that has the value of an expression: its own for a name, else a free one."""
+        """Return a register with the value of an expression: a name's own, else a free one."""
         if isinstance(node, (ast.Name, ast.Subscript)):
             return self._read(node)
         to = self._take(node)
@@ -264,8 +264,7 @@ class _Formula:
         return to
 
     def _into(self, node, to, work):
-        """r[to] = the expression; its first part that takes calculating may be in r[work]
-        meanwhile."""
+        """r[to] = the expression. r[work] may hold its first operand that has to be computed."""
         value = _literal(node)
         if value is not None:
             return self._number(node, to, value)
@@ -283,7 +282,7 @@ class _Formula:
             what, count = _FUNCTIONS[node.func.id]
             if len(node.args) != count or node.keywords:
                 raise FormulaError(
-                    node.lineno, f"{node.func.id}() takes {count} of them: {ast.unparse(node)}"
+                    node.lineno, f"{node.func.id}() takes {count} operands: {ast.unparse(node)}"
                 )
             return self._operate(what, to, node.args, work)
         raise FormulaError(node.lineno, f"not an expression of a formula: {ast.unparse(node)}")
@@ -335,7 +334,7 @@ class _Formula:
         exponent = 0
         if value.denominator & (value.denominator - 1):
             raise FormulaError(
-                node.lineno, f"{ast.unparse(node)} cannot be told exactly; divide registers instead"
+                node.lineno, f"{ast.unparse(node)} has no exact binary form; divide registers"
             )
         exponent = 1 - value.denominator.bit_length()
         mantissa = value.numerator

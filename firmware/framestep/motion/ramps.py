@@ -1,14 +1,14 @@
 """Ramps: from a position and a velocity to a target at rest, as a few phases (phases.py).
 
-A plan is at most: ramp to a stop (where the target lies behind), ramp to the cruising velocity,
-cruise, ramp down onto the target. The last one aims, so what rounding the other phases left is
-spread over it and the motor comes to rest on the step exactly. With a jerk limit each ramp is three
-phases; since a ramp is symmetric it covers the mean of its two velocities times its duration
-either way, which is all that the plan needs to know of it.
+A plan has at most: a ramp to a stop (if the target lies behind), a ramp to the cruising velocity, a
+cruise, and a ramp onto the target. The last one aims: it absorbs the rounding errors of the other
+phases, so the motor comes to rest exactly on the step. With a jerk limit each ramp is three phases.
+A ramp is symmetric, so with or without jerk its distance is its duration times the mean of its two
+velocities, which is all that the plan needs.
 
-A move and a stop are one file, as both are made of the same ramps in the same registers.
+Moves and stops are in one file, as both are made of the same ramps in the same registers.
 
-Time in ticks of 1 ms, position in steps, along the direction of the motion. Nothing allocates.
+Time in ticks of 1 ms, position in steps, in the direction of the motion. Nothing allocates.
 """
 
 from array import array
@@ -30,7 +30,7 @@ from framestep.motion.phases import (
 )
 from framestep.motion.segments import G1, G2, WHOLE, distance, velocity
 
-# What plan() has done
+# Results of plan()
 NOTHING = const(0)
 PLANNED = const(1)
 STOP_FIRST = const(2)
@@ -44,25 +44,25 @@ _S = const(PLANNER + 8)  # distance to go
 _CRUISE = const(PLANNER + 10)  # velocity
 _FROM = const(PLANNER + 12)  # velocities of a ramp
 _TO = const(PLANNER + 14)
-_CHANGE = const(PLANNER + 16)  # of the velocity
-_T = const(PLANNER + 18)  # its duration, or that of what is cruised
-_DISTANCE = const(PLANNER + 20)
+_CHANGE = const(PLANNER + 16)  # change of the velocity
+_T = const(PLANNER + 18)  # duration of a ramp or of the cruise
+_DISTANCE = const(PLANNER + 20)  # of a ramp
 _DISTANCE_UP = const(PLANNER + 22)  # of the ramp before it
-_T1 = const(PLANNER + 24)  # of an S-curve: how long the jerk lasts, either time
-_T2 = const(PLANNER + 26)  # and the acceleration between
+_T1 = const(PLANNER + 24)  # duration of each of the two jerk phases of an S-curve
+_T2 = const(PLANNER + 26)  # duration of the phase of full acceleration between them
 _G2 = const(PLANNER + 28)  # half an acceleration
 _G3 = const(PLANNER + 30)  # a sixth of a jerk
 _LOW = const(PLANNER + 32)  # bounds of the cruising velocity, see _D and _SINCE
 _HIGH = const(PLANNER + 34)
-_REST = const(PLANNER + 36)  # what is cruised; of a stop, its last part
+_REST = const(PLANNER + 36)  # distance of the cruise; in a stop, velocity after the first jerk
 _PEAK = const(PLANNER + 38)  # deceleration of a stop
-# A stop has no cruising velocity to look for, so it has these in the registers of _LOW and _HIGH
-_D = const(PLANNER + 32)  # deceleration of a stop when it begins
-_SINCE = const(PLANNER + 34)  # for how long it would have had jerk by then
+# A stop has no cruising velocity, so it uses the registers of _LOW and _HIGH
+_D = const(PLANNER + 32)  # deceleration at the beginning of a stop
+_SINCE = const(PLANNER + 34)  # ticks for which the jerk would have lasted by then
 _THIRD = const(PLANNER + 40)
 _SIXTH = const(PLANNER + 42)
-_SHORT = const(PLANNER + 44)  # phases shorter than this many ticks are left out
-_FEW = const(PLANNER + 46)  # ticks
+_MIN_PHASE = const(PLANNER + 44)  # ticks; shorter phases are left out
+_MIN_JERK = const(PLANNER + 46)  # ticks; shorter phases of jerk are left out
 _X = const(PLANNER + 48)
 SCRATCH = const(0)  # registers that formulas may use: those of phases.load()
 SCRATCH_END = const(16)
@@ -74,8 +74,8 @@ _whole = array("i", [0])
 _CONSTANTS = formula(
     globals(),
     """
-    _SHORT = 2 ** -8
-    _FEW = 4
+    _MIN_PHASE = 2 ** -8
+    _MIN_JERK = 4
     three = 3
     _THIRD = 1 / three
     _SIXTH = _THIRD / 2
@@ -85,7 +85,7 @@ compute(0, 0, scratch, _CONSTANTS)
 
 # ---------------------------------------------------------------- one ramp
 
-# Between which velocities
+# Velocities of a ramp
 _TO_REST = formula(
     globals(),
     """
@@ -112,7 +112,7 @@ _CRUISE_TO_REST = formula(
     """,
 )
 
-# How long it takes, and the distance that it covers.
+# Duration and distance of a ramp
 _LINEAR = formula(
     globals(),
     """
@@ -136,13 +136,13 @@ _WITH_FULL_ACCELERATION = formula(
     """,
 )
 
-# The phase of a ramp without a jerk limit.
+# The phase of a ramp without a jerk limit
 _STEADY = formula(globals(), "_G2 = _CHANGE / _T / 2")
 
 # S-curve of duration T: jerk for T1, full acceleration for T2, jerk for T1. With the peak
 # acceleration a = j·T1 and the change of velocity D = a·(T1 + T2) = j·T1·(T - T1):
-# T1 = T/2 - sqrt(T²/4 - D/j), written so that nothing cancels. A jerk that is over within a few
-# ticks is none.
+# T1 = T/2 - sqrt(T²/4 - D/j), written so that no digits cancel. A jerk of only a few ticks is left
+# out.
 _S_CURVE = formula(
     globals(),
     """
@@ -151,7 +151,7 @@ _S_CURVE = formula(
     root = sqrt(half * half - ratio)
     _T1 = ratio / (half + root)
     _T2 = 2 * root
-    assert _T1 >= _FEW
+    assert _T1 >= _MIN_JERK
     _G3 = _J * _SIXTH
     _G2 = _J * _T1 / 2  # at its peak
     """,
@@ -161,8 +161,8 @@ _AFTER_FULL_ACCELERATION = formula(globals(), "_FROM = _FROM + 2 * (_G2 * _T2)")
 
 # ---------------------------------------------------------------- a plan
 
-# a = 2·G2, j = 6·G3: T = a/j = G2/(3·G3); then S less V·T + G2·T² + G3·T³, V more 2·G2·T + 3·G3·T²
-# = G2·T
+# a = 2·G2, j = 6·G3, so T = a/j = G2/(3·G3). S decreases by V·T + G2·T² + G3·T³, V increases by
+# 2·G2·T + 3·G3·T² = G2·T.
 _ACCELERATION_ENDS = formula(globals(), "_T = -(_G2 / _G3 * _THIRD)")
 _AFTER_ACCELERATION = formula(
     globals(),
@@ -172,8 +172,8 @@ _AFTER_ACCELERATION = formula(
     """,
 )
 
-# A tolerance of a 64th of a step, so that a plan made again during the last ramp ends where the
-# first one would.
+# The tolerance is a 64th of a step, so that a plan made again during the last ramp ends where the
+# first one does.
 _CANNOT_STOP = formula(globals(), "assert _DISTANCE > _S + 2 ** -6")
 
 # Triangle: A·S = C² - V²/2
@@ -187,14 +187,14 @@ _BISECT = formula(
     """,
 )
 _BETWEEN = formula(globals(), "_CRUISE = (_LOW + _HIGH) / 2")
-_LESS_WAY = formula(globals(), "_S = _S - _DISTANCE")
+_LESS_DISTANCE = formula(globals(), "_S = _S - _DISTANCE")
 _CRUISED = formula(
     globals(),
     """
     _REST = _S - _DISTANCE
     assert _REST > ZERO
     _T = _REST / _CRUISE
-    assert _T > _SHORT
+    assert _T > _MIN_PHASE
     _S = _S - _REST
     """,
 )
@@ -215,9 +215,9 @@ def _ramp(between):
 
 
 def _append_ramp(phases, last, down, targets, i):
-    """Append the ramp from FROM to TO >= 0 in T ticks. If `last` it ends on the step targets[i]."""
+    """Append the ramp from FROM to TO >= 0 in T ticks. last: it ends on the step targets[i]."""
     r = scratch
-    if reals.compare(r, _T, _SHORT) < 0:
+    if reals.compare(r, _T, _MIN_PHASE) < 0:
         return
     up = reals.compare(r, _FROM, _TO) < 0
     if reals.sign(r, _J) <= 0 or not compute(0, 0, r, _S_CURVE):
@@ -234,7 +234,7 @@ def _append_ramp(phases, last, down, targets, i):
         reals.negate(r, _G2, _G2)
     phases.append(RAMP, _T1, _FROM, ZERO, _G3, down)
     compute(0, 0, r, _AFTER_JERK)
-    if reals.compare(r, _T2, _SHORT) > 0:
+    if reals.compare(r, _T2, _MIN_PHASE) > 0:
         phases.append(RAMP, _T2, _FROM, _G2, ZERO, down)
         compute(0, 0, r, _AFTER_FULL_ACCELERATION)
     if last:
@@ -252,10 +252,11 @@ def _append_aim(phases, duration, start, end, down, targets, i, part=0):
 
 
 def _level(phases):
-    """With a jerk limit, first let the acceleration 2·G2 go; what follows begins without one.
+    """With a jerk limit, first bring the acceleration 2·G2 to 0, as the plan begins without one.
 
-    Where it speeds up and that takes but a few ticks it goes at once, as in the ramp under way,
-    which may have no jerk: a turn or a stop would end past where that ramp was to lead.
+    If the motor speeds up and this takes only a few ticks, the acceleration is dropped at once. The
+    ramp under way may do so too, as it may have no jerk phases; otherwise a turn or a stop would
+    end beyond that ramp's target.
     """
     r = scratch
     if reals.sign(r, _J) <= 0:
@@ -267,7 +268,7 @@ def _level(phases):
     if rising > 0:
         reals.negate(r, _G3, _G3)
     compute(0, 0, r, _ACCELERATION_ENDS)
-    if reals.compare(r, _T, _FEW if reals.sign(r, _V) == rising else _SHORT) < 0:
+    if reals.compare(r, _T, _MIN_JERK if reals.sign(r, _V) == rising else _MIN_PHASE) < 0:
         return
     phases.append(RAMP, _T, _V, _G2, _G3, False)
     compute(0, 0, r, _AFTER_ACCELERATION)
@@ -276,11 +277,11 @@ def _level(phases):
 def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
     """Plan from where the cubic is, at its velocity G1, to rest on the step targets[i].
 
-    limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0
-    for none). Returns NOTHING where there is nothing to do, PLANNED, or STOP_FIRST where the motor
-    must turn and, within the jerk limit, slows down already: letting that go first would take it
-    past the end of the plan that it follows, and perhaps past a soft limit. Then nothing is
-    planned; plan_stop() is what does not.
+    limits[top], limits[acceleration], limits[jerk]: reals in steps per tick, tick², tick³ (jerk 0:
+    no limit). Returns NOTHING if there is nothing to do, PLANNED, or STOP_FIRST if the motor must
+    turn, has a jerk limit and slows down already. Bringing its acceleration to 0 first would then
+    take it past the end of the plan that it follows, and perhaps past a soft limit. So nothing is
+    planned, and plan_stop() has to plan the stop.
     """
     r = scratch
     phases.clear()
@@ -301,7 +302,7 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
         reals.negate(r, _S, _S)
         reals.negate(r, _V, _V)
     if moving:
-        # Stop first where the target lies behind or nearer than the motor can stop.
+        # Stop first if the target lies behind, or nearer than the motor can stop.
         against = reals.sign(r, _V) < 0
         if against:
             reals.negate(r, _V, _V)
@@ -319,12 +320,12 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
                     down = not down
                     reals.negate(r, _S, _S)
             reals.put(r, _V, 0, 0)
-            if reals.compare(r, _S, _SHORT) < 0:
+            if reals.compare(r, _S, _MIN_PHASE) < 0:
                 return PLANNED
     _choose_cruise()
-    # The distance that the two ramps leave is cruised; the last ramp takes what is then left.
+    # The cruise covers what the two ramps leave; the last ramp covers what then remains.
     _ramp(_TO_CRUISE)
-    compute(0, 0, r, _LESS_WAY)
+    compute(0, 0, r, _LESS_DISTANCE)
     _append_ramp(phases, False, down, targets, i)
     _ramp(_CRUISE_TO_REST)
     if compute(0, 0, r, _CRUISED):
@@ -335,18 +336,18 @@ def plan(phases, cubic, targets, i, limits, top, acceleration, jerk):
 
 
 def _choose_cruise():
-    """The velocity CRUISE: as high as the distance S allows, from V."""
+    """Choose the velocity CRUISE: the highest that the distance S allows, starting from V."""
     r = scratch
     if reals.compare(r, _V, _MAX_V) >= 0:
         reals.copy(r, _CRUISE, _MAX_V)
         if _too_long():
-            # nearer than where it would have slowed down to the new one: stop straight away
+            # The target is nearer than the end of the ramp to the new velocity: stop directly.
             reals.copy(r, _CRUISE, _V)
         return
     compute(0, 0, r, _TRIANGLE)
     if reals.sign(r, _J) > 0:
-        # No closed form with both limits: bisection below that, since a limit of the jerk only
-        # takes away from it. What is short of the greatest velocity possible is cruised.
+        # No closed form with both limits. Bisect below that velocity, since a jerk limit can only
+        # lower it. The cruise makes up for the difference from the highest velocity possible.
         compute(0, 0, r, _BISECT)
         for _ in range(16):
             if _too_long():
@@ -361,7 +362,7 @@ def _choose_cruise():
 
 
 def _too_long():
-    """Whether the ramps to CRUISE and from there to rest cover more than S."""
+    """Return whether the ramps to CRUISE and from there to rest cover more than S."""
     _ramp(_TO_CRUISE)
     _ramp(_CRUISE_TO_REST)
     return compute(0, 0, scratch, _BOTH_TOO_LONG)
@@ -376,7 +377,7 @@ _SLOWING = formula(
     _A = max(_A, _D)
     """,
 )
-# A deceleration d at velocity v is what an S-curve from v + d²/2j has after d/j.
+# A deceleration d at velocity v is the state of an S-curve from v + d²/2j after a time of d/j.
 _BEGUN = formula(
     globals(),
     """
@@ -385,7 +386,7 @@ _BEGUN = formula(
     _FROM = _V
     """,
 )
-# In the last part of one the deceleration ends with the velocity: T = 2·v/d, distance v·T/3
+# In the last part of an S-curve deceleration and velocity end together: T = 2·v/d, distance v·T/3
 _LAST_PART = formula(
     globals(),
     """
@@ -399,7 +400,7 @@ _JERK_LASTS = formula(
     """
     _CHANGE = _V + _CHANGE
     _T1 = min(sqrt(_CHANGE / _J), _A / _J)
-    assert _T1 >= _FEW
+    assert _T1 >= _MIN_JERK
     """,
 )
 _STOP_WITHOUT_JERK = formula(
@@ -409,7 +410,7 @@ _STOP_WITHOUT_JERK = formula(
     _S = _S + _V * _T1 / 2
     """,
 )
-# The distance is D·(2·T1 + T2)/2, D the change of velocity, less what lies before: D·t - j·t³/6
+# The distance is D·(2·T1 + T2)/2, D the change of velocity, less the part before: D·t - j·t³/6
 _STOP_CURVE = formula(
     globals(),
     """
@@ -435,13 +436,13 @@ _FRACTION = formula(globals(), "_S = (_S - _X) * 65536")
 
 
 def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
-    """Plan the shortest ramp to rest with a jerk limit; targets[i] becomes the step that it ends on
-    or above.
+    """Plan the shortest ramp to rest with a jerk limit. targets[i] becomes the step at or below its
+    end.
 
-    limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already goes on from
-    the deceleration it has, so it does not get past the end of a plan within the same limits.
-    Returns False where the distance is longer than the planner can count (2^29 steps): nothing is
-    planned.
+    limits[acceleration], limits[jerk]: as for plan(). A motor that slows down already continues
+    with its present deceleration, so it does not get past the end of a plan within the same limits.
+    Returns False if the distance is longer than the planner can count (2^29 steps): nothing is
+    planned then.
     """
     r = scratch
     phases.clear()
@@ -460,7 +461,7 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     if down:
         reals.negate(r, _V, _V)
     else:
-        reals.negate(r, _S, _S)  # _level() counts what is left of a distance
+        reals.negate(r, _S, _S)  # _level() counts a remaining distance
     compute(0, 0, r, _BEGUN)
     if not slowing or not compute(0, 0, r, _LAST_PART):
         if compute(0, 0, r, _JERK_LASTS):
@@ -471,35 +472,33 @@ def plan_stop(phases, cubic, targets, i, limits, acceleration, jerk):
     if part < 0:
         phases.clear()
         return False
-    if reals.compare(r, _T1, _SHORT) < 0:
-        reals.copy(r, _T1, _FEW)  # at rest already
+    if reals.compare(r, _T1, _MIN_PHASE) < 0:
+        reals.copy(r, _T1, _MIN_JERK)  # at rest already
     _append_aim(phases, _T1, _FROM, ZERO, down, targets, i, part)
     return True
 
 
 def _append_stop(phases, down):
-    """Append an S-curve from CHANGE to rest but for what lies before SINCE ticks and for its last
-    part.
+    """Append an S-curve from CHANGE to rest, without its first SINCE ticks and its last part.
 
-    T1: how long the jerk lasts, D: the deceleration after SINCE ticks. Leaves the velocity of the
-    last part in FROM, and adds the distance of all to S.
+    T1: duration of the jerk; D: deceleration after SINCE ticks. Leaves the velocity of the last
+    part in FROM, and adds the distance of the whole stop to S.
     """
     r = scratch
     compute(0, 0, r, _STOP_CURVE)
-    if reals.compare(r, _T, _SHORT) > 0:
+    if reals.compare(r, _T, _MIN_PHASE) > 0:
         phases.append(RAMP, _T, _V, _G2, _G3, down)
-    if reals.compare(r, _T2, _SHORT) > 0:
+    if reals.compare(r, _T2, _MIN_PHASE) > 0:
         compute(0, 0, r, _FULL_DECELERATION)
         phases.append(RAMP, _T2, _REST, _G2, ZERO, down)
 
 
 def _find_end(targets, i, cubic, down):
-    """Where a distance of S leads: targets[i] = the step on or below; what it is beyond that (Q16).
+    """Find where a distance of S ends: set targets[i] to the step at or below it, and return the
+    rest (Q16), or -1 if it is too far.
 
-    -1 if it is too far.
-
-    A stop ends between two steps: to reach the next one in what time is left could ask for any
-    acceleration.
+    A stop ends between two steps, since reaching the next step in the time that remains could take
+    any acceleration.
     """
     r = scratch
     if reals.floor(r, _S, _FARTHEST) == _FARTHEST:
@@ -510,7 +509,7 @@ def _find_end(targets, i, cubic, down):
     reals.subtract(r, _S, _S, _X)
     _whole[0] = reals.floor(r, _S, _FARTHEST)
     if not reals.add_words(targets, i, cubic, WHOLE, _whole, 0, 0):
-        return 0  # by rounding past the end of the range
+        return 0  # rounding took it past the end of the range
     reals.put(r, _X, _whole[0], 0)
     compute(0, 0, r, _FRACTION)
     return reals.floor(r, _S, 0xFFFF)

@@ -1,12 +1,12 @@
-"""Real numbers that live in array('i') elements: what plans a motion without allocating.
+"""Real numbers in array('i') elements, for planning a motion without allocating.
 
-A float of MicroPython is a heap object, and so is an int of 2^30 and more. Here a number is two
+In MicroPython a float is a heap object, and so is an int of 2^30 and more. Here a number is two
 words of an array, mantissa and exponent: `value = mantissa * 2**exponent`, with
-2^29 <= |mantissa| < 2^30 or a mantissa of 0. Results are rounded, right to 2^-29 of their size, the
-same bits on every runtime. Registers are named by the index of their first word.
+2^29 <= |mantissa| < 2^30 or a mantissa of 0. Results are rounded. They are exact to 2^-29 of their
+size, and the same bits on every runtime. A register is named by the index of its first word.
 
-compute.py has the same arithmetic for whole formulas, where a call of a function here would take
-longer than the operation itself; tests compare the two bit by bit.
+compute.py has the same arithmetic for whole formulas, because calling a function of this module
+takes longer than the operation itself. Tests compare the two bit by bit.
 
 All functions are viper kernels, take 5 to 15 microseconds on an RP2040 and allocate nothing.
 """
@@ -44,7 +44,7 @@ def put_difference(r: ptr32, to: int, left, i: int, right, j: int):
     b = ptr32(right)
     x = a[i + 0]
     y = b[j + 0]
-    # half of each first, since a difference of two words may need 33 bits
+    # Halve both first, since the difference of two words may need 33 bits.
     m = (x >> 1) - (y >> 1)
     e = 1
     if m < 0x1FFFFFFF and m > -0x1FFFFFFF:
@@ -181,7 +181,7 @@ def divide(r: ptr32, to: int, a: int, b: int):
     if x < y:
         x = x + x
         e -= 1
-    # 1 <= x / y < 2: 30 binary digits of it
+    # 1 <= x / y < 2: find 30 binary digits
     q = 0
     n = 30
     while n:
@@ -216,7 +216,7 @@ def root(r: ptr32, to: int, a: int):
         if e & 1:
             m = m >> 1
             e += 1
-        # digit by digit the upper half: 2^14 <= root < 2^15, and m what is left
+        # upper half, digit by digit: 2^14 <= root < 2^15; m becomes the remainder
         root = 0
         bit = 0x10000000
         while bit:
@@ -226,7 +226,7 @@ def root(r: ptr32, to: int, a: int):
             else:
                 root = root >> 1
             bit = bit >> 2
-        # the lower half: what is left, by twice the root
+        # lower half: the remainder divided by twice the root
         m = m << 14
         low = 0
         n = root << 15
@@ -240,7 +240,7 @@ def root(r: ptr32, to: int, a: int):
         if m + m >= root:
             low += 1
         m = (root << 15) + low
-        if low * low >> 15 >= root:  # the square of the lower half, which the division has left out
+        if low * low >> 15 >= root:  # the square of the lower half, which the division left out
             m -= 1
         r[to] = m
         r[to + 1] = (e >> 1) - 15
@@ -248,7 +248,7 @@ def root(r: ptr32, to: int, a: int):
 
 @micropython.viper
 def sign(r: ptr32, a: int) -> int:
-    """-1, 0 or 1"""
+    """Return -1, 0 or 1."""
     m = r[a + 0]
     if m:
         return (m >> 31) | 1
@@ -257,7 +257,7 @@ def sign(r: ptr32, a: int) -> int:
 
 @micropython.viper
 def compare(r: ptr32, a: int, b: int) -> int:
-    """The sign of r[a] - r[b]."""
+    """Return the sign of r[a] - r[b]."""
     x = r[a + 0]
     y = r[b + 0]
     if x == y and r[a + 1] == r[b + 1]:
@@ -278,7 +278,7 @@ def compare(r: ptr32, a: int, b: int) -> int:
 
 @micropython.viper
 def floor(r: ptr32, a: int, limit: int) -> int:
-    """The greatest whole number not above r[a], held within -limit … limit (limit < 2^30)."""
+    """Return the greatest integer not above r[a], clamped to -limit … limit (limit < 2^30)."""
     m = r[a + 0]
     e = r[a + 1]
     if e > 0:
@@ -296,13 +296,13 @@ def floor(r: ptr32, a: int, limit: int) -> int:
 
 
 def value(r, a):
-    """r[a] as a Python float: for tests and displays, allocates."""
+    """Return r[a] as a Python float. For tests and displays; allocates."""
     return r[a] * 2.0 ** r[a + 1]
 
 
 @micropython.viper
 def fetch(r: ptr32, to: int, source, i: int):
-    """r[to] = source[i], a number in another array."""
+    """r[to] = source[i], a number in another array"""
     s = ptr32(source)
     r[to] = s[i + 0]
     r[to + 1] = s[i + 1]
@@ -310,7 +310,7 @@ def fetch(r: ptr32, to: int, source, i: int):
 
 @micropython.viper
 def split(r: ptr32, a: int, out: ptr32):
-    """out[0] = the whole part (0 … 2^30 - 1) and out[1] = the fraction in Q30 of r[a] >= 0."""
+    """out[0] = whole part (0 … 2^30 - 1), out[1] = fraction (Q30) of r[a] >= 0"""
     m = r[a + 0]
     e = r[a + 1]
     if m <= 0 or e < -59:
@@ -330,7 +330,7 @@ def split(r: ptr32, a: int, out: ptr32):
 
 @micropython.viper
 def copy_word(to, i: int, source, j: int):
-    """to[i] = source[j], of array('i') elements of any size."""
+    """to[i] = source[j], array('i') elements of any size"""
     t = ptr32(to)
     s = ptr32(source)
     t[i] = s[j + 0]
@@ -338,7 +338,7 @@ def copy_word(to, i: int, source, j: int):
 
 @micropython.viper
 def add_word(to, i: int, source, j: int, small: int):
-    """to[i] = source[j] + small, of array('i') elements of any size."""
+    """to[i] = source[j] + small, array('i') elements of any size"""
     t = ptr32(to)
     s = ptr32(source)
     t[i] = s[j + 0] + small
@@ -346,8 +346,10 @@ def add_word(to, i: int, source, j: int, small: int):
 
 @micropython.viper
 def add_within(to, i: int, source, j: int, small: int) -> int:
-    """As add_word(), but 0 where the sum does not fit a word: then nothing has changed. small:
-    below 2^30."""
+    """to[i] = source[j] + small. Returns 0 if the sum does not fit a word; nothing changes then.
+
+    small: |small| < 2^30.
+    """
     s = ptr32(source)
     top = 0x3FFFFFFF
     top = top + top + 1
@@ -363,8 +365,8 @@ def add_within(to, i: int, source, j: int, small: int) -> int:
 
 @micropython.viper
 def add_words(to, i: int, a, j: int, b, k: int, minus: int) -> int:
-    """to[i] = a[j] + b[k], or a[j] - b[k] if minus is 1; held at the end of int32 that it lies
-    past, and then 0."""
+    """to[i] = a[j] + b[k], or a[j] - b[k] if minus is 1. Returns 0 if that is outside int32; to[i]
+    is then the nearest int32."""
     t = ptr32(to)
     m = ptr32(a)
     n = ptr32(b)
@@ -391,7 +393,7 @@ def add_words(to, i: int, a, j: int, b, k: int, minus: int) -> int:
 
 @micropython.viper
 def equal_words(a, i: int, b, j: int) -> int:
-    """Whether a[i] == b[j], of array('i') elements of any size."""
+    """Return whether a[i] == b[j], array('i') elements of any size."""
     x = ptr32(a)
     y = ptr32(b)
     if x[i + 0] == y[j + 0]:
@@ -401,7 +403,7 @@ def equal_words(a, i: int, b, j: int) -> int:
 
 @micropython.viper
 def order_words(a, i: int, b, j: int) -> int:
-    """The sign of a[i] - b[j], of array('i') elements of any size."""
+    """Return the sign of a[i] - b[j], array('i') elements of any size."""
     x = ptr32(a)
     y = ptr32(b)
     if x[i + 0] > y[j + 0]:

@@ -2,10 +2,10 @@
 
     position(x) = P + G1·x + G2·x² + G3·x³        x in ticks
 
-Each coefficient is a fixed-point number of 46 fraction bits in two words, `high` (Q16, signed)
-and `low` (the 30 bits below), G3 one of 58 bits; the position has a word of whole steps in front.
-So a cubic can be moved along for half a minute, a few ticks at a time, and be off by less than a
-hundredth of a step; one that lasts longer is made anew on the way (phases.py).
+Each coefficient is a fixed-point number with 46 fraction bits in two words, `high` (Q16, signed)
+and `low` (the 30 bits below). G3 has 58 fraction bits. The position has a word of whole steps in
+front. So a cubic can be moved along for half a minute, a few ticks at a time, with an error below a
+hundredth of a step. A longer one is computed again on the way (phases.py).
 
 The kernel adds up displacements, so a segment gets the differences of the cubic at its start:
 first G1 + G2 + G3, second 2·G2 + 6·G3, third 6·G3.
@@ -22,7 +22,7 @@ G2 = const(5)
 G3 = const(7)
 CUBIC_WORDS = const(9)
 
-LONGEST = const(32)  # ticks in a segment: bounds rounding in the kernel and the time to a new plan
+LONGEST = const(32)  # ticks in a segment: limits rounding errors, and the time to a new plan
 
 _SLOW = const(0x2000000)  # Q22: eight steps per tick
 _STEEP = const(0x4000)  # Q16: a quarter of a step per tick²
@@ -32,15 +32,15 @@ _MASK = const(0x3FFFFFFF)
 
 @micropython.viper
 def shift(cubic: ptr32, fraction: int, powers: int, back: int):
-    """Move the origin of a cubic by x = fraction·2^(powers-30) ticks, to the past if back is 1.
+    """Move the origin of a cubic by x = fraction·2^(powers-30) ticks; into the past if back is 1.
 
-    fraction: 0 <= fraction < 2^30; powers: 0 to 6. The shifted values must stay below 2^14 (steps).
+    0 <= fraction < 2^30, 0 <= powers <= 6. The shifted values must stay below 2^14 (steps).
     """
     m1 = fraction >> 15
     m0 = fraction & 0x7FFF
     turn = 0
     while turn < 6:
-        # coefficient k takes x times coefficient k + 1: 2, 1, 0, then 2, 1, then 2 (Horner)
+        # Horner: add x times coefficient k + 1 to coefficient k, for k = 2, 1, 0, 2, 1, 2.
         k = 2 - turn
         if turn > 2:
             k = 5 - turn
@@ -77,9 +77,9 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
         cubic[k] = high
     steps = cubic[P] >> 16
     low = -0x40000000
-    # only downward: upward the sum would wrap
+    # Only going down: going up the sum would wrap.
     if cubic[WHOLE] < 0 and steps < 0 and cubic[WHOLE] - (low + low) + steps < 0:
-        cubic[WHOLE] = low + low  # by rounding a hair past the end of the range
+        cubic[WHOLE] = low + low  # rounding took it just past the end of the range
         cubic[P] = 0
         cubic[P + 1] = 0
     else:
@@ -89,10 +89,10 @@ def shift(cubic: ptr32, fraction: int, powers: int, back: int):
 
 @micropython.viper
 def cut(cubic: ptr32, block: ptr32, ticks: int):
-    """Queue the next `ticks` (1 to 32) of a cubic as a segment. There must be room for it."""
+    """Queue the next `ticks` (1 to 32) of a cubic as a segment. The queue must have room."""
     q = ptr32(block[sw.QUEUE])
     k = (block[sw.WRITE_INDEX] & _SLOTS) << 3
-    # G1 + G2 + G3 in Q22: their high words to Q22, and what their low words carry
+    # G1 + G2 + G3 in Q22: the high words, and the carry from the low words
     low = (cubic[G1 + 1] >> 3) + (cubic[G2 + 1] >> 3) + (cubic[G3] << 15 & 0x7FFFFFF)
     high = cubic[G1] + cubic[G2] + (cubic[G3] >> 12)
     q[k + sw.SEG_TICKS] = ticks
@@ -100,7 +100,7 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     q[k + sw.SEG_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
     q[k + sw.SEG_VELOCITY] = (high << 6) + (low >> 21)
     jerk = ((cubic[G3] << 1) + (cubic[G3 + 1] >> 29)) * 6 >> 2
-    # the kernel rounds the acceleration down from Q27 to Q22: half a unit makes up for it
+    # The kernel rounds the acceleration down from Q27 to Q22: add half a unit.
     q[k + sw.SEG_ACCEL] = (cubic[G2] << 12) + (cubic[G2 + 1] >> 18) + jerk + 16
     q[k + sw.SEG_JERK] = jerk
     q[k + sw.SEG_BRIDGE] = 0
@@ -108,11 +108,11 @@ def cut(cubic: ptr32, block: ptr32, ticks: int):
     block[sw.WRITE_INDEX] = (block[sw.WRITE_INDEX] + 1) & _MASK
 
 
-# Words of what mark() and knot() remember of a tick that two phases share
-OPEN_WHOLE = const(0)  # where it begins: whole steps,
-OPEN_FRACTION = const(1)  # Q22 of one more,
+# What mark() and knot() keep about a tick that two phases share
+OPEN_WHOLE = const(0)  # position at its start: whole steps
+OPEN_FRACTION = const(1)  # and Q22 of one more
 OPEN_ACCEL = const(2)  # half the acceleration there, Q27
-OPEN_SHARE = const(3)  # share of the tick (Q30) after which it is at a known place, or 0:
+OPEN_SHARE = const(3)  # share of the tick (Q30) after which the place is known, or 0;
 OPEN_STEP = const(4)  # whole steps,
 OPEN_PART = const(5)  # Q16 of one more
 OPEN_WORDS = const(6)
@@ -120,7 +120,7 @@ OPEN_WORDS = const(6)
 
 @micropython.viper
 def mark(state: ptr32, cubic: ptr32):
-    """Remember where a cubic stands, for bridge()."""
+    """Keep the position and acceleration of a cubic, for bridge()."""
     state[OPEN_WHOLE] = cubic[WHOLE]
     state[OPEN_FRACTION] = (cubic[P] << 6) + (cubic[P + 1] >> 24)
     state[OPEN_ACCEL] = (cubic[G2] << 11) + (cubic[G2 + 1] >> 19)
@@ -129,8 +129,8 @@ def mark(state: ptr32, cubic: ptr32):
 
 @micropython.viper
 def knot(state: ptr32, at: ptr32, part: int):
-    """Remember that within the tick of mark(), after its share `part` (Q30), the cubic is at the
-    place `at` (AT_ words) exactly."""
+    """Keep that within the tick of mark(), after its share `part` (Q30), the cubic is exactly at
+    the place `at` (AT_ words)."""
     state[OPEN_SHARE] = part
     state[OPEN_STEP] = at[sw.AT_STEP]
     state[OPEN_PART] = at[sw.AT_PART]
@@ -140,16 +140,15 @@ def knot(state: ptr32, at: ptr32, part: int):
 def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     """Queue one tick from the place of mark() to where the cubic is now.
 
-    part: the share of the tick (Q30) after which the cubic is at rest, if that is where it comes
-    to.
+    part: the share of the tick (Q30) after which the cubic is at rest, if it comes to rest.
 
-    Of the two phases the kernel makes one parabola. Where it is slow that goes through the place of
-    knot(), so that the steps there are in time: this is a frame's.
+    The kernel makes one parabola of the two phases. At low velocity this goes through the place of
+    knot(), which is a frame's, so that the steps there are in time.
 
-    Where it turns within the tick, at or beside the step of knot(), that step lies outside of what
-    the tick's ends tell, and the kernel would not make it. Then the motor goes there in that share
-    of the tick, and the segment that follows begins a little behind: no step is lost, since that is
-    less than the two steps that the kernel bears.
+    If the motion turns within the tick, at or next to the step of knot(), that step lies outside of
+    the range between the tick's ends, and the kernel would not make it. Then the segment leads to
+    that step in that share of the tick, and the next segment begins a little behind. No step is
+    lost, since the kernel tolerates a difference of two steps, and this one is smaller.
     """
     q = ptr32(block[sw.QUEUE])
     k = (block[sw.WRITE_INDEX] & _SLOTS) << 3
@@ -171,7 +170,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     share = state[OPEN_SHARE]
     step = state[OPEN_STEP]
     if share and state[OPEN_PART] == 0:
-        back = step - cubic[WHOLE]  # back from there to the end of the tick, rounded up
+        back = step - cubic[WHOLE]  # from the step back to the end of the tick, rounded up
         if back > 0:
             if back < 3 and state[OPEN_WHOLE] < step:
                 turns = share
@@ -183,7 +182,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
     if turns == 0 and share >> 23 and (_MASK - share) >> 23:
         d = q[k + sw.SEG_VELOCITY]
         if (d + _SLOW) >> 26 == 0 and (step - state[OPEN_WHOLE] + 16) >> 5 == 0:
-            # p(x) = d·x - a·x·(1 - x)/2: the a with which p(share) is there
+            # p(x) = d·x - a·x·(1 - x)/2: find the a with which p(share) is the place
             x = share >> 17
             e = ((d >> 11) * x >> 2) + ((d & 0x7FF) * x >> 13)
             e = e - ((step - state[OPEN_WHOLE]) << 22)
@@ -196,7 +195,7 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
                 if d < 0:
                     d = 0 - d
                 if state[OPEN_PART] == 0 and (half > d + d or half + d + d < 0):
-                    turns = share  # far beyond the tick's ends, or at rest for a part of it
+                    turns = share  # the peak lies far beyond both ends
                 elif (half + _STEEP) >> 15 == 0:
                     q[k + sw.SEG_ACCEL] = (half << 12) + ((e - half * x) << 12) // x
     if turns:
@@ -211,11 +210,11 @@ def bridge(state: ptr32, cubic: ptr32, block: ptr32, part: int):
 
 @micropython.viper
 def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
-    """Copy the segment queued last into another motor's queue, as that motor does it.
+    """Copy the segment queued last into the queue of a coupled motor.
 
-    base: that motor's step less this one's; turned: 1 for the opposite sense, then base is their
-    sum. The kernel makes the same of both, tick by tick and bit by bit: so the two are never a step
-    apart, whatever stops them.
+    base: that motor's step minus this one's; opposite: 1 if it turns in the opposite sense, then
+    base is the sum of both. The kernel computes both motors' ticks alike to the bit, so they are
+    never a step apart, whatever stops them.
     """
     q = ptr32(block[sw.QUEUE])
     k = ((block[sw.WRITE_INDEX] - 1) & _SLOTS) << 3
@@ -233,7 +232,7 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
             part = 0x400000 - part
         v = 0 - v
         jerk = 0 - jerk
-        # what the kernel rounds down from this is then the other one's with its sign turned
+        # so that the kernel rounds it down to the negative of the other motor's
         a = 31 - a
     else:
         whole = base[0] + whole
@@ -250,8 +249,8 @@ def mirror(block: ptr32, other: ptr32, base: ptr32, opposite: int):
 
 @micropython.viper
 def snap(cubic: ptr32, at: ptr32):
-    """Put a cubic on the step at[0] and at[1] (Q16) of one more exactly; it has come there but for
-    rounding."""
+    """Put a cubic exactly on the step at[0] and at[1] (Q16) of one more, where it has come except
+    for rounding."""
     cubic[WHOLE] = at[0]
     cubic[P] = at[1]
     cubic[P + 1] = 0
@@ -259,8 +258,8 @@ def snap(cubic: ptr32, at: ptr32):
 
 @micropython.viper
 def settle(cubic: ptr32):
-    """Bring a cubic to rest where it is, on a whole step if that is within a sixteenth: it was
-    meant then."""
+    """Bring a cubic to rest where it is. If that is within a sixteenth of a whole step, then on
+    this step."""
     if (cubic[P] + 0x1000) & 0xE000 == 0:
         cubic[WHOLE] = cubic[WHOLE] + ((cubic[P] + 0x8000) >> 16)
         cubic[P] = 0
@@ -273,7 +272,7 @@ def settle(cubic: ptr32):
 
 @micropython.viper
 def coefficient(cubic: ptr32, k: int, r: ptr32, a: int):
-    """Set coefficient k (G1, G2 or G3) to the real number r[a]: below 2^14, for G3 below 2^2."""
+    """Set coefficient k (G1, G2 or G3) to the real number r[a], below 2^14 (G3: below 2^2)."""
     m = r[a + 0]
     e = r[a + 1] + 46
     if k == G3:
@@ -296,7 +295,7 @@ def coefficient(cubic: ptr32, k: int, r: ptr32, a: int):
 
 @micropython.viper
 def velocity(r: ptr32, to: int, cubic: ptr32, k: int):
-    """r[to] = coefficient k of a cubic, as a real number."""
+    """r[to] = coefficient k of a cubic, as a real number"""
     m = cubic[k + 0]
     low = cubic[k + 1]
     e = -16
@@ -320,12 +319,12 @@ def velocity(r: ptr32, to: int, cubic: ptr32, k: int):
 
 @micropython.viper
 def distance(r: ptr32, to: int, target, i: int, cubic: ptr32):
-    """r[to] = target[i] - position of the cubic: right to 2^-16 of a step below 2^14 steps, to 2^-9
-    below 2^21, then to one."""
+    """r[to] = target[i] - position of the cubic. Exact to 2^-16 of a step below 2^14 steps, to 2^-9
+    below 2^21, to a step beyond."""
     t = ptr32(target)
     x = t[i + 0]
     y = cubic[WHOLE]
-    # half of each first: from one end of the range to the other is more than a word holds
+    # Halve both first, since a distance between two words may need 33 bits.
     m = (x >> 1) - (y >> 1)
     e = 1
     if m < 0x20000000 and m > -0x20000000:

@@ -1,2 +1,1 @@
-"""Motors: their settings, and the way from a request or a played move to segments in their
-queues."""
+"""Motors: their settings, and how requests and played moves become segments in their queues."""

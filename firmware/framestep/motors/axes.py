@@ -1,4 +1,4 @@
-"""All motors of the controller: their queues filled, their positions of one moment."""
+"""All motors of the controller: filling their queues, and their positions at one moment."""
 
 from array import array
 
@@ -6,23 +6,22 @@ from framestep.base.clock import after
 from framestep.base.native import const
 from framestep.motors.axis import MOST_SEGMENTS, Axis
 from framestep.motors.backlash import BACKLASH
-from framestep.motors.feeder import ALL_BITS, coupled, neediest
+from framestep.motors.feeder import ALL_BITS, coupled, emptiest_queue
 from framestep.motors.positions import Positions
 from framestep.motors.samples import ALARM, choose, make_samples, renumber
 from framestep.pulse import stepper
 
 AHEAD = const(11)  # segments to keep queued
-LOW = const(5)  # the queue of a moving motor with fewer is filled in any pass
-_PIECE = const(4)  # a pass cuts segments until this is used up: a segment counts one,
-_CALL = const(2)  # and to begin with a motor takes as long as so many
+LOW = const(5)  # the queue of a moving motor with fewer segments is filled in every pass
+_PIECE = const(4)  # work of one pass: each segment cut takes 1 from it,
+_CALL = const(2)  # and each motor begun takes this
 
 
 class Axes:
     """All motors of the controller.
 
     The pins are behind the kernel: what it queues in a tick is pulsed BEHIND ticks later. So the
-    positions reported come from samples taken some ticks ago: of pulses that have been made, all at
-    the same time.
+    reported positions come from samples taken some ticks ago, whose pulses have all been made.
     """
 
     def __init__(self, hal):
@@ -34,16 +33,16 @@ class Axes:
         self.pending = False  # motors in motion have settings that wait: see apply_pending()
         self.with_backlash = []
         self.released = 0  # servos whose pulses end when something goes wrong, one bit each
-        self.samples = make_samples(self.count)  # each pass of the main loop begins with another
+        self.samples = make_samples(self.count)  # each pass of the main loop adds one
         self.reported = array(
             "i", [0] * self.count
-        )  # where the loads are by the pulses made until then: see choose_sample()
+        )  # positions of the loads by the pulses made so far: see choose_sample()
 
     def __getitem__(self, motor):
         return self.axes[motor]
 
     def set_servos(self, rig):
-        """Make servos of the motors that the rig file says are some. At the start."""
+        """Set up the motors that are servos in the rig file. To be called at the start."""
         for motor in range(self.count):
             servo = rig.motor(motor)["servo"]
             if servo:
@@ -53,13 +52,13 @@ class Axes:
         self.positions.set_servos(rig.servos)
 
     def set_speed(self, motor, velocity, acceleration):
-        """As Motor.set_speed()."""
+        """Set a motor's velocity and acceleration: see Motor.set_speed()."""
         self[motor].set_speed(velocity, acceleration)
         self.pending = True
 
     def apply_pending(self):
-        """In each pass while `pending`, before anything else: settings come into force that have
-        waited until their motor is at rest.
+        """Apply settings that have waited until their motor is at rest. To be called in each pass
+        while `pending`, before anything else.
 
         Until then the motor counts as moving, so whatever begins by itself finds them in force.
         """
@@ -69,29 +68,29 @@ class Axes:
                 self.pending = True
 
     def set_backlash(self, motor, steps):
-        """As Axis.set_backlash()."""
+        """Set a motor's backlash: see Axis.set_backlash()."""
         self[motor].set_backlash(steps)
         self.with_backlash = [axis.backlash for axis in self.axes if axis.backlash[BACKLASH]]
 
     def feed(self, urgent=False):
         """Fill the queue of the motor with the fewest segments, if it has fewer than AHEAD.
 
-        If that was little work, do the next one as well. A pass of the main loop does only a piece
-        of the work, so that requests are answered in between. But it may be the only pass for a
-        long time, so it leaves no moving motor with fewer than LOW. urgent: fill only such ones.
+        If that was little work, fill the next one as well. A pass of the main loop does only a
+        piece of the work, so that requests are answered in between. But it may be the only pass for
+        a long time, so it leaves no moving motor with fewer than LOW. urgent: fill only such ones.
 
-        Returns whether there may be more to do.
+        Return whether there may be more to do.
         """
         state = self.kernel.state
         left = _PIECE
         more = True
         while True:
-            found = neediest(state, LOW, stepper.RUN)
+            found = emptiest_queue(state, LOW, stepper.RUN)
             if not found:
                 if left <= 0:
                     break
                 if not urgent:
-                    found = neediest(state, AHEAD, 0)
+                    found = emptiest_queue(state, AHEAD, 0)
                 if not found:
                     more = False
                     break
@@ -113,26 +112,26 @@ class Axes:
 
     @property
     def filled(self):
-        """Whether every queue has AHEAD segments, or all that there is to cut."""
-        return neediest(self.kernel.state, AHEAD, 0) == 0
+        """Whether every queue has AHEAD segments, or all that there are to cut."""
+        return emptiest_queue(self.kernel.state, AHEAD, 0) == 0
 
     def choose_sample(self):
-        """Set `reported` to where the pulses made so far have taken the loads.
+        """Set `reported` to the positions to which the pulses made so far have taken the loads.
 
-        Returns the tick (modulo 2^29) whose pulses were the last of them.
+        Return the tick (modulo 2^29) of the last of these pulses.
         """
         return choose(self.kernel.state, self.samples, self.reported)
 
     def alarm(self, tick):
-        """Make sample() say so once this tick (modulo 2^29) is over; -1: no longer."""
+        """Make sample() return 1 once this tick (modulo 2^29) is over; -1: no longer."""
         self.samples[ALARM] = tick
 
     def position_was_set(self, motor):
-        """The position of a motor at rest has been set."""
+        """Correct the samples: the position of a motor at rest has been set."""
         renumber(self.samples, motor, self.axes[motor].backlash)
 
     def moving_bits(self):
-        """The motors that move, one bit each."""
+        """Return one bit for each motor that moves."""
         return stepper.moving(self.kernel.state)
 
     @property
@@ -141,7 +140,7 @@ class Axes:
         return stepper.moving(self.kernel.state) != 0
 
     def release(self, bits):
-        """Start the motors of these bits, all in the next tick, which is returned."""
+        """Start the motors of these bits, all in the next tick. Return that tick."""
         kernel = self.kernel
         bits = coupled(kernel.blocks[0], bits)
         irq = self.hal.irq_off()
@@ -151,14 +150,14 @@ class Axes:
         return tick
 
     def discard(self, bits):
-        """Drop what has been queued for the motors of these bits, which are at rest."""
+        """Drop the queued segments of these motors, which must be at rest."""
         bits = coupled(self.kernel.blocks[0], bits)
         irq = self.hal.irq_off()
         stepper.discard(self.kernel.state, bits)
         self.hal.irq_on(irq)
 
     def stop(self, factor=1, spared=0, smooth=False):
-        """Ramp all motors down but those of the bits `spared` and their partners; see
+        """Ramp down all motors except those of the bits `spared` and their partners; see
         Axis.stop()."""
         for i in range(self.count):
             axis = self.axes[i]

@@ -1,9 +1,9 @@
 """The motion of one motor: how a request or a played move becomes segments in its queue.
 
-An axis has a list of phases (phases.py). It cuts them into segments, which it puts into the tick
-kernel's queue some tenths of a second ahead. Everything that moves a motor goes through here.
+An axis has a list of phases (phases.py). It cuts them into segments and puts these into the tick
+kernel's queue, some tenths of a second ahead. All motion of a motor is planned here.
 
-Positions and directions (`direction`) are those of motor.py. Nothing allocates after construction.
+Positions and directions are as in motor.py. Nothing allocates after construction.
 """
 
 from array import array
@@ -25,16 +25,16 @@ from framestep.motors.motor import (
 from framestep.pulse import stepper
 
 FULL_SPEED = const(10000)  # a jog's speed is in ten-thousandths of velocity and acceleration
-SPEED_FLOOR = const(100)  # a jog's least speed (field note 4.2)
+SPEED_FLOOR = const(100)  # lowest speed of a jog (field note 4.2)
 
-MOST_SEGMENTS = const(14)  # fills the ring but for the two segments that end a motion
+MOST_SEGMENTS = const(14)  # leaves room in the ring for the two segments that end a motion
 FIRST_TICKS = const(100)  # queued before a motion starts: the main loop may be away for that long
-SPLICE_TICKS = const(12)  # from a request to where the new plan takes over
+SPLICE_TICKS = const(12)  # from a request to the beginning of the new plan
 ALL_SPLICE_TICKS = const(40)  # the same for all motors of a motion
-SLOW_SPLICE_TICKS = const(32)  # with a jerk limit: an RP2040 plans it in up to 20 ms
+SLOW_SPLICE_TICKS = const(32)  # with a jerk limit, which an RP2040 plans in up to 20 ms
 
 # Registers of `numbers`, after those of motor.py
-MOTION_VELOCITY = const(6)  # greatest of the motion under way, which has a speed of its own
+MOTION_VELOCITY = const(6)  # greatest velocity of the motion under way, by its `speed`
 MOTION_ACCELERATION = const(8)
 _X = const(12)
 _Y = const(14)
@@ -43,7 +43,7 @@ _UNLIMITED = const(0x3FFFFFFF)
 
 
 class Axis(Motor):
-    """One motor.
+    """The motion of one motor.
 
     kernel: the StepKernel. motor: from 0. positions: the Positions of all motors.
     """
@@ -70,7 +70,7 @@ class Axis(Motor):
             scratch,
         )
         self.speed = 0  # of the motion under way, in ten-thousandths
-        self.direction = 0  # the direction for which the backlash is to be taken up at TARGET
+        self.direction = 0  # direction for which the backlash must be taken up at TARGET
         self.stopping_smoothly = False  # a stop within the jerk limit is under way
 
     # ---------------------------------------------------------------- state
@@ -81,7 +81,7 @@ class Axis(Motor):
         return self.block[stepper.MODE] & stepper.STOP != 0
 
     def heads_for(self, target, i, speed):
-        """Whether the motion under way is the one that move_to() would plan."""
+        """Return whether the motion under way is the one that move_to() would plan."""
         return (
             self.speed == speed
             and not self.rates_outdated
@@ -90,15 +90,15 @@ class Axis(Motor):
         )
 
     def _follows_plan(self):
-        """Whether the kernel takes what is queued, if only from the next tick on."""
+        """Return whether the kernel takes queued segments now or from the next tick on."""
         return self.block[stepper.MODE] & (stepper.RUN | stepper.STOP) == stepper.RUN
 
     # ---------------------------------------------------------------- motion
 
     def keep_to_limits(self, hal):
-        """After set_limits(): end a motion of move_to() at the new limit if it leads past that."""
+        """After set_limits(): end a motion of move_to() at the new limit if it goes beyond."""
         if (
-            not self.stands
+            not self.at_rest
             and not self.stopping
             and not self.stopping_smoothly
             and self.outside(self.backlash, TARGET)
@@ -106,10 +106,10 @@ class Axis(Motor):
             self.move_to(hal, self.backlash, TARGET, self.speed, self.direction)
 
     def begin_plan(self, hal, ticks=SPLICE_TICKS):
-        """Drop what was planned and make the cubic the state from which a new plan starts.
+        """Drop the present plan and make the cubic the state from which a new plan starts.
 
-        Everything that moves begins here. ticks: from now to where the new plan takes over. False
-        if the motor comes to rest before that: then it does, and all that was planned is queued.
+        Every motion begins here. ticks: from now to the beginning of the new plan. Return False if
+        the motor comes to rest before that: then the whole plan is queued and runs to its end.
         """
         if self.positions.saved:
             self.positions.about_to_change()
@@ -140,15 +140,15 @@ class Axis(Motor):
         return taken != splice.TOO_SOON
 
     def move_to(self, hal, target, i, speed=FULL_SPEED, direction=0):
-        """Move to the position target[i]. Returns whether anything moves, from the next tick on.
+        """Move to the position target[i]. Return whether anything moves, from the next tick on.
 
-        speed: of velocity and acceleration, in ten-thousandths. direction: that of what comes
-        next; the motor comes to rest with its backlash taken up for it, if need be by a second
-        motion (see stands_on()).
+        speed: of velocity and acceleration, in ten-thousandths. direction: of the motion that comes
+        next. The motor comes to rest with its backlash taken up for that direction, if need be by a
+        second motion (see rests_on()).
 
-        A motor that moves bends to the new target, and stops first where it must turn (field note
-        4.8). A target out of bounds is brought within them, see clamp(): they may have become
-        narrower since it was checked.
+        A moving motor bends to the new target, and stops first if it must turn (field note 4.8). A
+        target out of bounds is clamped, see clamp(): the bounds may have become narrower since the
+        target was checked.
         """
         r = self.numbers
         if speed != self.speed or self.rates_outdated:
@@ -159,8 +159,8 @@ class Axis(Motor):
             reals.divide(r, _X, _X, _Y)
             reals.multiply(r, MOTION_VELOCITY, MAX_VELOCITY, _X)
             reals.multiply(r, _Y, MAX_ACCELERATION, _X)
-            if not self.stands and reals.compare(r, _Y, MOTION_ACCELERATION) < 0:
-                # It must be able to stop as planned before; the lower acceleration waits.
+            if not self.at_rest and reals.compare(r, _Y, MOTION_ACCELERATION) < 0:
+                # The motor must be able to stop as planned; the lower acceleration waits.
                 self.rates_outdated = True
             else:
                 reals.copy(r, MOTION_ACCELERATION, _Y)
@@ -168,16 +168,16 @@ class Axis(Motor):
         reals.copy_word(backlash, TARGET, target, i)
         self.clamp(backlash, TARGET)
         self.direction = direction
-        # The kernel's stops have no jerk limit, so a plan that has one cannot begin within one.
+        # The kernel's stops have no jerk limit, so a plan with one cannot begin within a stop.
         smooth = reals.sign(r, MAX_JERK) > 0
         if (
             self.block[stepper.PENDING]
-            and self.stands
+            and self.at_rest
             or smooth
             and self.stopping
             or not self.begin_plan(hal, SLOW_SPLICE_TICKS if smooth else SPLICE_TICKS)
         ):
-            self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() goes on from there
+            self.block[stepper.PLANNED] = stepper.PLAN_TARGET  # resume_target() continues
             return True
         if reals.equal_words(backlash, TARGET, backlash, PLANNED_LOAD):
             backlash.take_up(direction)
@@ -211,7 +211,7 @@ class Axis(Motor):
         elif planned == ramps.NOTHING:
             if not self._follows_plan():
                 return self.moving
-            # It comes to rest there already, and begin_plan() has taken the end off the queue.
+            # The motion ends there already, but begin_plan() has cut its end off the queue.
         self.block[stepper.PLANNED] |= stepper.PLAN_SEGMENTS
         self.feed(MOST_SEGMENTS, FIRST_TICKS)
         self.start(hal)
@@ -220,22 +220,22 @@ class Axis(Motor):
     def append_phase(self, duration, start, end, numbers, targets, i, part=0):
         """Append an AIM phase to the position targets[i]: see Phases.aim().
 
-        The backlash is taken up on the way if the phase turns the motion.
+        If the phase turns the motion, the backlash is taken up on the way.
         """
         self.backlash.turn_to(targets, i, part)
         self.phases.aim(duration, start, end, numbers, self.backlash, MOTOR, part)
 
     def append_coasting_phase(self, duration, start, end, numbers, positions, i, part=0, beyond=0):
-        """As append_phase(), but leave the backlash as it is: for ramps and virtual motion.
+        """Append an AIM phase but keep the offset of the backlash: for ramps and virtual motion.
 
-        If the phase turns the motion, the load stays behind. beyond: Q16 of a step farther,
-        without which the motor stands on the same position.
+        If the phase turns the motion, the load stays behind. beyond: an additional Q16 of a step,
+        which does not count for the load's position.
         """
         self.backlash.coast_to(positions, i, part)
         self.phases.aim(duration, start, end, numbers, self.backlash, MOTOR, part + beyond)
 
     def resume_from_cut(self, positions, i):
-        """After splice.cut(): further phases follow from there.
+        """Continue from where splice.cut() has cut; further phases follow.
 
         positions[i]: a position of the load before the cut, from which it came in the same
         direction.
@@ -250,9 +250,9 @@ class Axis(Motor):
         self.backlash.plan_from(positions, i)
 
     def resume_at_phase_end(self, positions, i):
-        """After splice.cut_at(): append_coasting_phase() adds further phases from there.
+        """Continue from where splice.cut_at() has cut; append_coasting_phase() then adds phases.
 
-        positions[i] = the position there, in whole steps; returns the rest in Q16 of a step. Only
+        positions[i] = whole steps of the load there. Return the rest in Q16 of a step. Works only
         among AIM phases of whole ticks.
         """
         self.phases.clear()
@@ -264,20 +264,20 @@ class Axis(Motor):
         return self.backlash.plan_from_cut(self.knot, positions, i)
 
     def set_more_to_come(self, more):
-        """Say whether phases will be appended; if not, the motion ends with the last one."""
+        """Set whether phases will be appended. If not, the motion ends with the last one."""
         self.work[feeder.MORE] = 1 if more else 0
 
     def resume_target(self, hal):
-        """At rest: go on to the target, if the motor is not there, and take up the backlash there.
+        """At rest: move to the target if the motor is not there, and take up the backlash there.
 
-        It is not there after a stop on the way to it, or after turning round with backlash.
+        It is not there after a stop on the way, or after a turn with backlash.
         """
         self.block[stepper.PLANNED] = 0
         if not self._is_on(self.backlash, TARGET, self.direction):
             self.move_to(hal, self.backlash, TARGET, self.speed or FULL_SPEED, self.direction)
 
     def start(self, hal):
-        """Let the kernel take the queue from the next tick on."""
+        """Make the kernel take the queue from the next tick on."""
         bits = 3 if self.partner else 1
         irq = hal.irq_off()
         stepper.release(self.block, bits)
@@ -286,12 +286,10 @@ class Axis(Motor):
     # ---------------------------------------------------------------- coupling
 
     def couple(self, partner, reversed):
-        """Make the next motor do what this one does, if `reversed` in the opposite sense.
+        """Make the next motor do what this one does; `reversed`: in the opposite sense.
 
-        Only while both are at rest.
-
-        The positions in which both stand now belong together from then on. The stricter settings
-        and limits of the two count, whenever they are set. False, and nothing has changed, if the
+        Both must be at rest. Their present positions then belong together. The stricter settings
+        and limits of the two apply, whenever they are set. Return False, and change nothing, if the
         positions differ by more than an int32 holds.
         """
         if not add_words(
@@ -315,7 +313,7 @@ class Axis(Motor):
         return True
 
     def uncouple(self):
-        """End the coupling. Both at rest."""
+        """End the coupling. Both must be at rest."""
         partner = self.partner
         if partner:
             partner.leader = None
@@ -329,10 +327,10 @@ class Axis(Motor):
     # ---------------------------------------------------------------- stopping, feeding
 
     def stop(self, hal, factor=1, smooth=False):
-        """Ramp down from the next tick on, with `factor` times the acceleration that is set.
+        """Ramp down from the next tick on, with `factor` times the set acceleration.
 
-        smooth: within the jerk limit, if the motor has one. That takes a plan, which begins some
-        ticks from now and has to be fed. Coupled motors stop together, whichever is meant.
+        smooth: within the jerk limit, if the motor has one. Such a stop is planned, begins some
+        ticks from now and has to be fed. Coupled motors stop together, whichever is named.
         """
         if self.leader:
             self.leader.stop(hal, factor, smooth)
@@ -352,12 +350,12 @@ class Axis(Motor):
         hal.irq_on(irq)
 
     def _stop_smoothly(self, hal):
-        """Plan a stop within the jerk limit. False if there is none, or no motion to plan on."""
+        """Plan a stop within the jerk limit. Return False without a limit or a motion to stop."""
         r = self.numbers
         if reals.sign(r, MAX_JERK) <= 0 or self.block[stepper.MODE] != stepper.RUN:
             return False
         if self.stopping_smoothly:
-            return True  # asked again, it does not begin anew
+            return True  # a repeated request does not start a second stop
         if not self.begin_plan(hal):
             self.block[stepper.PLANNED] = 0
             return True  # it is about to come to rest
@@ -372,7 +370,7 @@ class Axis(Motor):
         return True
 
     def feed(self, most=MOST_SEGMENTS, enough=_UNLIMITED):
-        """Cut phases into segments until `most` are queued, or `enough` ticks more than before."""
+        """Cut phases until `most` segments are queued, or `enough` ticks more than before."""
         if self.partner:
             feeder.feed(self.parts, self.partner.block, self.base, most, enough)
         else:

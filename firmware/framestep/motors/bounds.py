@@ -1,4 +1,4 @@
-"""How far a motor may go: its soft limits, the range of positions, and the coupled motor's bounds.
+"""Bounds of a motor: its soft limits, the range of positions, and the coupled motor's bounds.
 
 Positions are words, int32. Nothing allocates.
 """
@@ -13,33 +13,32 @@ from framestep.motors.backlash import BACKLASH
 # Words of a motor's `bounds`, in steps of the load
 LOWER = const(0)
 UPPER = const(1)
-# not 0: the path may not turn beyond its frames, as where taking up the backlash would move the
-# load
-EXACT = const(2)
+# not 0: the path must not overshoot its frames, since turning back would take up backlash
+NO_OVERSHOOT = const(2)
 SOFT_LOWER = const(3)  # soft limits, as set
 SOFT_UPPER = const(4)
 BOUNDS_WORDS = const(5)
 
-ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # of the range of positions
+ENDS = array("i", [-(1 << 31), (1 << 31) - 1])  # the range of positions
 
 
 def update(axis):
     """Set an axis' `bounds`: the load's lowest and highest position, and whether it has backlash.
 
-    They are the enabled soft limits and the ends of the range of positions, of a servo its own; at
-    the lower end there must be room for the motor's backlash. For coupled motors the partner's
-    bounds count as well.
+    They come from the enabled soft limits and the range of positions, which is narrower for a
+    servo. At the lower end there must be room for the motor's backlash. Coupled motors also keep to
+    the partner's bounds.
     """
     bounds = axis.bounds
     _own(axis)
     partner = axis.partner
-    bounds[EXACT] = axis.backlash[BACKLASH]
+    bounds[NO_OVERSHOOT] = axis.backlash[BACKLASH]
     if not partner:
         return
-    bounds[EXACT] |= partner.backlash[BACKLASH]
-    # The partner's motor goes from its lower bound less its backlash up to its upper bound.
+    bounds[NO_OVERSHOOT] |= partner.backlash[BACKLASH]
+    # The partner's motor can go from its lower bound less its backlash to its upper bound.
     word = axis.word
-    _own(partner, 1)  # as its backlash is rounded, it may end a step farther
+    _own(partner, 1)  # its backlash is rounded, so it may end a step farther
     word[2] = partner.backlash[BACKLASH]
     add_words(word, 0, partner.bounds, LOWER, word, 2, 1)
     reals.copy_word(word, 1, partner.bounds, UPPER)
@@ -60,7 +59,7 @@ def update(axis):
 
 
 def _own(axis, margin=0):
-    """Set LOWER and UPPER of its `bounds` to what the axis on its own allows."""
+    """Set LOWER and UPPER of `bounds` to what the axis alone allows."""
     bounds = axis.bounds
     word = axis.word
     word[2] = axis.backlash[BACKLASH] + margin

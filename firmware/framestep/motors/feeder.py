@@ -1,6 +1,6 @@
-"""Cuts the phases of a motor into segments, which the tick takes from its queue.
+"""Cutting of a motor's phases into segments, which the tick takes from its queue.
 
-`work` of an axis says how much of its phases has been queued. Nothing allocates.
+`work` of an axis records how much of its phases has been queued. Nothing allocates.
 """
 
 from framestep.base.native import const, micropython, ptr32
@@ -13,13 +13,13 @@ from framestep.pulse import stepper
 LEFT = const(0)  # ticks of the cubic's phase still to be queued
 PART = const(1)  # Q30 of a tick: what remains of the phase after them
 AIMED = const(2)  # the phase under way ends on the step in `knot`
-MARKED = const(3)  # the tick that is open has its start in `state`
+MARKED = const(3)  # `state` has the start of the tick that is still open
 MORE = const(4)  # further phases will be appended: do not come to rest
-MIRRORED = const(5)  # a partner does the same: 1, in the opposite sense 2
-CUT = const(6)  # what splice.cut() has found, six words
+MIRRORED = const(5)  # a partner does the same: 1; in the opposite sense: 2
+CUT = const(6)  # result of splice.cut(), six words
 WORK_WORDS = const(12)
 
-# What feed() works with, entries of `parts` of an axis
+# Entries of `parts` of an axis, for feed()
 WORK = const(0)
 CUBIC = const(1)
 BLOCK = const(2)
@@ -35,10 +35,9 @@ _PHASE_MASK = const(phases.PHASES - 1)
 
 @micropython.viper
 def feed(parts, other, base, most: int, enough: int):
-    """Cut phases into segments until `most` of them are queued, or `enough` ticks more than before.
+    """Cut phases until `most` segments are queued, or `enough` ticks more than before.
 
-    parts: those of the Axis. other: the block of a coupled motor, or None; base: see
-    segments.mirror().
+    parts: of the Axis. other: the block of a coupled motor, or None; base: see segments.mirror().
 
     As a rule a phase ends within a tick. That tick is a segment of its own: it begins with the old
     phase and ends with the new one, or with the one after that. At the end of the last phase the
@@ -117,8 +116,8 @@ def feed(parts, other, base, most: int, enough: int):
                 w[PART] = out[phases.REST]
                 break
             rest = ALL_BITS - part + 1  # of the tick, below 2^30
-            # A phase that ends exactly with the tick is over before the next one begins: an AIM
-            # phase may miss its step by rounding, and is put there within this tick's segment.
+            # A phase that ends exactly with the tick is finished before the next one begins: an AIM
+            # phase may miss its step by rounding, and is snapped onto it in this tick's segment.
             if out[phases.WHOLE_TICKS] or out[phases.REST] > rest:
                 shift(cubic, rest, 0, 0)
                 bridge(state, cubic, block, part)
@@ -133,10 +132,10 @@ def feed(parts, other, base, most: int, enough: int):
             shift(cubic, out[phases.REST], 0, 0)
             part += out[phases.REST]
             if part > ALL_BITS:
-                # a phase that ends with the tick: 2^30 would be an object on the heap
+                # The phase ends with the tick; 2^30 would be an object on the heap.
                 part = ALL_BITS
             if w[MORE] and p[phases.READ_INDEX] == p[phases.WRITE_INDEX]:
-                # What follows is still to come: keep the tick open
+                # The next phase is not there yet: keep the tick open.
                 shift(cubic, part, 0, 1)
                 w[PART] = part
                 w[MARKED] = 1
@@ -144,10 +143,10 @@ def feed(parts, other, base, most: int, enough: int):
 
 
 @micropython.viper
-def neediest(m: ptr32, least: int, modes: int) -> int:
-    """Find the motor whose queue is to be filled next: the one with the fewest segments.
+def emptiest_queue(m: ptr32, least: int, modes: int) -> int:
+    """Find the motor whose queue has to be filled next: the one with the fewest segments.
 
-    Returns 32 times the motor's number, from 1, plus its count of segments; 0 for none. Only motors
+    Return 32 times the motor's number, from 1, plus its count of segments; 0 for none. Only motors
     with fewer than `least` (up to 16) and with more to cut count. m: the header. modes: only motors
     in one of these modes (bits of MODE); 0: any.
     """
@@ -173,7 +172,7 @@ def neediest(m: ptr32, least: int, modes: int) -> int:
 
 @micropython.viper
 def coupled(m: ptr32, bits: int) -> int:
-    """The motors of these bits and those coupled to them. m: the block of the motor of bit 0."""
+    """Return these bits and the bits of the coupled motors. m: the block of the motor of bit 0."""
     pair = 3
     while True:
         if ptr32(m[stepper.WORK])[MIRRORED] and bits & pair:

@@ -1,8 +1,8 @@
-"""One motor: what it is set to, how far it may go, and where it is.
+"""One motor: its settings, limits and position.
 
-The position of the load is what hosts ask for and are told; the motor's own position differs from
-it by the backlash (backlash.py). `direction` is a direction: 1 up, -1 down, 0 either. Positions are
-steps, int32. They are handed over as (array, index), since a large one would be an object on the
+Hosts ask for the position of the load, and it is reported to them. The motor's own position differs
+from it by the backlash (backlash.py). A `direction` is 1 for up, -1 for down, 0 for either.
+Positions are steps, int32, passed as (array, index), since a large one would be an object on the
 heap. Nothing allocates after construction.
 """
 
@@ -16,9 +16,9 @@ from framestep.motors.backlash import BACKLASH, LOAD, make_backlash
 from framestep.pulse import stepper
 
 TICKS_PER_SECOND = const(1000)
-VELOCITY_FLOOR = const(10)  # steps/s: a lower setting is taken as this (field note 4.1)
-VELOCITY_LIMIT = const(500000)  # steps/s: what the kernel's numbers hold
-ACCELERATION_LIMIT = const(4000000)  # steps/s²: the same; a higher setting is taken as this
+VELOCITY_FLOOR = const(10)  # steps/s: lower settings are raised to this (field note 4.1)
+VELOCITY_LIMIT = const(500000)  # steps/s: limit of the kernel's numbers
+ACCELERATION_LIMIT = const(4000000)  # steps/s²: likewise; higher settings are lowered to this
 DEFAULT_VELOCITY = const(5000)  # field note 4.1
 DEFAULT_ACCELERATION = const(20000)
 
@@ -32,7 +32,7 @@ _RUNS = const(stepper.RUN | stepper.STOP)
 
 
 def kernel_rate(acceleration):
-    """The kernel's deceleration, Q22 steps per tick², 1 or more.
+    """Return the kernel's deceleration, Q22 steps per tick², at least 1.
 
     acceleration: steps/s², ACCELERATION_LIMIT at most.
     """
@@ -51,19 +51,19 @@ class Motor:
         self.numbers = array("i", [0] * 16)
         self.lower_enabled = False
         self.upper_enabled = False
-        self.ends = bounds.ENDS  # of the range of positions
-        self.bounds = array("i", [0] * bounds.BOUNDS_WORDS)  # how far the load may go
-        self.own_velocity = 0  # as set_speed() has set it, steps/s
+        self.ends = bounds.ENDS  # the range of positions
+        self.bounds = array("i", [0] * bounds.BOUNDS_WORDS)  # of the load
+        self.own_velocity = 0  # set by set_speed(), steps/s
         self.own_acceleration = 0  # steps/s²
         self.own_jerk = 0  # 1000 steps/s³
         self.velocity = 0  # in force: no more than a coupled motor can do as well
         self.acceleration = 0
-        self.rates_outdated = True  # numbers derived from these settings are to be computed anew
-        self.backlash = make_backlash(block)  # with where the load is
+        self.rates_outdated = True  # numbers derived from these settings must be computed again
+        self.backlash = make_backlash(block)  # also has the position of the load
         self.partner = None  # the motor that does what this one does
         self.leader = None  # the motor that this one follows
         self.reversed = 0  # 1: the partner turns in the opposite sense
-        # from this motor's steps to the partner's: their difference, or if reversed their sum
+        # the partner's position minus this motor's; if reversed, their sum
         self.base = array("i", [0])
         self.word = array("i", [0] * 3)
         bounds.update(self)
@@ -76,9 +76,9 @@ class Motor:
 
         velocity: steps/s, 1 … VELOCITY_LIMIT. acceleration: steps/s²; 0: half the velocity.
 
-        Of coupled motors the stricter setting counts. An acceleration lower than that of the motion
-        under way is not taken before the motor stands, as the motor could no longer stop in time,
-        for example at a soft limit: apply_pending() takes it then.
+        Of coupled motors the stricter setting applies. While the motor moves, an acceleration below
+        its motion's waits, because the motor could no longer stop in time, for example at a soft
+        limit. apply_pending() applies it when the motor is at rest.
         """
         if velocity < VELOCITY_FLOOR:
             velocity = VELOCITY_FLOOR
@@ -91,7 +91,7 @@ class Motor:
         (self.leader or self)._apply()
 
     def _apply(self):
-        """Bring the settings into force: the stricter ones of this motor and its partner."""
+        """Put the settings in force: the stricter ones of this motor and its partner."""
         velocity = self.own_velocity
         acceleration = self.own_acceleration
         jerk = self.own_jerk
@@ -102,7 +102,7 @@ class Motor:
             if not jerk or 0 < partner.own_jerk < jerk:
                 jerk = partner.own_jerk
         self.block[stepper.PENDING] = 0
-        if acceleration < self.acceleration and not self.stands:
+        if acceleration < self.acceleration and not self.at_rest:
             self.block[stepper.PENDING] = 1
             acceleration = self.acceleration
         self.velocity = velocity
@@ -120,24 +120,24 @@ class Motor:
         reals.divide(r, MAX_JERK, MAX_JERK, _Y)
         self.block[stepper.BRAKE] = kernel_rate(acceleration)
         if partner:
-            # one ramp for both, whoever stops them
+            # the same ramp for both, whatever stops them
             partner.block[stepper.BRAKE] = self.block[stepper.BRAKE]
 
     def apply_pending(self):
-        """Apply the acceleration that waits if the motor is at rest. False: one still waits."""
-        if self.block[stepper.PENDING] and self.stands:
+        """If the motor is at rest, apply the waiting settings. Return False if they still wait."""
+        if self.block[stepper.PENDING] and self.at_rest:
             self._apply()
         return not self.block[stepper.PENDING]
 
     def set_jerk(self, jerk):
-        """Set the greatest jerk in 1000 steps/s³, 2^30 - 1 at most; 0: no limit. Only at rest."""
+        """Set the greatest jerk, 1000 steps/s³, at most 2^30 - 1; 0: no limit. Only at rest."""
         self.own_jerk = jerk
         (self.leader or self)._apply()
 
     def set_limits(self, lower_enabled, upper_enabled, source, i):
         """Set the soft limits to source[i] and source[i + 1], in steps.
 
-        False, and nothing is set, if they cross.
+        Return False, and set nothing, if they cross.
         """
         if lower_enabled and upper_enabled and order_words(source, i, source, i + 1) > 0:
             return False
@@ -149,7 +149,7 @@ class Motor:
         return True
 
     def set_ends(self, lowest, highest):
-        """Make it a servo: positions are pulse widths, of this range in steps. At the start."""
+        """Make it a servo, whose positions are limited to this range of steps. At the start."""
         self.ends = array("i", [lowest, highest])
         bounds.update(self)
 
@@ -161,7 +161,7 @@ class Motor:
     # ---------------------------------------------------------------- limits
 
     def clamp(self, target, i):
-        """Bring target[i] within `bounds`; for a motor past one of them at most to where it is."""
+        """Bring target[i] within `bounds`, or for a motor outside, at most to where it is."""
         side = self.outside(target, i)
         if side:
             end = 1 if side > 0 else 0
@@ -173,12 +173,12 @@ class Motor:
                 reals.copy_word(target, i, self.backlash, LOAD)
 
     def outside(self, target, i):
-        """Whether target[i] is out of bounds: 1 above, -1 below, 0 not.
+        """Return whether target[i] is out of bounds: 1 above, -1 below, 0 not.
 
-        A motor that is past a bound already may move toward the allowed range (field note 4.3).
+        A motor that is outside already may move toward the allowed range (field note 4.3).
         """
         self.backlash.refresh()
-        # both ends: limits of coupled motors may leave no room at all
+        # Check both ends, since limits of coupled motors may leave no room at all.
         side = 1
         while side >= -1:
             end = 1 if side > 0 else 0
@@ -191,7 +191,7 @@ class Motor:
         return 0
 
     def beyond(self, target, i):
-        """As outside(), wherever the motor is now."""
+        """Return the same as outside(), but regardless of where the motor is now."""
         if order_words(target, i, self.bounds, 1) > 0:
             return 1
         if order_words(target, i, self.bounds, 0) < 0:
@@ -207,7 +207,7 @@ class Motor:
         return (block[stepper.PLANNED] | block[stepper.MODE] | block[stepper.PENDING]) != 0
 
     @property
-    def stands(self):
+    def at_rest(self):
         """Whether no motion is queued; the last pulses may still be on their way out."""
         return (
             not self.block[stepper.MODE] & _RUNS
@@ -215,16 +215,16 @@ class Motor:
         )
 
     def position_to(self, target, i):
-        """target[i] = the position of the load, in steps."""
+        """target[i] = the position of the load, in steps"""
         self.backlash.refresh()
         reals.copy_word(target, i, self.backlash, LOAD)
 
     def set_position(self, source, i):
         """Make source[i] the position of the load. Only at rest.
 
-        False, and nothing has changed, if the motor's own position, which differs by the offset,
+        Return False, and change nothing, if the motor's own position, which differs by the offset,
         would lie outside the range of positions, or differ from the coupled motor's by more than an
-        int32 holds. Nor can that of a servo be another than it is: the servo would have to move.
+        int32 holds. A servo's position cannot be changed: the servo would have to move.
         """
         self.backlash.refresh()
         if self.ends is not bounds.ENDS:
@@ -252,8 +252,9 @@ class Motor:
         bounds.update(leader)
         return True
 
-    def stands_on(self, source, i, direction=0):
-        """Whether it stands on source[i], backlash taken up for a motion in that direction."""
+    def rests_on(self, source, i, direction=0):
+        """Return whether it is at rest on source[i], with its backlash taken up for a motion in
+        that direction."""
         return not self.moving and self._is_on(source, i, direction)
 
     def _is_on(self, source, i, direction):

@@ -19,9 +19,9 @@ _COUPLING = const(m.MOTOR_COUPLE | m.MOTOR_COUPLE_REVERSED)
 
 
 class Motors:
-    """Carries out requests about single motors.
+    """Handlers of requests about single motors.
 
-    gate: a Gate. moves, virtuals, homing: what has motors to itself; homing may be None.
+    gate: a Gate. moves, virtuals, homing: what can have motors to itself; homing may be None.
     """
 
     def __init__(
@@ -40,14 +40,14 @@ class Motors:
         self.homing = homing
         self.reports = reports
         self.count = axes.count
-        # steps/s that a motor's pulses allow
+        # fastest velocity, steps/s, that each motor's pulses allow
         kernel = self.hal.kernel
         per_second = TICKS_PER_SECOND * kernel.state[stepper.CYCLES]
         self.fastest = array(
             "i", [min(VELOCITY_LIMIT, per_second // b[stepper.SHORTEST]) for b in kernel.blocks]
         )
-        self.heard_at = array("i", [0] * self.count)  # when the last JOG came, ms
-        self.words = array("i", [0] * 2)  # of the request: a target, or two limits
+        self.heard_at = array("i", [0] * self.count)  # time of the last JOG, ms
+        self.words = array("i", [0] * 2)  # from the request: a target, or two limits
         for i in range(self.count):
             self.axes[i].set_jerk(self.rig.motor(i)["jerk"])
             self.axes.set_backlash(i, self.rig.motor(i)["backlash"])
@@ -65,8 +65,8 @@ class Motors:
     # ---------------------------------------------------------------- moves, jogs, stops
 
     def _motor(self):
-        """The motor of this request, from 0; -1 if there is no such motor."""
-        number = self.reader.u8(m.MotorMove.motor)  # it begins all of them
+        """Return the motor of this request, from 0; -1 if there is no such motor."""
+        number = self.reader.u8(m.MotorMove.motor)  # the first field of all these requests
         return number - 1 if 0 < number <= self.count else -1
 
     def _move(self):
@@ -90,7 +90,7 @@ class Motors:
         return 0
 
     def move(self, motor):
-        """Send a motor to words[0]. Returns a code; nothing moves unless it is OK."""
+        """Move a motor to words[0]. Return a code; nothing moves unless it is OK."""
         code = self.gate.may_move(motor)
         if code != m.OK:
             return code
@@ -118,7 +118,8 @@ class Motors:
         return self.jog(motor, speed)
 
     def jog(self, motor, speed):
-        """Jog a motor toward words[0], at most to its soft limit. speed: 1 … 10000. As move()."""
+        """Jog a motor toward words[0], at most to its soft limit. speed: 1 … 10000. Return a code,
+        like move()."""
         code = self.gate.may_move(motor)
         if code != m.OK:
             return code
@@ -152,7 +153,7 @@ class Motors:
     def _stop(self):
         """MSG_MOTOR_STOP (spec; field notes 1.8 and 6.11).
 
-        If it takes part in an operation or a virtual motion, all motors of that stop.
+        If the motor belongs to an operation or a virtual motion, all motors of it stop.
         """
         motor = self._motor()
         if motor < 0:
@@ -174,13 +175,13 @@ class Motors:
     # ---------------------------------------------------------------- settings
 
     def _reset_position(self):
-        """MSG_MOTOR_RESET_POSITION: the motor's position from now on (field note 4.5)."""
+        """MSG_MOTOR_RESET_POSITION: set the motor's position (field note 4.5)."""
         motor = self._motor()
         if motor < 0:
             return m.ERR_RANGE
         axis = self.axes[motor]
         if axis.moving or (self.gate.taken >> self.gate.leading(motor)) & 1:
-            return m.ERR_MOVING  # field note 4.5; a motor of an operation that stands may move soon
+            return m.ERR_MOVING  # field note 4.5; a motor of an operation may move soon
         self.reader.copy_i32_to(m.MotorResetPosition.position, self.words, 0)
         if not axis.set_position(self.words, 0):
             return m.ERR_RANGE
@@ -203,7 +204,7 @@ class Motors:
             engaged = self.gate.coupled(self.operations.engaged | self.gate.homing)
             virtual = self.gate.coupled(self.virtuals.engaged)
             if coupling:
-                engaged |= engaged >> 1  # the next motor is concerned as well
+                engaged |= engaged >> 1  # the next motor is affected as well
                 virtual |= virtual >> 1
             if (
                 (engaged >> motor) & 1
@@ -227,7 +228,7 @@ class Motors:
         return m.OK
 
     def _couple(self, motor, flags):
-        """Couple the next motor to this one, or end that (field note 3.1). Returns a code."""
+        """Couple the next motor to this one, or end that (field note 3.1). Return a code."""
         if motor + 1 >= self.count:
             return m.ERR_RANGE
         axis = self.axes[motor]
@@ -290,8 +291,8 @@ class Motors:
     def _exceeded(self):
         """MSG_EXCEEDED, framestep's own (field note 5.5).
 
-        The answer says what the last move asked too much of, then what is set for that motor, or
-        for the one of the request: m.Exceeded, field by field.
+        The answer has what the last move exceeded, then the settings of that motor, or of the
+        motor in the request: m.Exceeded, field by field.
         """
         writer = self.writer
         exceeded = self.operations.exceeded

@@ -1,8 +1,9 @@
-"""Where all loads have been at recent ticks, to report positions of one moment.
+"""Positions of all loads at recent ticks, so that reported positions are of one moment.
 
-The pins are some ticks behind the kernel, and positions are reported as of pulses that have been
-made. So each pass of the main loop keeps a sample of all positions, as does each further request
-that it answers. What is reported is the newest one whose pulses are out; at rest that is a new one.
+The pins are some ticks behind the kernel, and a report has the positions as of pulses that have
+been made. So each pass of the main loop keeps a sample of all positions, and so does each further
+request that it answers. The newest sample whose pulses are out is reported; at rest a new one is
+taken.
 """
 
 from array import array
@@ -14,18 +15,18 @@ from framestep.motors.backlash_rules import dragged
 from framestep.pulse import engine
 from framestep.pulse import stepper as sw
 
-# Words of what make_samples() makes: rows of a tick and a position for each motor
-_NEWEST = const(0)  # where the newest row is
+# Words of make_samples(), followed by rows of a tick and a position for each motor
+_NEWEST = const(0)  # index of the newest row
 ALARM = const(1)  # a tick, modulo 2^29, or -1
 _ROW = const(2)  # words of a row
 _END = const(3)
 _ROWS = const(4)
-_SAMPLES = const(7 + engine.BATCH)  # kept, of different ticks
-_STALE = const(15 + engine.BATCH)  # ticks after which one is too old to be reported
+_SAMPLES = const(7 + engine.BATCH)  # rows, of different ticks
+_STALE = const(15 + engine.BATCH)  # ticks after which a sample is too old to be reported
 
 
 def make_samples(motors):
-    """An array for sample() and choose()."""
+    """Make the array for sample() and choose()."""
     row = 1 + motors
     words = array("i", [-_STALE & WRAP] * (_ROWS + _SAMPLES * row))
     words[_NEWEST] = _ROWS
@@ -37,9 +38,9 @@ def make_samples(motors):
 
 @micropython.viper
 def sample(m: ptr32, out: ptr32) -> int:
-    """Keep the tick done last, and where each motor's load is with what has been queued until then.
+    """Keep the last tick that was done, and each load's position by the commands queued until then.
 
-    Brings the loads' positions up to date. Whether the tick of the alarm is over. m: the header.
+    Updates the positions of the loads. Return whether the tick of the alarm is over. m: the header.
     """
     h = m
     i = out[_NEWEST]
@@ -49,7 +50,7 @@ def sample(m: ptr32, out: ptr32) -> int:
             i = _ROWS
         out[_NEWEST] = i
         tick = h[sw.TICKS] - 1
-        while tick != h[sw.TICKS]:  # once more where a tick came in between
+        while tick != h[sw.TICKS]:  # repeat if a tick came in between
             tick = h[sw.TICKS]
             k = i
             out[k] = tick
@@ -76,9 +77,9 @@ def sample(m: ptr32, out: ptr32) -> int:
 
 @micropython.viper
 def choose(header, words, reported: ptr32) -> int:
-    """reported = where the pulses made until now have taken the loads, by the samples kept.
+    """reported = where the pulses made so far have taken the loads, by the samples kept.
 
-    Returns the tick (modulo 2^29) whose pulses were the last of them.
+    Return the tick (modulo 2^29) of the last of these pulses.
     """
     h = ptr32(header)
     running = 0
@@ -95,7 +96,8 @@ def choose(header, words, reported: ptr32) -> int:
     while running:
         age = elapsed(h[sw.TICKS], out[i + 0])
         if age > _STALE:
-            i = out[_NEWEST]  # the main loop was away for long: some ticks ahead of the pins
+            # The main loop was away for long. The newest one is some ticks ahead of the pins.
+            i = out[_NEWEST]
         elif age <= h[sw.BEHIND]:
             if i == _ROWS:
                 i = out[_END]
@@ -112,7 +114,7 @@ def choose(header, words, reported: ptr32) -> int:
 
 @micropython.viper
 def renumber(words: ptr32, motor: int, backlash: ptr32):
-    """A motor at rest has been given another position: that is what it was in the samples kept."""
+    """Put the new position of a motor at rest into all samples, as if it had been there before."""
     i = _ROWS + 1 + motor
     while i < words[_END]:
         words[i] = backlash[LOAD]

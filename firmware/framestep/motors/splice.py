@@ -1,7 +1,7 @@
-"""Cuts queues off some ticks from now, so that a new plan can take over there.
+"""Cutting queues off some ticks from now, so that a new plan can take over there.
 
-The main loop alone puts segments into a queue, and the tick alone takes them out. So interrupts
-are off only while a cut is made, some microseconds for all motors. The state at the cut is computed
+Only the main loop puts segments into a queue, and only the tick takes them out. So interrupts are
+off only while a cut is made, some microseconds for all motors. The state at the cut is computed
 afterwards.
 """
 
@@ -17,17 +17,17 @@ _FRACTION = const(CUT + 1)  # Q22
 _VELOCITY = const(CUT + 2)  # Q22
 _ACCEL = const(CUT + 3)  # Q27
 _JERK = const(CUT + 4)  # Q27
-_TICKS = const(CUT + 5)  # from there to the cut
+_TICKS = const(CUT + 5)  # from that state to the cut
 
-# What cut() returns instead of ticks
+# Results of cut() that are not ticks
 TOO_SOON = const(-1)
 UNEVEN = const(-2)
 
 
 @micropython.viper
 def queued(m: ptr32, bits: int, most: int) -> int:
-    """For how many ticks, up to `most`, the motors of these bits all have segments; 0 if one of
-    them does not move by any.
+    """Return for how many ticks, up to `most`, all motors of these bits have segments; 0 if one of
+    them does not run its queue.
 
     m: the block of the motor of bit 0.
     """
@@ -55,13 +55,12 @@ def queued(m: ptr32, bits: int, most: int) -> int:
 
 @micropython.viper
 def cut(m: ptr32, bits: int, ticks: int) -> int:
-    """End the queues of the motors of these bits about `ticks` from now; start_cubic() goes on from
-    there.
+    """End the queues of these motors about `ticks` from now; start_cubic() continues from there.
 
-    Return the ticks until then, `ticks` at least; 0 if the first motor is at rest; TOO_SOON if it
-    comes to rest before: then nothing has changed; UNEVEN if the cuts are not at the same moment.
-    m: the block of the motor of bit 0. To be called with interrupts off; what is planned must be
-    queued within that time.
+    Return the ticks until then, at least `ticks`; 0 if the first motor is at rest; TOO_SOON, with
+    nothing changed, if it comes to rest before; UNEVEN if the cuts are not at the same moment. m:
+    the block of the motor of bit 0. To be called with interrupts off; the new plan must be queued
+    within that time.
     """
     found = TOO_SOON
     while bits:
@@ -70,7 +69,7 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
             q = ptr32(m[sw.QUEUE])
             head = m[sw.READ_INDEX]
             done = m[sw.LEFT]
-            k = -1  # the segment in the queue that the cut lies in
+            k = -1  # the queued segment in which the cut lies
             left = ticks
             if m[sw.MODE] & sw.STOP:
                 # Carry on with the same deceleration as a segment
@@ -102,8 +101,8 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
                     done = ticks
                     bridge = q[k + sw.SEG_BRIDGE]
                     while bridge and head != m[sw.WRITE_INDEX]:
-                        # The velocity at the end of a bridge is that at the start of what follows
-                        # it. Between two bridges nothing tells it: on to the end of the second.
+                        # A bridge ends with the velocity at which the next segment begins. Between
+                        # two bridges that is unknown, so go on to the end of the second.
                         k = (head & (sw.SEGMENTS - 1)) << 3
                         left = bridge = q[k + sw.SEG_BRIDGE]
                         done += bridge
@@ -145,7 +144,7 @@ def cut(m: ptr32, bits: int, ticks: int) -> int:
 
 @micropython.viper
 def start_cubic(cubic: ptr32, work: ptr32):
-    """Begin a cubic with the state where cut() has cut."""
+    """Set a cubic to the state at which cut() has cut."""
     whole = work[_WHOLE]
     rem = work[_FRACTION]
     v = work[_VELOCITY]
@@ -163,8 +162,8 @@ def start_cubic(cubic: ptr32, work: ptr32):
     rem = rem - ((rem >> 22) << 22)
     cubic[segments.P] = rem >> 6
     cubic[segments.P + 1] = (rem & 63) << 24
-    a = a - j  # the kernel's is that of a tick later
-    # the kernel's velocity is the displacement of a tick: half the acceleration more
+    a = a - j  # the kernel has it for the next tick already
+    # the kernel's velocity is the displacement of a tick, half the acceleration more
     v = v - (a >> 6)
     cubic[segments.G1] = v >> 6
     cubic[segments.G1 + 1] = (v & 63) << 24
@@ -176,11 +175,11 @@ def start_cubic(cubic: ptr32, work: ptr32):
 
 @micropython.viper
 def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
-    """Drop the segments from the one on that begins with this tick, of all motors of these bits, or
-    of none.
+    """Drop the segments from the one that begins with this tick on: of all these motors, or none.
 
-    Return whether they are dropped: each motor has such a segment, and the tick is `least` ticks
-    ahead. dropped() tells where they began. To be called with interrupts off. m: the header.
+    Return whether they are dropped, which takes that each motor has such a segment and that the
+    tick is at least `least` ticks ahead. dropped() then finds where they began. To be called with
+    interrupts off. m: the header.
     """
     ticks = elapsed(tick, m[sw.TICKS])
     if ticks < least or ticks >= HALF:
@@ -211,7 +210,7 @@ def cut_at(m: ptr32, bits: int, tick: int, least: int) -> int:
 
 @micropython.viper
 def dropped(m: ptr32, at: ptr32):
-    """at: where the first segment that cut_at() has dropped began, in AT_ words. m: the block."""
+    """at = where the first segment that cut_at() has dropped began, in AT_ words. m: the block."""
     q = ptr32(m[sw.QUEUE])
     k = (m[sw.WRITE_INDEX] & (sw.SEGMENTS - 1)) << 3
     at[sw.AT_STEP] = q[k + sw.SEG_WHOLE]

@@ -207,7 +207,7 @@ class PreparedRun(Operation):
         code = self._settle(plan)
         if code == OK and waiting:
             for motor in range(player.count):
-                if (plan.bits >> motor) & 1 and not player.axes[motor].stands_on(
+                if (plan.bits >> motor) & 1 and not player.axes[motor].rests_on(
                     plan.begins, motor, plan.begin_directions[motor]
                 ):
                     code = ERR_NOT_IN_POSITION

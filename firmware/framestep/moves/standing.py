@@ -19,7 +19,7 @@ from framestep.moves.upload.store import READY as UPLOADED
 def stand_at(axes, bits, positions, directions):
     """Whether motors stand on positions[motor], with backlash taken up for directions[motor]."""
     for motor in range(axes.count):
-        if (bits >> motor) & 1 and not axes[motor].stands_on(positions, motor, directions[motor]):
+        if (bits >> motor) & 1 and not axes[motor].rests_on(positions, motor, directions[motor]):
             return False
     return True
 
@@ -31,7 +31,7 @@ def stand_on_frame(player, bits, index):
     for motor in range(player.count):
         if (bits >> motor) & 1 and store.has(motor):
             store.position(motor, index, position, 0)
-            if not player.axes[motor].stands_on(position, 0):
+            if not player.axes[motor].rests_on(position, 0):
                 return False
     return True
 
@@ -54,7 +54,7 @@ def find_frame(player, bits, near):
         count = min(last + 1 - index, BATCH)
         store.positions(motor, index, count, values, 0)
         for i in range(count):
-            if axis.stands_on(values, i) and stand_on_frame(player, bits, index + i):
+            if axis.rests_on(values, i) and stand_on_frame(player, bits, index + i):
                 return index + i
         index += count
     return -1
@@ -103,7 +103,7 @@ def find_switch_on_path(player, safety, bits, at, to, positions):
             while index != to:
                 index += step
                 player.store.position(motor, index, positions, motor)
-                if not axis.stands_on(positions, motor):
+                if not axis.rests_on(positions, motor):
                     # the first frame that lies elsewhere tells which way it goes
                     code = safety.limit_blocking(motor, positions, motor)
                     if code != OK:

@@ -105,7 +105,7 @@ class LinearMove:
         directions = self.survey.directions
         for i in range(registers.AXES):
             motor = self.motor[i] - 1
-            if motor >= 0 and not self.axes[motor].stands_on(line.present, motor, directions[i]):
+            if motor >= 0 and not self.axes[motor].rests_on(line.present, motor, directions[i]):
                 self.axes[motor].move_to(self.axes.hal, line.present, motor, 10000, directions[i])
 
     def _set_out(self):
@@ -149,7 +149,7 @@ class LinearMove:
             if motor >= 0:
                 nearest_step(self.word, 0, self.rows, row + 2 * i, self.line.present, motor)
                 axis = self.axes[motor]
-                if not axis.stands_on(self.word, 0):
+                if not axis.rests_on(self.word, 0):
                     axis.move_to(self.axes.hal, self.word, 0)
                     self.state = SETTLING
         return self.state == SETTLING

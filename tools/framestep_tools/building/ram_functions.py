@@ -21,7 +21,7 @@ RAM_FUNCTIONS = (
     ("framestep/pulse/stepper.py", "", "awaiting_target"),
     ("framestep/pulse/stepper.py", "", "poll_flags"),
     ("framestep/pulse/stepper.py", "", "moving"),
-    ("framestep/motors/feeder.py", "", "neediest"),
+    ("framestep/motors/feeder.py", "", "emptiest_queue"),
 )
 
 

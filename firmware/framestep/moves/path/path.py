@@ -12,7 +12,7 @@ velocity(). Where a motor holds still on either side the velocity is 0, so it ne
 
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion.reals import multiply, put
-from framestep.motors.bounds import EXACT, LOWER, UPPER
+from framestep.motors.bounds import LOWER, NO_OVERSHOOT, UPPER
 
 # Words of a window: five positions, frame -2 to frame 2, and twelfths of the lesser slope that are
 # the most
@@ -131,7 +131,7 @@ def slope(window: ptr32, bounds: ptr32, before: int, after: int) -> int:
         room = (here >> 1) - (bounds[LOWER] >> 1)
         if room < 0x20000000 and room > -0x20000000:
             room = here - bounds[LOWER]
-    if room < past or bounds[EXACT]:
+    if room < past or bounds[NO_OVERSHOOT]:
         return 0
     return s
 

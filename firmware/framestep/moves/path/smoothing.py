@@ -23,7 +23,7 @@ way wherever a run begins.
 
 from framestep.base.native import const, micropython, ptr32
 from framestep.motion.reals import multiply, put
-from framestep.motors.bounds import EXACT, LOWER, UPPER
+from framestep.motors.bounds import LOWER, NO_OVERSHOOT, UPPER
 from framestep.moves.path.path import BESIDE, PART
 
 # Words of a window
@@ -179,7 +179,7 @@ def place(w, bounds, k: int) -> int:
             d = i - j
             come = go
         here = _HALF * d // (i + j) * come
-        if ptr32(bounds)[EXACT]:
+        if ptr32(bounds)[NO_OVERSHOOT]:
             return here
         if i == 0:
             f[_KIND] = _BEYOND
@@ -189,7 +189,7 @@ def place(w, bounds, k: int) -> int:
         f[_ADDED] = smoothed
         return here
     f[_KIND] = _CORNER
-    if bits == 0 or ptr32(bounds)[EXACT]:
+    if bits == 0 or ptr32(bounds)[NO_OVERSHOOT]:
         return 0
     # How far it comes, and goes; on its way in the frames beside this one, too?
     d = (p - f[k - 1]) * come
@@ -313,7 +313,7 @@ def slope(window, bounds, before: int, after: int) -> int:
         s = 6 * (w[BESIDE + 1] - w[BESIDE - 1]) << bits
         ahead = s if s > 0 else 0 - s
         ahead = ((ahead >> bits) * 4 + 323) // 324
-        if ptr32(bounds)[EXACT] or int(room(window, bounds, BESIDE, way)) < ahead:
+        if ptr32(bounds)[NO_OVERSHOOT] or int(room(window, bounds, BESIDE, way)) < ahead:
             return 0
         if s * way < 0:
             way = 0 - way
