@@ -12,7 +12,7 @@ MAKEOVERRIDES :=
 unexport ARGS BOARD PORT SECONDS SEED MICROPYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup node chromium micropython demo try sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
+.PHONY: help setup node chromium micropython demo try site sim emu check test test-all test-core test-runtime test-replay test-board test-emulator test-console console-pictures fuzz lint types format \
 	plots bench profile flash image install release emulator-measure conform prove clean
 
 help: ## show this list
@@ -32,6 +32,9 @@ micropython: setup ## build MicroPython for the RP2040 and for 32-bit tests on t
 
 try: setup node ## a static page that runs framestep on an emulated board in the browser (build/site/try)
 	@"$(PYTHON_VENV)" -m framestep_tools.site.try_page
+
+site: setup node ## the documents as a web site, with the page of make try in it (build/site); builds without network
+	@"$(PYTHON_VENV)" -m framestep_tools.site.documents
 
 demo: setup ## play a camera move on the emulated board, check every edge, plot it (build/demo)
 	@if tools/setup.sh node && "$(PYTHON_VENV)" -m framestep_tools.building.make_image; then board=emulator; \

@@ -1,0 +1,29 @@
+"""The site of the documents in a browser: its pages load from their own host alone, and the search
+finds something."""
+
+import pytest
+from playwright.sync_api import expect
+
+from framestep_tools.site import documents
+from host_tests.console.file_server import FileServer
+
+
+@pytest.fixture
+def url(tmp_path, stage):
+    documents.stage(tmp_path / "pages")
+    (tmp_path / "pages/try").mkdir()
+    (tmp_path / "pages/try/index.html").write_text("<title>try</title>")
+    documents.build(tmp_path / "pages", tmp_path / "site")
+    server = FileServer(tmp_path / "site")
+    stage.closing(server.close)
+    return server.url
+
+
+def test_pages_load_from_their_own_host_and_the_search_finds(stage, url):
+    page = stage.page(f"{url}docs/use/console.html")
+    page.locator(".md-search__input").fill("backlash")
+    expect(page.locator(".md-search-result__item").first).to_contain_text(
+        "backlash", ignore_case=True
+    )
+    assert len(page.asked) > 5
+    assert [each for each in page.asked if not each.startswith((url, "data:", "blob:"))] == []
