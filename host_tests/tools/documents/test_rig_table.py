@@ -1,9 +1,15 @@
-"""The table of docs/use/rig-file.md and the schema are those that the code makes."""
+"""docs/use/rig-file.md: its tables and the schema come from the code, and every rig file in the
+documents loads."""
 
 import json
+import re
 
+import pytest
+
+from framestep.rig import Rig
+from framestep.rig.settings import RigError
 from framestep_tools import cli
-from framestep_tools.building.board_files import ROOT
+from framestep_tools.building.board_files import ROOT, board_data, board_names
 from framestep_tools.documents import rig_schema, rig_table
 
 
@@ -40,3 +46,45 @@ def test_the_schema_knows_every_setting():
     assert motor["properties"]["pulse_us"]["minimum"] == 0.25
     assert found["outputs"]["items"]["required"] == ["pin"]
     assert found["dialect"]["enum"] == ["spec", "dmc-lite"]
+
+
+def rig_files(page):
+    """(board or None, text) of each rig file that a page shows. "Board: `pico`." names it."""
+    lines = page.read_text().splitlines()
+    board, found = None, []
+    for i, line in enumerate(lines):
+        if line.startswith("#"):
+            board = None
+        if named := re.match(r"Board: `(\w+)`", line):
+            board = named[1]
+        if line.startswith("    {") and not lines[i - 1].startswith("    "):
+            end = next((j for j in range(i, len(lines)) if not lines[j].startswith("    ")), None)
+            found.append((board, "\n".join(lines[i:end])))
+    return found
+
+
+SHOWN = [
+    pytest.param(board, text, id=f"{page.stem}-{i}")
+    for page in sorted((ROOT / "docs").rglob("*.md"))
+    for i, (board, text) in enumerate(rig_files(page))
+]
+
+
+@pytest.mark.parametrize(("board", "text"), SHOWN)
+def test_rig_files_in_the_documents_load(board, text):
+    """On the board that the page names, or on one of them all."""
+    mistakes = []
+    for name in [board] if board else board_names():
+        try:
+            Rig(json.loads(text), board_data(name))
+        except RigError as error:
+            mistakes.append(f"{name}: {error}")
+        else:
+            return
+    pytest.fail("\n".join(mistakes))
+
+
+def test_there_are_five_recipes():
+    found = [board for board, _ in rig_files(rig_table.PAGE) if board]
+    assert len(found) == 5
+    assert set(found) <= set(board_names())

@@ -12,6 +12,27 @@ from ..building.board_files import ROOT
 PAGE = ROOT / "docs/use/rig-file.md"
 BEGIN = "<!-- rig table: made by python -m framestep_tools.documents.rig_table -->\n"
 END = "<!-- end of rig table -->"
+_HEAD = ("| key | allowed | default | meaning |", "|---|---|---|---|")
+# The settings that belong to a task; with a dot at its end, a name stands for all settings in it
+TASKS = {
+    "Board and host": (
+        "name", "dialect", "ports", "report_ms", "jog_timeout_ms", "watchdog", "virtuals",
+    ),
+    "Motors": (
+        "motor_count", "motors", "motors[].invert", "motors[].pulse_us", "motors[].setup_us",
+        "motors[].enable_high", "motors[].backlash", "motors[].jerk", "hard_stop_factor",
+        "remember_positions",
+    ),
+    "E-stop and limit switches": ("estop", "estop_cuts_power", "limits", "limits[]."),
+    "Drivers": ("motors[].driver", "motors[].driver."),
+    "Homing": ("motors[].home", "home_input", "motors[].home."),
+    "Servos": ("motors[].servo", "motors[].servo."),
+    "Moves": ("strict_moves", "smoothing", "go_input"),
+    "Camera, outputs and inputs": (
+        "shutter_on", "meter_on", "outputs", "outputs[].", "inputs", "inputs[].",
+    ),
+    "Lights": ("dmx", "dmx_break_us", "dmx_mark_us", "dmx_ramp_ms"),
+}  # fmt: skip
 
 
 def _allowed(kind: type, low: object, high: object, unit: str) -> str:
@@ -40,9 +61,8 @@ def _rows(settings: dict, prefix: str = "") -> list[str]:
     return rows
 
 
-def table() -> str:
-    """The table as Markdown."""
-    head = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
+def _all_rows() -> dict[str, str]:
+    """A table's line for each key."""
     rows = _rows(settings.SETTINGS)
     rows += _rows(settings.MOTOR_SETTINGS, "motors[].")
     rows += _rows(settings.DRIVER_SETTINGS, "motors[].driver.")
@@ -51,7 +71,22 @@ def table() -> str:
     rows += _rows(settings.OUTPUT_SETTINGS, "outputs[].")
     rows += _rows(settings.INPUT_SETTINGS, "inputs[].")
     rows += _rows(settings.LIMIT_SETTINGS, "limits[].")
-    return "\n".join(head + rows) + "\n"
+    return {row.split("`")[1]: row for row in rows}
+
+
+def table() -> str:
+    """The tables as Markdown, one for each task."""
+    rows, parts = _all_rows(), []
+    for task, keys in TASKS.items():
+        mine = [
+            rows.pop(key)
+            for wanted in keys
+            for key in list(rows)
+            if key == wanted or (wanted.endswith(".") and key.startswith(wanted))
+        ]
+        parts.append("\n".join([f"### {task}", "", *_HEAD, *mine]))
+    assert not rows, f"give these settings a task in TASKS: {sorted(rows)}"
+    return "\n\n".join(parts) + "\n"
 
 
 def updated(text: str) -> str:
